@@ -119,7 +119,7 @@ def recovered(map_path: Path, speeds: int, pressures: int) -> dict[str, float]:
 
 def main() -> None:
     """Make, measure, compare, print."""
-    from pneudrive.characterise.campaign import CAMPAIGN_LAYOUT
+    from pneudrive.friction.recording.summaries import CAMPAIGN_LAYOUT
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--speeds", type=int, default=500)

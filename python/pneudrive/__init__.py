@@ -22,9 +22,6 @@ require_processor()
 
 if TYPE_CHECKING:
     from pneudrive import report as report
-    from pneudrive.characteristics import characterise as characterise
-    from pneudrive.characteristics import characteristics as characteristics
-    from pneudrive.characteristics.compare.comparison import compare as compare
     from pneudrive.describe import Ambient as Ambient
     from pneudrive.describe import Circuit as Circuit
     from pneudrive.describe import Cylinder as Cylinder
@@ -42,6 +39,9 @@ if TYPE_CHECKING:
     from pneudrive.describe.catalogue import catalogue_folders as catalogue_folders
     from pneudrive.describe.tank import Tank as Tank
     from pneudrive.errors import PneudriveError as PneudriveError
+    from pneudrive.friction.campaign.characteristics import characterise as characterise
+    from pneudrive.friction.campaign.characteristics import characteristics as characteristics
+    from pneudrive.friction.campaign.compare.comparison import compare as compare
     from pneudrive.identify import fit_any_law as fit_any_law
     from pneudrive.identify import fit_friction as fit_friction
     from pneudrive.identify.design import design as design
@@ -67,8 +67,8 @@ _HOME = {
     "catalogue_folders": "pneudrive.describe.catalogue",
     "lines": "pneudrive.lines",
     "save": "pneudrive.trajectory",
-    **dict.fromkeys(["characterise", "characteristics"], "pneudrive.characteristics"),
-    "compare": "pneudrive.characteristics.compare.comparison",
+    **dict.fromkeys(["characterise", "characteristics"], "pneudrive.friction.campaign.characteristics"),
+    "compare": "pneudrive.friction.campaign.compare.comparison",
     **dict.fromkeys(["fit_any_law", "fit_friction"], "pneudrive.identify"),
     "compare_laws": "pneudrive.identify.laws",
     "survey": "pneudrive.identify.survey",

@@ -14,9 +14,9 @@ import pytest
 
 from oracle.campaigns import World, write_campaign
 from pneudrive.campaign.protocol import ready_protocols
-from pneudrive.characterise.propose import propose_layout
 from pneudrive.cli.main import run
 from pneudrive.rig.description import DEFAULT
+from pneudrive.signals.proposal.propose import propose_layout
 
 LOOK, STOPS = "quick-look", "paper-stops"
 PROTOCOLS = {

@@ -25,10 +25,6 @@ import pneudrive as pn
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.folder import Campaign, Head, create, write_cycle
 from pneudrive.campaign.protocol import read_protocol, ready_protocols
-from pneudrive.characterise.layout import Layout
-from pneudrive.characterise.load import load_recording
-from pneudrive.characterise.propose import propose_layout
-from pneudrive.characterise.trajectories import read_trajectory
 from pneudrive.cli.main import run
 from pneudrive.command import steps
 from pneudrive.errors import PneudriveError
@@ -38,6 +34,10 @@ from pneudrive.rig.description import DEFAULT
 from pneudrive.rig.interface import Hold, Identity, Samples
 from pneudrive.rig.loading import load_rig
 from pneudrive.rig.reader import open_file
+from pneudrive.signals.layout import Layout
+from pneudrive.signals.load import load_recording
+from pneudrive.signals.proposal.propose import propose_layout
+from pneudrive.signals.trajectories import read_trajectory
 from pneudrive.trajectory import read_columns, save
 
 HIDDEN = re.compile("[\x00-\x08\x1b\u202a-\u202e\u2066-\u2069]")

@@ -14,8 +14,8 @@ from pneudrive.campaign.cycle import KINDS, Cycle
 from pneudrive.campaign.folder import COLUMNS, Campaign
 from pneudrive.campaign.head import Head
 from pneudrive.campaign.status import status_of
-from pneudrive.characterise.settling import Settled
-from pneudrive.characteristics.reading import read_part
+from pneudrive.friction.campaign.cycles.reading import read_part
+from pneudrive.friction.reduction.settling import Settled
 from pneudrive.rig.interface import Identity
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/campaign-folder.md").read_text(encoding="utf-8")

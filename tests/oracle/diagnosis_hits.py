@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from oracle.drive_records import drive, record
-from pneudrive.characterise.drive_recording import DriveRecording, drive_recording
+from pneudrive.signals.drive_recording import DriveRecording, drive_recording
 from pneudrive.validate import diagnose
 from pneudrive.validate.diagnosis import Diagnosis
 from pneudrive.validate.signals import Signals

@@ -7,8 +7,8 @@ import warnings
 import numpy as np
 
 import pneudrive as pn
-from pneudrive.characterise.drive_recording import DriveRecording, drive_recording
 from pneudrive.errors import PneudriveWarning
+from pneudrive.signals.drive_recording import DriveRecording, drive_recording
 
 RATE_HZ = 1000.0
 

@@ -20,8 +20,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from oracle.stop_campaigns import AMBIENT_PA, LAWS, StopWorld, random_stop_world, write_stops
 from pneudrive.campaign.folder import Campaign
-from pneudrive.characteristics.stops.dwell_law import fit_dwell
-from pneudrive.characteristics.stops.stop import find_stops
+from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
+from pneudrive.friction.campaign.stops.stop import find_stops
 
 #: The law of the product that is the one by which a world was made.
 MADE_BY = {

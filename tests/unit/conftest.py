@@ -1,8 +1,9 @@
-"""The drive file of the guide, whole, for tests that change one line of it; the study of the source paper, once."""
+"""The drive file of the guide, for tests that change a line of it; recordings of a known truth; the study, once."""
 
 import pytest
 
 import pneudrive as pn
+from oracle.recordings import make_recording
 
 DRIVE_FILE = """\
 schema = 1
@@ -69,3 +70,9 @@ def drive_file():
 def made(tmp_path_factory):
     """Return the source paper, reproduced."""
     return pn.report.reproduce(tmp_path_factory.mktemp("campaigns"))
+
+
+@pytest.fixture
+def make():
+    """Return the function that makes recordings whose truth is known."""
+    return make_recording

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from pneudrive.characterise.layout import Layout
 from pneudrive.errors import DescriptionError, LayoutError, PneudriveError, RigError
 from pneudrive.rig.description import DEFAULT, read_description
 from pneudrive.rig.opcua.client import load_opcua
 from pneudrive.rig.opcua.nodes import DEFAULT_MAP, load_map
+from pneudrive.signals.layout import Layout
 
 LAYOUT = """\
 format = "csv"

@@ -240,8 +240,8 @@ def test_the_start_lies_in_the_stroke():
 def test_drives_recordings_and_rigs_that_say_nothing_stand_in_the_same_air():
     from dataclasses import fields
 
-    from pneudrive.characterise.recording import Recording
     from pneudrive.rig.interface import Identity
+    from pneudrive.signals.recording import Recording
 
     defaults = {
         kind: {f.name: f.default for f in fields(kind)}["ambient_pressure_pa"] for kind in (Recording, Identity)

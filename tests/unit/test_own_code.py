@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pneudrive.characterise.pool import in_processes
+from pneudrive.signals.pool import in_processes
 
 
 def test_a_worker_process_imports_nothing_from_the_folder_one_stands_in(tmp_path, monkeypatch):

@@ -100,8 +100,8 @@ def finished_of(files: Sequence[CycleFile], identity: Identity, *, measured: boo
 
 def measure(samples: Samples, cycle: Cycle, identity: Identity) -> QuickPoint:
     """Say what a cycle says; nothing for kinds that are no points of a characteristic."""
-    from pneudrive.characterise.extract import extract
-    from pneudrive.characterise.settling import Settled
+    from pneudrive.friction.recording.extract import extract
+    from pneudrive.friction.reduction.settling import Settled
 
     if cycle.kind not in MEASURED:
         return QuickPoint()
@@ -125,7 +125,7 @@ def measure(samples: Samples, cycle: Cycle, identity: Identity) -> QuickPoint:
 
 
 def _recording(samples: Samples, cycle: Cycle, identity: Identity):  # noqa: ANN202 - see Recording
-    from pneudrive.characterise.recording import Recording
+    from pneudrive.signals.recording import Recording
 
     with np.errstate(invalid="ignore"):
         time = np.where(np.isfinite(samples.time_s), samples.time_s, -np.inf)

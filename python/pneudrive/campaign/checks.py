@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.samples import clipped, equal_runs, stuck_position, stuck_runs
 from pneudrive.rig.interface import CHANNELS, Move
+from pneudrive.signals.samples import clipped, equal_runs, stuck_position, stuck_runs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.motion import noise_level, turning_points
+from pneudrive.signals.motion import noise_level, turning_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

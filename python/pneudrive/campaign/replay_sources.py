@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pneudrive.campaign.folder import CycleFile
-    from pneudrive.characterise.load import RecordingFile
-    from pneudrive.characterise.motion import Stroke
-    from pneudrive.characterise.recording import Recording
     from pneudrive.rig.interface import Step
+    from pneudrive.signals.load import RecordingFile
+    from pneudrive.signals.motion import Stroke
+    from pneudrive.signals.recording import Recording
 
 # Of a rig of which only recordings are known (assumed): they decide where a plan expects its ramps to end.
 ASSUMED_ACCELERATION_M_S2, ASSUMED_JERK_M_S3 = 5.0, 200.0
@@ -141,8 +141,8 @@ class ForeignRecording(ReplaySource):
 
 
 def _strokes_of(file: RecordingFile) -> tuple[Recording, list[Stroke]]:
-    from pneudrive.characterise.motion import find_strokes
-    from pneudrive.characterise.samples import clean
+    from pneudrive.signals.motion import find_strokes
+    from pneudrive.signals.samples import clean
 
     recording = clean(file.read())
     return recording, find_strokes(recording.name, recording.time_s, recording.position_m)
@@ -288,7 +288,7 @@ def recordings_rig(
     RigError, RecordingError, LayoutError
         No file, one that cannot be read, or recordings of different drives.
     """
-    from pneudrive.characterise.load import recording_files
+    from pneudrive.signals.load import recording_files
 
     paths = sorted(p for p in folder.glob(pattern) if p.is_file() and p.suffix != ".toml")
     if not paths:

@@ -17,9 +17,9 @@ from pneudrive.cli.progress import on_terminal
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pneudrive.characterise.characterisation import Characterisation
-    from pneudrive.characterise.settling import SampleChoice
-    from pneudrive.characteristics.result import CampaignCharacteristics
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
+    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.reduction.settling import SampleChoice
     from pneudrive.identify.result import FrictionFit
 
 Fits = dict[str, dict[str, "FrictionFit"]]
@@ -44,10 +44,10 @@ def characterise(
 
     Of a campaign also curves.parquet and effects.toml, and what its data carry and what not.
     """
-    from pneudrive.characterise.characterisation import characterise_recordings
-    from pneudrive.characterise.pressure_line import ALL_RECORDINGS
-    from pneudrive.characterise.settling import SAMPLE_CHOICES
     from pneudrive.friction.friction_map import write_map
+    from pneudrive.friction.recording.characterisation import characterise_recordings
+    from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS
+    from pneudrive.friction.reduction.settling import SAMPLE_CHOICES
     from pneudrive.identify.fit import LAWS
     from pneudrive.identify.seals import fit_characterisation
     from pneudrive.report import write_report
@@ -71,10 +71,10 @@ def characterise(
 
 def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: SampleChoice, law: str) -> None:
     """Characterise one campaign folder."""
-    from pneudrive.characteristics.campaign import characteristics
-    from pneudrive.characteristics.files import write_characteristics
-    from pneudrive.characteristics.fits import ALL, fit_campaign
     from pneudrive.errors import CommandError
+    from pneudrive.friction.campaign.characteristics import characteristics
+    from pneudrive.friction.campaign.files import write_characteristics
+    from pneudrive.friction.campaign.fits import ALL, fit_campaign
     from pneudrive.report.campaign import write_campaign_report
 
     if len(recordings) > 1 or layout is not None:

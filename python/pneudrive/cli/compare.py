@@ -12,7 +12,7 @@ from pneudrive.cli.output import show_lines, show_statements, show_table, tell, 
 from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
-    from pneudrive.characteristics.compare.comparison import Comparison
+    from pneudrive.friction.campaign.compare.comparison import Comparison
 
 
 def compare(
@@ -22,11 +22,11 @@ def compare(
     protocol: Samples = "settled",
 ) -> None:
     """Test two campaigns against each other (new and worn, one seal and another): report.html, comparison.toml."""
-    from pneudrive.characterise.settling import SAMPLE_CHOICES
-    from pneudrive.characteristics.campaign import characteristics
-    from pneudrive.characteristics.compare.comparison import compare as compared
-    from pneudrive.characteristics.files import write_comparison
     from pneudrive.errors import CommandError
+    from pneudrive.friction.campaign.characteristics import characteristics
+    from pneudrive.friction.campaign.compare.comparison import compare as compared
+    from pneudrive.friction.campaign.files import write_comparison
+    from pneudrive.friction.reduction.settling import SAMPLE_CHOICES
     from pneudrive.report.campaign_compare import write_comparison_report
 
     choice = one_of("--protocol", protocol, SAMPLE_CHOICES)

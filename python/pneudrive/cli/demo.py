@@ -15,11 +15,11 @@ def demo(
     measurements: Annotated[Path, typer.Option(help="Folder with the recordings.")] = MEASUREMENTS,
 ) -> None:
     """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report."""
-    from pneudrive.characterise.characterisation import characterise_recordings
-    from pneudrive.characterise.pressure_line import ALL_RECORDINGS
     from pneudrive.cli.output import writable_folder
     from pneudrive.errors import CommandError
     from pneudrive.friction.friction_map import write_map
+    from pneudrive.friction.recording.characterisation import characterise_recordings
+    from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS
     from pneudrive.identify.seals import fit_characterisation
     from pneudrive.report import write_report
     from pneudrive.report.verdict import verdict

@@ -87,10 +87,10 @@ def fit(
 
 def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
     """Read a map, or make one."""
-    from pneudrive.characterise.characterisation import characterise_recordings
-    from pneudrive.characteristics.campaign import characteristics
     from pneudrive.errors import CommandError, PneudriveError
+    from pneudrive.friction.campaign.characteristics import characteristics
     from pneudrive.friction.friction_map import read_map
+    from pneudrive.friction.recording.characterisation import characterise_recordings
 
     missing = next((path for path in source if not path.exists()), None)
     if missing is not None:

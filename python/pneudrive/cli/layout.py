@@ -18,11 +18,11 @@ def layout(
     ] = None,
 ) -> None:
     """Propose how to read a foreign recording, with a picture of what was understood."""
-    from pneudrive.characterise.layout import stem
-    from pneudrive.characterise.propose import propose_layout
     from pneudrive.cli.progress import on_terminal
     from pneudrive.errors import CommandError, RecordingError
     from pneudrive.report.layout_figure import write_layout_figure
+    from pneudrive.signals.layout import stem
+    from pneudrive.signals.proposal.propose import propose_layout
 
     proposal = propose_layout(file, on_terminal())
     if out is None:

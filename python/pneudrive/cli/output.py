@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from pneudrive.characteristics.basics import Statement
+    from pneudrive.friction.campaign.basics import Statement
 
 #: Columns of a table that goes to a file.
 WIDTH = 160

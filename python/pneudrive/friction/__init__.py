@@ -1,1 +1,1 @@
-"""Sliding friction of recordings and of campaigns: what both are reduced by."""
+"""Sliding friction: what it is reduced by, of recordings, of campaigns."""

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.characterise.pressure_line import CONFOUNDED
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import changed
 from pneudrive.estimate.losses import LOSSES
+from pneudrive.friction.recording.pressure_line import CONFOUNDED
 from pneudrive.identify.assemble import assembled
 from pneudrive.identify.diagnose import choose_model, diagnose
 from pneudrive.identify.model import PRESSURE_FORMS, STRIBECK_SHAPES, FrictionModel, Observations

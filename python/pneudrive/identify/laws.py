@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.closure import MINIMUM_RANGE_PA
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.levels import distinct_levels
+from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
 from pneudrive.identify.assemble import assembled
 from pneudrive.identify.diagnose import choose_model
 from pneudrive.identify.fit import ambient_of, fit_values

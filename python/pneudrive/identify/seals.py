@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.closure import MINIMUM_RANGE_PA
-from pneudrive.characterise.pressure_line import ALL_RECORDINGS
 from pneudrive.errors import FitError
+from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
+from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS
 from pneudrive.identify.fit import LAWS, fit_friction
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.characterise import Characterisation
+    from pneudrive.friction.recording.characterisation import Characterisation
     from pneudrive.identify.result import FrictionFit
 
 

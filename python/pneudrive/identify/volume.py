@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import __version__, _core
-from pneudrive.characterise.drive_recording import VolumeRecording, read_volume_recordings
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.transforms import Transforms
 from pneudrive.free.parameters import DriveFamily, Parameter
@@ -30,6 +29,7 @@ from pneudrive.identify.dynamic.states import SegmentStarts
 from pneudrive.identify.dynamic.uncertainty import profile
 from pneudrive.identify.volume_result import VolumeFit
 from pneudrive.numbers import plain
+from pneudrive.signals.drive_recording import VolumeRecording, read_volume_recordings
 from pneudrive.units import readable
 from pneudrive.watch import UNWATCHED, Watch
 
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.characterise.layout import Layout
     from pneudrive.describe.tank import Tank
+    from pneudrive.signals.layout import Layout
     from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]

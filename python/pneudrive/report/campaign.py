@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import PA_PER_BAR
+from pneudrive.friction.campaign.basics import PA_PER_BAR
 from pneudrive.numbers import with_interval, with_u
 from pneudrive.report import campaign_course as course
 from pneudrive.report import campaign_curves as curves
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from pneudrive.characteristics.result import CampaignCharacteristics
-    from pneudrive.characteristics.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
+    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
 
 #: The sections in their order; each gives None where there are no data for it.
 SECTIONS = (

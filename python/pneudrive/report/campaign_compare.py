@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import PA_PER_BAR
+from pneudrive.friction.campaign.basics import PA_PER_BAR
 from pneudrive.numbers import with_interval
 from pneudrive.report import axes as draw
 from pneudrive.report import style
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.characteristics.compare.comparison import Comparison
-    from pneudrive.characteristics.compare.curves import CurveComparison
-    from pneudrive.characteristics.result import CampaignCharacteristics
-    from pneudrive.characteristics.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.compare.comparison import Comparison
+    from pneudrive.friction.campaign.compare.curves import CurveComparison
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
+    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.report.page import Section
 
 MOST_PANELS = 4

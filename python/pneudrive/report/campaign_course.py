@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.characteristics.effects import Loop, PositionPattern
-    from pneudrive.characteristics.result import CampaignCharacteristics
+    from pneudrive.friction.campaign.effects.effect import Loop, PositionPattern
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.report.page import Section
 
 HOUR_S = 3600.0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import PA_PER_BAR, Condition
+from pneudrive.friction.campaign.basics import PA_PER_BAR, Condition
 from pneudrive.numbers import with_interval, with_u
 from pneudrive.report import axes as draw
 from pneudrive.report import style
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.characteristics.effects import AirShare, PressureEffects
-    from pneudrive.characteristics.result import CampaignCharacteristics, Curve
+    from pneudrive.friction.campaign.effects.effect import AirShare, PressureEffects
+    from pneudrive.friction.campaign.result import CampaignCharacteristics, Curve
     from pneudrive.report.page import Section
 
 MOST_CURVES = 8  # that can be told apart in one picture

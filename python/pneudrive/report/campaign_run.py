@@ -23,7 +23,7 @@ from pneudrive.rig.interface import Envelope
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pneudrive.characteristics.result import CampaignCharacteristics
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.report.page import Block, PageTable, Section
 
 MOST_LINES = 120  # of a protocol that is shown

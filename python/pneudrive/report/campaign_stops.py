@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characteristics.basics import PA_PER_BAR
+from pneudrive.friction.campaign.basics import PA_PER_BAR
 from pneudrive.numbers import with_interval
 from pneudrive.report import axes as draw
 from pneudrive.report import style
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.characteristics.result import CampaignCharacteristics
-    from pneudrive.characteristics.stops.dwell_forms import DwellLawFit
-    from pneudrive.characteristics.stops.dwell_law import DwellSeries
-    from pneudrive.characteristics.stops.stop import Stop, StopTrace
     from pneudrive.estimate.estimates import Estimate
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
+    from pneudrive.friction.campaign.stops.dwell_forms import DwellLawFit
+    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.stops.stop import Stop, StopTrace
     from pneudrive.report.page import Block, Section
 
 MOST_TRACES = 3

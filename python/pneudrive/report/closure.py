@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from pneudrive.characterise.characterisation import Characterisation
-    from pneudrive.characterise.closure import ClosureFit
     from pneudrive.estimate.estimates import Estimate
+    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.recording.closure import ClosureFit
     from pneudrive.report.page import Section
 
 MOST_GROUPS = 8

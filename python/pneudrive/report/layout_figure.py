@@ -10,7 +10,7 @@ from pneudrive.errors import CommandError
 from pneudrive.report import style
 
 if TYPE_CHECKING:
-    from pneudrive.characterise.propose import Proposal
+    from pneudrive.signals.proposal.propose import Proposal
 
 SHOWN_STROKES = 6
 FIRST_SAMPLES = 4000

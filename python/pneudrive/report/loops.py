@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise.characterisation import Characterisation
-    from pneudrive.characterise.extract import Level, RecordingResult
+    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.recording.extract import Level, RecordingResult
     from pneudrive.report.page import Section
 
 COLUMNS = 4

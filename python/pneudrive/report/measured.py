@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise.characterisation import Characterisation
-    from pneudrive.characterise.recording import Recording
+    from pneudrive.friction.recording.characterisation import Characterisation
     from pneudrive.report.page import Section
+    from pneudrive.signals.recording import Recording
 
 # Channel -> (words, factor from SI, unit)
 CHANNELS = {

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.characterise.closure import MINIMUM_RANGE_PA
+from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
 from pneudrive.report import style
 from pneudrive.report.axes import bars, grid, tinted
 from pneudrive.report.page import Items
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise.characterisation import Characterisation
-    from pneudrive.characterise.pressure_line import FrictionPoint, PressureLine
+    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.recording.pressure_line import FrictionPoint, PressureLine
     from pneudrive.report.page import Section
 
 COLUMNS = 3

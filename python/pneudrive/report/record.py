@@ -15,8 +15,8 @@ from pneudrive.report.words import by_seal, gauge_bar
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise.characterisation import Characterisation
-    from pneudrive.characterise.extract import RecordingResult
+    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.recording.extract import RecordingResult
     from pneudrive.report.page import Section
 
 IN_ONE_FIGURE = 3

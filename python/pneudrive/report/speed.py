@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.closure import MINIMUM_RANGE_PA
-from pneudrive.characterise.pressure_line import ALL_RECORDINGS
+from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
+from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS
 from pneudrive.identify.base import shown_in
 from pneudrive.identify.model import unit_of
 from pneudrive.numbers import with_u
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise.characterisation import Characterisation
-    from pneudrive.characterise.pressure_line import FrictionPoint
+    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.recording.pressure_line import FrictionPoint
     from pneudrive.identify.result import FrictionFit
     from pneudrive.report.page import Block, Section
     from pneudrive.report.study import Fits

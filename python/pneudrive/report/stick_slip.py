@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.motion import local_slope
 from pneudrive.report import style
 from pneudrive.report.page import Paragraph
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural
+from pneudrive.signals.motion import local_slope
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise.characterisation import Characterisation
-    from pneudrive.characterise.extract import Level, RecordingResult
-    from pneudrive.characterise.stick_slip import StickSlip
+    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.recording.extract import Level, RecordingResult
+    from pneudrive.friction.reduction.stick_slip import StickSlip
     from pneudrive.report.page import Section
 
 SHOWN_S = 10.0

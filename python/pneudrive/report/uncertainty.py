@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.characterise.characterisation import Characterisation
-    from pneudrive.characterise.extract import Level
+    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.recording.extract import Level
     from pneudrive.report.page import Section
 
 STATISTICAL = "spread between strokes"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.pressure_line import CONFOUNDED
+from pneudrive.friction.recording.pressure_line import CONFOUNDED
 from pneudrive.numbers import fixed, with_u
 from pneudrive.report.speed import richest
 from pneudrive.report.topics import Topic
@@ -15,8 +15,8 @@ from pneudrive.report.words import by_seal, gauge_bar, plural, speed_mm_s
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pneudrive.characterise.characterisation import Characterisation
     from pneudrive.estimate.estimates import Estimate
+    from pneudrive.friction.recording.characterisation import Characterisation
     from pneudrive.report.study import Fits, Study
 
 LINES = 5

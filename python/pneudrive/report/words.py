@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.pressure_line import ALL_RECORDINGS
+from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.characterise.characterisation import Characterisation
-    from pneudrive.characterise.extract import Level, RecordingResult
-    from pneudrive.characterise.recording import Recording
+    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.recording.extract import Level, RecordingResult
+    from pneudrive.signals.recording import Recording
 
 MOST_SHOWN = 24  # panels of one kind in a report; a campaign has more recordings than anyone looks at
 

@@ -25,7 +25,7 @@ from pneudrive.report.verdict import lines_of
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pneudrive.characterise.characterisation import Characterisation
+    from pneudrive.friction.recording.characterisation import Characterisation
     from pneudrive.report.page import Section
     from pneudrive.report.study import Addition, Fits, Study
 

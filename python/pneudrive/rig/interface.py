@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.characterise.force_calibration import ForceCalibration
+    from pneudrive.signals.force_calibration import ForceCalibration
 
     Array = NDArray[np.float64]
 

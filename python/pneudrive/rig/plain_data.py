@@ -7,9 +7,9 @@ from dataclasses import fields
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pneudrive.characterise.force_calibration import of_json
 from pneudrive.errors import DescriptionError, PneudriveError, RigError, nearest
 from pneudrive.rig.interface import Envelope, Identity
+from pneudrive.signals.force_calibration import of_json
 from pneudrive.units import LARGEST
 
 if TYPE_CHECKING:

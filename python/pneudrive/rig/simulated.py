@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.recording import Recording
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.rig.core import core_friction, core_rig, steady_friction_n
 from pneudrive.rig.description import DEFAULT, RigDescription, read_description
 from pneudrive.rig.motion import Limits, Motion, cycles
 from pneudrive.show import Shown
+from pneudrive.signals.recording import Recording
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

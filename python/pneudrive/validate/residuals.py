@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.motion import noise_level
 from pneudrive.describe.valve_flow import openings
 from pneudrive.identify.dynamic.model_error import MODEL_SHARE
+from pneudrive.signals.motion import noise_level
 from pneudrive.validate.balance import Scene, Terms, Values, half_support, moving_mass
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from pneudrive.units import readable
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.characterise.drive_recording import DriveRecording
+    from pneudrive.signals.drive_recording import DriveRecording
 
 
 def corrected(

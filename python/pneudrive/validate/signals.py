@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise.motion import noise_level
+from pneudrive.signals.motion import noise_level
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.characterise.drive_recording import DriveRecording
+    from pneudrive.signals.drive_recording import DriveRecording
 
     Array = NDArray[np.float64]
 

@@ -183,7 +183,7 @@ def _of_map(drive: Drive, path: Path) -> list[FrictionCurve]:
 
 
 def _of_campaign(drive: Drive, path: Path) -> list[FrictionCurve]:
-    from pneudrive.characteristics import characteristics
+    from pneudrive.friction.campaign.characteristics import characteristics
 
     found = characteristics(path)
     ambient = found.identity.ambient_pressure_pa

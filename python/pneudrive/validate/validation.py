@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.characterise.drive_recording import check_plausible, read_drive_recordings, time_gaps
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.base import sections
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.show import Card, Shown
+from pneudrive.signals.drive_recording import check_plausible, read_drive_recordings, time_gaps
 from pneudrive.trajectory import whole
 from pneudrive.validate.breakaway import RecordedBreakaway, breakaways
 from pneudrive.validate.diagnosis import diagnose
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.characterise.drive_recording import DriveRecording, Given
-    from pneudrive.characterise.layout import Layout
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.sensors import Sensor
+    from pneudrive.signals.drive_recording import DriveRecording, Given
+    from pneudrive.signals.layout import Layout
     from pneudrive.validate.diagnosis import Diagnosis
     from pneudrive.watch import Flag
 

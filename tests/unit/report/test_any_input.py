@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from pneudrive.characterise import characterise_recordings, load_recordings
-from pneudrive.characterise.trajectories import from_run
 from pneudrive.identify.seals import fit_characterisation
 from pneudrive.report import write_report
 from pneudrive.report.page import Report
 from pneudrive.report.verdict import verdict
 from pneudrive.rig import SimulatedRig, sweep
+from pneudrive.signals.trajectories import from_run
 from pneudrive.studies.bracha.stick_slip import creep
 
 DATA = Path(__file__).resolve().parents[3] / "data" / "measurements" / "zillen-2021-pneumatic-piston"

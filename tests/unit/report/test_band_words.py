@@ -2,7 +2,7 @@
 
 import pytest
 
-from pneudrive.characterise.pressure_line import FrictionPoint, fit_pressure_lines
+from pneudrive.friction.recording.pressure_line import FrictionPoint, fit_pressure_lines
 from pneudrive.report import style
 from pneudrive.report.pressure import draw_panel
 

@@ -58,7 +58,7 @@ def test_equal_data_give_equal_files(real):
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_run_keeps_its_marker_and_the_legend_leaves_the_points_free(order):
-    from pneudrive.characterise.pressure_line import FrictionPoint
+    from pneudrive.friction.recording.pressure_line import FrictionPoint
     from pneudrive.report.pressure import draw_panel
 
     points = [

@@ -4,9 +4,11 @@ import inspect
 import re
 from pathlib import Path
 
-from pneudrive.characterise import extract, samples, text_table
-from pneudrive.friction import plausible
+from pneudrive.friction.recording import extract
+from pneudrive.friction.reduction import plausible
 from pneudrive.report.topics import Topic
+from pneudrive.signals import samples
+from pneudrive.signals.tables import text_table
 
 FLAGS = Topic("recordings", "flags").texts["meaning"]
 GUIDE = Path(__file__).resolve().parents[3] / "docs" / "guide" / "recordings.md"

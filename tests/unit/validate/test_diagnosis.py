@@ -5,7 +5,7 @@ import pytest
 
 from oracle.diagnosis_hits import CASES
 from oracle.drive_records import drive, record
-from pneudrive.characterise.drive_recording import drive_recording
+from pneudrive.signals.drive_recording import drive_recording
 from pneudrive.validate import diagnose, validate
 from pneudrive.validate.balance import Scene
 from pneudrive.validate.causes import causes

@@ -10,9 +10,9 @@ import pytest
 import pneudrive as pn
 from oracle.diagnosis_hits import Case
 from oracle.drive_records import drive, record
-from pneudrive.characterise.drive_recording import drive_recording
 from pneudrive.cli.main import run
 from pneudrive.errors import Cancelled, FitError
+from pneudrive.signals.drive_recording import drive_recording
 from pneudrive.validate import validate
 
 pytestmark = pytest.mark.filterwarnings("ignore::pneudrive.errors.PneudriveWarning")

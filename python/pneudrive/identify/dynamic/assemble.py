@@ -20,12 +20,12 @@ from pneudrive.units import readable
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.characterise.drive_recording import DriveRecording
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.problem import FitProblem
     from pneudrive.identify.dynamic.search import Watcher
     from pneudrive.identify.dynamic.solved import Attempt, SearchOptions
     from pneudrive.identify.dynamic.uncertainty import Solved
+    from pneudrive.signals.drive_recording import DriveRecording
 
     Array = NDArray[np.float64]
 

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.characterise.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import robust_deviation
 from pneudrive.free.parameters import Parameter, chosen, family_of
@@ -21,6 +20,7 @@ from pneudrive.identify.dynamic.states import measured_starts, observed, white_n
 from pneudrive.identify.dynamic.transforms import transforms_of
 from pneudrive.identify.dynamic.uncertainty import Solved, information
 from pneudrive.identify.dynamic.undetermined import unresolved_damping
+from pneudrive.signals.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
 from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.characterise.drive_recording import DriveRecording
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.result import DriveFit
     from pneudrive.identify.dynamic.shooting import Recorded
+    from pneudrive.signals.drive_recording import DriveRecording
     from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.characterise import Recording
     from pneudrive.describe.drive import Drive
+    from pneudrive.signals.recording import Recording
 
     Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from pneudrive.trajectory import meaning
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.characterise.drive_recording import DriveRecording
+    from pneudrive.signals.drive_recording import DriveRecording
 
 #: Channel -> column of a recording and of the core.
 CHANNELS = {

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from pneudrive.identify.dynamic.sensors import Delay
 
 if TYPE_CHECKING:
-    from pneudrive.characterise.drive_recording import DriveRecording
     from pneudrive.identify.base import Undetermined
     from pneudrive.identify.dynamic.uncertainty import Solved
+    from pneudrive.signals.drive_recording import DriveRecording
 
 #: Lengths of the segments of the first phase, s, and those of a second attempt; the shortest has so many samples.
 LADDER_S, SECOND_LADDER_S, LEAST_SEGMENT_SAMPLES = (0.01, 0.04), (0.02, 0.08), 8

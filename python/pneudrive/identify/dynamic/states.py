@@ -12,10 +12,10 @@ from pneudrive.free.lines import at_rest
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.characterise.drive_recording import DriveRecording
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.sensors import Channel
     from pneudrive.identify.dynamic.shooting import Shooter
+    from pneudrive.signals.drive_recording import DriveRecording
     from pneudrive.watch import Watch
 
     Array = NDArray[np.float64]

@@ -24,11 +24,11 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, create_model
 
-from pneudrive.characterise.column_units import column_unit
 from pneudrive.describe import toml
 from pneudrive.describe.base import Bounds, Described, Mark, Quantity, StatedPressure, WrongValueError, wrong
 from pneudrive.describe.marks import Whole
 from pneudrive.errors import RigError, nearest
+from pneudrive.signals.tables.column_units import column_unit
 
 DEFAULT_MAP = Path(__file__).with_name("nodes.toml")
 HOLD, RELEASED, SHUT = 1, 2, 4  # bits of step.kind

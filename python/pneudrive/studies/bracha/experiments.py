@@ -74,7 +74,7 @@ def run_experiments(
     CampaignError, RigError, SimulationError
         A campaign could not be run.
     """
-    from pneudrive.characterise.pool import in_processes
+    from pneudrive.signals.pool import in_processes
 
     jobs = [
         (name, protocol, str((rigs or {}).get(name, rig)), str(Path(into) / protocol), seed)

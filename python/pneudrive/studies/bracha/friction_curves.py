@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise import SourcePaper, characterise_recordings
-from pneudrive.characterise.settling import moving_average
 from pneudrive.characteristics import BOTH, characteristics
-from pneudrive.characteristics.raw import recording_of
+from pneudrive.friction.campaign.cycles.raw import recording_of
+from pneudrive.friction.reduction.settling import moving_average
 from pneudrive.studies.bracha.figure import PaperFigure, judge
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.characterise.motion import Stroke
-    from pneudrive.characterise.recording import Recording
     from pneudrive.characteristics import CampaignCharacteristics
-    from pneudrive.characteristics.effects import AirShare
+    from pneudrive.friction.campaign.effects.effect import AirShare
+    from pneudrive.signals.motion import Stroke
+    from pneudrive.signals.recording import Recording
     from pneudrive.studies.bracha.experiments import Experiment
 
     Array = NDArray[np.float64]

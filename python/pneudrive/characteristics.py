@@ -1,0 +1,47 @@
+"""Characteristics of a campaign: friction over speed, pressure, position, stops and time, each with its uncertainty."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+
+from pneudrive.estimate.estimates import Estimate, FTest
+from pneudrive.friction.campaign.basics import BOTH, Condition, Skipped, Statement
+from pneudrive.friction.campaign.characteristics import characterise, characteristics
+from pneudrive.friction.campaign.files import write_characteristics
+from pneudrive.friction.campaign.fits import fit_campaign
+from pneudrive.friction.campaign.result import CampaignCharacteristics, Curve, CycleResult
+from pneudrive.friction.campaign.swinging import Contact, without_swings
+
+__all__ = [
+    "BOTH",
+    "CampaignCharacteristics",
+    "Condition",
+    "Contact",
+    "Curve",
+    "CycleResult",
+    "Estimate",
+    "FTest",
+    "Skipped",
+    "Statement",
+    "characterise",
+    "characteristics",
+    "fit_campaign",
+    "without_swings",
+    "write_characteristics",
+]
+
+# Modules that the reference lists below this name, and where they lie in `pneudrive.friction.campaign`.
+_LISTED = {
+    **{name: name for name in ("basics", "files", "result")},
+    **{name: name for name in ("compare", "compare.comparison", "compare.curves", "stops", "stops.stop")},
+    **{
+        f"stops.{name}": f"stops.{name}"
+        for name in ("dwell_design", "dwell_forms", "dwell_law", "recovery", "relaxation")
+    },
+    "campaign": "characteristics",
+    "effects": "effects.effect",
+}
+__path__: list[str] = []  # there are no others
+for _name, _home in _LISTED.items():
+    sys.modules[f"{__name__}.{_name}"] = import_module(f"pneudrive.friction.campaign.{_home}")

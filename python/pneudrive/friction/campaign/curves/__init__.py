@@ -1,0 +1,1 @@
+"""Curves over speed with their bands."""

@@ -1,0 +1,1 @@
+"""Cycles of a campaign folder: samples, sensors, means."""

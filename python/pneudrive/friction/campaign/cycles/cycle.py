@@ -1,0 +1,410 @@
+"""One cycle of a campaign, from raw samples to what the campaign's models need: friction over bins of position.
+
+Samples may lie at any times: inside a bin they count by the time for which they stand, and bins count alike, so that
+a burst around a reversal weighs no more than the way that it covers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+from pneudrive.estimate.autocorrelation import stderr_of_mean
+from pneudrive.friction.campaign.basics import Condition
+from pneudrive.friction.campaign.cycles.raw import recording_of, steps_of
+from pneudrive.friction.reduction.budget import DirectionMeans, stated_shares
+from pneudrive.friction.reduction.pairing import pair
+from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway, find_reversal_peaks, median
+from pneudrive.friction.reduction.sliding import (
+    SampleChoice,
+    SlidingMotion,
+    by_direction,
+    find_motion,
+    mean_speed,
+    stroke_grid,
+    stroke_rows,
+)
+from pneudrive.friction.reduction.stick_slip import measure_stick_slip, middle_of
+from pneudrive.rig.interface import Hold
+from pneudrive.signals.motion import Stroke, middle, quantiles
+from pneudrive.signals.recording import Recording
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.campaign.folder import CycleFile, Head
+    from pneudrive.rig.interface import Identity, Samples
+
+    Array = NDArray[np.float64]
+
+BINS = 60  # over the way that a campaign moves along
+#: A pressure is a level of its own where it differs by this much from the others, Pa: 1 mbar.
+PRESSURE_STEP_PA = 100.0
+SAME_SPEED = 0.1  # strokes of one cycle whose speeds differ by more are not one point
+END_TRAVELS = 2.0  # of the distance from the stroke's end at which its speed falls below 80 %: left out
+EVEN_SAMPLES = 2000  # on which the ripple of the speed is measured, even in time
+TARE_SETTLING = 0.5  # share of a tare at its beginning that is left out: seals relax when they are released
+MINIMUM_SAMPLES = 20
+SIDES = ("a", "b")
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """The strokes of one direction.
+
+    Attributes
+    ----------
+    balance_n : ndarray, shape (bins,)
+        Force balance (see `Recording.balance_n`) in each bin of position, NaN where nothing has settled.
+    air_n : ndarray, shape (bins,)
+        Its part from the chamber pressures, p_a A_a - p_b A_b - p_ambient (A_a - A_b).
+    velocity_m_s, pressure_a_pa, pressure_b_pa, force_n : float
+        Means over the settled part.
+    samples, strokes : int
+    breakaway_n, dwell_s, loading_rate_n_s : float
+        Of the reversal before it; NaN where there is no usable peak.
+    ripple, period_s, step_m, swing_n : float
+        Standard deviation of speed over its mean; period, travel and swing of the balance in stick-slip (NaN without).
+    piston_ripple : float
+        The same of the piston's speed behind the rig's spring; NaN where its stiffness is not known.
+    scatter_n : float
+        Standard deviation of the balance within the bins.
+    stick_slip : bool
+    """
+
+    balance_n: Array
+    air_n: Array
+    velocity_m_s: float
+    pressure_a_pa: float
+    pressure_b_pa: float
+    force_n: float
+    samples: int
+    strokes: int
+    breakaway_n: float
+    dwell_s: float
+    loading_rate_n_s: float
+    ripple: float
+    period_s: float
+    step_m: float
+    swing_n: float
+    piston_ripple: float
+    scatter_n: float
+    stick_slip: bool
+
+    def means(self) -> DirectionMeans:
+        """Means at which the systematic uncertainty is taken."""
+        return DirectionMeans(self.force_n, self.pressure_a_pa, self.pressure_b_pa, self.velocity_m_s)
+
+
+@dataclass(frozen=True)
+class OpenPressure:
+    """A chamber's pressure in an open tare, Pa: mean, its standard error, and its change from one half to the other."""
+
+    mean_pa: float
+    stderr_pa: float
+    change_pa: float
+
+    @classmethod
+    def of(cls, values: Array) -> OpenPressure | None:
+        """Sum the samples up; None where the pressure was not measured."""
+        if np.ptp(values) == 0:
+            return None
+        first, second = np.array_split(values, 2)
+        return cls(float(values.mean()), stderr_of_mean(values), float(second.mean() - first.mean()))
+
+
+@dataclass(frozen=True, eq=False)
+class CycleData:
+    """What a cycle leaves for the campaign's models.
+
+    Attributes
+    ----------
+    head : Head
+        Without the rig's memory.
+    file : str
+    condition : Condition
+    sides : dict of Side
+        By direction +1/-1; empty for a cycle that does not move.
+    flags : dict
+        Counts of damaged samples by kind.
+    temperature_k : float
+        NaN where it was not measured.
+    duration_s : float
+    standing_n, standing_stderr_n, standing_sd_n : float
+        Mean of force (vented: of the balance), its standard error and standard deviation while standing released: the
+        sensor's zero and noise.
+    standing_pressures : dict
+        Chamber -> what its transducer shows in an open tare; empty where that was not measured.
+    u_gain_n, u_hysteresis_n : float
+        Standard systematic uncertainty of friction: in proportion to it, and the same in newton at all frictions, as
+        hysteresis and what a calibration curve leaves.
+    u_offset_n, u_air_n : float
+        The same of half the sum of both directions beside the zero, and of the chambers' force in half the difference.
+    u_pressures_n : dict
+        Chamber -> the part of its transducer in `u_offset_n`.
+    u_force_n : dict
+        Source -> the parts of the force sensor in both, where its calibration names them.
+    assumed : bool
+        Whether the accuracy of the force sensor is assumed.
+    """
+
+    head: Head
+    file: str
+    condition: Condition
+    sides: dict[int, Side] = field(default_factory=dict)
+    flags: dict[str, int] = field(default_factory=dict)
+    temperature_k: float = float("nan")
+    duration_s: float = 0.0
+    standing_n: float = float("nan")
+    standing_stderr_n: float = float("nan")
+    standing_sd_n: float = float("nan")
+    standing_pressures: dict[str, OpenPressure] = field(default_factory=dict)
+    u_gain_n: float = 0.0
+    u_hysteresis_n: float = 0.0
+    u_offset_n: float = 0.0
+    u_air_n: float = 0.0
+    u_pressures_n: dict[str, float] = field(default_factory=dict)
+    u_force_n: dict[str, float] = field(default_factory=dict)
+    assumed: bool = False
+
+
+def condition_of(head: Head) -> Condition:
+    """Give the condition of a cycle: planned pressures in steps of 1 mbar, and the levels of its block."""
+    cycle = head.cycle
+    a, b = (PRESSURE_STEP_PA * round(p / PRESSURE_STEP_PA) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa))
+    levels = {name: str(cycle.levels.get(name, "")) for name in ("mounting", "seal", "drive")}
+    return Condition(a, b, **levels)
+
+
+def read_sliding(
+    file: CycleFile, samples: Samples, identity: Identity, choice: SampleChoice, edges_m: Array
+) -> CycleData:
+    """Make sense of a cycle that slides.
+
+    Parameters
+    ----------
+    file : CycleFile
+    samples : Samples
+        Its raw samples.
+    identity : Identity
+        Of the rig.
+    choice : SampleChoice
+        Which samples count.
+    edges_m : ndarray, shape (bins + 1,)
+        Edges of the campaign's bins of position.
+
+    Raises
+    ------
+    CampaignError, RecordingError
+        If more than half of it is damaged, it does not move, holds what no rig can do, or has no settled part.
+    """
+    recording, flags = recording_of(file, identity, samples)
+    # In the settled part the piston does not accelerate but for ripple, whose mean is nothing: acceleration from
+    # positions would only add their noise. The source paper's protocol keeps the ramp at the end.
+    motion = find_motion(recording, inertia=not choice.uses_window)
+    _one_speed(motion)
+    settled, balance = choice.choose(motion)
+    if choice.uses_window:
+        settled = settled & ~_ends(motion)
+    sides = {d: side for d in (1, -1) if (side := _side(motion, settled, balance, d, edges_m)) is not None}
+    if not sides:
+        value = f"{len(motion.strokes)} strokes"
+        raise RecordingError("no stroke has a settled part", where=recording.name, value=value)
+    only = next(iter(sides.values()))
+    stated = stated_shares(recording, *(sides.get(d, only).means() for d in (1, -1)))
+    return CycleData(
+        head=file.head,
+        file=file.path.name,
+        condition=condition_of(file.head),
+        sides=sides,
+        flags=flags,
+        temperature_k=_temperature(samples),
+        duration_s=float(recording.time_s[-1] - recording.time_s[0]),
+        **stated,  # pyright: ignore[reportArgumentType] - names and kinds of the fields
+    )
+
+
+def read_standing(file: CycleFile, samples: Samples, identity: Identity) -> CycleData:
+    """Make sense of a tare or a known weight: the mean force while the axis stands released, and how sure it is.
+
+    Raises
+    ------
+    CampaignError, RecordingError
+        If more than half of it is damaged, it holds pressures or forces that no rig has, or has too few samples.
+    """
+    recording, flags = recording_of(file, identity, samples)
+    steps = steps_of(recording, samples)
+    holds = [(i, step) for i, step in enumerate(file.head.cycle.steps) if isinstance(step, Hold)]
+    meant = [i for i, step in holds if step.released or step.weight_n]
+    standing = np.isin(steps, meant) if meant else np.ones(len(recording), dtype=bool)
+    begin, end = (float(t) for t in np.quantile(recording.time_s[standing], [0.0, 1.0]))
+    standing &= recording.time_s >= begin + TARE_SETTLING * (end - begin)
+    if standing.sum() < MINIMUM_SAMPLES:
+        raise RecordingError("too few samples of standing", where=recording.name, value=int(standing.sum()))
+    vented = max(abs(p - identity.ambient_pressure_pa) for p in _pressures(file.head)) < PRESSURE_STEP_PA
+    force = (recording.balance_n() + recording.weight_n if vented else recording.force_n)[standing]
+    shown = {c: OpenPressure.of(getattr(recording, f"pressure_{c}_pa")[standing]) for c in SIDES} if vented else {}
+    return CycleData(
+        head=file.head,
+        file=file.path.name,
+        condition=condition_of(file.head),
+        flags=flags,
+        temperature_k=_temperature(samples),
+        duration_s=float(recording.time_s[-1] - recording.time_s[0]),
+        standing_n=float(force.mean()),
+        standing_stderr_n=stderr_of_mean(force),
+        standing_sd_n=float(force.std()),
+        standing_pressures={c: known for c, known in shown.items() if known is not None},
+    )
+
+
+def _pressures(head: Head) -> tuple[float, float]:
+    return head.cycle.pressure_a_pa, head.cycle.pressure_b_pa
+
+
+def _temperature(samples: Samples) -> float:
+    known = samples.temperature_k[np.isfinite(samples.temperature_k)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _one_speed(motion: SlidingMotion) -> None:
+    speeds = np.abs([stroke.speed_m_s for stroke in motion.strokes])
+    if speeds.max() - speeds.min() > SAME_SPEED * speeds.max():
+        raise RecordingError(
+            "the strokes of the cycle have different speeds",
+            where=motion.recording.name,
+            value=f"{1e3 * speeds.min():.4g} to {1e3 * speeds.max():.4g} mm/s",
+            rule="a cycle is one point of the characteristic",
+        )
+
+
+def _ends(motion: SlidingMotion) -> NDArray[np.bool_]:
+    """Mark what lies near the end of each stroke, where the axis brakes."""
+    mask = np.zeros(motion.time_s.size, dtype=bool)
+    velocity = motion.velocity_m_s
+    for stroke in motion.strokes:
+        ahead = np.abs(stroke.to_m - motion.position_m[stroke.samples])
+        fast = np.flatnonzero(np.abs(velocity[stroke.samples]) >= 0.8 * abs(stroke.speed_m_s))
+        if fast.size:
+            mask[stroke.samples] = ahead <= END_TRAVELS * ahead[fast[-1]]
+    return mask
+
+
+def _side(
+    motion: SlidingMotion,
+    settled: NDArray[np.bool_],
+    balance_n: Array,
+    direction: int,
+    edges_m: Array,
+) -> Side | None:
+    """Put the strokes of one direction together; None where nothing has settled."""
+    recording = motion.recording
+    strokes = [s for s in motion.strokes if s.direction == direction and settled[s.samples].sum() >= MINIMUM_SAMPLES]
+    if not strokes:
+        return None
+    of_stroke = [np.flatnonzero(settled[s.samples]) + s.start for s in strokes]
+    index = np.concatenate(of_stroke)
+    stands = np.gradient(motion.time_s)[index]
+    place = np.floor((motion.position_m[index] - edges_m[0]) / (edges_m[1] - edges_m[0])).astype(np.int64)
+    inside = (place >= 0) & (place < edges_m.size - 1)
+    if not inside.any():
+        return None
+    index, stands, place = index[inside], stands[inside], place[inside]
+    bins = edges_m.size - 1
+    weight = np.bincount(place, weights=stands, minlength=bins)
+    covered = _covered(motion.position_m[index], edges_m) & (weight > 0)
+    if not covered.any():
+        return None  # what has settled is shorter than a bin
+    ambient = recording.ambient_pressure_pa
+    air = (recording.pressure_a_pa - ambient) * recording.area_a_m2
+    air -= (recording.pressure_b_pa - ambient) * recording.area_b_m2
+
+    def binned(values: Array) -> Array:
+        total = np.bincount(place, weights=stands * values[index], minlength=bins)
+        return np.where(covered, total / np.where(weight > 0, weight, 1.0), np.nan)
+
+    def mean(values: Array) -> float:
+        return float(stands @ values[index] / stands.sum())
+
+    speeds = [mean_speed(recording, here, float("nan")) for here in of_stroke]
+    slipping, slips = _ripple(recording, balance_n, strokes)
+    squares = np.bincount(place, weights=stands * balance_n[index] ** 2, minlength=bins)
+    means = binned(balance_n)
+    inside_bins = np.where(covered, squares / np.where(weight > 0, weight, 1.0) - means**2, np.nan)
+    scatter = float(np.sqrt(max(np.nanmean(inside_bins), 0.0)))
+    return Side(
+        balance_n=means,
+        air_n=binned(air),
+        velocity_m_s=float(np.mean(speeds)),
+        pressure_a_pa=mean(recording.pressure_a_pa),
+        pressure_b_pa=mean(recording.pressure_b_pa),
+        force_n=mean(recording.force_n),
+        samples=index.size,
+        strokes=len(strokes),
+        scatter_n=scatter,
+        stick_slip=slipping,
+        **_breakaway(motion, settled, strokes),
+        **slips,
+    )
+
+
+def _covered(position_m: Array, edges_m: Array) -> NDArray[np.bool_]:
+    """Bins whose whole width lies in the settled part: a bin that is cut is not at its own mean position."""
+    width = edges_m[1] - edges_m[0]
+    slack = 0.1 * width
+    return (edges_m[:-1] >= position_m.min() - slack) & (edges_m[1:] <= position_m.max() + slack)
+
+
+def _breakaway(motion: SlidingMotion, settled: NDArray[np.bool_], strokes: list[Stroke]) -> dict[str, float]:
+    """Breakaway after the reversals before these strokes."""
+    peaks: list[ReversalPeak] = []
+    if any(s.index > 0 for s in strokes):  # the first stroke has no reversal before it
+        position = motion.position_m
+        low, high = float(position.min()), float(position.max())
+        window = (low + 0.2 * (high - low), high - 0.2 * (high - low))
+        grid = stroke_grid(position, motion.strokes, window)
+        rows = stroke_rows(position, motion.balance_n, settled, motion.strokes, grid)
+        profile = pair(grid, by_direction(motion.strokes, rows))
+        peaks = find_reversal_peaks(motion.recording, strokes, motion.balance_n, profile)
+    return breakaway(peaks, strokes)
+
+
+def _ripple(recording: Recording, balance_n: Array, strokes: list[Stroke]) -> tuple[bool, dict[str, float]]:
+    """Stick-slip in the middle 80 % of the strokes, on samples that are even in time.
+
+    The axis may run evenly while the piston behind a soft force sensor does not: where the stiffness is known, the
+    piston's own position is the axis' less the deflection.
+    """
+    found, behind, swings = [], [], []
+    for part in [part for stroke in strokes if (part := middle_of(stroke, recording.position_m)) is not None]:
+        time, position, force = _even(recording.time_s[part], recording.position_m[part], recording.force_n[part])
+        found.append(measure_stick_slip(time, position))
+        if recording.stiffness_n_m:
+            behind.append(measure_stick_slip(time, position - force / recording.stiffness_n_m))
+        low, high = quantiles(balance_n[part], 0.02, 0.98)
+        swings.append(high - low)
+    seen = max((found, behind), key=lambda slips: sum(s.found for s in slips))
+    slipping = bool(seen) and sum(s.found for s in seen) > 0.5 * len(seen)
+    return slipping, {
+        "ripple": median([s.ripple for s in found]),
+        "period_s": median([s.period_s for s in seen if slipping]),
+        "step_m": median([s.step_m for s in seen if slipping]),
+        "swing_n": median(swings),
+        "piston_ripple": median([s.ripple for s in behind]),
+    }
+
+
+def _even(time_s: Array, *values: Array) -> tuple[Array, ...]:
+    """Values at even times, where the samples were not even: means over equal intervals."""
+    steps = np.diff(time_s)
+    if steps.max() <= 2.0 * middle(steps):
+        return time_s, *values
+    count = min(EVEN_SAMPLES, max(int((time_s[-1] - time_s[0]) / steps.max()), MINIMUM_SAMPLES))
+    edges = np.linspace(time_s[0], time_s[-1], count + 1)
+    place = np.minimum(np.searchsorted(edges, time_s, side="right") - 1, count - 1)
+    number = np.bincount(place, minlength=count)
+    known = number > 0
+    return tuple(np.bincount(place, weights=v, minlength=count)[known] / number[known] for v in (time_s, *values))

@@ -1,0 +1,238 @@
+"""What cycles at rest tell of the sensors: gain of the force sensor by known weights, zeros of the pressures by tares.
+
+In an open tare both chambers should show ambient pressure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.friction.campaign.cycles.cycle import SIDES
+from pneudrive.friction.reduction.budget import USUAL_RANGES_PA
+from pneudrive.rig.interface import Hold
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.friction.campaign.cycles.cycle import CycleData, OpenPressure, Side
+    from pneudrive.rig.interface import Identity
+
+    Array = NDArray[np.float64]
+
+SURPRISE = 3.0  # standard uncertainties between what is stated and what weights show
+GROWING = ("force: gain", "force: creep")  # sources in proportion to the force
+PLAUSIBLE = 0.1  # a gain that is off by more was not the sensor's: the weight was another one, or was carried
+REACH = 5.0  # stated accuracies: what is further from ambient is no zero of a sound transducer (assumed)
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Relative error of the force sensor's gain.
+
+    Attributes
+    ----------
+    error : float
+        What is taken out of the force: measured error, weighted against the stated accuracy.
+    stderr : float
+        Standard uncertainty of what is left; NaN where no weight was hung on.
+    measured, measured_stderr : float
+        From the weights alone; NaN where there are none.
+    cycles : int
+    plausible : bool
+    surprising : bool
+        Further off than the stated accuracy and the scatter allow: the weights are then believed alone.
+    """
+
+    error: float = 0.0
+    stderr: float = float("nan")
+    measured: float = float("nan")
+    measured_stderr: float = float("nan")
+    cycles: int = 0
+    plausible: bool = True
+    surprising: bool = False
+
+
+def sensor_gain(identity: Identity, weights: Sequence[CycleData], tares: Sequence[CycleData]) -> Gain:
+    """Compare what the sensor shows under known weights with what it shows released.
+
+    A weight that pulls the piston in +x makes the rig hold it back: the sensor shows less by that force.
+    """
+    if not weights or not tares:
+        return Gain()
+    values, variances = [], []
+    for d in weights:
+        force = next((s.weight_n for s in d.head.cycle.steps if isinstance(s, Hold) and s.weight_n), 0.0)
+        if force == 0.0:
+            continue
+        tare = min(tares, key=lambda t: abs(t.head.index - d.head.index))
+        values.append((tare.standing_n - d.standing_n) / force - 1.0)
+        variances.append((d.standing_stderr_n**2 + tare.standing_stderr_n**2) / force**2)
+    if not values:
+        return Gain()
+    measured = float(np.mean(values))
+    scatter = float(np.var(values, ddof=1)) / len(values) if len(values) > 1 else 0.0
+    stderr = float(np.sqrt(max(float(np.mean(variances)) / len(values), scatter)))
+    if abs(measured) > PLAUSIBLE:
+        return Gain(0.0, float("nan"), measured, stderr, len(values), plausible=False)
+    prior = stated_gain(identity)
+    if prior is None:
+        return Gain(measured, stderr, measured, stderr, len(values))
+    total = float(np.hypot(prior, stderr))
+    if abs(measured) > SURPRISE * total:
+        return Gain(measured, stderr, measured, stderr, len(values), surprising=True)
+    share = prior**2 / total**2 if total > 0 else 0.0
+    return Gain(share * measured, float(np.sqrt(share)) * stderr, measured, stderr, len(values))
+
+
+def stated_gain(identity: Identity) -> float | None:
+    """Relative gain error that calibration or stated accuracy allow; None where nothing is stated."""
+    if identity.force_calibration is not None:
+        return identity.force_calibration.u_gain
+    if "force_n" not in identity.accuracy or "force_n" not in identity.limits:
+        return None
+    return identity.accuracy["force_n"] / max(abs(v) for v in identity.limits["force_n"])
+
+
+def corrected(data: Sequence[CycleData], gain: Gain) -> tuple[CycleData, ...]:
+    """Take the gain's error out of cycles, and put its remaining uncertainty in the place of the stated one."""
+    if not np.isfinite(gain.stderr):
+        return tuple(data)
+    return tuple(_corrected(d, gain) for d in data)
+
+
+def _corrected(d: CycleData, gain: Gain) -> CycleData:
+    known = {**d.u_force_n, "force: gain": gain.stderr * _half_difference(d)}
+    growing = (*(known[name] for name in GROWING if name in known), d.u_air_n)
+    return replace(
+        d,
+        sides={direction: _side(side, gain.error) for direction, side in d.sides.items()},
+        standing_n=d.standing_n / (1.0 + gain.error),
+        u_gain_n=float(np.sqrt(sum(u**2 for u in growing))),
+        u_force_n=known if d.u_force_n else {},
+        assumed=False,
+    )
+
+
+def _side(side: Side, error: float) -> Side:
+    force = side.balance_n - side.air_n
+    return replace(side, balance_n=side.air_n + force / (1.0 + error), force_n=side.force_n / (1.0 + error))
+
+
+def _half_difference(d: CycleData) -> float:
+    forces = [side.force_n for side in d.sides.values()]
+    return abs(forces[0] - forces[-1]) / 2.0 if len(forces) == 2 else abs(forces[0]) if forces else 0.0
+
+
+@dataclass(frozen=True)
+class PressureZero:
+    """Zero of the transducer of one chamber.
+
+    Attributes
+    ----------
+    blocks : dict
+        Block -> zero that is taken off its cycles, Pa; empty where none can be.
+    mean_pa, stderr_pa : float
+        Over all tares that count; standard uncertainty by noise and by how much tares differ.
+    tares : int
+        That count.
+    far, unsteady : dict
+        Key of a tare that does not count -> by how much it is off ambient, and changes, Pa.
+    """
+
+    blocks: dict[int, float] = field(default_factory=dict)
+    mean_pa: float = float("nan")
+    stderr_pa: float = float("nan")
+    tares: int = 0
+    far: dict[str, float] = field(default_factory=dict)
+    unsteady: dict[str, float] = field(default_factory=dict)
+
+    def at(self, block: int) -> float:
+        """Give what is taken off a cycle of this block, Pa: the zero of its own tares, else of all."""
+        return self.blocks.get(block, self.mean_pa if self.tares else 0.0)
+
+
+def pressure_zeros(identity: Identity, tares: Sequence[CycleData]) -> dict[str, PressureZero]:
+    """Find the zero of each transducer whose accuracy is stated, by chamber ("a", "b")."""
+    found = {}
+    for side in SIDES:
+        accuracy = identity.accuracy.get(f"pressure_{side}_pa", 0.0)
+        seen = [(tare, shown) for tare in tares if (shown := tare.standing_pressures.get(side)) is not None]
+        if accuracy > 0.0 and seen:
+            found[side] = _zero(seen, identity.ambient_pressure_pa, accuracy)
+    return found
+
+
+def _zero(seen: list[tuple[CycleData, OpenPressure]], ambient_pa: float, accuracy_pa: float) -> PressureZero:
+    far, unsteady = {}, {}
+    blocks: dict[int, list[float]] = {}
+    noise = []
+    for tare, shown in seen:
+        off = shown.mean_pa - ambient_pa
+        if abs(shown.change_pa) > accuracy_pa:
+            unsteady[tare.head.cycle.key] = shown.change_pa
+        elif abs(off) > REACH * accuracy_pa:
+            far[tare.head.cycle.key] = off
+        else:
+            blocks.setdefault(tare.head.cycle.block, []).append(off)
+            noise.append(shown.stderr_pa)
+    values = [off for offs in blocks.values() for off in offs]
+    if not values:
+        return PressureZero(far=far, unsteady=unsteady)
+    scatter = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+    stderr = float(np.hypot(np.sqrt(np.mean(np.square(noise))), scatter) / np.sqrt(len(values)))
+    means = {block: float(np.mean(offs)) for block, offs in blocks.items()}
+    return PressureZero(means, float(np.mean(values)), stderr, len(values), far, unsteady)
+
+
+def without_zeros(
+    data: Sequence[CycleData], zeros: dict[str, PressureZero], identity: Identity
+) -> tuple[CycleData, ...]:
+    """Take the zeros off cycles, tares as well: their zero is then that of the force sensor alone.
+
+    Of the accuracy of a transducer, its gain is left, which grows with the reading. Where its range is not stated, it
+    is the usual one that holds the highest pressure of the campaign.
+    """
+    known = {side: zero for side, zero in zeros.items() if zero.tares}
+    if not known:
+        return tuple(data)
+    ambient = identity.ambient_pressure_pa
+    pressures = {side: [getattr(s, f"pressure_{side}_pa") for d in data for s in d.sides.values()] for side in known}
+    spans = {side: _span(np.abs(np.array(values) - ambient)) for side, values in pressures.items() if values}
+    return tuple(_without(d, known, identity, spans) for d in data)
+
+
+def _span(gauge_pa: Array) -> float:
+    largest = float(gauge_pa.max())
+    return float(USUAL_RANGES_PA[np.searchsorted(USUAL_RANGES_PA, largest)]) if largest <= 1e7 else largest
+
+
+def _without(d: CycleData, zeros: dict[str, PressureZero], identity: Identity, spans: dict[str, float]) -> CycleData:
+    area = {"a": identity.area_a_m2, "b": -identity.area_b_m2}
+    off = {side: zero.at(d.head.cycle.block) for side, zero in zeros.items()}
+    force = sum(area[side] * value for side, value in off.items())
+    if not d.sides:
+        return replace(d, standing_n=d.standing_n - force) if d.standing_pressures else d
+    shown = {f"pressure_{side}_pa": value for side, value in off.items()}
+    sides = {
+        direction: replace(
+            side,
+            balance_n=side.balance_n - force,
+            air_n=side.air_n - force,
+            **{name: getattr(side, name) - value for name, value in shown.items()},
+        )
+        for direction, side in d.sides.items()
+    }
+    variance = d.u_offset_n**2
+    for side in zeros:
+        channel = f"pressure_{side}_pa"
+        if channel in identity.limits:
+            continue  # counted by its reading already
+        gauge = np.mean([getattr(s, channel) for s in sides.values()]) - identity.ambient_pressure_pa
+        left = identity.accuracy[channel] * abs(area[side]) * min(abs(float(gauge)) / spans[side], 1.0)
+        variance += left**2 - d.u_pressures_n[side] ** 2
+    return replace(d, sides=sides, u_offset_n=float(np.sqrt(max(variance, 0.0))))

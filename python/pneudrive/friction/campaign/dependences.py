@@ -1,0 +1,243 @@
+"""What a campaign measured of direction, position, stops and temperature, as tables of a drive's friction.
+
+  F(v, x, ...) = s (1 + slope (x - x0) + waves) [levels(v) + Fd(age)] + viscous v
+
+The factors of direction s and of position act on the levels, Coulomb and breakaway force; the curves, means of both
+directions over the common range, hold the viscous part beside them. The age of the contact is that of the drive's law:
+a stop of duration t leaves Fd = B psi(t), sliding leaves Fd(L/|v|), and after a restart the age falls as
+exp(-travel/L).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.estimate.estimates import Estimate, mean_estimate
+from pneudrive.friction.campaign.basics import BOTH
+from pneudrive.friction.campaign.stops.contact import ASSUMED_DISTANCE_M, FEWEST_STOPS, ContactAge, fit_contact_age
+from pneudrive.identify.dependences import Dependences
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    from pneudrive.friction.campaign.basics import Condition
+    from pneudrive.friction.campaign.effects.effect import Asymmetry
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
+    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.stops.stop import Stop
+
+    Array = NDArray[np.float64]
+
+#: Largest share of the friction at the start of a hold that a drive's bristles may lose.
+MOST_RELAXED = 0.99
+
+Part = tuple[str, dict[str, object], dict[str, Estimate]]
+"""Key in [friction], its table, and the estimates in it by their names there."""
+
+
+def dependences_of(
+    found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str] = ("", "", "")
+) -> Dependences:
+    """Give what acts on friction beside speed and pressure, in the terms of a drive file.
+
+    Parameters
+    ----------
+    found : CampaignCharacteristics
+    viscous_n_s_m : float
+        Viscous coefficient of the fit that takes it.
+    levels : tuple of str
+        Its mounting, seal and drive.
+
+    Returns
+    -------
+    Dependences
+        Only what differs from nothing beyond chance; of the rest and of what a drive cannot hold, a note.
+    """
+    notes: list[str] = []
+    series = _series(found, levels)
+    age = _contact_age(series, found.identity.ambient_pressure_pa, notes)
+    slow, fast = found.ranges.speed_m_s
+    parts = [
+        *_direction(found, viscous_n_s_m, levels, notes),
+        *_position(found, viscous_n_s_m, levels),
+        *(() if age is None else _dwell(age, notes)),
+        *(() if series is None else _relaxation(series.stops, notes)),
+        *_temperature(found, viscous_n_s_m),
+    ]
+    estimates = {f"friction.{key}.{name}": one for key, _, own in parts for name, one in own.items()}
+    tables = {key: table for key, table, _ in parts}
+    return Dependences(
+        tables=tables,
+        values={name: one.value for name, one in estimates.items()},
+        intervals={name: (one.low, one.high) for name, one in estimates.items()},
+        sliding={} if age is None else {"breakaway": age.sliding_n(slow), "coulomb": age.sliding_n(fast)},
+        notes=tuple(notes),
+        source=f"campaign {found.name}",
+    )
+
+
+def _is_of(condition: Condition | None, levels: tuple[str, str, str]) -> bool:
+    return condition is not None and (condition.mounting, condition.seal, condition.drive) == levels
+
+
+def _weighted(estimates: Iterable[Estimate]) -> Estimate:
+    """Give the mean of estimates, each weighted by its variance."""
+    every = list(estimates)
+    weights = np.array([1.0 / max(one.stderr, 1e-300) ** 2 for one in every])
+    value = float(weights @ [one.value for one in every] / weights.sum())
+    freedom = max((one.degrees_of_freedom for one in every), default=1.0)
+    return Estimate.of(value, float(weights.sum() ** -0.5), freedom, every[0].unit)
+
+
+# --- direction and position ----------------------------------------------------------------------------------------
+
+
+def _direction(
+    found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str], notes: list[str]
+) -> Iterator[Part]:
+    """Factors on the levels in +x and -x: half the difference of both directions over the mean level."""
+    own = [one for one in found.asymmetry if _is_of(one.condition, levels)]
+    shares = [share for one in own if one.basis == "tare" and (share := _share(found, one, viscous_n_s_m)) is not None]
+    if own and not shares:
+        notes.append("direction: without tare cycles the zero of the force sensor is in the difference; not applied")
+    if not shares or not (mean := _weighted(shares)).differs:
+        return
+    factors = {
+        "positive": Estimate(1.0 + mean.value, 1.0 + mean.low, 1.0 + mean.high, mean.stderr, "1"),
+        "negative": Estimate(1.0 - mean.value, 1.0 - mean.high, 1.0 - mean.low, mean.stderr, "1"),
+    }
+    yield "direction", {name: round(one.value, 6) for name, one in factors.items()}, factors
+
+
+def _share(found: CampaignCharacteristics, one: Asymmetry, viscous_n_s_m: float) -> Estimate | None:
+    curve = found.curve(one.condition, BOTH)
+    if curve is None:
+        return None
+    friction = np.interp(np.log(one.speed_m_s), np.log(curve.speed_m_s), curve.friction_n)
+    level = float(np.mean(friction - viscous_n_s_m * one.speed_m_s))
+    return one.mean.scaled(1.0 / level, "1") if level > 0.0 else None
+
+
+def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str]) -> Iterator[Part]:
+    """Trend and waves of the levels over position; their mean over the common range is one."""
+    own = [one for one in found.position if one.condition is None or _is_of(one.condition, levels)]
+    curves = [one for one in found.curves if one.direction == BOTH and _is_of(one.condition, levels)]
+    if not own or not curves:
+        return
+    pattern = max(own, key=lambda one: (one.condition is None and _one_group(found), one.cycles))
+    viscous = [viscous_n_s_m * one.speed_m_s / one.friction_n for one in curves]
+    level = 1.0 - float(np.mean(np.concatenate(viscous)))  # share of the levels in what the pattern is relative to
+    away = pattern.position_m - (middle := float(pattern.position_m.mean()))
+    waves = [(w.wavelength_m, w.cosine.value, w.sine.value) for w in pattern.harmonics]
+    shape = sum(
+        (c * np.cos(2.0 * np.pi * away / length) + s * np.sin(2.0 * np.pi * away / length) for length, c, s in waves),
+        np.zeros(away.size),
+    )
+    scale = 1.0 / (level - float(shape.mean()))  # the drive's factor has one as its constant
+    # a trend is not the mean over speeds but that of the cycles which tell it best: their share may be any
+    spread = scale**2 * float(np.std(np.concatenate(viscous))) * abs(pattern.trend_per_m.value)
+    slope = pattern.trend_per_m.scaled(scale).widened(spread)
+    if not waves and not slope.differs:
+        return
+    table: dict[str, object] = {"reference": f"{middle:.6g} m"}
+    if slope.differs:
+        table["slope"] = f"{slope.value:.6g} 1/m"
+    if waves:
+        table["harmonics"] = [
+            {
+                "period": f"{length:.6g} m",
+                "amplitude": round(scale * float(np.hypot(c, s)), 6),
+                "phase": f"{-float(np.arctan2(s, c)):.6g} rad",
+            }
+            for length, c, s in waves
+        ]
+    yield "position", table, {"slope": slope} if slope.differs else {}
+
+
+def _one_group(found: CampaignCharacteristics) -> bool:
+    return len({(c.condition.mounting, c.condition.seal, c.condition.drive) for c in found.curves}) <= 1
+
+
+# --- stops ---------------------------------------------------------------------------------------------------------
+
+
+def _series(found: CampaignCharacteristics, levels: tuple[str, str, str]) -> DwellSeries | None:
+    """Choose the series that has most stops in which the axis held the piston."""
+    own = [one for one in found.dwell if one.conditions and not one.released and _is_of(one.conditions[0], levels)]
+    return max(own, key=lambda one: len(one.stops), default=None)
+
+
+def _contact_age(series: DwellSeries | None, ambient_pa: float, notes: list[str]) -> ContactAge | None:
+    """Fit the age of the contact by the growth of the best law of breakaway over duration that a drive knows."""
+    if series is None:
+        return None
+    if not series.laws or series.slope is None:
+        notes.append("stops: too few durations for a law of breakaway over duration; not applied")
+        return None
+    law = next((law for law in series.laws if law.form.growth), None)
+    if law is None or not series.slope.differs:
+        return None
+    return fit_contact_age(series.stops, law.form, law.shape.get("m", law.form.exponent), ambient_pa)
+
+
+def _dwell(age: ContactAge, notes: list[str]) -> Iterator[Part]:
+    if age.distance is None:
+        notes.append("stops: no way back to sliding was seen: the distance that renews the contact is assumed, 0.1 mm")
+    if age.together:
+        notes.append("stops: both pressures moved together; half of their effect on ageing is given to each chamber")
+    table: dict[str, object] = {
+        "growth": age.growth,
+        "increment": f"{age.increment.value:.6g} N",
+        "time": f"{age.time.value:.6g} s",
+        "distance": f"{age.distance_m:.6g} m",
+    }
+    if age.growth == "saturating":
+        table["exponent"] = age.exponent
+    if age.share_a_pa or age.share_b_pa:
+        table["pressure"] = {"a": f"{age.share_a_pa:.6g} 1/Pa", "b": f"{age.share_b_pa:.6g} 1/Pa"}
+    estimates = {"increment": age.increment, "time": age.time}
+    yield "dwell", table, estimates | ({} if age.distance is None else {"distance": age.distance})
+
+
+def _relaxation(stops: Iterable[Stop], notes: list[str]) -> Iterator[Part]:
+    """Share and time of the fall of a held force, where it is that of one time constant."""
+    held = [stop.relaxation for stop in stops if stop.relaxation is not None and stop.relaxation.amount.differs]
+    if len(held) < FEWEST_STOPS:
+        return
+    of_one_time = [one for one in held if one.form == "exponential"]
+    if len(of_one_time) <= len(held) / 2:
+        notes.append("relaxation: the force does not fall with one time constant, as that of a drive does; not applied")
+        return
+    shares = np.array([one.amplitudes_n[0] / (one.held_n + one.amplitudes_n[0]) for one in of_one_time])
+    shares = shares[(shares > 0.0) & (shares < MOST_RELAXED)]
+    if shares.size < FEWEST_STOPS:
+        return
+    share = mean_estimate(shares, "1")
+    time = mean_estimate(np.log([one.times_s[0] for one in of_one_time]), "1")
+    middle, low, high = (float(np.exp(end)) for end in (time.value, time.low, time.high))
+    seconds = Estimate(middle, low, high, float("nan"), "s")
+    notes.append("relaxation: the distance that renews the bristles is assumed, 0.1 mm")
+    table: dict[str, object] = {
+        "share": round(share.value, 6),
+        "time": f"{seconds.value:.6g} s",
+        "distance": f"{ASSUMED_DISTANCE_M:.6g} m",
+    }
+    yield "relaxation", table, {"share": share, "time": seconds}
+
+
+def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterator[Part]:
+    """Change of friction with temperature, over the mean level."""
+    per_kelvin = None if found.drift is None else found.drift.per_kelvin
+    if per_kelvin is None or not per_kelvin.differs:
+        return
+    sliding = [one for one in found.cycles if np.isfinite(one.friction_n) and np.isfinite(one.temperature_k)]
+    level = float(np.mean([one.friction_n - viscous_n_s_m * one.speed_m_s for one in sliding]))
+    kelvin = float(np.mean([one.temperature_k for one in sliding]))
+    if level <= 0.0:
+        return
+    share = per_kelvin.scaled(1.0 / level, "1/K")
+    yield "temperature", {"reference": f"{kelvin:.6g} K", "levels": f"{share.value:.6g} 1/K"}, {"levels": share}

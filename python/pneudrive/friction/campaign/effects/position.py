@@ -1,0 +1,191 @@
+"""Friction against position: its pattern over the common range, trend and harmonics, cycles being the repeats."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.estimate.autocorrelation import stderrs_of_means
+from pneudrive.estimate.estimates import Estimate, mean_estimate, student
+from pneudrive.estimate.mixed import MixedModel, RandomEffect
+from pneudrive.estimate.moderate import moderate
+from pneudrive.friction.campaign.basics import Condition
+from pneudrive.friction.campaign.curves.reduction import FREEDOM_PER_CYCLE
+from pneudrive.friction.campaign.effects.effect import PositionPattern, PositionWave
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.friction.campaign.curves.curves import Points
+
+    Array = NDArray[np.float64]
+
+#: Waves are looked for that fit 0.9 to 8 times into the range, which is shorter than the stroke; less is a trend.
+MOST_WAVES = 4
+TIMES = np.arange(0.9, 8.01, 0.1)
+FINER = (0.02, 0.004, 0.001)
+#: Fall of chi-square by a wave (three parameters, some fifty places to look) that chance does not give (p = 0.001).
+CLEAR = 25.0
+FEWEST_BINS = 16
+FEWEST_CYCLES = 4
+MOST_FITTED = 100  # cycles whose slopes are fitted one by one: of more, neighbours in speed are put together
+APART = 2.0  # times the slowest over the fastest cycle's time and force, from which on a drift of the zero can be told
+COVERED = 0.9  # of the common bins: cycles that lack more do not tell of trend and harmonics
+
+
+def position_dependence(points: Points) -> tuple[PositionPattern, ...]:
+    """Describe friction over position: all cycles together, then each condition that has enough of them."""
+    use = points.use
+    groups: list[tuple[Condition | None, NDArray[np.bool_]]] = [(None, use)]
+    if len(points.conditions) > 1:
+        groups += [(c, use & (points.condition == i)) for i, c in enumerate(points.conditions)]
+    found = (_describe(points, condition, members) for condition, members in groups)
+    return tuple(one for one in found if one is not None)
+
+
+def _describe(points: Points, condition: Condition | None, members: NDArray[np.bool_]) -> PositionPattern | None:
+    reduced = points.reduced
+    rows = reduced.relative_n[members][:, reduced.common]
+    position = reduced.position_m[reduced.common]
+    told = np.isfinite(rows).mean(axis=1) >= COVERED
+    rows = rows[told]
+    if rows.shape[0] < FEWEST_CYCLES or position.size < FEWEST_BINS:
+        return None
+    slowness = 1.0 / (reduced.speed_m_s[members] * np.abs(reduced.friction_n[members]))[told]
+    rows = rows - _trend(position, rows, slowness, (), 1.0)[1] * slowness[:, None] * (position - position.mean())
+    known = np.isfinite(rows)
+    count = known.sum(axis=0)
+    mean = np.where(known, rows, 0.0).sum(axis=0) / np.maximum(count, 1)
+    deviation = np.sqrt((np.where(known, rows - mean, 0.0) ** 2).sum(axis=0) / np.maximum(count - 1, 1))
+    half = np.array([student(n - 1) for n in count]) * deviation / np.sqrt(np.maximum(count, 1))
+    width = float(position[1] - position[0])
+    length = position.size * width
+    waves = _waves(position, mean, deviation / np.sqrt(np.maximum(count, 1)), length)
+    coefficients = _each(_columns(position, waves, length), rows)
+    trend = _trend(position, rows, slowness, waves, length)[0]
+    harmonics = tuple(
+        _harmonic(times, length / times, coefficients[:, 2 * i + 2], coefficients[:, 2 * i + 3])
+        for i, times in enumerate(waves)
+    )
+    return PositionPattern(condition, position, mean, mean - half, mean + half, trend, harmonics, rows.shape[0])
+
+
+def _trend(
+    position: Array, rows: Array, slowness: Array, waves: Sequence[float], length: float
+) -> tuple[Estimate, float]:
+    """Estimate the change along x that all cycles share, and the rate of the sensor's zero, N/s, taken out of it.
+
+    While a cycle lasts, the zero moves: over +x it has risen more the further the stroke is, over -x less, which half
+    their difference shows as rate / speed along x. Slow cycles show it most, and as the rate is not steady, they also
+    tell least of the trend. How long the waves are is not known either: a wave of a little other length is a trend in
+    part, so that each cycle has waves that may be a little longer or shorter.
+    """
+    found, variance = _slopes(position, rows, waves, length)
+    if slowness.max() < APART * slowness.min() or found.size < FEWEST_CYCLES + 1:
+        return mean_estimate(found, "1/m"), 0.0
+    usual = float(np.median(slowness))
+    groups = np.array_split(np.argsort(slowness), min(MOST_FITTED, found.size))
+    count = np.array([group.size for group in groups], dtype=float)
+    slow = np.array([slowness[group].mean() for group in groups]) / usual
+    variance = moderate(variance, np.full(variance.size, FREEDOM_PER_CYCLE), slowness)
+    scale = max(float(np.std(found)), 1e-12)
+    model = MixedModel(
+        np.array([found[group].mean() for group in groups]),
+        np.column_stack([np.ones(slow.size), slow]),
+        np.array([variance[group].sum() for group in groups]) / count**2,
+        (RandomEffect("cycle", 1.0 / count, scale), RandomEffect("zero", slow**2 / count, scale)),
+    )
+    fit = model.fit()
+    return fit.contrast(np.array([1.0, 0.0]), "1/m"), fit.contrast(np.array([0.0, 1.0])).value / usual
+
+
+def _slopes(position: Array, rows: Array, waves: Sequence[float], length: float) -> tuple[Array, Array]:
+    """Relative change of friction along x in each cycle, and its variance by noise within the cycle."""
+    columns = _columns(position, waves, length)
+    columns = np.hstack([columns, _stretches(position, np.nanmean(rows, axis=0), columns, length)])
+    found = _each(columns, rows)
+    rest = np.nan_to_num(rows - found @ columns.T)
+    weights = np.linalg.pinv(columns)[1]
+    spare = rest.shape[1] / (rest.shape[1] - columns.shape[1])  # what the columns took of the noise
+    variance = spare * (rest.shape[1] * stderrs_of_means(rest * weights)) ** 2
+    return found[:, 1], np.maximum(variance, 1e-12 * float(np.var(found[:, 1])) + 1e-30)
+
+
+def _columns(position: Array, waves: Sequence[float], length: float) -> Array:
+    """Mean, trend, and cosine and sine of waves that fit so many times into the range; shape (n, 2 + 2 waves)."""
+    away = position - position.mean()
+    columns = [np.ones(away.size), away]
+    for times in waves:
+        phase = 2.0 * np.pi * times * away / length
+        columns += [np.cos(phase), np.sin(phase)]
+    return np.column_stack(columns)
+
+
+def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[float]:
+    """Find how many times each wave fits into the range: rarely whole, or it would pass for a trend in part.
+
+    One after the other, the strongest first, as long as it takes more from the pattern than chance would; with each
+    new one all are adjusted.
+    """
+    weight = 1.0 / np.maximum(stderr, 1e-3 * float(np.median(stderr)) + 1e-12)
+
+    def left(waves: Sequence[float]) -> float:
+        columns = weight[:, None] * _columns(position, waves, length)
+        rest = weight * mean - columns @ np.linalg.lstsq(columns, weight * mean, rcond=None)[0]
+        return float(rest @ rest)
+
+    waves: list[float] = []
+    while len(waves) < MOST_WAVES:
+        trial = [*waves, min(TIMES, key=lambda times: left([*waves, times]))]
+        for step in FINER:
+            for i, at in enumerate(trial):
+                near = [at + step * k for k in range(-10, 11)]
+                inside = [times for times in near if TIMES[0] <= times <= TIMES[-1]]
+                trial[i] = min(inside, key=lambda times: left([*trial[:i], times, *trial[i + 1 :]]))
+        if left(waves) - left(trial) < CLEAR * max(left(trial) / max(mean.size - 2 - 3 * len(trial), 1), 1.0):
+            break
+        waves = [float(times) for times in trial]
+    return waves
+
+
+def _stretches(position: Array, mean: Array, columns: Array, length: float) -> Array:
+    """Change of the mean pattern with how many times each of its waves fits into the range; shape (n, waves)."""
+    found = np.linalg.lstsq(columns, mean, rcond=None)[0]
+    phase = 2.0 * np.pi * (position - position.mean()) / length
+    pairs = [(k, k + 1) for k in range(2, columns.shape[1], 2)]
+    parts = [phase * (found[sine] * columns[:, cosine] - found[cosine] * columns[:, sine]) for cosine, sine in pairs]
+    return np.column_stack(parts) if parts else np.zeros((position.size, 0))
+
+
+def _each(columns: Array, rows: Array) -> Array:
+    """Coefficients of the columns in each cycle, shape (cycles, columns)."""
+    masks, which = np.unique(np.isfinite(rows), axis=0, return_inverse=True)
+    found = np.empty((rows.shape[0], columns.shape[1]))
+    for number, here in enumerate(masks):  # cycles that lack the same bins are one problem
+        members = which.ravel() == number
+        found[members] = np.linalg.lstsq(columns[here], rows[np.ix_(members, here)].T, rcond=None)[0].T
+    return found
+
+
+def _harmonic(times: float, wavelength: float, cosine: Array, sine: Array) -> PositionWave:
+    """Estimate one harmonic; its amplitude is tested by Hotelling's T2 of both parts."""
+    from scipy.special import fdtrc
+
+    n = cosine.size
+    both = np.column_stack([cosine, sine])
+    mean = both.mean(axis=0)
+    covariance = np.cov(both.T) / n
+    size = float(np.hypot(*mean))
+    along = mean / size if size > 0 else np.array([1.0, 0.0])
+    stderr = float(np.sqrt(max(along @ covariance @ along, 0.0)))
+    half = student(n - 1) * stderr
+    try:
+        t2 = float(mean @ np.linalg.solve(covariance, mean))
+        p = float(fdtrc(2, n - 2, t2 * (n - 2) / (2.0 * (n - 1))))
+    except np.linalg.LinAlgError:
+        p = float(size == 0.0)
+    amplitude = Estimate(size, max(size - half, 0.0), size + half, stderr, "1", n - 1, p)
+    return PositionWave(times, wavelength, mean_estimate(cosine, "1"), mean_estimate(sine, "1"), amplitude)

@@ -1,0 +1,302 @@
+"""Effects of both chamber pressures on friction: slopes at each speed, their interaction, what the design carries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.estimate.estimates import CHANCE
+from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
+from pneudrive.estimate.splines import centred_walk
+from pneudrive.friction.campaign.basics import PA_PER_BAR, TOLD, classify_pressures
+from pneudrive.friction.campaign.curves.smooth import CARRIED, CYCLE_SCALE
+from pneudrive.friction.campaign.effects.effect import PressureEffects
+from pneudrive.friction.campaign.sentences import say
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.estimate.estimates import Estimate, FTest
+    from pneudrive.friction.campaign.basics import Statement
+    from pneudrive.friction.campaign.curves.curves import Fits
+    from pneudrive.friction.campaign.cycles.reading import CampaignData
+
+    Array = NDArray[np.float64]
+
+#: Change of friction over a campaign, over its mean, that may be hidden in effects of pressure where the order of the
+#: cycles follows pressure and nothing tells the two apart: a seal that runs in or wears (assumed standard uncertainty).
+HIDDEN_CHANGE = 0.1
+#: Of that change, the share that a pressure takes over its range from which on it is said to go with time.
+FOLLOWS_TIME = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class _Design:
+    """Cycles of one set of levels. Pressures are in bar, gauge; ``kind`` is both, a, b, sum or line.
+
+    ``beside`` has a column for each set of equal cycles at other speeds, such as sentinels: they say nothing of
+    pressure, and tell what time did. Their ``level`` is -1.
+    """
+
+    kind: str
+    speeds: Array
+    level: NDArray[np.int64]
+    a: Array
+    b: Array
+    place: Array
+    beside: Array
+    order: Array
+    pairs: tuple[tuple[float, float], ...]
+
+    @property
+    def compared(self) -> NDArray[np.bool_]:
+        """Cycles at speeds that were measured at all pressure pairs."""
+        return self.level >= 0
+
+    def centred(self, values: Array) -> Array:
+        """Values less their mean over the compared cycles, and zero beside them."""
+        return np.where(self.compared, values - values[self.compared].mean(), 0.0)
+
+
+def pressure_effects(reading: CampaignData, fits: Fits) -> tuple[PressureEffects, ...]:
+    """Find the effects of pressure for each set of mounting, seal and drive with several pressure pairs."""
+    points = fits.points
+    found = []
+    for levels in dict.fromkeys(c.levels for c in points.conditions):
+        conditions = [i for i, c in enumerate(points.conditions) if c.levels == levels]
+        title = points.conditions[conditions[0]].title
+        effect = _effects(reading, fits, points.use & np.isin(points.condition, conditions), title)
+        if effect is not None:
+            found.append(effect)
+    return tuple(found)
+
+
+def _effects(reading: CampaignData, fits: Fits, members: NDArray[np.bool_], title: str) -> PressureEffects | None:
+    design, members = _design(reading, fits, members)
+    if design is None:
+        return None
+    speed = np.eye(design.speeds.size)[design.level] * design.compared[:, None]
+    names = TOLD.get(design.kind, ("sum",))
+    slopes = [design.b if name == "b" else design.a for name in names]
+    count = design.speeds.size
+    base = np.hstack([design.beside, speed])
+    x = np.hstack([base, *(speed * p[:, None] for p in slopes)])
+    if x.shape[0] <= x.shape[1] + 1:  # too few cycles for a slope at each speed: one for all of them
+        count = 1
+        x = np.hstack([base, *(p[:, None] for p in slopes)])
+    # Where pressures act together, that is no scatter and no drift: slopes are taken beside it, at the mean pressures.
+    together = _together(design, x) if design.kind == "both" else np.zeros((x.shape[0], 0))
+    x = np.hstack([together, x])
+    fit = _fit(fits, members, x, design.order) if x.shape[0] > x.shape[1] + 1 else None
+    if fit is None:
+        return None
+    u, hidden = accuracy_n(fits, members), _hidden(fits, fit.model, design)
+    reach = [u / max(float(np.ptp(p)), 1e-12) for p in slopes]
+    # The last columns are the slopes at each speed, one pressure after the other.
+    rows_of = np.eye(x.shape[1])[-count * len(slopes) :].reshape(len(slopes), count, -1)
+    each = [tuple(_slope(fit, row, r, hidden) for row in rows) for rows, r in zip(rows_of, reach, strict=True)]
+    of_mean = rows_of.mean(axis=1)
+    means = [_slope(fit, row, r, hidden) for row, r in zip(of_mean, reach, strict=True)]
+    follows = [
+        hidden is not None and hidden.share(r) * np.ptp(p) > FOLLOWS_TIME for r, p in zip(of_mean, slopes, strict=True)
+    ]
+    interaction, joint, curvature = None, None, None
+    if together.shape[1] and hidden is None:
+        rows = np.eye(x.shape[1])[: together.shape[1]]
+        interaction, joint = fit.f_test(rows), fit.contrast(rows[0]).scaled(PA_PER_BAR**-2, "N/Pa2")
+    if hidden is None:
+        squares = [design.centred(p) ** 2 * design.compared for p in slopes]
+        curvature = _curvature(fits, members, x, design, squares)
+    named: dict[str, Any] = {f"slope_{name}": slope for name, slope in zip(names, each, strict=True)}
+    named |= {f"mean_{name}": mean for name, mean in zip(names, means, strict=True)}
+    return PressureEffects(
+        levels=title,
+        speed_m_s=design.speeds if count > 1 else design.speeds.mean(keepdims=True),
+        gauge_pa=tuple((PA_PER_BAR * a, PA_PER_BAR * b) for a, b in design.pairs),
+        hidden_n=hidden.size_n if hidden is not None else 0.0,
+        statement=_statement(design, means, interaction, joint, curvature, u) + _order(design, hidden, follows),
+        interaction=interaction,
+        interaction_n_pa2=joint,
+        curvature=curvature,
+        **named,
+    )
+
+
+def _design(reading: CampaignData, fits: Fits, members: NDArray[np.bool_]) -> tuple[_Design | None, NDArray[np.bool_]]:
+    """Keep the speeds that were measured at all pressure pairs, and say what the pairs can tell."""
+    points = fits.points
+    absolute = np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in points.conditions])
+    gauge = np.round((absolute - reading.identity.ambient_pressure_pa) / PA_PER_BAR, 3) + 0.0
+    of_cycle = gauge[points.condition]
+    pairs = np.unique(of_cycle[members], axis=0)
+    at = {int(k): np.unique(of_cycle[members & (points.level == k)], axis=0) for k in set(points.level[members])}
+    kept = sorted(k for k, found in at.items() if len(found) == len(pairs))
+    if len(pairs) < 2 or not kept:
+        return None, members
+    compared = members & np.isin(points.level, kept)
+    # Equal cycles at other speeds, in one set each; a single one would say nothing.
+    cell = points.cell
+    sets, counts = np.unique(cell[members & ~compared], return_counts=True)
+    beside = members & ~compared & np.isin(cell, sets[counts > 1])
+    used = compared | beside
+    here = compared[used]
+    design = _Design(
+        kind=classify_pressures(pairs),
+        speeds=points.level_speeds_m_s[kept],
+        level=np.where(here, np.searchsorted(kept, points.level[used]), -1),
+        a=np.where(here, of_cycle[used, 0], 0.0),
+        b=np.where(here, of_cycle[used, 1], 0.0),
+        place=np.log(points.reduced.speed_m_s[used]),
+        beside=(cell[used][:, None] == sets[counts > 1]) & beside[used][:, None],
+        order=np.array([reading.order(d.head) for d in points.cycles(used)]),
+        pairs=tuple((float(a), float(b)) for a, b in pairs),
+    )
+    return design, used
+
+
+def _fit(fits: Fits, members: NDArray[np.bool_], x: Array, order: Array) -> MixedFit | None:
+    """Fit fixed effects with the sources of chance that the curves' model has."""
+    points, reduced = fits.points, fits.points.reduced
+    if independent(x).size < x.shape[1]:
+        return None
+    y = reduced.friction_n[members]
+    # Where a source is relative, it acts in proportion to friction: to what the fixed effects make of it, not to
+    # the values themselves, which a source in proportion to them would explain to the last digit.
+    steady = x @ np.linalg.lstsq(x, y, rcond=None)[0]
+    level = steady / steady.mean()
+    share, relative = (level if fits.friction.logarithmic else np.ones(y.size)), fits.friction.relative
+    usual = CYCLE_SCALE * max(float(np.abs(y).mean()), 1e-9)
+    outer = np.outer(share, share)
+    own = relative * level**2 + 1.0 - relative
+    components = [RandomEffect("cycle", own / points.count[members], usual)]
+    if fits.drift_share < CARRIED:
+        components.append(RandomEffect("drift", outer * centred_walk(order), usual))
+    if fits.blocks is not None:
+        blocks = fits.blocks[members[points.use]]
+        if blocks.any(axis=0).sum() > 1:
+            components.append(RandomEffect("block", outer * (blocks @ blocks.T), usual))
+    return MixedModel(y, x, reduced.friction_stderr_n[members] ** 2, tuple(components)).fit()
+
+
+def accuracy_n(fits: Fits, members: NDArray[np.bool_]) -> float:
+    """Give the standard uncertainty by which the sensors may make friction change from one pressure to another."""
+    return float(np.mean([np.hypot(d.u_gain_n, d.u_hysteresis_n) for d in fits.points.cycles(members)]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Hidden:
+    """A change of friction over the campaign that the design does not tell from what it looks for.
+
+    ``size_n`` is its standard uncertainty; ``of_order`` are the coefficients of the columns that make the same as a
+    steady change by 1 N from the first cycle to the last.
+    """
+
+    size_n: float
+    of_order: Array
+
+    def share(self, row: Array) -> float:
+        """Part of the change that a contrast takes for its own."""
+        return abs(float(row @ self.of_order))
+
+
+def _hidden(fits: Fits, model: MixedModel, design: _Design) -> _Hidden | None:
+    """Give the change that is hidden; None where the design carries a drift, which is then in the model."""
+    if fits.drift_share < CARRIED:
+        return None
+    size = HIDDEN_CHANGE * float(np.abs(model.y).mean())
+    return _Hidden(size, np.linalg.lstsq(model.x, design.order - design.order.mean(), rcond=None)[0])
+
+
+def _slope(fit: MixedFit, row: Array, u: float, hidden: _Hidden | None) -> Estimate:
+    doubt = u if hidden is None else float(np.hypot(u, hidden.size_n * hidden.share(row)))
+    return fit.contrast(row).widened(doubt).scaled(1.0 / PA_PER_BAR, "N/Pa")
+
+
+def _over_speed(design: _Design, columns: list[Array]) -> list[Array]:
+    """Columns, and each of them with the logarithm of speed."""
+    tilt = design.centred(design.place)
+    return [*columns, *(c * tilt for c in columns)] if design.speeds.size > 1 else columns
+
+
+def _together(design: _Design, x: Array) -> Array:
+    """Columns of the product of both pressures, its mean over speeds and its change with their logarithm.
+
+    Centred, so that slopes beside it are those at the mean of the other pressure; none where the design does not carry
+    it.
+    """
+    product = design.centred(design.a) * design.centred(design.b)
+    columns = [c for c in _over_speed(design, [product]) if np.ptp(c) > 0.0]
+    kept = [k - x.shape[1] for k in independent(np.column_stack([x, *columns])).tolist() if k >= x.shape[1]]
+    if 0 not in kept or x.shape[0] <= x.shape[1] + len(kept) + 1:
+        return np.zeros((x.shape[0], 0))
+    return np.column_stack([columns[k] for k in kept])
+
+
+def _curvature(fits: Fits, members: NDArray[np.bool_], x: Array, design: _Design, squares: list[Array]) -> FTest | None:
+    """Test squares of pressures, their mean over speeds and their change with its logarithm."""
+    columns = [p for p in squares if np.ptp(p) > 0.0]
+    wide = np.column_stack([x, *_over_speed(design, columns)])
+    kept = independent(wide)
+    added = [k for k in kept.tolist() if k >= x.shape[1]]
+    if len([k for k in added if k < x.shape[1] + len(columns)]) < len(columns) or not columns:
+        return None
+    wide = wide[:, kept]
+    if wide.shape[0] <= wide.shape[1] + 1:
+        return None
+    fit = _fit(fits, members, wide, design.order)
+    return None if fit is None else fit.f_test(np.eye(wide.shape[1])[x.shape[1] :])
+
+
+def _statement(
+    design: _Design,
+    means: list[Estimate],
+    interaction: FTest | None,
+    joint: Estimate | None,
+    curvature: FTest | None,
+    u: float,
+) -> str:
+    pairs = ", ".join(f"{a:.3g}/{b:.3g}" for a, b in design.pairs)
+    of = zip(means, _names(design.kind, "both pressures together"), strict=True)
+    slopes = " and ".join(f"{mean.scaled(PA_PER_BAR, 'N/bar'):.2f} of {name}" for mean, name in of)
+    said = [say("pressure.slopes", pairs=pairs, speeds=design.speeds.size, slopes=slopes)]
+    if design.kind != "both":
+        said.append(say(f"pressure.{design.kind if design.kind in {'sum', 'line'} else 'single'}"))
+    elif interaction is None or joint is None:
+        said.append(say("pressure.no_interaction"))
+    else:
+        said.append(_interaction(design, interaction, joint, u))
+    if curvature is not None and curvature.p < CHANCE:
+        said.append(say("pressure.curved", chance=_chance(curvature.p)))
+    return " ".join(one.text for one in said)
+
+
+def _names(kind: str, both: str) -> list[str]:
+    return [f"p_{name}" for name in TOLD[kind]] if kind in TOLD else [both]
+
+
+def _order(design: _Design, hidden: _Hidden | None, follows: list[bool]) -> str:
+    """Say that a pressure changed with time alone, and what that leaves open."""
+    if hidden is None or not any(follows):
+        return ""
+    of = zip(_names(design.kind, "the pressures"), follows, strict=True)
+    names = " and ".join(name for name, with_time in of if with_time)
+    return f" {say('pressure.follows_time', names=names, hidden=hidden.size_n, share=100 * HIDDEN_CHANGE).text}"
+
+
+def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> Statement:
+    """Say whether the effects add; an interaction that the sensors' accuracy could make is none that is proved."""
+    reach = max(abs(joint.low), abs(joint.high)) * PA_PER_BAR**2
+    most = reach * float(np.abs(design.a * design.b).max())
+    numbers = f"F({test.numerator:.0f}, {test.denominator:.0f}) = {test.f:.2f}, {_chance(test.p)}"
+    if test.p >= CHANCE:
+        return say("pressure.add", test=numbers, reach=reach)
+    if most < 2.0 * u:
+        return say("pressure.add_within_accuracy", test=numbers, most=most, accuracy=2.0 * u)
+    return say("pressure.interact", test=numbers, joint=joint.scaled(PA_PER_BAR**2, "N/bar2"))
+
+
+def _chance(p: float) -> str:
+    """Write a probability; below 0.001 its digits mean nothing."""
+    return f"p = {p:.2g}" if p >= 0.001 else "p < 0.001"

@@ -1,0 +1,64 @@
+"""Zero of the force sensor from tares, and the difference between the directions that is left when it is taken out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.estimate.estimates import NORMAL_95
+from pneudrive.estimate.mixed import MixedModel, RandomEffect
+from pneudrive.friction.campaign.curves.curves import Fits, curve_speeds, systematic
+from pneudrive.friction.campaign.effects.effect import Asymmetry, SensorZero
+
+if TYPE_CHECKING:
+    from pneudrive.estimate.estimates import Estimate
+    from pneudrive.friction.campaign.cycles.reading import CampaignData
+
+HOUR_S = 3600.0
+FEWEST_TARES = 3  # from which a drift is told
+
+
+def sensor_zero(reading: CampaignData) -> SensorZero:
+    """Give the zero of each tare and its drift."""
+    tares = reading.tares
+    if not tares:
+        return SensorZero(np.zeros(0), np.zeros(0), np.zeros(0), None, "not measured")
+    first = min(head.began_s for head in reading.heads)
+    time = np.array([t.head.began_s - first for t in tares])
+    zero = np.array([t.standing_n for t in tares])
+    stderr = np.array([t.standing_stderr_n for t in tares])
+    drift: Estimate | None = None
+    if len(tares) >= FEWEST_TARES and np.ptp(time) > 0:
+        x = np.column_stack([np.ones(time.size), (time - time.mean()) / HOUR_S])
+        scale = max(float(np.std(zero)), float(stderr.mean()), 1e-9)
+        model = MixedModel(zero, x, stderr**2, (RandomEffect("tare", np.ones(time.size), scale),))
+        drift = model.fit().contrast(np.array([0.0, 1.0]), "N/h")
+    return SensorZero(time, zero, stderr, drift, "tare")
+
+
+def asymmetries(fits: Fits) -> tuple[Asymmetry, ...]:
+    """Give half the difference of friction between the directions at each condition."""
+    found = []
+    for at in curve_speeds(fits.points):
+        speeds = at.speed_m_s[at.measured]
+        offset = fits.offset.at(at.number, speeds)
+        friction = np.full(speeds.size, fits.points.reduced.friction_n[fits.points.condition == at.index].mean())
+        # Without tares the zero is in it, and no uncertainty makes a statement on symmetry of that.
+        shared = systematic(fits, friction, offset.mean if fits.has_zero else np.zeros(speeds.size), at.index)
+        u = shared.zero_n
+        half = np.hypot(offset.half_width(), NORMAL_95 * u)
+        mean = fits.offset.over(at.number, speeds).mean().estimates()[0].widened(float(np.mean(u)))
+        found.append(
+            Asymmetry(
+                condition=at.condition,
+                speed_m_s=speeds,
+                half_difference_n=offset.mean,
+                low_n=offset.mean - half,
+                high_n=offset.mean + half,
+                mean=mean if fits.has_zero else replace(mean, p=float("nan")),
+                basis="tare" if fits.has_zero else "not separable",
+            )
+        )
+    return tuple(found)

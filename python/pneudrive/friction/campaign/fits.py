@@ -1,0 +1,78 @@
+"""Friction laws fitted to the map of a campaign: one fit for each set of mounting, seal and drive."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import FitError
+from pneudrive.friction.campaign.dependences import dependences_of
+from pneudrive.friction.campaign.threads import one_thread
+from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
+from pneudrive.identify.fit import LAWS, fit_friction
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import xarray as xr
+
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
+    from pneudrive.identify.result import FrictionFit
+
+ALL = "all cycles"  # the group of a campaign that has no levels
+NO_POINTS = ("stick_slip", "speed_ripple", "force_swing", "saturated", "unpaired", "outlier", "negative_friction")
+
+
+def fit_campaign(
+    found: CampaignCharacteristics, laws: Sequence[str] = LAWS
+) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
+    """Fit laws to the map of a campaign.
+
+    Parameters
+    ----------
+    found : CampaignCharacteristics
+    laws : sequence of str
+
+    Returns
+    -------
+    dict of dict of FrictionFit, list of str
+        Group -> law -> fit, and what could not be fitted. A group is a set of mounting, seal and drive, or
+        ``all cycles`` where the campaign has none. Friction may depend on pressure where there were several.
+    """
+    with one_thread():
+        return _fit_campaign(found, laws)
+
+
+def _fit_campaign(
+    found: CampaignCharacteristics, laws: Sequence[str]
+) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
+    table = found.friction_map
+    every = _levels(found)
+    levels = [", ".join(level for level in row if level) for row in every]
+    fits: dict[str, dict[str, FrictionFit]] = {}
+    problems: list[str] = []
+    for group, own in dict(zip(levels, every, strict=True)).items():
+        part = table.isel(row=np.flatnonzero(np.array([level == group for level in levels])))
+        for law in laws:
+            name = group or ALL
+            try:
+                fit = fit_map(part, law)
+            except FitError as error:
+                problems.append(f"{name}, {law}: {error.what}")
+            else:
+                viscous = fit.values["viscous"] if "viscous" in fit.determined else 0.0
+                fits.setdefault(name, {})[law] = replace(fit, dependences=dependences_of(found, viscous, own))
+    return fits, problems
+
+
+def fit_map(table: xr.Dataset, law: str, exclude_flags: tuple[str, ...] = NO_POINTS) -> FrictionFit:
+    """Fit a law to rows of a campaign's map; friction may depend on pressure where there were several."""
+    spread = max(float(np.ptp(table[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
+    return fit_friction(table, law, pressure_dependence=spread > MINIMUM_RANGE_PA, exclude_flags=exclude_flags)
+
+
+def _levels(found: CampaignCharacteristics) -> list[tuple[str, str, str]]:
+    columns = [found.friction_map[name].to_numpy().tolist() for name in ("mounting", "seal", "drive")]
+    return list(zip(*columns, strict=True))

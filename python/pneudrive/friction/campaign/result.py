@@ -1,0 +1,253 @@
+"""What a campaign tells of friction: cycles, curves, effects and sentences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pneudrive.estimate.estimates import NORMAL_95
+from pneudrive.friction.campaign.basics import BOTH
+from pneudrive.show import Card, Shown
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from pneudrive.friction.campaign.basics import Condition, Skipped, Statement
+    from pneudrive.friction.campaign.effects.effect import (
+        AirShare,
+        Asymmetry,
+        Drift,
+        Loop,
+        PositionPattern,
+        PressureEffects,
+        Repeatability,
+        SensorZero,
+        StickSlipPoint,
+        StickSlipThreshold,
+    )
+    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.stops.stop import Stop
+    from pneudrive.rig.interface import Identity
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, repr=False)
+class CycleResult(Shown):
+    """One cycle that was read, in short.
+
+    Attributes
+    ----------
+    index, key, kind, block, repeat, day
+        As in the head of its file; day counts from 1.
+    condition : Condition
+    speed_m_s : float
+        Measured, mean of both directions; NaN where nothing moved.
+    began_s : float
+        The rig's clock, from the first cycle on.
+    travel_m : float
+        Way that the seal has gone in the campaign up to the middle of this cycle.
+    temperature_k : float
+        Mean; NaN where it was not measured.
+    friction_n, offset_n : float
+        Half the difference and half the sum of both directions, over the common range of position; NaN where a
+        direction is missing.
+    stderr_n : float
+        Standard error of friction_n by noise within the cycle alone.
+    flags : tuple of str
+    """
+
+    index: int
+    key: str
+    kind: str
+    block: int
+    repeat: int
+    day: int
+    condition: Condition
+    speed_m_s: float
+    began_s: float
+    travel_m: float
+    temperature_k: float
+    friction_n: float
+    offset_n: float
+    stderr_n: float
+    flags: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ExcludedPoint:
+    """A point that is no point of F(v): shown, not counted."""
+
+    speed_m_s: float
+    friction_n: float
+    reason: str
+    ripple: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Curve(Shown):
+    """Friction against speed at one condition, with a pointwise 95 % band.
+
+    Friction is that in the mean state of the campaign, and the band is that of this mean: how far the states of the
+    campaign lie apart is `Drift.spread_n`, how far cycles of one state do `Repeatability.within`.
+
+    Attributes
+    ----------
+    condition : Condition
+    direction : int
+        +1, -1, or 0 for half the difference of both directions.
+    speed_m_s, friction_n, low_n, high_n : ndarray, shape (m,)
+        Ascending speeds: those measured, and some between them.
+    stderr_n : ndarray, shape (m,)
+        Statistical standard error (noise, cycle to cycle, block, day) of friction in the mean state of the campaign.
+    u_systematic_n : ndarray, shape (m,)
+        Standard uncertainty that all points share (gain, hysteresis, position; zero of one direction alone).
+    measured : ndarray of bool, shape (m,)
+        False between the measured speeds.
+    cycles : ndarray of int, shape (m,)
+        Cycles at that speed; 0 between.
+    excluded : tuple of ExcludedPoint
+    contains_air : bool
+        Pressures were not measured in the chambers: part of it may be the force of the air.
+    complete : bool
+        False where time and speed went together: a drift (run-in, zero of the force sensor) is not in the band.
+    """
+
+    condition: Condition
+    direction: int
+    speed_m_s: Array
+    friction_n: Array
+    low_n: Array
+    high_n: Array
+    stderr_n: Array
+    u_systematic_n: Array
+    measured: NDArray[np.bool_]
+    cycles: NDArray[np.int64]
+    excluded: tuple[ExcludedPoint, ...] = ()
+    contains_air: bool = False
+    complete: bool = True
+
+    @property
+    def statistical_low_n(self) -> Array:
+        """Lower end of the part of the band that chance alone gives, N."""
+        return self.friction_n - NORMAL_95 * self.stderr_n
+
+    @property
+    def statistical_high_n(self) -> Array:
+        """Upper end of the part of the band that chance alone gives, N."""
+        return self.friction_n + NORMAL_95 * self.stderr_n
+
+
+@dataclass(frozen=True)
+class UncertaintySource:
+    """A source of uncertainty of the curves.
+
+    Attributes
+    ----------
+    name : str
+    standard_uncertainty_n : float
+        Root mean square over the points of all curves.
+    kind : str
+        "A" (from the scatter of these data) or "B" (stated or assumed).
+    basis : str
+        Where it comes from: data, stated, assumed, not determined.
+    note : str
+    """
+
+    name: str
+    standard_uncertainty_n: float
+    kind: str
+    basis: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Lowest and highest value measured; outside of these everything is extrapolation. Pressures are gauge."""
+
+    speed_m_s: tuple[float, float]
+    gauge_a_pa: tuple[float, float]
+    gauge_b_pa: tuple[float, float]
+    temperature_k: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CampaignCharacteristics(Shown):
+    """Everything that a campaign tells of friction. SI, absolute pressures where not called gauge.
+
+    Attributes
+    ----------
+    name : str
+    folder : pathlib.Path
+    identity : Identity
+        Of the rig.
+    protocol : str
+        Which samples count: settled or source-paper.
+    cycles : tuple of CycleResult
+        In the order in which they were run.
+    skipped : tuple of Skipped
+    flags : dict
+        Name -> number of cycles that carry it.
+    friction_map : xarray.Dataset
+        One row per cycle, speed level and direction: the columns of a friction map, the 95 % band and the levels.
+    curves : tuple of Curve
+    sources : tuple of UncertaintySource
+        Budget of the band.
+    pressure, air, position, asymmetry, loops, stick_slip, stick_slip_thresholds, drift, repeatability, zero
+    stops : tuple of Stop
+    dwell : tuple of DwellSeries
+        Breakaway against stop duration, one for each set of levels, restart speed and way of holding.
+    ranges : Ranges
+    statements : tuple of Statement
+        What the data carry, and what not and which cycles would.
+    """
+
+    name: str
+    folder: Path
+    identity: Identity
+    protocol: str
+    cycles: tuple[CycleResult, ...]
+    skipped: tuple[Skipped, ...]
+    flags: dict[str, int]
+    friction_map: xr.Dataset
+    zero: SensorZero
+    ranges: Ranges
+    curves: tuple[Curve, ...] = ()
+    sources: tuple[UncertaintySource, ...] = ()
+    pressure: tuple[PressureEffects, ...] = ()
+    air: tuple[AirShare, ...] = ()
+    position: tuple[PositionPattern, ...] = ()
+    asymmetry: tuple[Asymmetry, ...] = ()
+    loops: tuple[Loop, ...] = ()
+    stick_slip: tuple[StickSlipPoint, ...] = ()
+    stick_slip_thresholds: tuple[StickSlipThreshold, ...] = ()
+    drift: Drift | None = None
+    repeatability: Repeatability | None = None
+    stops: tuple[Stop, ...] = ()
+    dwell: tuple[DwellSeries, ...] = ()
+    statements: tuple[Statement, ...] = ()
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether a simulated rig made it."""
+        return self.identity.synthetic
+
+    def _card(self) -> Card:
+        """Show what was measured and what of it came out, then what the data carry."""
+        r = self.ranges
+        counts = {"cycles": self.cycles, "skipped": self.skipped, "curves": self.curves, "stops": self.stops}
+        rows = [(name, str(len(found))) for name, found in counts.items()]
+        rows.append(("speeds", f"{1e3 * r.speed_m_s[0]:.3g} to {1e3 * r.speed_m_s[1]:.3g} mm/s"))
+        for chamber, (low, high) in (("a", r.gauge_a_pa), ("b", r.gauge_b_pa)):
+            rows.append((f"pressure {chamber}", f"{1e-5 * low:.3g} to {1e-5 * high:.3g} bar gauge"))
+        title = f"{self.name} ({'simulated' if self.synthetic else 'measured'})"
+        return Card(title, rows=rows, notes=[str(statement) for statement in self.statements])
+
+    def curve(self, condition: Condition, direction: int = BOTH) -> Curve | None:
+        """Give one curve; None where there is none."""
+        found = (c for c in self.curves if c.condition == condition and c.direction == direction)
+        return next(found, None)

@@ -1,0 +1,304 @@
+"""When which sentence is said on what a campaign's data carry, and what they do not (sentences.toml)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
+from pneudrive.friction.campaign.basics import BOTH, PA_PER_BAR
+from pneudrive.friction.campaign.curves.curves import deviation_n
+from pneudrive.friction.campaign.curves.plausible import suspicions
+from pneudrive.friction.campaign.curves.smooth import CARRIED
+from pneudrive.friction.campaign.effects.drift import pure_scatter
+from pneudrive.friction.campaign.sentences import NAMED, named, say
+from pneudrive.friction.reduction.plausible import NEGATIVE, OUTLIER
+from pneudrive.signals.motion import straight_line
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from pneudrive.friction.campaign.basics import Statement
+    from pneudrive.friction.campaign.curves.curves import Fits, Points
+    from pneudrive.friction.campaign.cycles.reading import CampaignData
+    from pneudrive.friction.campaign.effects.drift import Causes
+    from pneudrive.friction.campaign.effects.effect import Drift, Repeatability
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
+
+    Array = NDArray[np.float64]
+
+SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assumed)
+FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve
+LAST_SHARE = 0.25  # of the campaign's time, over which a change is still going on
+LEAVES = 2.0  # quantiles of 95 % beyond which a cycle is named that its curve leaves
+KIND_TOLD = 0.05  # probability below which chance is not said to be of a kind
+
+
+def statements(
+    found: CampaignCharacteristics,
+    reading: CampaignData,
+    points: Points | None,
+    fits: Fits | None,
+    causes: Causes | None,
+) -> tuple[Statement, ...]:
+    """Say what the data carry and what they do not."""
+    said = [*_data(found, reading, points), *_ranges(found)]
+    if points is None or fits is None:
+        return (*said, say("curve.none"))
+    said += [*_curves(found, fits), *_sensor(found, reading, fits), *_scatter(found, reading, fits)]
+    said += [*_drift(found, fits, causes), *_pressure_zeros(reading), *_directions(found), *_pressure(found)]
+    return (*said, *_air(found), *_position(found), *_stick_slip(found), *_excluded(found))
+
+
+def _data(found: CampaignCharacteristics, reading: CampaignData, points: Points | None) -> Iterator[Statement]:
+    if found.skipped:
+        several = named((f"{s.key or s.file}: {s.reason}" for s in found.skipped), "; ")
+        more = f"; and {len(found.skipped) - NAMED} more" if len(found.skipped) > NAMED else ""
+        yield say("data.skipped", count=len(found.skipped), named=several + more)
+    if found.flags:
+        yield say("data.flags", counts=", ".join(f"{flag} in {n}" for flag, n in sorted(found.flags.items())))
+    if points is not None and points.unpaired:
+        keys = named(d.head.cycle.key for d in points.unpaired)
+        yield say("data.unpaired", count=len(points.unpaired), keys=keys)
+    yield from suspicions(reading, points)
+    if reading.notes:
+        yield say("data.notes", notes=named(reading.notes, "; "))
+    if found.synthetic:
+        yield say("data.synthetic")
+
+
+def _ranges(found: CampaignCharacteristics) -> Iterator[Statement]:
+    (slowest, fastest), a, b = found.ranges.speed_m_s, found.ranges.gauge_a_pa, found.ranges.gauge_b_pa
+    if not np.isfinite(slowest):
+        return
+    yield say("range.measured", slowest=1e3 * slowest, fastest=1e3 * fastest, a=_bar(a), b=_bar(b))
+    highest = max(a[1], b[1]) / PA_PER_BAR
+    if highest < SERVICE_BAR[0]:
+        yield say("range.below_service", highest=highest, service=SERVICE_BAR)
+
+
+def _bar(span: tuple[float, float]) -> str:
+    low, high = (round(p / PA_PER_BAR, 2) + 0.0 for p in span)
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+
+
+def _curves(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
+    measured = {c.condition: int(c.measured.sum()) for c in found.curves}
+    poor = [c.label(found.identity.ambient_pressure_pa) for c, n in measured.items() if n < FEW_LEVELS]
+    if poor:
+        yield say("curve.few_speeds", few=FEW_LEVELS, conditions="; ".join(poor))
+    place = 1e3 * fits.points.reduced.position_m[fits.points.reduced.common]
+    relative = fits.friction.relative
+    open_kind = KIND_TOLD < relative < 1.0 - KIND_TOLD
+    kind = "curve.mean" if open_kind else "curve.mean_relative" if relative > 0.5 else "curve.mean_in_newton"
+    yield say(kind, first_mm=place[0], last_mm=place[-1])
+
+
+def _sensor(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Statement]:
+    """Say how far the force sensor is known."""
+    data = fits.points.reduced.data
+    if any(d.assumed for d in data):
+        yield say("curve.accuracy_assumed" if "force_n" in found.identity.accuracy else "curve.accuracy_not_stated")
+    known = found.identity.force_calibration
+    largest = max(abs(side.force_n) for d in data for side in d.sides.values())
+    if known is not None and 0.0 < known.largest_n < largest:
+        yield say("curve.beyond_calibration", largest=largest, known=known)
+    gain = reading.gain
+    if gain.cycles:
+        kind = (
+            "curve.gain_wrong" if not gain.plausible else "curve.gain_surprising" if gain.surprising else "curve.gain"
+        )
+        percent = {"measured": 100 * gain.measured, "expanded": 200 * gain.measured_stderr, "taken": 100 * gain.error}
+        yield say(kind, **percent)
+
+
+def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Statement]:
+    repeat = found.repeatability
+    if repeat is not None and repeat.within is not None:
+        kind = "within" if repeat.between is None else "within_and_between"
+        yield say(f"repeatability.{kind}", r=repeat, kind=fits.block_kind)
+        yield from _once(found, repeat, fits)
+    yield from _left(fits)
+    if fits.blocks is None:
+        several = len(set(reading.days().values())) > 1 or len({head.cycle.block for head in reading.heads}) > 1
+        yield say("repeatability.one_block_each" if several else "repeatability.one_block")
+
+
+def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> Iterator[Statement]:
+    """Say where the points themselves were not repeated, and the band is narrow because neighbours count."""
+    if repeat.basis == "smooth curve":
+        yield say("repeatability.nothing_repeated")
+    elif repeat.basis == "sentinels":
+        share = _of_single_cycles(found, fits)
+        if share.size and np.median(share) < 1.0:
+            count = sum(d.head.cycle.kind == "sentinel" for some in fits.points.members for d in some)
+            numbers = {"narrow": (share < 1.0).sum(), "points": share.size, "least": share.min(), "sentinels": count}
+            yield say("repeatability.measured_once", **numbers)
+
+
+def _of_single_cycles(found: CampaignCharacteristics, fits: Fits) -> Array:
+    """Width of the band at each point that was measured once, over that of the 95 % scatter of a single cycle."""
+    shares = [np.zeros(0)]
+    for curve in found.curves:
+        if curve.direction == BOTH:
+            once = curve.measured & (curve.cycles == 1)
+            scatter = NORMAL_95 * deviation_n(fits, "cycle", curve.friction_n[once])
+            shares.append((curve.high_n - curve.low_n)[once] / (2.0 * scatter))
+    return np.concatenate(shares)
+
+
+def _left(fits: Fits) -> Iterator[Statement]:
+    """Say where a curve leaves good cycles by more than cycles scatter, and which cycles are in doubt."""
+    pure, points = pure_scatter(fits), fits.points
+    if pure is not None:
+        data = fits.friction.data
+        off = np.abs(fits.rest()) / np.hypot(pure.estimate.value / np.sqrt(data.count), np.sqrt(data.noise))
+        far = np.flatnonzero(off > student(pure.estimate.degrees_of_freedom) * LEAVES)
+        if far.size:
+            cycles = points.cycles(points.use)
+            worst = far[np.argsort(-off[far])].tolist()
+            several = named(f"{cycles[i].head.cycle.key} by {off[i]:.2g} times" for i in worst)
+            yield say("curve.leaves", count=far.size, named=several)
+    if fits.doubtful:
+        keys = named(points.reduced.data[i].head.cycle.key for i in fits.doubtful)
+        yield say("curve.doubtful", count=len(fits.doubtful), keys=keys)
+
+
+def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) -> Iterator[Statement]:
+    drift = found.drift
+    if drift is None:
+        return
+    if fits.drift_share >= CARRIED:
+        yield say("drift.not_carried")
+        return
+    yield say("drift.moved", moved=np.ptp(drift.drift_n), drift=drift, share=100.0 * drift.spread_n / fits.level_n)
+    yield from still_changing(drift)
+    effects = {"time": drift.per_hour, "travel (run-in)": drift.per_decade_of_travel, "temperature": drift.per_kelvin}
+    for cause, effect in effects.items():
+        if effect is not None:
+            yield say("drift.effect", cause=cause, effect=effect)
+    for a, b, r in causes.together if causes is not None else ():
+        yield say("drift.together", first=a.title(), second=b, r=r)
+    if drift.interrupted is not None:
+        yield say("drift.interrupted", effect=drift.interrupted)
+    else:
+        yield say("drift.never_interrupted")
+
+
+def still_changing(drift: Drift) -> Iterator[Statement]:
+    """Say where friction has not come to rest when the campaign ends."""
+    last = drift.time_s >= drift.time_s[0] + (1.0 - LAST_SHARE) * np.ptp(drift.time_s)
+    if last.sum() < NAMED:
+        return
+    # Of a line: a single cycle at either end is chance.
+    slope, _ = straight_line(drift.time_s[last], drift.drift_n[last])
+    change = slope * float(np.ptp(drift.time_s[last]))
+    reach = float(np.mean((drift.high_n - drift.low_n)[last])) / 2.0
+    if abs(change) > reach:
+        yield say("drift.still_changing", change=change, share=100 * LAST_SHARE)
+
+
+def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
+    if found.zero.basis != "tare":
+        yield say("direction.no_tare")
+        return
+    if found.zero.per_hour is not None:
+        yield say("zero.drift", effect=found.zero.per_hour)
+    differ = [a for a in found.asymmetry if a.mean.p < CHANCE]
+    same = [a for a in found.asymmetry if a.mean.p >= CHANCE]
+    for group, finding in (
+        (differ, "friction differs between the directions"),
+        (same, "friction is the same in both directions, as far as told"),
+    ):
+        means = [a.mean for a in group]
+        if len(group) == 1:
+            condition = group[0].condition.label(found.identity.ambient_pressure_pa)
+            yield say("direction.one", condition=condition, finding=finding, mean=means[0])
+        elif group:
+            ends = {"low": min(m.value for m in means), "high": max(m.value for m in means)}
+            half = max((m.high - m.low) / 2.0 for m in means)
+            yield say("direction.several", count=len(group), finding=finding, half=half, **ends)
+
+
+def _pressure_zeros(reading: CampaignData) -> Iterator[Statement]:
+    for chamber, zero in reading.pressure_zeros.items():
+        if zero.tares:
+            yield say("zero.pressure", chamber=chamber, zero=zero, expanded=2 * zero.stderr_pa)
+        for bad, fault in (
+            (zero.far, "is off ambient pressure by more than its accuracy explains"),
+            (zero.unsteady, "was not steady"),
+        ):
+            if bad:
+                several = named(f"{key}: {value:+.3g} Pa" for key, value in bad.items())
+                yield say("zero.pressure_bad", chamber=chamber, fault=fault, count=len(bad), named=several)
+
+
+def _pressure(found: CampaignCharacteristics) -> Iterator[Statement]:
+    for effect in found.pressure:
+        prefix = f"{effect.levels}: " if effect.levels else ""
+        separate = bool(effect.slope_a and effect.slope_b)
+        yield say("pressure.effect" if separate else "pressure.not_separate", prefix=prefix, effect=effect)
+        if separate and effect.interaction is None:
+            yield say("pressure.not_crossed", prefix=prefix)
+    if not found.pressure:
+        pairs = {(c.condition.pressure_a_pa, c.condition.pressure_b_pa) for c in found.curves}
+        yield say("pressure.one_pair" if len(pairs) == 1 else "pressure.no_common_speed")
+
+
+def _air(found: CampaignCharacteristics) -> Iterator[Statement]:
+    shares = found.air
+    if not shares:
+        return
+    label = shares[0].condition.label(found.identity.ambient_pressure_pa)
+    where = f"At {label}" if len(shares) == 1 else f"At {len(shares)} conditions"
+    speed = 1e3 * max(s.speed_m_s[-1] for s in shares)
+    if shares[0].separated:
+        air, total = _span([float(s.air_n[-1]) for s in shares]), _span([float(s.total_n[-1]) for s in shares])
+        half = max(float(s.air_high_n[-1] - s.air_low_n[-1]) / 2.0 for s in shares)
+        yield say("air.separated", where=where, speed=speed, air=air, half=half, total=total)
+    else:
+        yield say("air.bound", where=where, speed=speed, air=_span([float(s.air_bound_n[-1]) for s in shares]))
+
+
+def _span(values: list[float]) -> str:
+    low, high = (f"{round(v, 2) + 0.0:.2f}" for v in (min(values), max(values)))  # no "-0.00"
+    return low if low == high else f"{low} to {high}"
+
+
+def _position(found: CampaignCharacteristics) -> Iterator[Statement]:
+    overall = next((p for p in found.position if p.condition is None), None)
+    if overall is None:
+        yield say("position.none")
+        return
+    yield say("position.trend", trend=overall.trend_per_m.scaled(100))
+    strong = [h for h in overall.harmonics if h.amplitude.p < CHANCE]
+    if strong:
+        waves = (f"{100 * h.amplitude.value:.2g} % at {1e3 * h.wavelength_m:.3g} mm" for h in strong)
+        yield say("position.waves", waves=", ".join(waves))
+
+
+def _stick_slip(found: CampaignCharacteristics) -> Iterator[Statement]:
+    for threshold in found.stick_slip_thresholds:
+        if threshold.low_m_s > 0.0:
+            condition = threshold.condition.label(found.identity.ambient_pressure_pa)
+            yield say("stick-slip.threshold", condition=condition, threshold=threshold)
+
+
+def _excluded(found: CampaignCharacteristics) -> Iterator[Statement]:
+    """Say which cycles are no points of F(v)."""
+    points = [p for c in found.curves if c.direction == BOTH for p in c.excluded]
+    off = [p for p in points if p.reason == OUTLIER]
+    if off:
+        values = named(f"{p.friction_n:.3g} N at {1e3 * p.speed_m_s:.3g} mm/s" for p in off)
+        yield say("data.outliers", count=len(off), values=values)
+    excluded = [p for p in points if p.reason not in {OUTLIER, NEGATIVE}]
+    if excluded:
+        speeds = sorted(1e3 * p.speed_m_s for p in excluded)
+        alike = speeds[-1] - speeds[0] < 0.01 * speeds[0]
+        at = f"{speeds[0]:.3g}" if alike else f"{speeds[0]:.3g} to {speeds[-1]:.3g}"
+        reasons = ", ".join(sorted({p.reason for p in excluded}))
+        kind = "stick-slip.excluded_one" if len(excluded) == 1 else "stick-slip.excluded"
+        yield say(kind, count=len(excluded), speeds=at, reasons=reasons)

@@ -1,0 +1,308 @@
+"""How high a breakaway peak is, from noisy samples.
+
+The largest of many noisy samples lies too high, the largest of smoothed ones too low. Here every second sample says
+where the peak is and the others how high it is there, and the reverse: the noise that chose the place is not the noise
+that is read. Samples are smoothed by local parabolas; their width is the largest whose peak agrees with those of all
+narrower ones within noise, so that a sharp peak is smoothed little and a flat one much.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.estimate.estimates import robust_deviation
+from pneudrive.friction.campaign.stops.corner import corner_height, lag_loss
+from pneudrive.signals.motion import noise_level
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+#: Half-widths of the parabolas, in samples of one half.
+WIDTHS = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
+#: Peaks at two widths agree when they differ by less than this many standard errors of the narrower one.
+AGREE = 2.0
+#: A single sample: the largest among so many on each side, how far noise lifts it (of three alike),
+#: in deviations, and how much more uncertain than noise it is.
+SINGLE, SINGLE_EXCESS, SINGLE_DOUBT = 3, 0.85, 1.5
+#: Fewer samples than this around the peak make it undersampled.
+FEWEST = 12
+#: A peak has ended when the force has fallen by this share of what it rose above running friction, and beyond noise.
+FALLEN = 0.25
+FALLEN_DEVIATIONS = 9.0
+#: Travel, in units of that in which the force reaches running friction, within which a peak is sought at first; and
+#: share of the move beyond which it is not.
+REACH, MOST_TRAVEL = 1.5, 0.25
+LEAST_TRAVEL_M, LEAST_SAMPLES = 2e-4, 40
+#: The top of a peak is what lies within this share of its excess; it needs so many samples.
+TOP, FEWEST_AT_TOP = 0.1, 5
+#: Noise is estimated on at most so many samples, about a parabola of this half-width; a memory of it must stand out.
+NOISE_SAMPLES, NOISE_HALF_WIDTH, SIGNIFICANT = 3000, 40, 4.0
+UNEVEN = 0.3  # steps of time that differ by less than this share are one rate
+NEAR_CHANGE = 8  # samples from a change of rate within which a peak belongs to both sides of it
+SPAN_AT_CHANGE = 60  # samples of the lower rate that are then looked at on each side
+QUICK = 5  # samples of the mean that the place of a peak is sought in
+
+
+@dataclass(frozen=True)
+class BreakawayPeak:
+    """A peak.
+
+    Attributes
+    ----------
+    friction_n, stderr_n : float
+    time_s, travel_m : float
+        Since the restart.
+    index : int
+        Nearest sample.
+    rate_hz : float
+        Of the samples around it.
+    loading_rate_n_s : float
+    flags : tuple of str
+        undersampled, no_peak.
+    """
+
+    friction_n: float
+    stderr_n: float
+    time_s: float
+    travel_m: float
+    index: int
+    rate_hz: float
+    loading_rate_n_s: float
+    flags: tuple[str, ...]
+
+
+def find_breakaway(
+    time_s: Array,
+    travel_m: Array,
+    friction_n: Array,
+    running_n: float,
+    stiffness_n_m: float | None = None,
+    bandwidth_hz: float | None = None,
+) -> BreakawayPeak:
+    """Find the first peak after a restart.
+
+    Parameters
+    ----------
+    time_s, travel_m, friction_n : ndarray, shape (n,)
+        Raw samples from the restart on; travel of the axis since then, friction positive against the motion.
+    running_n : float
+        Level of uninterrupted sliding there.
+    stiffness_n_m : float, optional
+        Of the rig, where it is known.
+    bandwidth_hz : float, optional
+        Of the force sensor, where it is known: what its lag takes off the peak is in the standard error.
+    """
+    noise = Noise.of(friction_n)
+    end, peaked = _search_end(travel_m, friction_n, running_n, noise, stiffness_n_m)
+    time, friction = _even(time_s[:end], friction_n[:end])
+    value, stderr, at, width = _height(time, friction, noise)
+    # A wide parabola is off the corner by its own width.
+    first, last = np.searchsorted(time, (at - width, at + width)).tolist()
+    top = first + int(np.argmax(_quick(friction[first:last]))) if last > first else int(np.argmin(np.abs(time - at)))
+    corner = corner_height(friction, top, value - running_n, noise.total, noise.of_many())
+    if corner is not None:
+        # What smoothing would have cut is put right, and stays in doubt.
+        value, stderr = corner[0], float(np.hypot(corner[1], corner[0] - value))
+    if bandwidth_hz is not None:
+        stderr = float(np.hypot(stderr, lag_loss(time_s, friction_n, float(time[top]), bandwidth_hz)))
+    index = int(np.argmin(np.abs(time_s[:end] - at)))
+    low, high = _rise(_quick(friction_n[: index + 1]))
+    span = float(time_s[high] - time_s[low])
+    steps = np.diff(time)
+    flags = []
+    near = friction >= value - max(TOP * (value - running_n), 3.0 * noise.total)
+    if time.size < FEWEST or _run(near, int(np.argmin(np.abs(time - at)))) < FEWEST_AT_TOP:
+        flags.append("undersampled")
+    if not peaked and index >= end - 2:
+        flags.append("no_peak")
+    return BreakawayPeak(
+        friction_n=value,
+        stderr_n=stderr,
+        time_s=at - float(time_s[0]),
+        travel_m=float(travel_m[index]),
+        index=index,
+        rate_hz=float(1.0 / np.median(steps)) if steps.size and np.median(steps) > 0 else float("nan"),
+        loading_rate_n_s=float(friction_n[high] - friction_n[low]) / span if span > 0 else float("nan"),
+        flags=tuple(flags),
+    )
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of the samples: white, and a part that forgets itself over some samples.
+
+    Attributes
+    ----------
+    white, slow : float
+        Standard deviations.
+    memory : float
+        Samples over which the slow part falls to 1/e.
+    """
+
+    white: float
+    slow: float
+    memory: float
+
+    @classmethod
+    def of(cls, values: Array) -> Noise:
+        """Estimate it: the white part from second differences, the slow one from what is left of a smoothed curve.
+
+        The smoothed curve is taken behind the largest value, where nothing bends quickly.
+        """
+        white = max(noise_level(values), 1e-12 * float(np.abs(values).max()) + 1e-300)
+        behind = values[int(np.argmax(_quick(values))) + NOISE_HALF_WIDTH // 2 :][:NOISE_SAMPLES]
+        if behind.size < 6 * NOISE_HALF_WIDTH:
+            return cls(white, 0.0, 0.0)
+        kernel = _parabola(NOISE_HALF_WIDTH)
+        rest = behind[NOISE_HALF_WIDTH:-NOISE_HALF_WIDTH] - np.convolve(behind, kernel, "valid")
+        limit = 4.0 * robust_deviation(rest)
+        rest = np.clip(rest, -limit, limit)
+        first, second = (float(rest[k:] @ rest[:-k]) / rest.size for k in (1, 2))
+        power = float(rest @ rest) / rest.size
+        if first < SIGNIFICANT * power / np.sqrt(rest.size) or not 0.0 < second < first:
+            return cls(white, 0.0, 0.0)
+        slow2 = min(first * first / second, power)
+        white = float(np.sqrt(max(power - slow2, 0.01 * power)))
+        return cls(white, float(np.sqrt(slow2)), -1.0 / float(np.log(second / first)))
+
+    @property
+    def total(self) -> float:
+        """Standard deviation of one sample."""
+        return float(np.hypot(self.white, self.slow))
+
+    def of_many(self) -> float:
+        """Give the deviation of one sample as a mean of many shows it: what remembers counts for longer."""
+        return float(np.sqrt(self.white**2 + self.slow**2 * (1.0 + 2.0 * self.memory)))
+
+    def of_mean(self, weights: Array, spacing: int, share: float = 1.0) -> float:
+        """Give the deviation of a weighted sum over samples `spacing` apart; `share` is that of the white variance."""
+        variance = share * self.white**2 * float(weights @ weights)
+        if self.slow > 0.0:
+            lags = np.arange(weights.size) * spacing
+            shared = np.exp(-lags / self.memory)
+            both = np.correlate(weights, weights, "full")[weights.size - 1 :]
+            variance += self.slow**2 * float(2.0 * both @ shared - both[0])
+        return float(np.sqrt(variance))
+
+
+def _run(mask: NDArray[np.bool_], at: int) -> int:
+    """Length of the run of marked samples around one, over single gaps."""
+    filled = mask.copy()
+    filled[1:-1] |= mask[:-2] & mask[2:]
+    if not filled[at]:
+        return 0
+    before, after = np.flatnonzero(~filled[:at]), np.flatnonzero(~filled[at:])
+    return (at + int(after[0]) if after.size else filled.size) - (int(before[-1]) + 1 if before.size else 0)
+
+
+def _quick(values: Array) -> Array:
+    """Centred mean of a few samples, fewer at the ends."""
+    if values.size < QUICK:
+        return values
+    kernel = np.ones(QUICK)
+    return np.convolve(values, kernel, "same") / np.convolve(np.ones(values.size), kernel, "same")
+
+
+def _search_end(
+    travel: Array, friction: Array, running: float, noise: Noise, stiffness: float | None
+) -> tuple[int, bool]:
+    """Sample behind which the peak is not, and whether the force has fallen by then."""
+    smooth = _quick(friction)
+    spread = noise.of_mean(np.full(QUICK, 1.0 / QUICK), 1)
+    reached = np.flatnonzero(smooth >= running - 3.0 * spread)
+    most = int(np.searchsorted(travel, MOST_TRAVEL * travel[-1]))
+    most = min(max(most, LEAST_SAMPLES), travel.size)
+    if not reached.size or reached[0] >= most:
+        return most, False
+    first = int(reached[0])
+    rise = running - float(smooth[0])
+    slope = rise / float(travel[first]) if rise > 10 * spread and travel[first] > 0 else (stiffness or 1e5)
+    reach = float(travel[first]) + max(REACH * abs(running) / slope, LEAST_TRAVEL_M)
+    end = int(np.clip(np.searchsorted(travel, reach), first + LEAST_SAMPLES, most))
+    while True:
+        part = smooth[first:end]
+        top = np.maximum.accumulate(part)
+        fallen = np.flatnonzero(part < top - np.maximum(FALLEN_DEVIATIONS * spread, FALLEN * (top - running)))
+        if fallen.size:
+            return first + int(fallen[0]) + 1, True
+        if int(np.argmax(part)) < 0.9 * part.size or end >= most:
+            return end, False
+        end = min(2 * end, most)  # still rising: look further
+
+
+def _even(time: Array, friction: Array) -> tuple[Array, Array]:
+    """Take samples of one rate around the highest; where the rate falls right there, thin the denser ones to it."""
+    steps = np.diff(time)
+    if steps.size < 2:
+        return time, friction
+    top = min(max(int(np.argmax(_quick(friction))), 1), steps.size - 1)
+    part = _one_rate(steps, top)
+    near = min(top - part.start, part.stop - 1 - top)
+    if near >= NEAR_CHANGE or (part.stop >= time.size - 1 and part.start == 0):
+        return time[part], friction[part]
+    coarse = float(np.median(steps[max(part.start - 5, 0) : part.stop + 5][-10:]))
+    coarse = max(coarse, float(np.median(steps[part.stop : part.stop + 5])) if part.stop < steps.size else coarse)
+    span = SPAN_AT_CHANGE * coarse
+    wanted = np.arange(max(time[top] - span, time[0]), min(time[top] + span, time[-1]), coarse)
+    chosen = np.unique(np.clip(np.searchsorted(time, wanted), 0, time.size - 1))
+    return time[chosen], friction[chosen]
+
+
+def _one_rate(steps: Array, top: int) -> slice:
+    usual = float(np.median(steps[max(top - 3, 0) : top + 3]))
+    uneven = np.abs(steps - usual) > UNEVEN * usual
+    before, after = np.flatnonzero(uneven[:top]), np.flatnonzero(uneven[top:])
+    return slice(int(before[-1]) + 1 if before.size else 0, top + int(after[0]) + 1 if after.size else steps.size + 1)
+
+
+def _height(time: Array, friction: Array, noise: Noise) -> tuple[float, float, float, float]:
+    """Height of the highest point with its standard error, its time, and the width of the parabola, s."""
+    chosen = [_single(time, friction, noise)]
+    halves = [slice(k, None, 2) for k in (0, 1)]
+    most = min(friction[half].size for half in halves)
+    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    for w in (w for w in WIDTHS if 6 * w + 3 <= most):
+        kernel = _parabola(w)
+        smooth = [np.convolve(friction[half], kernel, "valid") for half in halves]
+        place = [time[half][w : time[half].size - w] for half in halves]
+        tops = [int(np.argmax(s)) for s in smooth]
+        read = [float(np.interp(place[a][tops[a]], place[b], smooth[b])) for a, b in ((0, 1), (1, 0))]
+        value, stderr = float(np.mean(read)), noise.of_mean(kernel, 2, share=0.5)
+        if any(abs(value - v) > AGREE * s for v, s, _, _ in chosen):
+            break
+        at = float(np.mean([place[k][tops[k]] for k in (0, 1)]))
+        chosen.append((value, stderr, at, 4.0 * w * step))
+    value, stderr, at, width = chosen[-1]
+    bias = max((abs(value - v) for v, _, _, _ in chosen[-3:-1] if len(chosen) > 3), default=0.0)
+    return value, float(np.hypot(stderr, bias)), at, width
+
+
+def _single(time: Array, friction: Array, noise: Noise) -> tuple[float, float, float, float]:
+    """Give the largest sample less what noise adds to it: as uncertain as noise and as the step to the next one."""
+    top = int(np.argmax(_quick(friction)))
+    near = friction[max(top - SINGLE, 0) : top + SINGLE + 1]
+    at = max(top - SINGLE, 0) + int(np.argmax(near))
+    lower = np.sort(near)[-2] if near.size > 1 else near[0]
+    spread = SINGLE_DOUBT * float(np.hypot(noise.total, (near.max() - lower) / 2.0))
+    return float(near.max() - SINGLE_EXCESS * noise.white), spread, float(time[at]), 0.0
+
+
+def _parabola(half: int) -> Array:
+    """Weights of the value of a parabola fitted to 2 half + 1 even samples, at their middle."""
+    j = np.arange(-half, half + 1, dtype=float)
+    weights = 3.0 * (3.0 * half * half + 3.0 * half - 1.0) - 15.0 * j * j
+    return weights / ((2 * half - 1) * (2 * half + 1) * (2 * half + 3))
+
+
+def _rise(smooth: Array) -> tuple[int, int]:
+    """Last sample below 10 % and first above 90 % of the rise to the last one."""
+    bottom = float(smooth.min())
+    swing = float(smooth[-1]) - bottom
+    high = int(np.argmax(smooth >= bottom + 0.9 * swing))
+    below = np.flatnonzero(smooth[: high + 1] <= bottom + 0.1 * swing)
+    return (int(below[-1]) if below.size else 0), high

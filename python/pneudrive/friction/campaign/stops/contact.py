@@ -1,0 +1,183 @@
+"""The age of a contact from peaks after stops, as a drive's law of friction has it.
+
+  dphi/dt = 1 - phi |v|/L      age: that of the stop while the piston stands, L/|v| while it slides
+  Fd = B (1 + s_a p_a + s_b p_b) psi(phi/tau)
+
+so that a peak after a stop of duration t stands above the friction before it, at the speed v, by
+Fd(t) - Fd(L/v), and the excess after a restart has fallen to 5 % where
+
+  psi(L/v + (t - L/v) exp(-travel/L)) = psi(L/v) + 0.05 [psi(t) - psi(L/v)]
+
+which gives L at each time tau; B and the shares follow by least squares, tau by the profile.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive import _core
+from pneudrive.estimate.estimates import Estimate, mean_estimate, student
+from pneudrive.estimate.separable import Scan, refined, scan
+from pneudrive.friction.campaign.stops.recovery import BACK
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.friction.campaign.stops.dwell_forms import DwellForm
+    from pneudrive.friction.campaign.stops.stop import Stop
+
+    Array = NDArray[np.float64]
+
+#: Distance that renews the contact where no way back to sliding was seen, m.
+ASSUMED_DISTANCE_M = 1e-4
+FEWEST_STOPS = 3
+#: Times are sought from the shortest stop, divided by the first, to the longest, times the second.
+REACH = (100.0, 1e4)
+TIMES, FINE = 60, 64
+HALVINGS = 40
+SAME_PRESSURE_PA = 100.0
+
+
+@dataclass(frozen=True)
+class ContactAge:
+    """Friction that grows with the age of the contact.
+
+    Attributes
+    ----------
+    growth : str
+        As a drive file names it.
+    exponent : float
+        Of the saturating growth.
+    increment : Estimate
+        B, N.
+    time : Estimate
+        tau, s.
+    distance : Estimate or None
+        L, m; None where no way back was seen, and `ASSUMED_DISTANCE_M` was taken.
+    share_a_pa, share_b_pa : float
+        s_a and s_b, 1/Pa; 0 where none differs from zero beyond chance.
+    together : bool
+        Both pressures moved together, and each chamber has half of their effect.
+    """
+
+    growth: str
+    exponent: float
+    increment: Estimate
+    time: Estimate
+    distance: Estimate | None
+    share_a_pa: float
+    share_b_pa: float
+    together: bool
+
+    @property
+    def distance_m(self) -> float:
+        """L, measured or assumed."""
+        return ASSUMED_DISTANCE_M if self.distance is None else self.distance.value
+
+    def sliding_n(self, speed_m_s: float) -> float:
+        """Force of the age that steady sliding leaves, at ambient pressure."""
+        ratio = np.array([self.distance_m / speed_m_s / self.time.value])
+        return float(self.increment.value * _psi(self.growth, ratio, self.exponent)[0])
+
+
+def fit_contact_age(
+    stops: Sequence[Stop], form: DwellForm, exponent: float, ambient_pressure_pa: float
+) -> ContactAge | None:
+    """Fit the age of the contact to peaks after stops.
+
+    Parameters
+    ----------
+    stops : sequence of Stop
+        Usable ones of one series.
+    form : DwellForm
+        Whose growth is taken.
+    exponent : float
+    ambient_pressure_pa : float
+
+    Returns
+    -------
+    ContactAge or None
+        None where friction does not grow with the stops.
+    """
+    gauge = np.array([(s.condition.pressure_a_pa, s.condition.pressure_b_pa) for s in stops]) - ambient_pressure_pa
+    varied = np.ptp(gauge, axis=0) > SAME_PRESSURE_PA
+    together = bool(varied.all() and np.allclose(gauge[:, 0], gauge[:, 1], atol=SAME_PRESSURE_PA))
+    pressures = gauge.sum(axis=1, keepdims=True) if together else gauge[:, varied]
+    columns = np.column_stack([np.ones(len(stops)), pressures])
+    dwell = np.array([s.dwell_s for s in stops])
+    speed = np.array([s.speed_m_s for s in stops])
+    back = np.array([_back(s) for s in stops])
+    increment = np.array([s.increment_n for s in stops])
+
+    def at(times: Array) -> Scan:
+        distance = np.array([_distance(form.growth, exponent, t, dwell, speed, back) for t in times])
+        aged = np.array(
+            [
+                _psi(form.growth, dwell / t, exponent) - _psi(form.growth, length / speed / t, exponent)
+                for t, length in zip(times, distance, strict=True)
+            ]
+        )
+        return scan(np.column_stack([times, distance]), aged[:, :, None] * columns, increment)
+
+    freedom = max(len(stops) - columns.shape[1] - 1, 1)
+    sought = (float(dwell.min()) / REACH[0], float(dwell.max()) * REACH[1])
+    found = refined(at, np.geomspace(*sought, TIMES), FINE, lambda one: one.rise(freedom))
+    rise, best = found.rise(freedom), found.best
+    b, time = found.coefficient[best], float(found.shape[best, 0])
+    if b[0] <= 0.0:
+        return None
+    row = np.eye(columns.shape[1])[0]
+    spread = np.sqrt(found.scale(freedom) * np.diag(found.covariance[best]))
+    clear = np.abs(b) > student(freedom) * spread
+    shares = iter(np.where(clear, b / b[0], 0.0)[1:].tolist())
+    each = [next(shares)] * 2 if together else [next(shares) if own else 0.0 for own in varied]
+    seen = np.isfinite(back)
+    lengths = _lengths(form.growth, exponent, time, dwell[seen], speed[seen], back[seen])
+    return ContactAge(
+        growth=form.growth,
+        exponent=exponent,
+        increment=Estimate(float(b[0]), *found.interval(row, rise), float(spread[0]), "N", freedom),
+        time=Estimate(time, *found.shape_interval(0, rise, sought), float("nan"), "s"),
+        distance=mean_estimate(lengths, "m") if lengths.size >= FEWEST_STOPS else None,
+        share_a_pa=each[0],
+        share_b_pa=each[1],
+        together=together,
+    )
+
+
+def _psi(growth: str, ratio: Array, exponent: float) -> Array:
+    return _core.dwell_growth(growth, np.asarray(ratio, dtype=float), 1.0, exponent)[:, 0]
+
+
+def _back(stop: Stop) -> float:
+    """Travel from the peak to where 5 % of the excess are left; NaN where that was not seen."""
+    seen = stop.recovery is not None and stop.recovery.complete
+    return stop.recovery.distance.value if seen else float("nan")  # type: ignore[union-attr]
+
+
+def _distance(growth: str, exponent: float, time: float, dwell: Array, speed: Array, back: Array) -> float:
+    seen = np.isfinite(back)
+    if seen.sum() < FEWEST_STOPS:
+        return ASSUMED_DISTANCE_M
+    return float(np.mean(_lengths(growth, exponent, time, dwell[seen], speed[seen], back[seen])))
+
+
+def _lengths(growth: str, exponent: float, time: float, dwell: Array, speed: Array, back: Array) -> Array:
+    """Distance L of each stop from its way back, by halving its logarithm."""
+
+    def psi(age: Array) -> Array:
+        return _psi(growth, age / time, exponent)
+
+    low, high = np.log(back) - 12.0, np.log(np.minimum(back, 0.9 * dwell * speed))
+    for _ in range(HALVINGS):
+        length = np.exp(middle := 0.5 * (low + high))
+        steady = length / speed
+        left = psi(steady + (dwell - steady) * np.exp(-back / length)) - psi(steady)
+        too_long = left > BACK * (psi(dwell) - psi(steady))
+        low, high = np.where(too_long, low, middle), np.where(too_long, middle, high)
+    return np.exp(0.5 * (low + high))

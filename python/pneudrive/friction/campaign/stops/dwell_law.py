@@ -1,0 +1,375 @@
+"""Breakaway against stop duration and pressure: slope per decade, laws side by side, what the stops cannot carry."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.estimate.estimates import mean_estimate
+from pneudrive.estimate.groups import cells, levels
+from pneudrive.friction.campaign.basics import PA_PER_BAR, TOLD, classify_pressures
+from pneudrive.friction.campaign.sentences import say
+from pneudrive.friction.campaign.stops.dwell_curve import CONFOUNDED, SAME_DURATION, DwellCurve, DwellData, fit_curve
+from pneudrive.friction.campaign.stops.dwell_forms import CONCLUSIVE, LEAST_DURATIONS, UNCERTAIN, DwellLawFit, fit_forms
+from pneudrive.friction.campaign.stops.stop import SPOILING
+from pneudrive.show import Shown
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.estimate.estimates import Estimate
+    from pneudrive.friction.campaign.basics import Condition, Statement
+    from pneudrive.friction.campaign.stops.stop import Stop
+
+    Array = NDArray[np.float64]
+
+#: Where the slope is told: the stop that the source paper shows [bracha].
+REFERENCE_S = 15.0
+INSIDE = 1.5  # factor by which the durations must go beyond it on both sides
+GRID_POINTS = 61
+FEWEST_PAIRS = 4  # of durations and conditions that were restarted both ways
+SAME_PLACE_M = 1e-3
+SAME_PRESSURE_PA = 100.0
+#: Stops not longer than this leave the time of saturation open, whatever law is best (of the order of hours to days
+#: for elastomers: assumed).
+LONG_S = 1000.0
+RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
+
+
+@dataclass(frozen=True)
+class DwellPressure:
+    """Effect of the chamber pressures on ageing.
+
+    Attributes
+    ----------
+    slope_a, slope_b, slope_sum : Estimate or None
+        Change of the slope per decade with each pressure, N/Pa; `slope_sum` where both moved together.
+    increment_a, increment_b, increment_sum : Estimate or None
+        Change of the increment at the reference duration, N/Pa.
+    statement : str
+    """
+
+    statement: str
+    slope_a: Estimate | None = None
+    slope_b: Estimate | None = None
+    slope_sum: Estimate | None = None
+    increment_a: Estimate | None = None
+    increment_b: Estimate | None = None
+    increment_sum: Estimate | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DwellSeries(Shown):
+    """Breakaway against stop duration for one set of levels, restart speed and way of holding.
+
+    Attributes
+    ----------
+    levels : str
+        Mounting, seal, drive; "" where there are none.
+    speed_m_s : float
+        Of the restart.
+    released : bool
+    conditions : tuple of Condition
+    stops : tuple of Stop
+        Those used.
+    left_out : int
+        Stops of the series that were not.
+    reference_s : float
+        Duration at which slopes are told.
+    slopes : tuple of Estimate
+        Slope per decade of the increment at the reference duration, at each condition, N. Law-free.
+    mean_slopes : tuple of Estimate
+        Mean slope per decade from the shortest to the longest duration, at each condition, N. Law-free.
+    slope, mean_slope, increment : Estimate or None
+        Means over the conditions; increment at the reference duration.
+    share : Estimate or None
+        `slope` over running friction.
+    running_n : float
+        Mean running friction; both directions where they were run, otherwise with the offset in it.
+    duration_s : ndarray, shape (m,)
+        For the curves below.
+    increment_n, low_n, high_n : ndarray, shape (C, m)
+        Law-free curve with its pointwise 95 % band at each condition.
+    laws : tuple of DwellLawFit
+        Best first; empty where fewer than three durations were run.
+    pressure : DwellPressure or None
+    scatter_n, block_n : float
+        Standard deviation from stop to stop, and of blocks.
+    outlying : tuple of str
+        Keys of stops that stand out and count less.
+    curve : DwellCurve or None
+    """
+
+    levels: str
+    speed_m_s: float
+    released: bool
+    conditions: tuple[Condition, ...]
+    stops: tuple[Stop, ...]
+    left_out: int
+    reference_s: float
+    running_n: float
+    slopes: tuple[Estimate, ...] = ()
+    mean_slopes: tuple[Estimate, ...] = ()
+    slope: Estimate | None = None
+    mean_slope: Estimate | None = None
+    increment: Estimate | None = None
+    share: Estimate | None = None
+    duration_s: Array = field(default_factory=lambda: np.zeros(0))
+    increment_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    low_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    high_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    laws: tuple[DwellLawFit, ...] = ()
+    pressure: DwellPressure | None = None
+    scatter_n: float = float("nan")
+    block_n: float = float("nan")
+    outlying: tuple[str, ...] = ()
+    curve: DwellCurve | None = None
+
+    @property
+    def name(self) -> str:
+        """Levels, speed and way of holding in words."""
+        held = "released" if self.released else "held"
+        parts = [self.levels, f"restart at {1e3 * self.speed_m_s:.3g} mm/s", held]
+        return ", ".join(part for part in parts if part)
+
+    def slope_at(self, duration_s: float) -> tuple[Estimate, ...]:
+        """Slope per decade at another duration, at each condition, N. Law-free."""
+        if self.curve is None:
+            return ()
+        return tuple(self.curve.slopes(np.log10([duration_s])).estimates())
+
+
+def fit_dwell(stops: Sequence[Stop], ambient_pressure_pa: float) -> tuple[tuple[DwellSeries, ...], list[Statement]]:
+    """Describe breakaway against stop duration.
+
+    Parameters
+    ----------
+    stops : sequence of Stop
+    ambient_pressure_pa : float
+
+    Returns
+    -------
+    tuple of DwellSeries, list of Statement
+        One series for each set of levels, restart speed and way of holding; what they carry and what not.
+    """
+    groups: dict[tuple, list[Stop]] = {}
+    for stop in stops:
+        groups.setdefault((*stop.condition.levels, round(stop.speed_m_s, 6), stop.released), []).append(stop)
+    series, statements = [], []
+    for key in sorted(groups):
+        one = _series(groups[key], ambient_pressure_pa)
+        series.append(one)
+        statements += _statements(one, groups[key])
+    return tuple(series), statements
+
+
+def _series(stops: list[Stop], ambient: float) -> DwellSeries:
+    used = [s for s in stops if s.usable]
+    conditions = sorted({s.condition for s in used})
+    enough = [c for c in conditions if _durations([s for s in used if s.condition == c]) >= 2]
+    used = [s for s in used if s.condition in enough]
+    series = DwellSeries(
+        levels=stops[0].condition.title,
+        speed_m_s=stops[0].speed_m_s,
+        released=stops[0].released,
+        conditions=tuple(enough),
+        stops=tuple(used),
+        left_out=len(stops) - len(used),
+        reference_s=_reference([s.dwell_s for s in used]),
+        running_n=_running(used or stops),
+    )
+    curve = fit_curve(_data(used, enough)) if used else None
+    return replace(series, **_results(series, curve, ambient)) if curve is not None else series
+
+
+def _results(series: DwellSeries, curve: DwellCurve, ambient: float) -> dict[str, Any]:
+    at = np.log10([series.reference_s])
+    low, high = float(curve.data.log_s.min()), float(curve.data.log_s.max())
+    slopes, gains = curve.slopes(at), curve.gains(low, high)
+    # Inertia adds to every peak, but less where the contact gives way more: at most all of it over the durations.
+    u = _inertia(series.stops) / max(high - low, 0.3) / np.sqrt(12.0)
+    grid = np.linspace(low, high, GRID_POINTS)
+    shown = curve.values(grid).estimates()
+    ends = {"increment_n": "value", "low_n": "low", "high_n": "high"}
+    slope = slopes.mean().estimates()[0].widened(u)
+    return {
+        "slopes": tuple(e.widened(u) for e in slopes.estimates()),
+        "mean_slopes": tuple(e.widened(u) for e in gains.estimates()),
+        "slope": slope,
+        "mean_slope": gains.mean().estimates()[0].widened(u),
+        "increment": curve.values(at).mean().estimates()[0],
+        "share": slope.scaled(1.0 / series.running_n, "") if series.running_n > 0 else None,
+        "duration_s": 10.0**grid,
+        **{name: np.array([getattr(e, end) for e in shown]).reshape(-1, GRID_POINTS) for name, end in ends.items()},
+        "laws": fit_forms(curve, series.reference_s),
+        "pressure": _pressure(curve, at, ambient),
+        "scatter_n": curve.fit.most_probable_sd("scatter"),
+        "block_n": curve.fit.most_probable_sd("block"),
+        "outlying": tuple(k for k, w in zip(curve.data.key, curve.weight, strict=True) if w < 0.7),
+        "curve": curve,
+    }
+
+
+def _inertia(stops: Sequence[Stop]) -> float:
+    return float(np.median([s.inertia_n for s in stops])) if stops else 0.0
+
+
+def _durations(stops: Sequence[Stop]) -> int:
+    return np.unique(levels(np.log10([max(s.dwell_s, 1e-6) for s in stops]), SAME_DURATION)).size
+
+
+def _reference(durations: list[float]) -> float:
+    if not durations:
+        return REFERENCE_S
+    low, high = min(durations), max(durations)
+    if low * INSIDE <= REFERENCE_S <= high / INSIDE:
+        return REFERENCE_S
+    return float(f"{np.sqrt(low * high):.3g}")
+
+
+def _running(stops: Sequence[Stop]) -> float:
+    """Average running friction; the mean of both directions takes the offset out."""
+    by_direction = [np.mean([s.running_n for s in stops if s.direction == d]) for d in {s.direction for s in stops}]
+    return float(np.mean(by_direction)) if by_direction else float("nan")
+
+
+def _data(stops: list[Stop], conditions: list[Condition]) -> DwellData:
+    place = np.array([(s.direction, round(s.position_m / SAME_PLACE_M)) for s in stops], dtype=np.int64)
+    return DwellData(
+        key=tuple(s.key for s in stops),
+        duration_s=np.array([s.dwell_s for s in stops]),
+        increment_n=np.array([s.increment_n for s in stops]),
+        stderr_n=np.array([s.increment_stderr_n for s in stops]),
+        condition=np.array([conditions.index(s.condition) for s in stops], dtype=np.int64),
+        place=cells(*place.T),
+        began_s=np.array([s.began_s for s in stops]),
+        block=np.array([s.block for s in stops], dtype=np.int64),
+        conditions=tuple(conditions),
+        drift_prior_n=_running_drift(stops) * float(np.ptp([s.increment_n for s in stops])),
+    )
+
+
+def _running_drift(stops: Sequence[Stop]) -> float:
+    """Relative change of running friction over half the campaign: what ageing may have drifted by, too (assumed)."""
+    time = np.array([s.began_s for s in stops])
+    if np.ptp(time) == 0:
+        return 0.0
+    running = np.array([s.running_n for s in stops])
+    for direction in {s.direction for s in stops}:
+        own = np.array([s.direction == direction for s in stops])
+        running[own] -= running[own].mean()
+    slope = float(np.polyfit((time - time.mean()) / np.ptp(time), running, 1)[0])
+    return abs(slope) / 2.0 / max(abs(_running(stops)), 1e-9)
+
+
+def _pressure(curve: DwellCurve, at: Array, ambient: float) -> DwellPressure | None:
+    """Regress slopes and increments of the conditions on their pressures, as functionals of the one model."""
+    gauge = np.array([(c.pressure_a_pa - ambient, c.pressure_b_pa - ambient) for c in curve.data.conditions])
+    if len(gauge) < 2 or not (np.ptp(gauge, axis=0) > SAME_PRESSURE_PA).any():
+        return None
+    kind = classify_pressures(gauge / PA_PER_BAR)
+    names = () if kind == "line" else TOLD.get(kind, ("sum",))
+    found: dict[str, Estimate] = {}
+    if names:
+        away = gauge - gauge.mean(axis=0)
+        columns = [away[:, 1] if name == "b" else away[:, 0] for name in names]
+        rows = np.linalg.pinv(np.column_stack([np.ones(len(gauge)), *columns]))[1:].astype(np.float64)
+        for word, functionals in (("slope", curve.slopes(at)), ("increment", curve.values(at))):
+            estimates = functionals.combine(rows).estimates("N/Pa")
+            found |= {f"{word}_{name}": estimate for name, estimate in zip(names, estimates, strict=True)}
+    return DwellPressure(say(f"stops.pressure_{kind}").text, **found)
+
+
+# --- what the stops carry ------------------------------------------------------------------------------------------
+
+
+def _statements(series: DwellSeries, stops: list[Stop]) -> Iterator[Statement]:
+    where = f"Stops ({series.name})"
+    yield from _spoiled(where, stops)
+    durations = series.curve.data.durations if series.curve is not None else 0
+    if series.curve is None or durations < 2:
+        yield from _one_duration(where, [s for s in stops if s.usable])
+        return
+    slope = series.slope
+    if slope is not None:
+        share = f"; {100 * series.share.value:.2g} % of running friction" if series.share is not None else ""
+        numbers = {"slope": slope, "reference": series.reference_s, "stops": len(series.stops), "durations": durations}
+        yield say(f"stops.{'slope' if slope.differs else 'slope_not_shown'}", where=where, share=share, **numbers)
+    yield from _directions(where, series)
+    if slope is None or slope.differs:  # otherwise there is no effect to be one
+        yield from _laws(where, series, durations)
+    yield from _confounding(where, series, series.curve)
+    yield say("stops.peaks", where=where)
+
+
+def _spoiled(where: str, stops: list[Stop]) -> Iterator[Statement]:
+    flags = Counter(flag for s in stops for flag in s.flags if flag in SPOILING)
+    if flags:
+        kind = next((f"spoiled_{flag}" for flag in ("negative_friction", "undersampled") if flags[flag]), "spoiled")
+        counts = ", ".join(f"{flag.replace('_', ' ')} {count}" for flag, count in flags.most_common())
+        yield say(f"stops.{kind}", where=where, count=sum(not s.usable for s in stops), stops=len(stops), flags=counts)
+
+
+def _one_duration(where: str, stops: list[Stop]) -> Iterator[Statement]:
+    """Say the increment after stops of one duration, where no law over duration can be told."""
+    durations = _durations(stops)
+    if len(stops) > 1 and durations == 1:
+        inertia = _inertia(stops)
+        found = mean_estimate(np.array([s.increment_n for s in stops])).widened(inertia)
+        duration = np.median([s.dwell_s for s in stops])
+        kind = "stops.increment_and_mass" if inertia > 0.0 else "stops.increment"
+        yield say(kind, where=where, duration=duration, found=found, count=len(stops))
+    of = "one duration" if durations == 1 else f"{durations} durations"
+    yield say("stops.too_few_durations", where=where, count=len(stops), durations=of)
+
+
+def _directions(where: str, series: DwellSeries) -> Iterator[Statement]:
+    """Say by how much the peaks of one direction stand higher, from cells that have both."""
+    cells: dict[tuple, dict[int, list[float]]] = {}
+    for s in series.stops:
+        cells.setdefault((s.condition, round(s.stop_s, 6)), {1: [], -1: []})[s.direction].append(s.increment_n)
+    pairs = np.array([float(np.mean(c[1]) - np.mean(c[-1])) for c in cells.values() if c[1] and c[-1]])
+    if pairs.size >= FEWEST_PAIRS and (found := mean_estimate(pairs)).differs:
+        yield say("stops.directions", where=where, found=found)
+
+
+def _laws(where: str, series: DwellSeries, durations: int) -> Iterator[Statement]:
+    if durations < LEAST_DURATIONS or not series.laws:
+        yield say("stops.no_law", where=where, durations=durations)
+        return
+    best = series.laws[0]
+    if not np.isfinite(best.aicc):
+        yield say("stops.laws_not_compared", where=where)
+        return
+    equal = [law.form.title for law in series.laws[1:] if law.delta < UNCERTAIN]
+    refuted = [law.form.title for law in series.laws if law.delta > CONCLUSIVE]
+    text = best.form.title + (f"; as good: {', '.join(equal)}" if equal else "")
+    text += f"; without support: {', '.join(refuted)}" if refuted else ""
+    yield say("stops.laws" if equal else "stops.law", where=where, laws=text)
+    longest = max(s.dwell_s for s in series.stops)
+    open_end = best.name == "log" or any(law.form.saturates and law.delta < CONCLUSIVE for law in series.laws)
+    if best.name != "none" and longest <= LONG_S * 1.01 and open_end:
+        yield say("stops.saturation", where=where, longest=longest)
+
+
+def _confounding(where: str, series: DwellSeries, curve: DwellCurve) -> Iterator[Statement]:
+    if curve.inflation >= CONFOUNDED:
+        yield say("stops.drift", where=where)
+    rate = np.array([s.loading_rate_n_s for s in series.stops])
+    known = np.isfinite(rate) & (rate > 0)
+    if known.sum() > 5:
+        logs, durations = np.log(rate[known]), curve.data.log_s[known]
+        spread = float(np.subtract(*np.quantile(logs, [0.9, 0.1])))
+        together = float(np.corrcoef(logs, durations)[0, 1]) if spread > 0 and np.ptp(durations) > 0 else 0.0
+        if spread > RATE_SPREAD and abs(together) > RATE_CORRELATION:
+            yield say("stops.loading_rate", where=where, together=together)
+    numbers = {"where": where, "stops": len(series.stops), "inertia": _inertia(series.stops)}
+    for flag in ("long_loading", "inertia", "slow_samples"):
+        count = sum(flag in s.flags for s in series.stops)
+        if count:
+            yield say(f"stops.{flag}", count=count, **numbers)

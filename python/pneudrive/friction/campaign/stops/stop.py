@@ -1,0 +1,352 @@
+"""Stops in the middle of a move: relaxation while held, breakaway peak, way back to uninterrupted sliding.
+
+Every number is a difference within one move (or to an uninterrupted one of the same cycle), so that the zero of the
+sensor and slow drift cancel. Samples are raw; friction here is direction * balance, with the offset still in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.campaign.folder import CycleFile, read_samples
+from pneudrive.friction.campaign.basics import Skipped
+from pneudrive.friction.campaign.cycles.cycle import condition_of
+from pneudrive.friction.campaign.cycles.raw import read_or_skip, recording_of, steps_of
+from pneudrive.friction.campaign.stops.breakaway import BreakawayPeak, find_breakaway
+from pneudrive.friction.campaign.stops.phases import Phases, find_phases, mean_velocity, steady_part, stop_step
+from pneudrive.friction.campaign.stops.recovery import Recovery, bin_excess, recover
+from pneudrive.friction.campaign.stops.relaxation import ForceRelaxation, relax
+from pneudrive.friction.campaign.stops.running import (
+    SAME_SPEED,
+    Running,
+    UninterruptedStroke,
+    read_strokes,
+    running_level,
+    strokes_of,
+)
+from pneudrive.rig.interface import Move
+from pneudrive.show import Shown
+from pneudrive.signals.motion import noise_level
+from pneudrive.signals.pool import share_out
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.folder import Campaign
+    from pneudrive.friction.campaign.basics import Condition
+    from pneudrive.rig.interface import Identity, Samples
+    from pneudrive.signals.recording import Recording
+
+    Array = NDArray[np.float64]
+
+#: A change of the air's force, or inertia, beyond this share of the increment spoils a peak; so does a loading that
+#: lasts longer than this share of the stop, but then only the duration is in doubt.
+SPOILS = 0.1
+LEAST_RATE_HZ = 5000.0  # of the samples around a restart
+SAME_DURATION = 0.2  # a rest that differs from the planned stop by more than this share is named
+MOST_CYCLES = 24  # without a stop, of one condition and speed, that are read for comparison
+WORTH_WORKERS = 60  # stops below which starting processes costs more than it saves
+AROUND_PEAK = 3.0  # times from restart to peak, in which missing samples count
+TRACE_SAMPLES = (120, 160, 480)  # of approach, rest and restart that are kept for figures
+#: Flags that take a stop out of the law of breakaway over duration.
+SPOILING = frozenset(
+    {"undersampled", "no_peak", "pressure_transient", "saturated", "stuck", "negative_friction", "no_running"}
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StopTrace(Shown):
+    """Friction around one stop, thinned; shape (m,) each. Time counts from the begin of the rest."""
+
+    time_s: Array
+    position_m: Array
+    friction_n: Array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Stop(Shown):
+    """What one stop did.
+
+    Attributes
+    ----------
+    index, key, block, repeat
+        As in the head of its file.
+    condition : Condition
+    direction : int
+        Of the restart.
+    speed_m_s, position_m : float
+        Speed of the restart as planned, and where the stop was.
+    began_s : float
+        The rig's clock at the begin of the cycle.
+    stop_s, dwell_s : float
+        Duration as planned and as measured.
+    released : bool
+        The axis gave way during the stop.
+    running_n, running_stderr_n : float
+        Friction of uninterrupted sliding at the stop.
+    basis : str
+        Where it is from: approach, approach and reference, reference, or none.
+    breakaway_n, breakaway_stderr_n : float
+        Peak after the restart.
+    increment_n, increment_stderr_n : float
+        Peak less running friction.
+    loading_rate_n_s, loading_s : float
+        Rate at which the force rose, and how long from restart to peak.
+    sample_rate_hz : float
+        Around the peak.
+    inertia_n : float
+        Most that the mass which breaks loose can add to the peak: v sqrt(k m), like after every stop.
+    relaxation : ForceRelaxation or None
+        None where the axis gave way, or too few samples were taken.
+    recovery : Recovery or None
+        None where the peak cannot be told from running friction.
+    trace : StopTrace
+    flags : tuple of str
+        Those of `SPOILING`, and inertia, slow_samples, long_loading, duration, reversed, by_motion.
+    """
+
+    index: int
+    key: str
+    block: int
+    repeat: int
+    condition: Condition
+    direction: int
+    speed_m_s: float
+    position_m: float
+    began_s: float
+    stop_s: float
+    dwell_s: float
+    released: bool
+    running_n: float
+    running_stderr_n: float
+    basis: str
+    breakaway_n: float
+    breakaway_stderr_n: float
+    increment_n: float
+    increment_stderr_n: float
+    loading_rate_n_s: float
+    loading_s: float
+    sample_rate_hz: float
+    inertia_n: float
+    relaxation: ForceRelaxation | None
+    recovery: Recovery | None
+    trace: StopTrace
+    flags: tuple[str, ...] = ()
+
+    @property
+    def usable(self) -> bool:
+        """Whether the increment enters the law of breakaway over duration."""
+        return np.isfinite(self.increment_n) and not SPOILING.intersection(self.flags)
+
+
+def _read(
+    file: CycleFile, samples: Samples, identity: Identity, others: Sequence[UninterruptedStroke]
+) -> Stop | Skipped:
+    recording, _ = recording_of(file, identity, samples)
+    step = steps_of(recording, samples)
+    cycle, condition = file.head.cycle, condition_of(file.head)
+    phases = find_phases(cycle, recording.time_s, recording.position_m, step)
+    if isinstance(phases, str):
+        return Skipped(cycle.key, file.path.name, phases)
+    friction = phases.direction * recording.balance_n()
+    own = strokes_of(file, recording, step, leave=stop_step(cycle)) if phases.by_steps else []
+    running = running_level(recording, friction, phases, own, others, condition)
+    steady = steady_part(recording, phases.restart)
+    time, travel, after = _restart(recording, friction, phases)
+    level = running.level_n if np.isfinite(running.level_n) else float(np.median(after[after.size // 2 :]))
+    peak = find_breakaway(time, travel, after, level, identity.stiffness_n_m, identity.bandwidth_hz.get("force_n"))
+    at_peak = phases.restart.start + peak.index
+    shift = float(running.shape(recording.position_m[[at_peak]])[0])
+    held = phases.rest
+    stop = Stop(
+        index=file.head.index,
+        key=cycle.key,
+        block=cycle.block,
+        repeat=cycle.repeat,
+        condition=condition,
+        direction=phases.direction,
+        speed_m_s=float(cycle.speed_m_s or 0.0) or abs(mean_velocity(recording, steady)),
+        position_m=float(recording.position_m[phases.restart.start]),
+        began_s=file.head.began_s,
+        stop_s=float(cycle.stop_s) if cycle.stop_s is not None else phases.dwell_s,
+        dwell_s=phases.dwell_s,
+        released=cycle.released,
+        running_n=running.level_n + shift,
+        running_stderr_n=running.stderr_n,
+        basis=running.basis,
+        breakaway_n=peak.friction_n,
+        breakaway_stderr_n=peak.stderr_n,
+        increment_n=peak.friction_n - running.level_n - shift,
+        increment_stderr_n=float(np.hypot(peak.stderr_n, running.stderr_n)),
+        loading_rate_n_s=peak.loading_rate_n_s,
+        loading_s=peak.time_s,
+        sample_rate_hz=peak.rate_hz,
+        inertia_n=_inertia(recording, peak, cycle.speed_m_s),
+        relaxation=None if cycle.released else relax(recording.time_s[held] - phases.rest_s, friction[held]),
+        recovery=_recovery(recording, friction, slice(at_peak, steady.stop), phases.direction, running),
+        trace=_trace(recording, friction, phases),
+        flags=_flags(file, recording, phases, peak, running, samples),
+    )
+    in_chamber = identity.pressure_measured_at == "chamber"
+    return replace(stop, flags=(*stop.flags, *_spoiled(recording, phases, stop, at_peak, in_chamber)))
+
+
+def _restart(recording: Recording, friction: Array, phases: Phases) -> tuple[Array, Array, Array]:
+    part = phases.restart
+    travel = phases.direction * (recording.position_m[part] - recording.position_m[part.start])
+    return recording.time_s[part], np.maximum.accumulate(travel), friction[part]
+
+
+def _recovery(recording: Recording, friction: Array, part: slice, direction: int, running: Running) -> Recovery | None:
+    """Find the way back over what follows the peak at constant speed."""
+    if not np.isfinite(running.level_n) or part.stop - part.start < 2:
+        return None
+    position = recording.position_m[part]
+    travel = np.maximum.accumulate(direction * (position - position[0]))
+    time = recording.time_s[part] - recording.time_s[part.start]
+    excess = friction[part] - running.level_n - running.shape(position)
+    bins = bin_excess(travel, time, excess, noise_level(friction[part]), running.texture_n)
+    speed = float(travel[-1]) / max(float(time[-1]), 1e-12)
+    return recover(bins, running.stderr_n, speed) if bins is not None else None
+
+
+def _flags(
+    file: CycleFile, recording: Recording, phases: Phases, peak: BreakawayPeak, running: Running, samples: Samples
+) -> tuple[str, ...]:
+    # Samples at the sensor's limit are left out on reading: some are missing about the peak.
+    begin, end = phases.restart_s, phases.restart_s + AROUND_PEAK * peak.time_s
+    here, kept = (int(((t >= begin) & (t <= end)).sum()) for t in (samples.time_s, recording.time_s))
+    planned = file.head.cycle.stop_s
+    found = {
+        "no_running": running.basis == "none",
+        "negative_friction": running.level_n < 0,
+        "stuck": np.ptp(recording.force_n[phases.restart]) == 0,
+        "saturated": recording.flags.get("saturated", 0) and here - kept > 2,
+        "slow_samples": peak.rate_hz < LEAST_RATE_HZ * 0.9,
+        "duration": planned is not None and abs(phases.dwell_s - planned) > SAME_DURATION * planned,
+        "long_loading": peak.time_s > SPOILS * phases.dwell_s,
+        "reversed": phases.reversed,
+        "by_motion": not phases.by_steps,
+    }
+    return (*peak.flags, *(flag for flag, holds in found.items() if holds))
+
+
+def _spoiled(recording: Recording, phases: Phases, stop: Stop, at_peak: int, in_chamber: bool) -> Iterator[str]:
+    """Name what of the increment may not be friction: air that moved meanwhile, a mass that breaks loose."""
+    size = max(abs(stop.increment_n), 3.0 * stop.increment_stderr_n)
+    begin = max(phases.restart.start - 3, 0)
+    moved = 0.0
+    for side in ("a", "b"):
+        channel = getattr(recording, f"pressure_{side}_pa")
+        ends = [float(channel[max(i - 20, 0) : i + 20].mean()) for i in (begin, at_peak)]
+        noise = noise_level(channel, quantisation=False) / np.sqrt(20.0)
+        moved += max(abs(ends[1] - ends[0]) - 3.0 * noise, 0.0) * getattr(recording, f"area_{side}_m2")
+    # What is measured in the chamber is taken out of the balance; it spoils only where it is as large as the result.
+    if moved > (1.0 if in_chamber else SPOILS) * size:
+        yield "pressure_transient"
+    if stop.inertia_n > SPOILS * size:
+        yield "inertia"
+
+
+def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float | None) -> float:
+    """Overshoot of a mass that breaks loose on the rig's spring, at the speed that the axis has by then."""
+    speed = 2.0 * peak.travel_m / max(peak.time_s, 1e-12)  # at constant acceleration; less than that in a longer move
+    speed = min(speed, speed_m_s) if speed_m_s is not None else speed
+    stiffness = recording.stiffness_n_m or abs(np.nan_to_num(peak.loading_rate_n_s)) / max(speed, 1e-12)
+    return speed * float(np.sqrt(max(stiffness, 0.0) * recording.mass_beyond_sensor_kg))
+
+
+def _trace(recording: Recording, friction: Array, phases: Phases) -> StopTrace:
+    chosen = []
+    for part, most in zip((phases.approach, phases.rest, phases.restart), TRACE_SAMPLES, strict=True):
+        size = part.stop - part.start
+        # Dense where the peak is.
+        ranks = np.geomspace(1, size, most) - 1 if part is phases.restart else np.linspace(0, size - 1, most)
+        chosen.append(part.start + np.unique(ranks.astype(int)) if size > 0 else np.zeros(0, dtype=int))
+    index = np.concatenate(chosen)
+    return StopTrace(recording.time_s[index] - phases.rest_s, recording.position_m[index], friction[index])
+
+
+def find_stops(
+    campaign: Campaign, processes: int | None = None, files: Sequence[CycleFile] | None = None
+) -> tuple[tuple[Stop, ...], tuple[Skipped, ...]]:
+    """Read all stops of a campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    processes : int, optional
+        None: as many as there are processors, where there are enough stops.
+    files : sequence of CycleFile, optional
+        Its usable files, where they are known.
+
+    Returns
+    -------
+    tuple of Stop, tuple of Skipped
+        In the order in which they were run; what could not be read, and why.
+    """
+    known = campaign.scan()[0] if files is None else files
+    files = [CycleFile(f.path, replace(f.head, memory={})) for f in known]
+    stops = [f for f in files if f.head.cycle.kind == "stop" and f.head.cycle.stop_s != 0.0]
+    if not stops:
+        return (), ()
+    others = read_strokes(_comparable(files, stops), campaign.identity)
+    found = share_out(read_stops, stops, campaign.identity, others, least=WORTH_WORKERS, processes=processes)
+    read = sorted((s for s in found if isinstance(s, Stop)), key=lambda s: s.index)
+    skipped = sorted((s for s in found if isinstance(s, Skipped)), key=lambda s: s.file)
+    return tuple(read), tuple(skipped)
+
+
+def read_stops(
+    files: Sequence[CycleFile], identity: Identity, others: Sequence[UninterruptedStroke]
+) -> list[Stop | Skipped]:
+    """Read some stops one after the other.
+
+    Parameters
+    ----------
+    files : sequence of CycleFile
+    identity : Identity
+        Of the rig.
+    others : sequence of UninterruptedStroke
+        Of other cycles, for where a cycle has none of its own.
+    """
+
+    def read(file: CycleFile, samples: Samples) -> Stop | Skipped:
+        return _read(file, samples, identity, others)
+
+    return [read_or_skip(read, file, samples) for file, samples in zip(files, read_samples(files), strict=True)]
+
+
+def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[CycleFile]:
+    """Cycles without a stop, at condition and speed of one with a stop that has no uninterrupted stroke of its own."""
+    alone = [f.head for f in stops if not _has_reference(f.head.cycle)]
+    wanted = {(condition_of(h), _speed_key(h.cycle)) for h in alone}
+    found: dict[tuple, list[CycleFile]] = {}
+    for file in files:
+        cycle = file.head.cycle
+        uninterrupted = cycle.kind in ("sweep", "sentinel", "blank") or (cycle.kind == "stop" and cycle.stop_s == 0.0)
+        key = (condition_of(file.head), _speed_key(cycle))
+        if uninterrupted and key in wanted:
+            found.setdefault(key, []).append(file)
+    return [
+        group[i] for group in found.values() for i in np.unique(np.linspace(0, len(group) - 1, MOST_CYCLES).astype(int))
+    ]
+
+
+def _speed_key(cycle: Cycle) -> float:
+    return round(float(np.log(cycle.speed_m_s)) / SAME_SPEED) if cycle.speed_m_s else float("nan")
+
+
+def _has_reference(cycle: Cycle) -> bool:
+    """Whether a move of the cycle, away from the stop, is at the speed of the restart."""
+    hold = stop_step(cycle)
+    return hold is not None and any(
+        isinstance(step, Move) and abs(i - hold) > 1 and step.speed_m_s == cycle.speed_m_s
+        for i, step in enumerate(cycle.steps)
+    )

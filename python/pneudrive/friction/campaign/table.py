@@ -1,0 +1,188 @@
+"""The friction map of a campaign: the columns of every friction map, the 95 % band, and the levels of the plan."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.estimate.estimates import NORMAL_95
+from pneudrive.friction.campaign.curves.curves import Fits, Points, deviation_n, systematic
+from pneudrive.friction.friction_map import COLUMNS as MAP_COLUMNS
+from pneudrive.friction.friction_map import Row, columns_to_dataset
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from pneudrive.friction.campaign.cycles.cycle import CycleData
+    from pneudrive.friction.campaign.cycles.reading import CampaignData
+
+#: Further columns -> (unit, meaning), after those of every friction map.
+LEVEL_COLUMNS: dict[str, tuple[str, str]] = {
+    "friction_low_n": ("N", "lower end of the 95 % band in which the curve lies, as this cycle alone tells it"),
+    "friction_high_n": ("N", "upper end of the 95 % band in which the curve lies, as this cycle alone tells it"),
+    "friction_direction_n": ("N", "friction of this direction alone, zero of the sensor taken out where tares show it"),
+    "friction_direction_low_n": ("N", "lower end of its 95 % band"),
+    "friction_direction_high_n": ("N", "upper end of its 95 % band"),
+    "air_n": ("N", "force of the air against the motion, half the difference of both directions"),
+    "kind": ("", "what the cycle is for"),
+    "mounting": ("", "level of the factor"),
+    "seal": ("", "level of the factor"),
+    "drive": ("", "level of the factor"),
+    "block": ("1", "block of the plan"),
+    "repeat": ("1", "repeat of the plan"),
+    "began_s": ("s", "beginning of the cycle by the rig's clock"),
+    "temperature_k": ("K", "mean temperature"),
+}
+COLUMNS = {**MAP_COLUMNS, **LEVEL_COLUMNS}
+
+
+def friction_map(reading: CampaignData, points: Points | None, fits: Fits | None, protocol: str) -> xr.Dataset:
+    """Put the map together, one row per cycle and direction, in the order of the campaign."""
+    rows: list[Row] = []
+    if points is not None:
+        bands = _bands(reading, points, fits)
+        for i, d in enumerate(points.reduced.data):
+            rows += _paired_rows(points, bands, i, d, reading)
+        for d in points.unpaired:
+            rows += _unpaired_rows(d, reading)
+    else:
+        for d in reading.sliding:
+            rows += _unpaired_rows(d, reading)
+    rows.sort(key=lambda row: (row["began_s"], row["recording"], -int(str(row["direction"]))))
+    found = columns_to_dataset({name: [row[name] for row in rows] for name in COLUMNS}, COLUMNS)
+    found.attrs |= {
+        "title": "friction map of a campaign",
+        "protocol": protocol,
+        "ambient_pressure_pa": reading.identity.ambient_pressure_pa,
+    }
+    return found
+
+
+def _bands(reading: CampaignData, points: Points, fits: Fits | None) -> dict[str, np.ndarray]:
+    """Half widths of the bands of single cycles, N."""
+    reduced = points.reduced
+    nothing = np.full(len(points), np.nan)
+    if fits is None:
+        return {
+            "stderr": reduced.friction_stderr_n,
+            "u": nothing,
+            "zero": nothing,
+            "zero_u": nothing,
+            "offset": nothing,
+        }
+    stderr = np.hypot(reduced.friction_stderr_n, deviation_n(fits, "cycle", reduced.friction_n))
+    block = deviation_n(fits, "block", reduced.friction_n)
+    u, zero, zero_u = nothing.copy(), nothing.copy(), nothing.copy()
+    own = fits.offset.fit.most_probable_sd("cycle")
+    for condition in range(len(points.conditions)):
+        members = points.condition == condition
+        if not (members & points.use).any():
+            continue  # nothing to hold its cycles against
+        shared = systematic(fits, reduced.friction_n[members], reduced.offset_n[members], condition)
+        # A cycle was run in a state of its own; the curve is that of the mean state.
+        own_state = np.hypot(shared.state_n, block[members])
+        u[members], zero_u[members] = np.hypot(shared.friction_n(), own_state), shared.zero_n
+        zero[members] = np.hypot(reduced.offset_stderr_n[members], own)
+    return {"stderr": stderr, "u": u, "zero": zero, "zero_u": zero_u, "offset": _offsets(reading, points, fits)}
+
+
+def _offsets(reading: CampaignData, points: Points, fits: Fits) -> np.ndarray:
+    """Half the sum of each cycle without the zero of the sensor; zero where no tare shows it."""
+    if not fits.has_zero:
+        return np.zeros(len(points))
+    zero = float(np.average([s.beta[0] for s in fits.offset.fit.states], weights=fits.offset.fit.weights))
+    known = fits.offset.data
+    at = np.argsort(known.order, kind="stable")
+    order = np.array([reading.order(d.head) for d in points.reduced.data])
+    drift = np.interp(order, known.order[at], fits.offset.drift[at])
+    return points.reduced.offset_n - zero - drift
+
+
+def _paired_rows(
+    points: Points, bands: dict[str, np.ndarray], i: int, d: CycleData, reading: CampaignData
+) -> list[Row]:
+    reduced = points.reduced
+    friction, offset = float(reduced.friction_n[i]), float(reduced.offset_n[i])
+    stderr, u = float(bands["stderr"][i]), float(bands["u"][i])
+    half = NORMAL_95 * float(np.hypot(stderr, u))
+    half_direction = NORMAL_95 * float(np.sqrt(stderr**2 + u**2 + bands["zero"][i] ** 2 + bands["zero_u"][i] ** 2))
+    known = np.flatnonzero(reduced.common)
+    width = reading.edges_m[1] - reading.edges_m[0]
+    rows = []
+    for direction in (1, -1):
+        own = friction + direction * float(bands["offset"][i])
+        rows.append(
+            _common(d, direction, reading)
+            | {
+                "balance_n": direction * friction + offset,
+                "friction_n": friction,
+                "offset_n": offset,
+                "stderr_n": stderr,
+                "u_systematic_n": u,
+                "position_from_m": float(reduced.position_m[known[0]] - width / 2.0),
+                "position_to_m": float(reduced.position_m[known[-1]] + width / 2.0),
+                "friction_low_n": friction - half,
+                "friction_high_n": friction + half,
+                "friction_direction_n": own,
+                "friction_direction_low_n": own - half_direction,
+                "friction_direction_high_n": own + half_direction,
+                "air_n": float(reduced.air_n[i]),
+                "flags": _flags(d, points.reasons[i]),
+            }
+        )
+    return rows
+
+
+def _unpaired_rows(d: CycleData, reading: CampaignData) -> list[Row]:
+    rows = []
+    for direction, side in d.sides.items():
+        balance = float(np.nanmean(side.balance_n))
+        known = np.flatnonzero(np.isfinite(side.balance_n))
+        nothing = float("nan")
+        rows.append(
+            _common(d, direction, reading)
+            | dict.fromkeys((name for name in LEVEL_COLUMNS if name.startswith("friction_")), nothing)
+            | {
+                "balance_n": balance,
+                "friction_n": direction * balance,
+                "offset_n": nothing,
+                "stderr_n": nothing,
+                "u_systematic_n": nothing,
+                "position_from_m": float(reading.edges_m[known[0]]),
+                "position_to_m": float(reading.edges_m[known[-1] + 1]),
+                "air_n": nothing,
+                "flags": _flags(d, "unpaired"),
+            }
+        )
+    return rows
+
+
+def _common(d: CycleData, direction: int, reading: CampaignData) -> Row:
+    side, cycle = d.sides[direction], d.head.cycle
+    return {
+        "recording": cycle.key,
+        "direction": direction,
+        "velocity_m_s": side.velocity_m_s,
+        "pressure_a_pa": side.pressure_a_pa,
+        "pressure_b_pa": side.pressure_b_pa,
+        "samples": side.samples,
+        "strokes": side.strokes,
+        "breakaway_n": side.breakaway_n,
+        "dwell_s": side.dwell_s,
+        "loading_rate_n_s": side.loading_rate_n_s,
+        "kind": cycle.kind,
+        "mounting": d.condition.mounting,
+        "seal": d.condition.seal,
+        "drive": d.condition.drive,
+        "block": cycle.block,
+        "repeat": cycle.repeat,
+        "began_s": d.head.began_s,
+        "temperature_k": d.temperature_k,
+        "ambient_pressure_pa": reading.identity.ambient_pressure_pa,
+    }
+
+
+def _flags(d: CycleData, reason: str) -> str:
+    names = [*d.flags, *([reason.replace("-", "_").replace(" ", "_")] if reason else [])]
+    return ",".join(dict.fromkeys(names))

@@ -1,0 +1,1 @@
+"""The friction of recordings: map, closure, lines over pressure."""

@@ -1,0 +1,357 @@
+"""From recordings to everything that is known about them: one call, one result."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+from pneudrive.estimate.estimates import changed
+from pneudrive.friction.friction_map import Row, rows_to_dataset
+from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA, ClosureFit, fit_closures
+from pneudrive.friction.recording.extract import Level, RecordingResult, extract
+from pneudrive.friction.recording.long_recording import extract_long, is_long
+from pneudrive.friction.recording.pressure_line import (
+    CONFOUNDED,
+    FrictionPoint,
+    PressureLine,
+    RunSpread,
+    fit_pressure_lines,
+    run_spread,
+)
+from pneudrive.friction.recording.summaries import Source, Summary, summarise, summary_of
+from pneudrive.friction.reduction.sentences import sentence
+from pneudrive.friction.reduction.settling import SampleChoice, Settled
+from pneudrive.show import Shown
+from pneudrive.signals.cycles import Cycles, find_cycles, read_cycles
+from pneudrive.signals.layout import Layout
+from pneudrive.signals.load import RecordingFile, recording_files
+from pneudrive.signals.recording import CHANNELS, Recording
+from pneudrive.signals.trajectories import from_run, is_run
+from pneudrive.watch import UNWATCHED, Watch
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    import xarray as xr
+
+    from pneudrive.watch import Flag
+
+KEPT_IN_FULL = 300  # recordings; of a larger campaign the samples are not kept
+SHOWN = 24  # recordings of a larger campaign whose curves are kept
+
+
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class Characterisation(Shown):
+    """Everything that one run of the characterisation found. SI, absolute pressures, N.
+
+    Attributes
+    ----------
+    results : tuple of RecordingResult
+        One per recording that was counted: ``recording`` (cleaned Recording with name, sha256, labels,
+        flags as counts), ``strokes`` (tuple of Stroke: index, direction, start, stop, from_m, to_m,
+        speed_m_s, dwell_s), ``settled`` (n,) bool, ``balance_n`` (n,), ``levels`` (tuple of Level),
+        ``closure_points``.
+        A Level has ``profile`` (Profile: position_m, up_n, down_n, friction_n, offset_n, each (m,);
+        up_strokes_n, down_strokes_n (strokes, m); in_window (m,)), ``window_m``, ``friction_n``,
+        ``offset_n``, ``stderr_n``, ``u_systematic_n``, ``u_offset_n``, ``expanded_n`` (U, k = 2),
+        ``spreads`` {+1/-1: Spread(strokes, mean_n, deviation_n, stderr_n, effective, slope_n, trend_p,
+        has_trend)}, ``stroke_friction_n`` and ``stroke_times_s`` {+1/-1: (strokes,)} for drift,
+        ``budget`` (tuple of BudgetEntry: source, standard_uncertainty, unit, basis, kind, friction_n,
+        offset_n, note), ``peaks`` (tuple of ReversalPeak: direction, time_s, position_m, friction_n,
+        sliding_n, excess_n, significant, dwell_s, loading_rate_n_s, rise_samples, flags),
+        ``stick_slip`` (tuple of StickSlip, one per stroke), ``flags``, ``rows``.
+    friction_map : xarray.Dataset
+        One dimension ``row``; the variables of ``friction_map.COLUMNS``.
+    closures : tuple of ClosureFit
+        Effective area and force zero per seal: group, recordings, areas_m2 {"a"/"b": Estimate(value,
+        stderr, low, high)}, nominal_m2, force_zero_n (Estimate), pressure_pa, half_sum_force_n,
+        residual_n (points,), residual_deviation_n, degrees_of_freedom, statement.
+    pressure_lines : tuple of PressureLine
+        Friction against gauge pressure per seal: seal, points (tuple of FrictionPoint: recording, seal,
+        run, pressure_pa, speed_m_s, friction_n, expanded_n), intercept_n, slope_n_pa, covariance,
+        band_pressure_pa, band_mean_n, band_low_n, band_high_n (41,), basis, statement.
+    points : tuple of FrictionPoint
+        All of them, also of seals that have no line.
+    run_spread : RunSpread or None
+        Relative standard deviation between runs; cells (seal, pressure_pa, lowest, highest, relative
+        difference). None where nothing was run twice.
+    notes : tuple of str
+        What the reader must know, in sentences: identical files, confounded speed and pressure, assumed
+        accuracies, what cannot be separated.
+    skipped : tuple of (str, str)
+        Recordings that were not counted, and why.
+    protocol : str
+        "settled" or "source-paper".
+    """
+
+    results: tuple[RecordingResult, ...]
+    friction_map: xr.Dataset
+    closures: tuple[ClosureFit, ...]
+    pressure_lines: tuple[PressureLine, ...]
+    points: tuple[FrictionPoint, ...]
+    run_spread: RunSpread | None
+    notes: tuple[str, ...]
+    skipped: tuple[tuple[str, str], ...]
+    protocol: str
+
+    @property
+    def recordings(self) -> tuple[Recording, ...]:
+        """The cleaned recordings."""
+        return tuple(result.recording for result in self.results)
+
+    @property
+    def levels(self) -> tuple[Level, ...]:
+        """All speed levels of all recordings."""
+        return tuple(level for result in self.results for level in result.levels)
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether any recording comes from a simulated rig."""
+        return any(recording.synthetic for recording in self.recordings)
+
+
+def characterise_recordings(
+    recordings: Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset,
+    layout: Layout | str | Path | None = None,
+    protocol: SampleChoice | None = None,
+    *,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
+) -> Characterisation:
+    """Characterise recordings: strokes, friction, offset, uncertainty, closure, lines over pressure.
+
+    Parameters
+    ----------
+    recordings
+        Recordings, files or trajectories (what ``pn.simulate`` returns), or one of them.
+    layout
+        How files are read; None takes ``layout.toml`` beside each file. Trajectories need none.
+    protocol
+        Which samples count: ``Settled()`` (default) or ``SourcePaper()``.
+    progress, cancel
+        As of `pneudrive.watch.Watch`.
+
+    Returns
+    -------
+    Characterisation
+        See there.
+
+    Raises
+    ------
+    RecordingError, LayoutError
+        A file or recording that cannot be used.
+    """
+    choice = protocol if protocol is not None else Settled()
+    watch = Watch(progress, cancel)
+    loaded, sources = _sources(recordings, layout)
+    number = len(loaded) + sum(len(s) if isinstance(s, Cycles) else 1 for s in sources)
+    if number <= KEPT_IN_FULL:
+        long = [source for source in sources if isinstance(source, RecordingFile) and is_long(source)]
+        loaded += _read([source for source in sources if source not in long], watch)
+        places, skipped = _count_once((r.name, _digest(r), "") for r in loaded)
+        unique = [loaded[place] for place in places]
+        notes = [sentence("note.same_samples", name=name, why=why) for name, why in skipped]
+        results = tuple(extract(recording, choice) for recording in watch.each(unique, "recordings characterised"))
+        results += tuple(extract_long(file, choice, watch) for file in long)
+        notes += [sentence("note.part_by_part", name=file.name) for file in long]
+        return _assemble(results, [summary_of(result) for result in results], skipped, notes, choice)
+    summaries = [summary_of(extract(recording, choice)) for recording in loaded] + summarise(sources, choice)
+    places, skipped = _count_once((s.name, s.digest, s.reason) for s in summaries)
+    kept = [summaries[place] for place in places]
+    if not kept:
+        raise RecordingError("no recording could be used", value="; ".join(f"{n}: {why}" for n, why in skipped[:3]))
+    notes = [sentence("note.not_counted", count=len(skipped), first=skipped[0])] if skipped else []
+    results = tuple(extract(recording, choice) for recording in _sample(loaded, sources, {s.name for s in kept}))
+    notes.insert(0, sentence("note.sampled", count=len(kept), shown=len(results)))
+    return _assemble(results, kept, skipped, notes, choice)
+
+
+def _sources(
+    recordings: Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset,
+    layout: Layout | str | Path | None,
+) -> tuple[list[Recording], list[Source]]:
+    """Split the input into recordings that are here and files that are to be read."""
+    items: list = [recordings]
+    if isinstance(recordings, Iterable) and not (isinstance(recordings, str) or is_run(recordings)):
+        items = list(recordings)
+    if not items:
+        raise RecordingError("no recording is named", remedy="give at least one recording or file")
+    loaded: list[Recording] = []
+    paths: list[str | Path] = []
+    for item in items:
+        if isinstance(item, str | Path):
+            paths.append(item)
+        elif isinstance(item, Recording):
+            loaded.append(item)
+        elif is_run(item):
+            loaded.append(from_run(item, f"trajectory-{len(loaded) + 1}" if len(items) > 1 else "trajectory"))
+        else:
+            raise RecordingError(
+                "this is no recording", value=type(item).__name__, rule="a Recording, a file or a trajectory"
+            )
+    files = recording_files(paths, layout) if paths else []
+    sources: list[Source] = [find_cycles(f.path, f.layout) if f.layout and f.has_cycles else f for f in files]
+    return loaded, sources
+
+
+def _read(sources: list[Source], watch: Watch = UNWATCHED) -> list[Recording]:
+    recordings: list[Recording] = []
+    for source in watch.each(sources, "files read"):
+        if isinstance(source, Cycles):
+            recordings += read_cycles(source)
+        else:
+            recordings.append(source.read())
+    return recordings
+
+
+def _sample(loaded: list[Recording], sources: list[Source], usable: set[str]) -> list[Recording]:
+    """Choose recordings evenly over a campaign, for the curves that a report shows."""
+    units: list[Recording | Source] = [*loaded]
+    for source in sources:
+        units += [source.part(i, i + 1) for i in range(len(source))] if isinstance(source, Cycles) else [source]
+    chosen = [units[i] for i in np.unique(np.linspace(0, len(units) - 1, SHOWN).astype(int))]
+    recordings = [u if isinstance(u, Recording) else _read([u])[0] for u in chosen]
+    return [recording for recording in recordings if recording.name in usable]
+
+
+def _assemble(
+    results: tuple[RecordingResult, ...],
+    summaries: list[Summary],
+    skipped: list[tuple[str, str]],
+    notes: list[str],
+    choice: SampleChoice,
+) -> Characterisation:
+    points = tuple(point for summary in summaries for point in summary.friction_points)
+    closures = fit_closures([point for summary in summaries for point in summary.closure_points])
+    lines = fit_pressure_lines(list(points))
+    rows = [row for summary in summaries for row in summary.rows]
+    friction_map = rows_to_dataset(rows, [summary.labels for summary in summaries for _ in summary.rows])
+    friction_map.attrs["protocol"] = choice.name
+    if results:
+        ambient = float(np.mean([result.recording.ambient_pressure_pa for result in results]))
+        friction_map.attrs["ambient_pressure_pa"] = ambient
+    return Characterisation(
+        results=results,
+        friction_map=friction_map,
+        closures=tuple(closures),
+        pressure_lines=tuple(lines),
+        points=points,
+        run_spread=run_spread(list(points)),
+        notes=(*notes, *_notes(results, points, lines, rows, closures)),
+        skipped=tuple(skipped),
+        protocol=choice.name,
+    )
+
+
+def _count_once(found: Iterable[tuple[str, object, str]]) -> tuple[list[int], list[tuple[str, str]]]:
+    """Leave out what could not be used, and what holds the same samples as an earlier recording.
+
+    Parameters
+    ----------
+    found : iterable of tuple
+        Name, digest of the samples, and why it could not be used ("" where it could).
+
+    Returns
+    -------
+    list of int, list of tuple
+        Places of what is counted; names of the others, and why.
+    """
+    seen: dict[object, str] = {}
+    kept, skipped = [], []
+    for place, (name, digest, reason) in enumerate(found):
+        if reason or digest in seen:
+            skipped.append((name, reason or f"identical to {seen[digest]}"))
+        else:
+            seen[digest] = name
+            kept.append(place)
+    return kept, skipped
+
+
+def _digest(recording: Recording) -> bytes:
+    channels = (getattr(recording, channel) for channel in ("time_s", *CHANNELS))
+    return hashlib.sha256(b"".join(values.tobytes() for values in channels)).digest()
+
+
+def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[Row]) -> float:
+    """Correlation of speed and pressure within seals, in the direction in which it is the stronger one."""
+    of_recording = {point.recording: point for point in points}
+    strongest = 0.0
+    for direction in (1, -1):
+        mine = [row for row in rows if row["direction"] == direction]
+        seals = [of_recording[row["recording"]].seal for row in mine]
+        scatter = [of_recording[row["recording"]].speed_stderr_m_s for row in mine]
+        values = np.array([[abs(row["velocity_m_s"]), of_recording[row["recording"]].pressure_pa] for row in mine])
+        has_changed = False
+        for seal in set(seals):
+            members = np.array([s == seal for s in seals])
+            has_changed |= changed(values[members, 0], float(np.median(scatter)))
+            values[members] -= values[members].mean(axis=0)
+        if len(mine) >= 3 and has_changed and np.ptp(values[:, 1]) > MINIMUM_RANGE_PA:
+            found = float(np.corrcoef(values.T)[0, 1])
+            strongest = max(strongest, found, key=abs)
+    return strongest
+
+
+def _stick_slip_note(level: Level) -> str:
+    found = [s for s in level.stick_slip if s.found]
+
+    def usual(name: str) -> float:
+        return float(np.median([getattr(s, name) for s in found]))
+
+    return sentence(
+        "note.stick_slip",
+        name=level.recording,
+        period_s=usual("period_s"),
+        step_mm=usual("step_m") * 1e3,
+        peak_mm_s=usual("peak_speed_m_s") * 1e3,
+        stuck=100 * usual("stuck_share"),
+        mean_mm_s=usual("mean_speed_m_s") * 1e3,
+    )
+
+
+def _doubts(levels: list[Level]) -> list[str]:
+    """Say each kind of doubt once, with the sentence of the first recording that has it."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for level in levels:
+        for flag, doubt in level.doubts.items():
+            found.setdefault(flag, []).append((level.recording, doubt))
+    notes = []
+    for members in found.values():
+        names = list(dict.fromkeys(name for name, _ in members))
+        also = f" (and of {len(names) - 1} more: {', '.join(names[1:4])})" if len(names) > 1 else ""
+        notes.append(sentence("note.check_layout", name=names[0], also=also, doubt=members[0][1]))
+    return notes
+
+
+def _notes(
+    results: tuple[RecordingResult, ...],
+    points: tuple[FrictionPoint, ...],
+    lines: list[PressureLine],
+    rows: list[Row],
+    closures: list[ClosureFit],
+) -> list[str]:
+    levels = [level for result in results for level in result.levels]
+    speeds = np.array([abs(row["velocity_m_s"]) for row in rows]) * 1e3
+    notes = [sentence("note.measured", low=speeds.min(), high=speeds.max())]
+    together = _speed_with_pressure(points, rows)
+    if abs(together) > CONFOUNDED:
+        notes.append(sentence("note.confounded", word="falls" if together < 0 else "rises", together=together))
+    held = [min(np.ptp(r.recording.pressure_a_pa), np.ptp(r.recording.pressure_b_pa)) == 0 for r in results]
+    notes += [sentence("note.one_side")] if all(held) else []
+    notes += _doubts(levels)
+    assumed = {e.source for level in levels for e in level.budget if e.basis == "assumed" and e.friction_n + e.offset_n}
+    told = {
+        "negative": [level.recording for level in levels if "negative_friction" in level.flags],
+        "assumed": sorted(assumed),
+        "larger_offset": [level.recording for level in levels if abs(level.offset_n) > level.friction_n],
+    }
+    notes += [sentence(f"note.{key}", names=", ".join(dict.fromkeys(found))) for key, found in told.items() if found]
+    notes += [line.statement for line in lines]
+    notes += [_stick_slip_note(level) for level in levels if "stick_slip" in level.flags]
+    return [*notes, *([] if closures else [sentence("note.no_closure")])]

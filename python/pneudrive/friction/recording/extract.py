@@ -1,0 +1,379 @@
+"""One recording through the chain: strokes, settled samples, profiles, map rows, uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+from pneudrive.friction.friction_map import Row
+from pneudrive.friction.recording.closure import ClosurePoint
+from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS, FrictionPoint
+from pneudrive.friction.reduction.budget import BudgetEntry, combined, expanded, systematic_budget, uncertainty_of
+from pneudrive.friction.reduction.pairing import Grid, Profile, pair, stroke_means
+from pneudrive.friction.reduction.plausible import doubts_of
+from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway
+from pneudrive.friction.reduction.sliding import (
+    SampleChoice,
+    Sliding,
+    StrokeFriction,
+    WindowMeans,
+    find_motion,
+    judge,
+    mean_of_strokes,
+    stroke_frictions,
+)
+from pneudrive.friction.reduction.spread import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
+from pneudrive.friction.reduction.stick_slip import StickSlip
+from pneudrive.show import Shown
+from pneudrive.signals.levels import speed_levels
+from pneudrive.signals.motion import Stroke, middle, straight_line
+from pneudrive.signals.recording import Recording
+from pneudrive.signals.samples import clean
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+DEFAULT_WINDOW = (0.2, 0.8)  # of the stroke
+RIPPLE_LIMIT = 0.2  # speed ripple above which the mean over the window is no point of F(v)
+
+
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class Level(Shown):
+    """One speed level of one recording.
+
+    ``doubts`` says of some of the ``flags``, in a sentence, what to look at.
+    ``spreads`` and ``stroke_friction_n`` are by direction +1/-1: the latter holds the mean friction of
+    each stroke in the window, direction * (stroke - offset), in N, and ``stroke_times_s`` its time.
+    """
+
+    recording: str
+    index: int
+    strokes: tuple[Stroke, ...]
+    profile: Profile
+    window_m: tuple[float, float]
+    friction_n: float
+    offset_n: float
+    stderr_n: float
+    u_systematic_n: float
+    u_offset_n: float
+    spreads: dict[int, Spread]
+    stroke_friction_n: dict[int, NDArray[np.float64]]
+    stroke_times_s: dict[int, NDArray[np.float64]]
+    budget: tuple[BudgetEntry, ...]
+    peaks: tuple[ReversalPeak, ...]
+    stick_slip: tuple[StickSlip, ...]
+    flags: tuple[str, ...]
+    rows: tuple[Row, ...]
+    sides: dict[int, WindowMeans]
+    doubts: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def expanded_n(self) -> float:
+        """Expanded uncertainty U (k = 2) of ``friction_n``."""
+        return expanded(self.stderr_n, self.u_systematic_n)
+
+    @property
+    def speed_m_s(self) -> float:
+        """Mean speed of the directions in the window, not negative."""
+        return float(np.mean([abs(side.means.speed_m_s) for side in self.sides.values()]))
+
+    @property
+    def speed_stderr_m_s(self) -> float:
+        """Standard error of ``speed_m_s``: the scatter of the strokes' speeds, the larger one of both directions."""
+        speeds = [[s.speed_m_s for s in self.strokes if s.direction == d] for d in (1, -1)]
+        return max((float(np.std(v, ddof=1)) / float(np.sqrt(len(v))) for v in speeds if len(v) > 1), default=0.0)
+
+    def gauge_pa(self, ambient_pressure_pa: float) -> dict[str, float]:
+        """Mean gauge pressure of the directions in chambers ``a`` and ``b``."""
+        means = {side: np.mean([getattr(s.means, f"pressure_{side}_pa") for s in self.sides.values()]) for side in "ab"}
+        return {side: float(mean) - ambient_pressure_pa for side, mean in means.items()}
+
+    def larger_gauge_pa(self, ambient_pressure_pa: float) -> float:
+        """Mean gauge pressure in the chamber that is pressurised more."""
+        return max(self.gauge_pa(ambient_pressure_pa).values(), key=abs)
+
+
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class RecordingResult(Sliding, Shown):
+    """What one recording gave. ``recording`` is the cleaned one, with its counts of flags."""
+
+    levels: tuple[Level, ...]
+    closure_points: tuple[ClosurePoint, ...]
+
+
+def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
+    """Extract friction from one recording.
+
+    Raises
+    ------
+    RecordingError
+        No motion, too few samples, or no stroke with settled samples in the window.
+    """
+    sliding = judge(find_motion(clean(recording)), choice)
+    window = window_of(sliding, choice)
+    levels = speed_levels(list(sliding.strokes))
+    return result_of(sliding, [stroke_frictions(sliding, members, window) for members in levels], window, choice)
+
+
+def result_of(
+    sliding: Sliding,
+    groups: Sequence[tuple[Grid, list[StrokeFriction]]],
+    window: tuple[float, float],
+    choice: SampleChoice,
+) -> RecordingResult:
+    """Put the speed levels together.
+
+    Raises
+    ------
+    RecordingError
+        No level has settled samples in the window.
+    """
+    levels: list[Level] = []
+    for grid, strokes in groups:
+        level = _level(sliding.recording, len(levels), grid, strokes, window, choice)
+        if level is not None:
+            levels.append(level)
+    if not levels:
+        raise RecordingError(
+            "no stroke has settled samples in the window",
+            where=sliding.recording.name,
+            value=f"window {window[0] * 1e3:.4g} mm .. {window[1] * 1e3:.4g} mm, {len(sliding.strokes)} strokes",
+            remedy="widen window.position in the layout, or record longer strokes",
+        )
+    points = [p for p in (_closure_point(sliding.recording, level) for level in levels) if p is not None]
+    return RecordingResult(**vars(sliding), levels=tuple(levels), closure_points=tuple(points))
+
+
+def window_of(sliding: Sliding, choice: SampleChoice) -> tuple[float, float]:
+    """Positions between which friction is averaged: those of the layout, or the middle of the strokes.
+
+    Raises
+    ------
+    RecordingError
+        The layout's lie outside the motion.
+    """
+    recording, strokes = sliding.recording, sliding.strokes
+    low = float(np.median([min(s.from_m, s.to_m) for s in strokes]))
+    high = float(np.median([max(s.from_m, s.to_m) for s in strokes]))
+    if not choice.uses_window:
+        return low, high
+    if recording.window_m is not None:
+        if recording.window_m[0] >= high or recording.window_m[1] <= low:
+            raise RecordingError(
+                "the window lies outside the motion",
+                where=recording.name,
+                value=f"window {recording.window_m[0] * 1e3:.4g} .. {recording.window_m[1] * 1e3:.4g} mm, "
+                f"strokes {low * 1e3:.4g} .. {high * 1e3:.4g} mm",
+                remedy="change window.position in the layout",
+            )
+        return recording.window_m
+    travel = high - low
+    return low + DEFAULT_WINDOW[0] * travel, low + DEFAULT_WINDOW[1] * travel
+
+
+def _level(
+    recording: Recording,
+    index: int,
+    grid: Grid,
+    strokes: Sequence[StrokeFriction],
+    window: tuple[float, float],
+    choice: SampleChoice,
+) -> Level | None:
+    """Put one speed level together; None where no stroke covers the window, or the directions share no bin of it."""
+    ways = {d: [s for s in strokes if s.stroke.direction == d] for d in (1, -1)}
+    profile = pair(grid, {d: _rows_over(grid, members) for d, members in ways.items()})
+    used = {d: [s for s in members if s.inside] for d, members in ways.items() if any(s.inside for s in members)}
+    rows = {d: _rows_over(grid, members) for d, members in used.items()}
+    # Equal positions: only bins that every present direction has.
+    bins = profile.in_window.copy()
+    for matrix in rows.values():
+        bins &= np.isfinite(matrix).any(axis=0)
+    if not used or not bins.any():
+        return None
+    sides = {d: mean_of_strokes([s.inside for s in members if s.inside]) for d, members in used.items()}
+    means = {
+        d: stroke_means(rows[d], bins) if choice.uses_window else np.array([s.mean_n for s in members])
+        for d, members in used.items()
+    }
+    spreads = {d: spread_of(means.get(d, np.zeros(0))) for d in (1, -1)}
+    found = _estimate(recording, profile, bins, spreads, rows, sides)
+    level = Level(
+        recording=recording.name,
+        index=index,
+        strokes=tuple(s.stroke for s in strokes),
+        profile=profile,
+        window_m=window,
+        spreads=spreads,
+        stroke_friction_n={d: d * (m - (found.offset_n if len(used) == 2 else 0.0)) for d, m in means.items()},
+        stroke_times_s={d: np.array([s.time_s for s in members]) for d, members in used.items()},
+        peaks=tuple(s.peak for s in strokes if s.peak),
+        stick_slip=tuple(s.stick_slip for members in used.values() for s in members if s.stick_slip),
+        flags=(),
+        rows=(),
+        sides=sides,
+        **vars(found),
+    )
+    ambient = recording.ambient_pressure_pa
+    doubts = doubts_of(
+        recording,
+        gauge_pa=level.gauge_pa(ambient),
+        speed_m_s=level.speed_m_s,
+        friction_n=level.friction_n,
+        offset_n=level.offset_n,
+        u_offset_n=level.u_offset_n,
+    )
+    flags = (*_level_flags(recording, level, used, bins), *doubts)
+    level = replace(level, flags=flags, doubts=doubts)
+    return replace(level, rows=_rows(recording, level, used))
+
+
+def _rows_over(grid: Grid, strokes: Sequence[StrokeFriction]) -> NDArray[np.float64]:
+    """Bring the bins of some strokes to one grid, shape (strokes, bins)."""
+    rows = np.full((len(strokes), grid.stop - grid.first), np.nan)
+    for row, stroke in zip(rows, strokes, strict=True):
+        at = stroke.first - grid.first
+        row[at : at + stroke.balance_n.size] = stroke.balance_n
+    return rows
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """Friction and offset of one level with their uncertainties, N."""
+
+    friction_n: float
+    offset_n: float
+    stderr_n: float
+    u_systematic_n: float
+    u_offset_n: float
+    budget: tuple[BudgetEntry, ...]
+
+
+def _estimate(
+    recording: Recording,
+    profile: Profile,
+    bins: NDArray[np.bool_],
+    spreads: dict[int, Spread],
+    rows: dict[int, NDArray[np.float64]],
+    sides: dict[int, WindowMeans],
+) -> _Estimate:
+    """Pair the directions, or take the one that is there, and state the uncertainty."""
+    only = next(iter(sides))
+    up, down = (sides.get(d, sides[only]).means for d in (1, -1))
+    known = bins & np.isfinite(profile.offset_n)
+    slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
+    budget = tuple(systematic_budget(recording, up, down, slope, middle(np.diff(recording.time_s))))
+    u_friction, u_offset = combined(budget)
+    if len(sides) == 1:
+        stderr = spreads[only].stderr_n
+        if not np.isfinite(stderr):
+            stderr = profile_stderr(rows[only][0][bins])
+        # Nothing cancels in one direction alone: friction is as uncertain as the offset would be.
+        return _Estimate(only * spreads[only].mean_n, float("nan"), stderr, u_offset, u_offset, budget)
+    stderr = pair_stderr(spreads[1], spreads[-1])
+    if np.isfinite(stderr):
+        inside = sum(within_stderr(matrix[:, bins]) ** 2 for matrix in rows.values())
+        stderr = max(stderr, float(np.sqrt(inside)) / 2)
+    else:
+        stderr = profile_stderr(profile.friction_n[bins])
+    half_difference = (spreads[1].mean_n - spreads[-1].mean_n) / 2
+    half_sum = (spreads[1].mean_n + spreads[-1].mean_n) / 2
+    return _Estimate(half_difference, half_sum, stderr, u_friction, u_offset, budget)
+
+
+def _level_flags(
+    recording: Recording,
+    level: Level,
+    used: dict[int, list[StrokeFriction]],
+    bins: NDArray[np.bool_],
+) -> tuple[str, ...]:
+    """Names of what the reader of the map should know."""
+    flags = [kind for kind, count in recording.flags.items() if count]
+    slips = level.stick_slip
+    speeds = [abs(c.means.speed_m_s) for c in level.sides.values()]
+    stick_slip = bool(slips) and float(np.mean([s.found for s in slips])) > 0.5
+    ripple = bool(slips) and float(np.median([s.ripple for s in slips])) > RIPPLE_LIMIT
+    seen = {
+        "unpaired": len(used) < 2,
+        "negative_friction": level.friction_n < -2 * level.expanded_n,
+        "single_stroke": min(len(members) for members in used.values()) == 1,
+        "trend": any(s.has_trend for s in level.spreads.values()),
+        "stick_slip": stick_slip,
+        "speed_ripple": ripple and not stick_slip,
+        "window_not_covered": bins.sum() < 0.9 * level.profile.in_window.sum(),
+        "pressure_moves": any(c.pressure_moves_n > 0.5 * abs(level.friction_n) for c in level.sides.values()),
+        "unequal_speeds": max(speeds) - min(speeds) > 0.1 * max(speeds),
+    }
+    return (*flags, *(name for name, is_so in seen.items() if is_so))
+
+
+def _rows(recording: Recording, level: Level, used: dict[int, list[StrokeFriction]]) -> tuple[Row, ...]:
+    """Write the map's rows, one per direction that is there."""
+    rows = []
+    for direction, side in level.sides.items():
+        peaks = [p for p in level.peaks if p.direction == direction]
+        spoiled = ("breakaway_spoiled",) if peaks and all(p.flags for p in peaks) else ()
+        rows.append(
+            Row(
+                recording=level.recording,
+                direction=direction,
+                velocity_m_s=side.means.speed_m_s,
+                pressure_a_pa=side.means.pressure_a_pa,
+                pressure_b_pa=side.means.pressure_b_pa,
+                balance_n=level.spreads[direction].mean_n,
+                friction_n=level.friction_n,
+                offset_n=level.offset_n,
+                stderr_n=level.stderr_n,
+                u_systematic_n=level.u_systematic_n,
+                samples=side.samples,
+                strokes=len(used[direction]),
+                position_from_m=level.window_m[0],
+                position_to_m=level.window_m[1],
+                flags=",".join((*level.flags, *spoiled)),
+                ambient_pressure_pa=recording.ambient_pressure_pa,
+                **breakaway(peaks, [s.stroke for s in used[direction]]),
+            )
+        )
+    return tuple(rows)
+
+
+def _closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
+    """Half the sum of both directions' forces, by way of the balance so that positions are equal."""
+    if len(level.sides) != 2 or recording.area_a_m2 + recording.area_b_m2 == 0:
+        return None
+    gauge, weight = level.gauge_pa(recording.ambient_pressure_pa), recording.weight_n
+    force = level.offset_n - gauge["a"] * recording.area_a_m2 + gauge["b"] * recording.area_b_m2 + weight
+    return ClosurePoint(
+        recording=recording.name,
+        group=recording.labels.get("seal", ALL_RECORDINGS),
+        half_sum_force_n=force,
+        gauge_a_pa=gauge["a"],
+        gauge_b_pa=gauge["b"],
+        weight_n=weight,
+        area_a_m2=recording.area_a_m2,
+        area_b_m2=recording.area_b_m2,
+        u_a_pa=uncertainty_of(level.budget, "pressure a: common error"),
+        u_b_pa=uncertainty_of(level.budget, "pressure b: common error"),
+    )
+
+
+def friction_points(result: RecordingResult) -> list[FrictionPoint]:
+    """Give one point per speed level: friction at the gauge pressure of the side that is pressurised more."""
+    recording = result.recording
+    return [
+        FrictionPoint(
+            recording=recording.name,
+            seal=recording.labels.get("seal", ALL_RECORDINGS),
+            run=recording.labels.get("run", "1"),
+            pressure_pa=level.larger_gauge_pa(recording.ambient_pressure_pa),
+            speed_m_s=level.speed_m_s,
+            friction_n=level.friction_n,
+            expanded_n=level.expanded_n,
+            speed_stderr_m_s=level.speed_stderr_m_s,
+        )
+        for level in result.levels
+    ]

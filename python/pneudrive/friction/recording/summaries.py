@@ -1,0 +1,106 @@
+"""Campaigns: thousands of cycles, in one Parquet file or in many files, as one friction map.
+
+Worker processes read their own part of the file, so neither the samples nor their copies meet in one process.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from pneudrive.errors import RecordingError
+from pneudrive.friction.recording.extract import RecordingResult, extract, friction_points
+from pneudrive.signals.cycles import Cycles, read_cycles
+from pneudrive.signals.load import RecordingFile
+from pneudrive.signals.pool import share_out
+from pneudrive.signals.pool import workers as usual_workers
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from pneudrive.friction.friction_map import Row
+    from pneudrive.friction.recording.closure import ClosurePoint
+    from pneudrive.friction.recording.pressure_line import FrictionPoint
+    from pneudrive.friction.reduction.settling import SampleChoice
+    from pneudrive.signals.recording import Recording
+
+WORTH_WORKERS = 200  # cycles below which starting processes costs more than it saves
+
+
+Source = Cycles | RecordingFile
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What one recording of a campaign leaves: map rows and points for closure and pressure lines.
+
+    ``digest`` is equal for recordings with the same samples; ``reason`` says why it could not be used.
+    """
+
+    name: str
+    digest: int
+    rows: tuple[Row, ...] = ()
+    labels: dict[str, str] = field(default_factory=dict)
+    closure_points: tuple[ClosurePoint, ...] = ()
+    friction_points: tuple[FrictionPoint, ...] = ()
+    reason: str = ""
+
+
+def summary_of(result: RecordingResult, digest: int = 0) -> Summary:
+    """Keep of a recording's result what map, closure and pressure lines need."""
+    rows = tuple(row for level in result.levels for row in level.rows)
+    return Summary(
+        result.recording.name,
+        digest,
+        rows,
+        result.recording.labels,
+        result.closure_points,
+        tuple(friction_points(result)),
+    )
+
+
+def summarise(sources: list[Source], choice: SampleChoice, workers: int | None = None) -> list[Summary]:
+    """Characterise every cycle, or every file, and keep what the map needs.
+
+    Parameters
+    ----------
+    sources
+        Parts of campaign files, or single recordings' files.
+    choice
+        Which samples count.
+    workers
+        Processes; None takes the processors there are, at most 8.
+
+    Returns
+    -------
+    list of Summary
+        In the order of the sources. A cycle or file that cannot be used has a ``reason``: of 7500 cycles one may fail.
+    """
+    number = sum(len(source) if isinstance(source, Cycles) else 1 for source in sources)
+    workers = (workers or usual_workers()) if number >= WORTH_WORKERS else 1
+    parts = [part for source in sources for part in (source.parts(workers) if isinstance(source, Cycles) else [source])]
+    return [one for found in share_out(work, parts, choice, least=2, processes=workers) for one in found]
+
+
+def work(sources: list[Source], choice: SampleChoice) -> list[list[Summary]]:
+    """Characterise the recordings of each source one after the other in this process."""
+    return [[_summary(name, read, choice) for name, read in _recordings(source)] for source in sources]
+
+
+def _summary(name: str, read: Callable[[], Recording], choice: SampleChoice) -> Summary:
+    try:
+        recording = read()
+        digest = zlib.crc32(recording.position_m.tobytes()) << 32 | zlib.crc32(recording.force_n.tobytes())
+        return summary_of(extract(recording, choice), digest)
+    except RecordingError as error:
+        return Summary(name, 0, reason=error.what)
+
+
+def _recordings(source: Source) -> Iterator[tuple[str, Callable[[], Recording]]]:
+    """Yield the name of each recording and a function that gives it."""
+    if isinstance(source, Cycles):
+        for recording in read_cycles(source):
+            yield recording.name, lambda recording=recording: recording
+    else:
+        yield source.name, source.read

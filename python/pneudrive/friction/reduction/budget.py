@@ -1,0 +1,254 @@
+"""Systematic uncertainty of friction and offset as in the GUM: one entry per source, combined at the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from pneudrive.signals.recording import Recording
+
+COVERAGE_FACTOR = 2.0
+# Assumed where the layout does not say; the budget marks each as assumed.
+ASSUMED_PRESSURE_OF_RANGE = 0.005 / np.sqrt(3.0)  # limits of 0.5 % of full scale, rectangular
+ASSUMED_FORCE_OF_LARGEST = 0.002 / np.sqrt(3.0)  # limits of 0.2 % of the largest force, rectangular
+ASSUMED_BORE = 0.002  # of the bore: 0.05 mm on 25 mm
+ASSUMED_ALIGNMENT_RAD = np.deg2rad(1.0)
+# Share of a sensor's accuracy that changes with direction (hysteresis) and so survives the pairing.
+ASSUMED_DIRECTION_SHARE = 1.0 / 3.0
+USUAL_RANGES_PA = np.array([1, 1.6, 2.5, 4, 6, 10, 16, 25, 40, 100]) * 1e5
+
+
+@dataclass(frozen=True)
+class BudgetEntry:
+    """One line: its standard uncertainty, and what it does to friction and to offset, in N.
+
+    ``basis`` is "layout" (the accuracy was given), "assumed" or "data"; ``kind`` "A" or "B" (GUM).
+    """
+
+    source: str
+    standard_uncertainty: float
+    unit: str
+    basis: str
+    kind: str
+    friction_n: float
+    offset_n: float
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class DirectionMeans:
+    """Means over the window in one direction, which the sensitivities are taken at."""
+
+    force_n: float
+    pressure_a_pa: float
+    pressure_b_pa: float
+    speed_m_s: float
+
+
+def systematic_budget(
+    recording: Recording,
+    up: DirectionMeans,
+    down: DirectionMeans,
+    offset_slope_n_m: float = 0.0,
+    sample_interval_s: float = 0.0,
+) -> list[BudgetEntry]:
+    """List what each systematic source does to friction (half difference) and offset (half sum).
+
+    Parameters
+    ----------
+    recording
+        Its ``accuracy`` entries are standard uncertainties.
+    up, down
+        Means in +x and -x over the window.
+    offset_slope_n_m
+        Change of offset over position: what a skew between channels turns into friction.
+    sample_interval_s
+        Channels are taken to be simultaneous within this interval.
+    """
+    skew, speed = sample_interval_s / np.sqrt(12.0), (abs(up.speed_m_s) + abs(down.speed_m_s)) / 2
+    turned, words = abs(offset_slope_n_m) * speed * skew, "rectangular over one sampling interval"
+    return [
+        *(entry for side in ("a", "b") for entry in _pressure_entries(recording, side, up, down)),
+        *_force_entries(recording, up, down),
+        *_geometry_entries(recording, up, down),
+        BudgetEntry("time skew between channels", skew, "s", "assumed", "B", turned, 0.0, words),
+    ]
+
+
+def _sensor_entries(
+    name: str, unit: str, known: tuple[float, str, str], newton_per_unit: float, change: float, reference: float
+) -> list[BudgetEntry]:
+    """List the common error, of which the pair leaves what changes with direction, and hysteresis.
+
+    Parameters
+    ----------
+    name, unit : str
+    known : tuple
+        Standard uncertainty, its basis, and a note.
+    newton_per_unit : float
+        Force of one unit of the sensor in the balance.
+    change, reference : float
+        Half the difference of the mean readings of both directions; value at which the whole accuracy may be an error
+        of gain.
+    """
+    u, basis, note = known
+    common = u * newton_per_unit
+    left = common * change / reference if reference else 0.0
+    hysteresis = common * ASSUMED_DIRECTION_SHARE / float(np.sqrt(2.0))
+    note = f"{note}; cancels in the pair but for the change of the reading with direction".lstrip("; ")
+    turns = "a third of the accuracy taken to change with direction"
+    lost = u * ASSUMED_DIRECTION_SHARE
+    return [
+        BudgetEntry(f"{name}: common error", u, unit, basis, "B", left, common, note),
+        BudgetEntry(f"{name}: hysteresis", lost, unit, "assumed", "B", hysteresis, hysteresis, turns),
+    ]
+
+
+def _accuracy(recording: Recording, channel: str, assumed: float, words: str) -> tuple[float, str, str]:
+    """Give the standard uncertainty of a channel, its basis and a note; the layout may itself call it assumed."""
+    if channel not in recording.accuracy:
+        return assumed, "assumed", words
+    text = recording.calibration.get(channel, "")
+    return recording.accuracy[channel], ("assumed" if text.lower().startswith("assumed") else "layout"), text
+
+
+def _reference(recording: Recording, channel: str, otherwise: float, zero: float = 0.0) -> float:
+    """Largest value that the sensor can give, where the layout says it."""
+    if channel not in recording.limits:
+        return otherwise
+    return max(abs(limit - zero) for limit in recording.limits[channel])
+
+
+def _pressure_entries(recording: Recording, side: str, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
+    channel = f"pressure_{side}_pa"
+    values, ambient = getattr(recording, channel), recording.ambient_pressure_pa
+    if np.ptp(values) == 0 and channel not in recording.accuracy and abs(values[0] - ambient) < 1.0:
+        return []  # open to ambient: nothing was measured, nothing acts
+    largest = float(np.max(np.abs(values - ambient)))
+    span = USUAL_RANGES_PA[np.searchsorted(USUAL_RANGES_PA, largest)] if largest <= USUAL_RANGES_PA[-1] else largest
+    words = f"0.5 % of a {span / 1e5:g} bar range, rectangular"
+    known = _accuracy(recording, channel, float(span * ASSUMED_PRESSURE_OF_RANGE), words)
+    change = abs(getattr(up, channel) - getattr(down, channel)) / 2
+    reference = _reference(recording, channel, float(span), ambient)
+    return _sensor_entries(f"pressure {side}", "Pa", known, getattr(recording, f"area_{side}_m2"), change, reference)
+
+
+def _force_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
+    if recording.force_calibration is not None:
+        known = recording.force_calibration
+        found = known.doubts((up.force_n - down.force_n) / 2.0, (up.force_n + down.force_n) / 2.0)
+        return [
+            BudgetEntry(f"force: {name}", u, "N", "layout", "B", friction, offset, known.words())
+            for name, (u, friction, offset) in found.items()
+        ]
+    largest = float(np.max(np.abs(recording.force_n)))
+    words = "0.2 % of the largest force, rectangular"
+    known = _accuracy(recording, "force_n", largest * ASSUMED_FORCE_OF_LARGEST, words)
+    reference = _reference(recording, "force_n", largest)
+    change = abs(up.force_n - down.force_n) / 2
+    return _sensor_entries("force", "N", known, 1.0, change, reference)
+
+
+def _geometry_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
+    full = max(recording.area_a_m2, recording.area_b_m2)
+    bore = np.sqrt(4 * full / np.pi)
+    if "area" in recording.accuracy:
+        relative, basis, shown, unit = recording.accuracy["area"], "layout", recording.accuracy["area"], ""
+    elif "bore_m" in recording.accuracy and bore > 0:
+        relative, basis = 2 * recording.accuracy["bore_m"] / bore, "layout"
+        shown, unit = recording.accuracy["bore_m"], "m"
+    else:
+        relative, basis, shown, unit = 2 * ASSUMED_BORE, "assumed", ASSUMED_BORE * bore, "m"
+    ambient = recording.ambient_pressure_pa
+    half_difference = half_sum = 0.0
+    for side, sign in (("a", 1.0), ("b", -1.0)):
+        area = getattr(recording, f"area_{side}_m2")
+        p_up, p_down = (getattr(m, f"pressure_{side}_pa") - ambient for m in (up, down))
+        half_difference += sign * area * (p_up - p_down) / 2
+        half_sum += sign * area * (p_up + p_down) / 2
+    bore_note = "" if basis == "layout" else "0.2 % of the bore"
+    friction, offset = abs(relative * half_difference), abs(relative * half_sum)
+    angle, known = recording.accuracy.get("alignment_rad"), "layout"
+    if angle is None:
+        angle, known = float(ASSUMED_ALIGNMENT_RAD), "assumed"
+    turned, shared = (abs(up.force_n + sign * down.force_n) / 2 * angle**2 / 2 for sign in (-1, 1))
+    words = "cosine error; a side load's own friction is friction of the rig and stays in the result"
+    return [
+        BudgetEntry("bore (area)", float(shown), unit, basis, "B", friction, offset, bore_note),
+        BudgetEntry("alignment of the force axis", angle, "rad", known, "B", turned, shared, words),
+    ]
+
+
+def uncertainty_of(entries: Sequence[BudgetEntry], source: str) -> float:
+    """Give the standard uncertainty of one source, in its unit; 0 where the budget does not list it."""
+    return next((entry.standard_uncertainty for entry in entries if entry.source == source), 0.0)
+
+
+def combined(entries: Sequence[BudgetEntry]) -> tuple[float, float]:
+    """Give the standard uncertainty of friction and of offset, sources taken as independent."""
+    return (
+        float(np.sqrt(sum(e.friction_n**2 for e in entries))),
+        float(np.sqrt(sum(e.offset_n**2 for e in entries))),
+    )
+
+
+def expanded(stderr_n: float, u_systematic_n: float) -> float:
+    """Give the expanded uncertainty U with k = 2, N."""
+    return COVERAGE_FACTOR * float(np.hypot(np.nan_to_num(stderr_n), u_systematic_n))
+
+
+def stated_shares(
+    recording: Recording, up: DirectionMeans, down: DirectionMeans
+) -> dict[str, float | bool | dict[str, float]]:
+    """Divide the budget of a cycle into what campaigns take apart, by the names of the fields of `CycleData`.
+
+    Many cycles share their sensors: what grows with friction, what is the same at all frictions, and what tares take
+    out act on a curve in different ways.
+    """
+    entries = systematic_budget(recording, up, down)
+    # Hysteresis needs a reading that changes with direction: that of a pressure that is held has none.
+    moves = {
+        f"pressure {c}: hysteresis": abs(getattr(up, f"pressure_{c}_pa") - getattr(down, f"pressure_{c}_pa"))
+        * getattr(recording, f"area_{c}_m2")
+        / 2.0
+        for c in ("a", "b")
+    }
+    constant = ("hysteresis", "linearity")
+    changing = [min(e.friction_n, moves.get(e.source, np.inf)) for e in entries if e.source.endswith(constant)]
+    shared = [e for e in entries if not e.source.endswith("hysteresis")]
+    # A zero is what tares take out; what is left of an accuracy grows with the reading.
+    readings = {
+        "force: common error": _of_range(recording, "force_n", (up.force_n + down.force_n) / 2.0, 0.0),
+        "pressure a: common error": _of_range(recording, "pressure_a_pa", up.pressure_a_pa, None),
+        "pressure b: common error": _of_range(recording, "pressure_b_pa", up.pressure_b_pa, None),
+        "bore (area)": 1.0,
+        **dict.fromkeys(("force: gain", "force: linearity", "force: creep"), 1.0),
+    }
+    known = recording.force_calibration is not None
+    offsets = {e.source: e.offset_n * readings.get(e.source, 0.0) for e in shared}
+    return {
+        "u_gain_n": _root(e.friction_n for e in shared if not e.source.endswith(constant)),
+        "u_hysteresis_n": _root(changing),
+        "u_offset_n": _root(offsets.values()),
+        "u_pressures_n": {c: offsets.get(f"pressure {c}: common error", 0.0) for c in ("a", "b")},
+        "u_force_n": {e.source: e.friction_n for e in entries if known and e.source.startswith("force: ")},
+        "u_air_n": _root(e.friction_n for e in entries if e.source.startswith(("pressure", "bore"))),
+        "assumed": any(e.source == "force: common error" and e.basis == "assumed" for e in entries),
+    }
+
+
+def _root(parts: Iterable[float]) -> float:
+    return float(np.sqrt(sum(part**2 for part in parts)))
+
+
+def _of_range(recording: Recording, channel: str, reading: float, zero: float | None) -> float:
+    """Share of the sensor's range at which it is, counted from its zero (None: ambient pressure)."""
+    start = recording.ambient_pressure_pa if zero is None else zero
+    limits = recording.limits.get(channel)
+    reach = max(abs(v - start) for v in limits) if limits else np.max(np.abs(getattr(recording, channel) - start))
+    return min(abs(reading - start) / float(reach), 1.0) if reach > 0 else 0.0

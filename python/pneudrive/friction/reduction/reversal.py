@@ -1,0 +1,208 @@
+"""Breakaway peaks after reversals, with what spoils them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.signals.motion import local_slope, middle, noise_level, straight_line
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.friction.reduction.pairing import Profile
+    from pneudrive.signals.motion import Stroke
+    from pneudrive.signals.recording import Recording
+
+NEEDED_RISE_SAMPLES = 10
+# A pressure change during the rise spoils the peak when it moves the force by this share of it.
+TRANSIENT_SHARE = 0.1
+# Inertia of the mass beyond the sensor spoils it likewise: acceleration from positions is late, smoothed and noisy.
+INERTIA_SHARE = 0.1
+# The peak is sought from the start of a stroke over this share of its travel.
+SOUGHT_SHARE = 0.25
+# The offset at the turn follows from the line through what lies between these shares of the travel from it.
+OFFSET_FROM = (0.1, 0.35)
+FEWEST_BINS = 3
+
+
+@dataclass(frozen=True)
+class ReversalPeak:
+    """Largest friction after one reversal.
+
+    ``friction_n`` is the peak, offset taken out; ``sliding_n`` the friction level of the window.
+    ``excess_n`` is their difference, ``significant`` whether it exceeds the noise of a single peak.
+    ``rise_samples`` counts samples while it rises from 10 % to 90 %; ``flags`` names what spoils it:
+    ``undersampled``, ``pressure_transient``, ``inertia``, ``gap``, ``no_peak``.
+    """
+
+    recording: str
+    stroke: int
+    direction: int
+    time_s: float
+    position_m: float
+    friction_n: float
+    sliding_n: float
+    excess_n: float
+    significant: bool
+    dwell_s: float
+    loading_rate_n_s: float
+    rise_samples: int
+    flags: tuple[str, ...]
+
+
+def find_reversal_peaks(
+    recording: Recording, strokes: Sequence[Stroke], balance_n: NDArray[np.float64], profile: Profile
+) -> list[ReversalPeak]:
+    """Find the peak after each reversal that starts one of ``strokes``.
+
+    Parameters
+    ----------
+    recording
+        Cleaned recording.
+    strokes
+        Strokes of one speed level, of which the recording's first has no reversal before it.
+    balance_n
+        Shape (n,).
+    profile
+        Of the same level. Its offset is taken out, see `offset_line`.
+    """
+    if (np.isfinite(profile.offset_n) & profile.in_window).sum() < FEWEST_BINS:
+        return []
+    sliding = float(np.nanmean(profile.friction_n[profile.in_window]))
+    usual_step = middle(np.diff(recording.time_s))
+    noise = noise_level(balance_n)
+    peaks = []
+    for stroke in strokes:
+        if stroke.start == 0 or stroke.index == 0:
+            continue
+        peaks.append(_peak(recording, stroke, balance_n, profile, sliding, usual_step, noise))
+    return peaks
+
+
+def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
+    """Fit a line through the offset near a turn: slope, N/m, and intercept at x = 0, N.
+
+    At the turn itself one direction is still in its transient, and half the sum is not the offset; far from it the
+    offset may have bent. Where too few bins lie between, those of the window are taken.
+    """
+    known = np.isfinite(profile.offset_n)
+    away = np.abs(profile.position_m - turn_m) / float(np.ptp(profile.position_m))
+    near = known & (away > OFFSET_FROM[0]) & (away < OFFSET_FROM[1])
+    if near.sum() < FEWEST_BINS:
+        near = known & profile.in_window
+    return straight_line(profile.position_m[near], profile.offset_n[near])
+
+
+def _peak(
+    recording: Recording,
+    stroke: Stroke,
+    balance_n: NDArray[np.float64],
+    profile: Profile,
+    sliding: float,
+    usual_step: float,
+    noise: float,
+) -> ReversalPeak:
+    # The force rises while the piston still rests: go back from the first motion through the dwell.
+    position = recording.position_m
+    back = int(np.searchsorted(recording.time_s, recording.time_s[stroke.start] - stroke.dwell_s))
+    begin = max(min(back, stroke.start), 0)
+    travel = abs(stroke.to_m - stroke.from_m)
+    travelled = np.abs(position[stroke.samples] - stroke.from_m)
+    end = stroke.start + max(int(np.argmax(travelled > SOUGHT_SHARE * travel)), 3)
+    part = slice(begin, end)
+    slope, intercept = offset_line(profile, stroke.from_m)
+    friction = stroke.direction * (balance_n[part] - (slope * position[part] + intercept))
+    low, high, top = _rise(friction)
+    times = recording.time_s[part]
+    duration = float(times[high] - times[low])
+    rate = float(friction[high] - friction[low]) / duration if duration > 0 else float("nan")
+    flags = _peak_flags(recording, stroke, part, (low, high, top), float(friction[top] - friction[low]), usual_step)
+    excess = float(friction[top] - sliding)
+    if top >= friction.size - 2:
+        flags.append("no_peak")  # still rising where the search ends: no maximum of its own
+    return ReversalPeak(
+        recording=recording.name,
+        stroke=stroke.index,
+        direction=stroke.direction,
+        time_s=float(times[top]),
+        position_m=float(position[part][top]),
+        friction_n=float(friction[top]),
+        sliding_n=sliding,
+        excess_n=excess,
+        # The largest of m noisy samples lies sqrt(2 ln m) deviations high by chance alone.
+        significant=excess > noise * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
+        dwell_s=stroke.dwell_s,
+        loading_rate_n_s=rate,
+        rise_samples=high - low,
+        flags=tuple(flags),
+    )
+
+
+def _rise(friction_n: NDArray[np.float64]) -> tuple[int, int, int]:
+    """Find a peak and its rise: last sample below 10 % of the swing, first one above 90 %, the peak itself.
+
+    A slow drift up to the peak, after the rise, is no part of it.
+    """
+    top = int(np.argmax(friction_n))
+    bottom = float(friction_n[: top + 1].min())
+    swing = float(friction_n[top]) - bottom
+    high = int(np.argmax(friction_n >= bottom + 0.9 * swing))
+    below = np.flatnonzero(friction_n[: high + 1] <= bottom + 0.1 * swing)
+    return (int(below[-1]) if below.size else 0), high, top
+
+
+def _run_up(recording: Recording, stroke: Stroke) -> float:
+    """Mean acceleration until the stroke has 80 % of its speed, at least one sample, m/s2."""
+    time = recording.time_s[stroke.samples]
+    velocity = local_slope(time, recording.position_m[stroke.samples])
+    reached = max(int(np.argmax(np.abs(velocity) >= 0.8 * abs(stroke.speed_m_s))), 1)
+    return 0.8 * abs(stroke.speed_m_s) / float(time[reached] - time[0])
+
+
+def _peak_flags(
+    recording: Recording, stroke: Stroke, part: slice, rise: tuple[int, int, int], swing: float, usual_step: float
+) -> list[str]:
+    flags = []
+    low, high, top = rise
+    if high - low < NEEDED_RISE_SAMPLES:
+        flags.append("undersampled")
+    moved = 0.0
+    for side in ("a", "b"):
+        channel = getattr(recording, f"pressure_{side}_pa")
+        pressure = channel[part][: top + 1]  # what moves in the rest before counts too
+        # Noise alone spreads n samples over about 2 sqrt(2 ln n) deviations.
+        by_noise = 2 * noise_level(channel, quantisation=False) * np.sqrt(2 * np.log(max(pressure.size, 2)))
+        moved += max(float(np.ptp(pressure)) - by_noise, 0.0) * getattr(recording, f"area_{side}_m2")
+    if moved > TRANSIENT_SHARE * swing:
+        flags.append("pressure_transient")
+    if recording.mass_beyond_sensor_kg * _run_up(recording, stroke) > INERTIA_SHARE * swing:
+        flags.append("inertia")
+    steps = np.diff(recording.time_s[part][low : top + 1])
+    if steps.size and steps.max() > 5 * usual_step:
+        flags.append("gap")
+    return flags
+
+
+def breakaway(peaks: Sequence[ReversalPeak], strokes: Sequence[Stroke]) -> dict[str, float]:
+    """Give the breakaway of one direction: medians over the reversals before its strokes, NaN where there is none.
+
+    Returns
+    -------
+    dict
+        ``breakaway_n`` of the peaks that nothing spoils, ``dwell_s``, ``loading_rate_n_s``.
+    """
+    return {
+        "breakaway_n": median([p.friction_n for p in peaks if not p.flags]),
+        "dwell_s": median([s.dwell_s for s in strokes if s.index > 0]),
+        "loading_rate_n_s": median([p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]),
+    }
+
+
+def median(values: Sequence[float]) -> float:
+    """Median of a few values, most often of one, for which NumPy takes long; NaN where there is none."""
+    return float(np.median(values)) if len(values) > 1 else values[0] if values else float("nan")

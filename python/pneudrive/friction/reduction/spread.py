@@ -1,0 +1,147 @@
+"""Statistical uncertainty: from the spread between strokes, never from samples inside a stroke alone.
+
+Samples inside a stroke share the stroke's lubrication, temperature and position pattern, so they are
+not independent: dividing their spread by the root of their number is many times too small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.signals.motion import straight_line
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+TREND_LEVEL = 0.05
+MINIMUM_FOR_TREND = 5
+MOST_PAIRED = 1000  # strokes of which every pair gives a slope: of more, so many evenly spread ones
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Spread of stroke means in one direction.
+
+    ``stderr_n`` is NaN for a single stroke. ``slope_n`` is the robust drift per stroke (Theil-Sen),
+    ``trend_p`` the two-sided probability of Kendall's test that it is chance (1 where not testable).
+    ``effective`` is the number of independent strokes, smaller than ``strokes`` where they drift.
+    """
+
+    strokes: int
+    mean_n: float
+    deviation_n: float
+    stderr_n: float
+    effective: float
+    slope_n: float
+    trend_p: float
+
+    @property
+    def has_trend(self) -> bool:
+        """Whether the drift is beyond chance at 5 %."""
+        return self.trend_p < TREND_LEVEL
+
+
+def spread_of(stroke_means_n: NDArray[np.float64]) -> Spread:
+    """Describe the means of successive strokes, shape (strokes,), NaN ignored."""
+    values = stroke_means_n[np.isfinite(stroke_means_n)]
+    n = values.size
+    if n == 0:
+        return Spread(0, float("nan"), float("nan"), float("nan"), 0.0, float("nan"), 1.0)
+    mean = float(values.mean())
+    if n == 1:
+        return Spread(1, mean, float("nan"), float("nan"), 1.0, float("nan"), 1.0)
+    deviation = float(values.std(ddof=1))
+    slope, p = _trend(values)
+    effective = _effective_number(values, has_trend=p < TREND_LEVEL)
+    return Spread(n, mean, deviation, deviation / np.sqrt(effective), effective, slope, p)
+
+
+def _trend(values: NDArray[np.float64]) -> tuple[float, float]:
+    n = values.size
+    some = np.unique(np.linspace(0, n - 1, MOST_PAIRED).astype(np.int64)) if n > MOST_PAIRED else np.arange(n)
+    first, second = (some[index] for index in np.triu_indices(some.size, 1))
+    slope = float(np.median((values[second] - values[first]) / (second - first)))
+    if n < MINIMUM_FOR_TREND or np.ptp(values) == 0:
+        return slope, 1.0
+    from scipy.stats import kendalltau
+
+    return slope, float(np.asarray(kendalltau(np.arange(n), values))[1])
+
+
+def _effective_number(values: NDArray[np.float64], *, has_trend: bool) -> float:
+    """Estimate the number of independent strokes: fewer where neighbours correlate beyond chance."""
+    n = values.size
+    away = values - values.mean()
+    power = float(away @ away)
+    if n < 4 or power == 0:
+        return float(n)
+    r = float(away[1:] @ away[:-1]) / power
+    if not has_trend and r < 1.645 / np.sqrt(n):
+        return float(n)
+    r = float(np.clip(r, 0.0, 0.9))
+    return max(n * (1 - r) / (1 + r), 2.0)
+
+
+def pair_stderr(up: Spread, down: Spread) -> float:
+    """Give the standard error of half the difference of both directions' means; NaN where no spread is known.
+
+    Where one direction has a single stroke, the other one's spread stands for it.
+    """
+    deviations = [s.deviation_n for s in (up, down) if np.isfinite(s.deviation_n)]
+    if not deviations:
+        return float("nan")
+    pooled = max(deviations)
+    parts = [(s.deviation_n if np.isfinite(s.deviation_n) else pooled) ** 2 / max(s.effective, 1.0) for s in (up, down)]
+    return 0.5 * float(np.sqrt(sum(parts)))
+
+
+def profile_stderr(profile_n: NDArray[np.float64]) -> float:
+    """Estimate the standard error of a profile's mean from the profile alone, for where there is one stroke only.
+
+    A straight line is taken out (the pattern over position is not chance, its coarse part least of
+    all) and the correlation of neighbouring bins is summed until it first falls below zero.
+    """
+    values = profile_n[np.isfinite(profile_n)]
+    n = values.size
+    if n < 4:
+        return float("nan")
+    x = np.arange(n, dtype=np.float64)
+    slope, intercept = straight_line(x, values)
+    rest = values - (intercept + slope * x)
+    return _stderr_of_mean(rest[None, :], n - 2)
+
+
+def within_stderr(strokes_n: NDArray[np.float64]) -> float:
+    """Estimate the standard error of the mean of all strokes that noise inside the strokes alone would cause.
+
+    The spread of two or three stroke means may be small by chance, but never is their error below this.
+
+    Parameters
+    ----------
+    strokes_n
+        Balance of each stroke in each bin, shape (strokes, bins), at least two strokes.
+    """
+    strokes_n = strokes_n[:, np.isfinite(strokes_n).all(axis=0)]
+    strokes, bins = strokes_n.shape
+    if strokes < 2 or bins < 4:
+        return 0.0
+    rest = strokes_n - strokes_n.mean(axis=0) - strokes_n.mean(axis=1, keepdims=True) + strokes_n.mean()
+    return _stderr_of_mean(rest, (strokes - 1) * (bins - 1)) / float(np.sqrt(strokes))
+
+
+def _stderr_of_mean(rest: NDArray[np.float64], freedom: int) -> float:
+    """Estimate the standard error of the mean of one row of residuals, neighbours being correlated; shape (rows, n)."""
+    n = rest.shape[1]
+    power = float((rest * rest).sum())
+    if power == 0:
+        return 0.0
+    factor = 1.0
+    for lag in range(1, n // 2):
+        r = float((rest[:, lag:] * rest[:, :-lag]).sum()) / power
+        if r <= 0:
+            break
+        factor += 2 * r * (1 - lag / n)
+    return float(np.sqrt(power / freedom / n * factor))

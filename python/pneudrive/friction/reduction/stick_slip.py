@@ -1,0 +1,180 @@
+"""Stick-slip: found and measured in any recording or trajectory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+from pneudrive.show import Shown
+from pneudrive.signals.motion import find_strokes, local_slope, noise_level
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.signals.motion import Stroke
+
+STUCK_SHARE = 0.2  # below this share of the mean speed the piston counts as stuck
+SLIP_SHARE = 1.2  # above it a slip has begun; the gap between the two keeps noise from counting
+MINIMUM_PERIODS = 3
+FEWEST_SAMPLES = 20  # of a section
+# Glitches of a position sensor look like short rests with jumps after them, but the travel is made between them.
+SLIPPED_SHARE = 0.5  # of the travel is made in slips at least
+RESTED_SHARE = 0.05  # of the time is spent stuck at least
+
+
+@dataclass(frozen=True, repr=False)
+class StickSlip(Shown):
+    """Stick-slip within one stroke or section.
+
+    ``found`` says whether at least three periods repeat and, together, make the motion: half of the travel in slips,
+    5 % of the time stuck. ``period_s`` and ``step_m`` are medians over
+    periods, ``peak_speed_m_s`` the median of the slips' peaks, ``stuck_share`` the share of time below
+    20 % of the mean speed, ``mean_speed_m_s`` the mean over the section, ``ripple`` (standard
+    deviation of speed over its mean). ``resolution_s`` is the shortest period that sampling and noise
+    let one see.
+    """
+
+    found: bool
+    direction: int
+    start_s: float
+    stop_s: float
+    periods: int
+    period_s: float
+    step_m: float
+    peak_speed_m_s: float
+    stuck_share: float
+    mean_speed_m_s: float
+    ripple: float
+    resolution_s: float
+
+
+def find_stick_slip(
+    time_s: NDArray[np.float64],
+    position_m: NDArray[np.float64],
+    velocity_m_s: NDArray[np.float64] | None = None,
+    *,
+    trim: float = 0.1,
+) -> list[StickSlip]:
+    """Measure stick-slip in every stroke of a motion.
+
+    Parameters
+    ----------
+    time_s, position_m
+        Shape (n,), SI, time increasing.
+    velocity_m_s
+        Shape (n,) where it is known (a simulation); otherwise it is taken from the position, smoothed
+        as far as the position noise demands.
+    trim
+        Share of each stroke's travel that is left out at both ends.
+
+    Returns
+    -------
+    list of StickSlip
+        One per stroke, also where nothing was found.
+
+    Raises
+    ------
+    RecordingError
+        Fewer than 20 samples, or no motion.
+    """
+    time_s, position_m = np.asarray(time_s, dtype=float), np.asarray(position_m, dtype=float)
+    if time_s.shape != position_m.shape or time_s.ndim != 1:
+        raise RecordingError("time and position must be one-dimensional and of one length", where="find_stick_slip")
+    velocity = None if velocity_m_s is None else np.asarray(velocity_m_s, dtype=float)
+    strokes = find_strokes("motion", time_s, position_m)
+    found = [stick_slip_of(stroke, time_s, position_m, velocity, trim) for stroke in strokes]
+    return [slips for slips in found if slips is not None]
+
+
+def middle_of(stroke: Stroke, position_m: NDArray[np.float64], trim: float = 0.1) -> slice | None:
+    """Give the samples of a stroke without its ends, a share of its travel each; None where they are too few."""
+    share = (position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
+    inside = np.flatnonzero((share >= trim) & (share <= 1 - trim))
+    if inside.size < FEWEST_SAMPLES:
+        return None
+    return slice(stroke.start + int(inside[0]), stroke.start + int(inside[-1]) + 1)
+
+
+def stick_slip_of(
+    stroke: Stroke,
+    time_s: NDArray[np.float64],
+    position_m: NDArray[np.float64],
+    velocity_m_s: NDArray[np.float64] | None = None,
+    trim: float = 0.1,
+) -> StickSlip | None:
+    """Measure stick-slip in the middle of a stroke; None where that has too few samples."""
+    part = middle_of(stroke, position_m, trim)
+    if part is None:
+        return None
+    return measure_stick_slip(time_s[part], position_m[part], None if velocity_m_s is None else velocity_m_s[part])
+
+
+def measure_stick_slip(
+    time_s: NDArray[np.float64], position_m: NDArray[np.float64], velocity_m_s: NDArray[np.float64] | None = None
+) -> StickSlip:
+    """Measure stick-slip in one section that moves in one direction, shape (n,) each, n at least 3."""
+    duration = float(time_s[-1] - time_s[0])
+    distance = float(position_m[-1] - position_m[0])
+    direction = 1 if distance >= 0 else -1
+    mean = abs(distance) / duration if duration > 0 else 0.0
+    step = duration / max(time_s.size - 1, 1)
+    half_width = 0
+    if velocity_m_s is None:
+        half_width = _smoothing(time_s, position_m, mean)
+        velocity_m_s = local_slope(time_s, position_m, half_width)
+    speed = direction * velocity_m_s
+    weights = np.gradient(time_s) if time_s.size > 1 else np.ones(time_s.size)
+    stuck_share = float(weights[speed < STUCK_SHARE * mean].sum() / weights.sum()) if mean > 0 else 0.0
+    ripple = float(np.sqrt(np.average((speed - mean) ** 2, weights=weights)) / mean) if mean > 0 else 0.0
+    slipping = speed > SLIP_SHARE * mean
+    travel = float((np.abs(speed) * weights).sum())
+    slipped = float((speed * weights)[slipping].sum()) / travel if travel > 0 else 0.0
+    onsets, peaks = _slips(speed, mean)
+    periods = max(len(onsets) - 1, 0)
+    moments = time_s[onsets] if onsets else np.array([])
+    places = position_m[onsets] if onsets else np.array([])
+    return StickSlip(
+        found=periods >= MINIMUM_PERIODS and slipped >= SLIPPED_SHARE and stuck_share >= RESTED_SHARE,
+        direction=direction,
+        start_s=float(time_s[0]),
+        stop_s=float(time_s[-1]),
+        periods=periods,
+        period_s=float(np.median(np.diff(moments))) if periods else float("nan"),
+        step_m=float(np.median(np.abs(np.diff(places)))) if periods else float("nan"),
+        peak_speed_m_s=float(np.median(peaks)) if peaks else float(speed.max()),
+        stuck_share=stuck_share,
+        mean_speed_m_s=mean,
+        ripple=ripple,
+        resolution_s=2 * (2 * half_width + 1) * step,
+    )
+
+
+def _smoothing(time_s: NDArray[np.float64], position_m: NDArray[np.float64], mean: float) -> int:
+    """Half width of the slope window at which position noise gives at most 5 % of the mean speed."""
+    step = float(time_s[-1] - time_s[0]) / max(time_s.size - 1, 1)
+    noise = noise_level(position_m)
+    if mean <= 0 or step <= 0:
+        return 1
+    # Slope of a line through 2 h + 1 points: variance 3 noise^2 / (h (h + 1) (2 h + 1) step^2).
+    for half_width in range(1, max(time_s.size // 20, 2)):
+        spread = noise * np.sqrt(3.0 / (half_width * (half_width + 1) * (2 * half_width + 1))) / step
+        if spread <= 0.05 * mean:
+            return half_width
+    return max(time_s.size // 20, 1)
+
+
+def _slips(speed: NDArray[np.float64], mean: float) -> tuple[list[int], list[float]]:
+    """First sample of each slip that follows a stick, and each slip's peak speed."""
+    if mean <= 0:
+        return [], []
+    # +1 above the upper threshold, -1 below the lower one, 0 between: only changes from -1 to +1 count.
+    state = np.where(speed > SLIP_SHARE * mean, 1, np.where(speed < STUCK_SHARE * mean, -1, 0))
+    decided = np.flatnonzero(state)
+    kinds = state[decided]
+    turns = np.flatnonzero(np.diff(kinds) == 2) + 1
+    onsets = [int(decided[i]) for i in turns]
+    ends = [*onsets, speed.size][1:]
+    return onsets, [float(speed[a:b].max()) for a, b in zip(onsets, ends, strict=True)]

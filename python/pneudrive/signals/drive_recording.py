@@ -1,0 +1,520 @@
+"""Recordings of a drive or of a fixed volume: what was commanded and what was measured over time."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+from pneudrive.files.content import parse_json
+from pneudrive.files.tables import open_table
+from pneudrive.show import Shown
+from pneudrive.signals.impossible import QUANTILES, refuse_pressure
+from pneudrive.signals.layout import Layout, SampledLayout, stem
+from pneudrive.signals.load import convert, find_layout, layout_beside, read_raw, shifted
+from pneudrive.signals.motion import NOISE_FACTOR, noise_level
+from pneudrive.signals.trajectories import is_run
+from pneudrive.trajectory import columns_in, meaning, read_columns
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from pneudrive.describe.drive import Drive
+
+    Array = NDArray[np.float64]
+    Given = str | Path | xr.Dataset | Mapping[str, Any]
+
+NEEDED = ("time_s", "command", "position_m", "pressure_a_pa", "pressure_b_pa")
+OPTIONAL = ("velocity_m_s", "temperature_a_k", "temperature_b_k", "force_n", "friction_force_n")
+LEAST_SAMPLES = 50
+#: Columns of a fixed volume in SI; the first two are needed.
+OF_VOLUME = ("time_s", "pressure_pa", "command", "inlet_pressure_pa")
+LEAST_OF_VOLUME = 10
+#: A position this share of the stroke beyond its ends is no overshoot into an end stop (assumed).
+BEYOND_STROKE = 0.1
+#: Pressures below this share of ambient, or above this multiple of the supply, are in another unit or gauge (assumed).
+LOWEST, HIGHEST = 0.5, 3.0
+#: Samples further apart than this do not show a motion, s (assumed).
+COARSEST_S = 0.1
+#: A gap is longer than this multiple of the usual step, and than this, s.
+GAP_STEPS, GAP_S = 5.0, 0.02
+MOST_GAPS = 3
+#: Columns that only a simulation has all of.
+_SIMULATED = {"acceleration_m_s2", "mass_flow_a_kg_s", "mass_flow_b_kg_s"}
+_LAYOUT_COLUMNS = {
+    "time": "time_s",
+    "command": "command",
+    "position": "position_m",
+    "velocity": "velocity_m_s",
+    "force": "force_n",
+    "pressure": "pressure_pa",
+    "inlet_pressure": "inlet_pressure_pa",
+    **{f"pressure_{c}": f"pressure_{c}_pa" for c in "ab"},
+    **{f"temperature_{c}": f"temperature_{c}_k" for c in "ab"},
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class DriveRecording(Shown):
+    """What was measured of a drive, in SI with absolute pressures.
+
+    Attributes
+    ----------
+    name : str
+    columns : dict
+        ``time_s`` (rising, from 0), ``command`` (held from each sample to the next), ``position_m``,
+        ``pressure_a_pa``, ``pressure_b_pa``, and of velocity, temperatures and forces what there is: arrays of one
+        length.
+    labels : dict
+        Free text by which records are told apart: pressure, mounting, day.
+    source : Path or None
+    sha256 : str
+        Of the columns.
+    synthetic : bool
+        It comes from a simulation.
+    """
+
+    name: str
+    columns: dict[str, Array]
+    labels: dict[str, str] = field(default_factory=dict)
+    source: Path | None = None
+    sha256: str = ""
+    synthetic: bool = False
+
+    def __len__(self) -> int:
+        """Give the number of samples."""
+        return self.time_s.size
+
+    def __getitem__(self, column: str) -> Array:
+        return self.columns[column]
+
+    def __contains__(self, column: str) -> bool:
+        return column in self.columns
+
+    @property
+    def time_s(self) -> Array:
+        """Times, s, from 0."""
+        return self.columns["time_s"]
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last sample, s."""
+        return float(self.time_s[-1])
+
+    @property
+    def steps(self) -> tuple[Array, Array]:
+        """Times at which the command changes, and what it changes to."""
+        command = self.columns["command"]
+        change = np.r_[True, np.diff(command) != 0.0]
+        return self.time_s[change], command[change]
+
+
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class VolumeRecording(DriveRecording):
+    """What was measured of a fixed volume.
+
+    Its columns are ``time_s`` (rising, from 0), ``pressure_pa`` (absolute), ``command`` (share of the line's full
+    opening, held from each sample to the next; 1 where nothing was recorded), and ``inlet_pressure_pa`` (absolute,
+    between the line and the tube) where that was recorded.
+    """
+
+    @property
+    def pressure_pa(self) -> Array:
+        """Pressure of the volume, absolute, Pa."""
+        return self.columns["pressure_pa"]
+
+    @property
+    def opening(self) -> Array:
+        """Share of the line's full opening."""
+        return self.columns["command"]
+
+    @property
+    def measured(self) -> dict[str, Array]:
+        """The pressures that were recorded, by the names of what a simulated tank shows."""
+        return {name: self.columns[name] for name in ("pressure_pa", "inlet_pressure_pa") if name in self}
+
+    def at(self, keep: NDArray[np.bool_]) -> VolumeRecording:
+        """Return the recording at some of its samples."""
+        return replace(self, columns={name: column[keep] for name, column in self.columns.items()})
+
+
+def drive_recording(
+    columns: Mapping[str, Any],
+    name: str = "recording",
+    labels: Mapping[str, str] | None = None,
+    source: Path | None = None,
+    needed: Sequence[str] = NEEDED,
+    *,
+    gaps: bool = False,
+) -> DriveRecording:
+    """Make a recording of SI columns.
+
+    Parameters
+    ----------
+    columns : mapping
+        Name -> values, shape (n,).
+    name : str
+    labels : mapping, optional
+    source : Path, optional
+        The file, for messages.
+    needed : sequence of str
+        Columns without which it is refused.
+    gaps : bool
+        Whether a measured column may be NaN where nothing was measured; time and command never are.
+
+    Raises
+    ------
+    RecordingError
+        A column is missing or not finite, lengths differ, times do not rise, or a command is beyond -1 .. 1.
+    """
+    where = str(source or name)
+    remedy = "name the columns as `pneudrive simulate --out` does, or say in a layout where they are"
+    _need(columns, needed, where, f"a recording of a drive has {', '.join(needed)}", remedy)
+    used = {c: np.ascontiguousarray(columns[c], dtype=np.float64) for c in (*NEEDED, *OPTIONAL) if c in columns}
+    _check(used, where, gaps=gaps)
+    time = used["time_s"]
+    kept = {**used, "time_s": time - time[0]}
+    return DriveRecording(name, kept, dict(labels or {}), source, _digest(used.values()), set(columns) >= _SIMULATED)
+
+
+def volume_recording(
+    columns: Mapping[str, Any],
+    name: str = "recording",
+    labels: Mapping[str, str] | None = None,
+    source: Path | None = None,
+) -> VolumeRecording:
+    """Make a recording of a fixed volume of columns in SI: ``time_s``, ``pressure_pa``, and more of `OF_VOLUME`.
+
+    Samples that are not finite, and such that repeat a time, are left out.
+
+    Raises
+    ------
+    RecordingError
+        A column is missing, lengths differ, time runs backwards, too few samples are left, a pressure is impossible,
+        or an opening is beyond 0 .. 1.
+    """
+    where = str(source or name)
+    rule = (
+        "a fixed volume has time_s and pressure_pa (absolute), command where its line opens or shuts, and "
+        "inlet_pressure_pa where that before a tube was recorded"
+    )
+    _need(columns, OF_VOLUME[:2], where, rule)
+    values = {c: np.asarray(columns[c], dtype=np.float64).ravel() for c in OF_VOLUME if c in columns}
+    values.setdefault("command", np.ones(values["time_s"].size))
+    _same_length(values, where)
+    finite = np.all([np.isfinite(column) for column in values.values()], axis=0)
+    values = {name: column[finite] for name, column in values.items()}
+    _refuse_fall(values["time_s"], np.diff(values["time_s"]) < 0.0, "time runs backwards", where)
+    fresh = np.r_[True, np.diff(values["time_s"]) > 0.0][: values["time_s"].size]
+    values = {name: column[fresh] for name, column in values.items()}
+    time = values["time_s"]
+    if time.size < LEAST_OF_VOLUME:
+        raise RecordingError(f"{time.size} samples are left", where=where, rule=f"at least {LEAST_OF_VOLUME}")
+    for pressure in ("pressure_pa", "inlet_pressure_pa"):
+        if pressure in values:
+            refuse_pressure(pressure.removesuffix("_pa"), values[pressure], where)
+    _within(values["command"], 0.0, "the share of the line's full opening", where)
+    kept = {**values, "time_s": time - time[0]}
+    return VolumeRecording(name, kept, dict(labels or {}), source, _digest(values[c] for c in OF_VOLUME if c in values))
+
+
+def _need(columns: Mapping[str, Any], needed: Sequence[str], where: str, rule: str, remedy: str | None = None) -> None:
+    missing = [c for c in needed if c not in columns]
+    if missing:
+        shown = f"columns: {', '.join(map(str, columns))}"
+        raise RecordingError(
+            f"the recording lacks {', '.join(missing)}", where=where, value=shown, rule=rule, remedy=remedy
+        )
+
+
+def _same_length(columns: dict[str, Array], where: str) -> None:
+    if any(values.shape != (columns["time_s"].size,) for values in columns.values()):
+        shown = ", ".join(f"{c}: {values.shape}" for c, values in columns.items())
+        raise RecordingError("the columns differ in length", where=where, value=shown)
+
+
+def _refuse_fall(time_s: Array, falls: NDArray[np.bool_], what: str, where: str) -> None:
+    if falls.any():
+        at = int(np.argmax(falls))
+        shown = f"{time_s[at]:g} s, then {time_s[at + 1]:g} s"
+        raise RecordingError(what, where=f"{where}, sample {at + 1}", value=shown)
+
+
+def _within(command: Array, lowest: float, meaning: str, where: str) -> None:
+    beyond = np.flatnonzero((command < lowest) | (command > 1.0))
+    if beyond.size:
+        raise RecordingError(
+            f"command = {command[beyond[0]]:g}",
+            where=f"{where}, sample {beyond[0]}",
+            rule=f"{lowest:g} <= command <= 1: {meaning}",
+            remedy="scale it in the layout: command = { column = ..., scale = ..., offset = ... }",
+        )
+
+
+def _digest(columns: Iterable[Array]) -> str:
+    return hashlib.sha256(b"".join(values.tobytes() for values in columns)).hexdigest()
+
+
+def _check(columns: dict[str, Array], where: str, *, gaps: bool) -> None:
+    _same_length(columns, where)
+    n = columns["time_s"].size
+    if n < LEAST_SAMPLES:
+        raise RecordingError(f"the recording has {n} samples", where=where, rule=f"at least {LEAST_SAMPLES}")
+    for column, values in columns.items():
+        if gaps and column not in ("time_s", "command"):
+            continue
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            remedy = "cut the file there, or fill short gaps"
+            raise RecordingError(f"{column} is not finite", where=f"{where}, sample {bad[0]}", remedy=remedy)
+    _refuse_fall(columns["time_s"], np.diff(columns["time_s"]) <= 0.0, "time_s does not rise", where)
+    _within(columns["command"], -1.0, "the share of the valve's full opening, with sign", where)
+    for side in [side for side in "ab" if f"pressure_{side}_pa" in columns]:
+        low = float(np.fmin.reduce(columns[f"pressure_{side}_pa"]))
+        if low <= 0.0:
+            rule = "pressures are absolute, Pa"
+            raise RecordingError(f"pressure_{side}_pa = {low:g} Pa", where=where, rule=rule, remedy="say gauge or abs")
+
+
+def read_drive_recordings(
+    recordings: Given | DriveRecording | Sequence[Given | DriveRecording],
+    layout: Layout | str | Path | None = None,
+    needed: Sequence[str] = NEEDED,
+    *,
+    gaps: bool = False,
+) -> list[DriveRecording]:
+    """Read recordings of a drive.
+
+    Parameters
+    ----------
+    recordings
+        One or several of: a file (.parquet, .csv, .nc as ``pneudrive simulate --out`` writes, or any that a layout
+        reads), what ``pn.simulate`` returns, a mapping of SI columns, a `DriveRecording`.
+    layout
+        How foreign files are read; None: ``layout.toml`` beside a file that is not as ``simulate`` writes.
+    needed : sequence of str
+        Columns without which a recording is refused.
+    gaps : bool
+        Whether a measured column may be NaN where nothing was measured.
+
+    Raises
+    ------
+    RecordingError, LayoutError
+        With file, value, rule and remedy.
+    """
+    given, said = _given(recordings, layout)
+    out: list[DriveRecording] = []
+    for number, item in enumerate(given, start=1):
+        read = _read(item, f"recording {number}", said, needed, gaps=gaps)
+        taken = {r.name for r in out}
+        if read.name in taken:
+            folder = read.source.parent.name if read.source is not None else f"{number}"
+            read = replace(read, name=f"{folder}/{read.name}")
+        out.append(read)
+    return out
+
+
+def read_volume_recordings(
+    recordings: Any,  # noqa: ANN401 - one or several, of several kinds
+    layout: Layout | str | Path | None = None,
+) -> list[VolumeRecording]:
+    """Read recordings of a fixed volume.
+
+    Parameters
+    ----------
+    recordings
+        One or several of: a file, a mapping of SI columns, a `VolumeRecording`.
+    layout
+        How files are read (``kind = "fixed-volume"``); None: ``layout.toml`` beside each file, or in the folder above.
+
+    Raises
+    ------
+    RecordingError, LayoutError
+        With file, value, rule and remedy.
+    """
+    given, layout = _given(recordings, layout)
+    out = []
+    for number, item in enumerate(given, start=1):
+        if isinstance(item, VolumeRecording):
+            out.append(item)
+        elif isinstance(item, Mapping):
+            out.append(volume_recording(item, f"recording {number}"))
+        else:
+            said = (layout or layout_beside(Path(item))).for_volume_file(Path(item))
+            out.append(volume_recording(_columns_of(Path(item), said), stem(Path(item)), said.labels, Path(item)))
+    return out
+
+
+def _given(recordings: Any, layout: Layout | str | Path | None) -> tuple[list[Any], Layout | None]:  # noqa: ANN401
+    single = isinstance(recordings, str | Path | Mapping | DriveRecording) or is_run(recordings)
+    given: list[Any] = [recordings] if single else [*recordings]  # type: ignore[misc]
+    if not given:
+        raise RecordingError("no recording is named", remedy="give at least one file")
+    return given, layout if layout is None or isinstance(layout, Layout) else Layout.load(layout)
+
+
+def _read(
+    item: Given | DriveRecording, name: str, layout: Layout | None, needed: Sequence[str], *, gaps: bool
+) -> DriveRecording:
+    if isinstance(item, DriveRecording):
+        return item
+    if is_run(item):
+        known = {variable: column for column in (*NEEDED, *OPTIONAL, *_SIMULATED) for variable in [meaning(column)[0]]}
+        columns = {known[str(v)]: item[v].to_numpy() for v in item.variables if str(v) in known}
+        labels = item.attrs.get("labels")
+        return drive_recording(columns, name, labels if isinstance(labels, dict) else None, needed=needed, gaps=gaps)
+    if isinstance(item, Mapping):
+        return drive_recording({str(column): values for column, values in item.items()}, name, needed=needed, gaps=gaps)
+    path = Path(str(item))
+    if layout is None and (columns := _own_columns(path, needed)) is not None:
+        return drive_recording(columns, stem(path), _own_labels(path), path, needed, gaps=gaps)
+    said = (layout or _beside(path)).for_drive_file(path)
+    return drive_recording(_columns_of(path, said), stem(path), said.labels, path, needed, gaps=gaps)
+
+
+def _own_columns(path: Path, needed: Sequence[str]) -> dict[str, Array] | None:
+    """Columns of a file that is as ``simulate`` writes; None where it is not."""
+    there = columns_in(path, (*NEEDED, *OPTIONAL, *_SIMULATED))
+    return read_columns(path, there) if set(needed) <= set(there) else None
+
+
+def _own_labels(path: Path) -> dict[str, str]:
+    """Labels of the drive that was simulated, where the file keeps them."""
+    if path.suffix != ".parquet":
+        return {}
+    told = open_table(path, "parquet").metadata.get("pneudrive", "{}")
+    kept = parse_json(told, str(path), RecordingError)
+    labels = kept.get("labels") if isinstance(kept, dict) else None
+    return {str(k): str(v) for k, v in labels.items()} if isinstance(labels, dict) else {}
+
+
+def _beside(path: Path) -> Layout:
+    if not path.is_file():
+        raise RecordingError("there is no such file", where=str(path))
+    beside = find_layout(path)
+    if beside is not None:
+        return beside
+    raise RecordingError(
+        "the file is no recording of a drive, and no layout says how it is read",
+        where=str(path),
+        value=_first_line(path),
+        rule=f"a recording of a drive has {', '.join(NEEDED)}",
+        remedy="say with --layout LAYOUT.toml where time, command, position and both pressures are",
+    )
+
+
+def _first_line(path: Path) -> str | None:
+    """Begin of a text file, which mostly names its columns."""
+    with path.open("rb") as file:
+        line = file.readline(200)
+    return f"it begins with: {line.decode(errors='replace').strip()}" if b"\0" not in line else None
+
+
+def _columns_of(path: Path, said: SampledLayout) -> dict[str, Array]:
+    """Read a file through a layout: columns in SI, on one time base."""
+    raw, _, _ = read_raw(path, said)
+    values = {channel: convert(said, channel, column) for channel, column in raw.items()}
+    for channel, column in said.columns.items():
+        delay = column.delay_s - said.columns["time"].delay_s
+        if channel != "time" and delay:
+            values[channel] = shifted(values["time"], values[channel], delay)
+    return {_LAYOUT_COLUMNS[channel]: column for channel, column in values.items()}
+
+
+def check_plausible(recording: DriveRecording, drive: Drive) -> None:
+    """Refuse a recording that cannot be of the drive.
+
+    Raises
+    ------
+    RecordingError
+        Time, position or pressures are in another unit, gauge, or beside the stroke.
+    """
+    where = str(recording.source or recording.name)
+    step = float(np.median(np.diff(recording.time_s)))
+    if step > COARSEST_S:
+        raise RecordingError(
+            f"the samples are {step:g} s apart",
+            where=where,
+            rule=f"time_s in seconds, at most {COARSEST_S:g} s from sample to sample",
+            remedy='look at the unit of the time; a layout says it: time = { column = ..., unit = "ms" }',
+        )
+    stroke, ambient, supply = drive.cylinder.stroke_m, drive.ambient.pressure_pa, drive.supply_pressure_pa
+    margin = BEYOND_STROKE * stroke
+    _column_within(recording, "position_m", -margin, stroke + margin, f"from 0 to the stroke of {stroke:g} m",
+            "look at the unit and the zero of the position, or at cylinder.stroke", where)  # fmt: skip
+    for column in ("pressure_a_pa", "pressure_b_pa"):
+        _column_within(recording, column, LOWEST * ambient, HIGHEST * supply,
+                f"absolute, in Pa: between the ambient pressure of {ambient:g} Pa and the supply's of {supply:g} Pa",
+                "look at the unit, and whether it is gauge pressure; a layout says both", where)  # fmt: skip
+
+
+def _column_within(
+    recording: DriveRecording, column: str, lower: float, upper: float, rule: str, remedy: str, where: str
+) -> None:
+    if column not in recording or not np.isfinite(recording[column]).any():
+        return
+    low, high = np.nanquantile(recording[column], QUANTILES)
+    if low < lower or high > upper:
+        raise RecordingError(
+            f"{column} goes from {low:.4g} to {high:.4g}, which this drive cannot do",
+            where=where,
+            rule=rule,
+            remedy=remedy,
+        )
+
+
+#: What a drive's recording tells where the piston stands.
+AT_REST = ("cylinder.leakage", "cylinder.heat_transfer", "cylinder.wall_temperature", "cylinder.dead_volume")
+
+
+def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str]) -> None:
+    """Refuse to look for what only motion shows where the piston does not move in any recording.
+
+    Raises
+    ------
+    RecordingError
+        It does not.
+    """
+    sought = [name for name in free if not name.startswith(AT_REST)]
+    seen = [r for r in recordings if "position_m" in r and np.isfinite(r["position_m"]).any()]
+    if not sought or not seen or any(_moves(r["position_m"]) for r in seen):
+        return
+    travel = max(float(np.nanmax(r["position_m"]) - np.nanmin(r["position_m"])) for r in seen)
+    raise RecordingError(
+        f"the piston does not move, and without motion nothing is known of {', '.join(sought)}",
+        where=", ".join(str(r.source or r.name) for r in seen),
+        value=f"its position changes by {travel * 1e3:.3g} mm",
+        rule="a drive is identified from recordings in which it moves",
+        remedy="look at the column of the position; a test of a fixed volume has a description and a layout of its "
+        'own: [volume], and kind = "fixed-volume"',
+    )
+
+
+def _moves(position_m: NDArray[np.float64]) -> bool:
+    known = position_m[np.isfinite(position_m)]
+    return known.size > 0 and float(np.ptp(known)) > NOISE_FACTOR * noise_level(known)
+
+
+def time_gaps(recordings: Sequence[DriveRecording]) -> list[str]:
+    """Say where samples are missing: what the valve was told there is not known."""
+    out = []
+    for recording in recordings:
+        time = recording.time_s
+        steps = np.diff(time)
+        at = np.flatnonzero(steps > max(GAP_STEPS * float(np.median(steps)), GAP_S))
+        if at.size:
+            places = ", ".join(f"{time[i]:.4g} .. {time[i + 1]:.4g} s" for i in at[:MOST_GAPS])
+            more = f" and {at.size - MOST_GAPS} more" if at.size > MOST_GAPS else ""
+            out.append(
+                f"{recording.name} has no samples in {places}{more}: the command is taken as held there; if it was "
+                "not, cut the recording in two"
+            )
+    return out

@@ -1,0 +1,231 @@
+"""Calibration of a force sensor as a curve: what it shows of which force, and what the certificate leaves open.
+
+What the sensor shows is brought to the force by the curve. What is left is systematic: it is the same in all cycles,
+and no number of them averages it away. Limits of a certificate are taken as rectangular [gum2008].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.errors import DescriptionError, nearest
+from pneudrive.signals.tables.column_units import share
+from pneudrive.units import parse
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+RECTANGULAR = float(np.sqrt(3.0))
+PLAUSIBLE_GAIN = (0.5, 2.0)  # what a sensor shows over the force: beyond that, units or columns were swapped
+#: Key in a TOML file -> field, and how its text is read.
+QUANTITIES = {
+    "zero": "zero_n",
+    "zero_uncertainty": "u_zero_n",
+    "range": "range_n",
+    "linearity": "linearity_n",
+    "hysteresis": "hysteresis_n",
+    "creep": "creep_n",
+}
+KEYS = {*QUANTITIES, "reference", "shown", "gain", "gain_uncertainty", "certificate", "date"}
+
+
+@dataclass(frozen=True)
+class ForceCalibration:
+    """A calibration of the force sensor, forces in N, positive as the sensor shows them.
+
+    Attributes
+    ----------
+    reference_n, shown_n : tuple of float
+        Points of the certificate, two or more, both rising: force of the standard, and what the sensor showed. Between
+        them the curve is straight, beyond them it goes on as the last piece. Empty: gain and zero say it.
+    gain, zero_n : float
+        Shown = gain * force + zero, where there are no points.
+    u_gain : float
+        Standard uncertainty of the gain, relative; of the points it is that of the standard itself.
+    u_zero_n : float
+        Standard uncertainty of the zero, which tares take out.
+    range_n : float
+        Largest force of the calibration; 0: that of the points.
+    linearity_n : float
+        The curve is off by at most this (limits).
+    hysteresis_n : float
+        Largest difference of what is shown at one force when it rises and when it falls; half of it either way
+        (limits).
+    creep_n : float
+        Change of what is shown while the largest force stays (limits); taken in proportion to the force.
+    certificate, date : str
+    """
+
+    reference_n: tuple[float, ...] = ()
+    shown_n: tuple[float, ...] = ()
+    gain: float = 1.0
+    zero_n: float = 0.0
+    u_gain: float = 0.0
+    u_zero_n: float = 0.0
+    range_n: float = 0.0
+    linearity_n: float = 0.0
+    hysteresis_n: float = 0.0
+    creep_n: float = 0.0
+    certificate: str = ""
+    date: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse what no calibration can be."""
+        for name in ("reference_n", "shown_n"):
+            values = getattr(self, name)
+            if not isinstance(values, list | tuple) or not all(_is_number(v) for v in values):
+                raise DescriptionError(f"force calibration: {name} = {values!r} must be a list of numbers")
+            object.__setattr__(self, name, tuple(float(v) for v in values))
+        for name in ("gain", "zero_n", *_NOT_NEGATIVE):
+            if not _is_number(getattr(self, name)) or (name in _NOT_NEGATIVE and getattr(self, name) < 0.0):
+                rule = "a finite number" + (", not negative" if name in _NOT_NEGATIVE else "")
+                raise DescriptionError(f"force calibration: {name} = {getattr(self, name)!r}", rule=rule)
+        for name in ("certificate", "date"):
+            if not isinstance(getattr(self, name), str):
+                raise DescriptionError(f"force calibration: {name} must be a text in quotes")
+        self._check_curve()
+
+    def _check_curve(self) -> None:
+        reference, shown = np.array(self.reference_n), np.array(self.shown_n)
+        if reference.size != shown.size or reference.size == 1:
+            what = f"force calibration: {reference.size} reference forces and {shown.size} shown ones"
+            raise DescriptionError(what, rule="as many of both, two or more")
+        if reference.size and (self.gain, self.zero_n) != (1.0, 0.0):
+            raise DescriptionError("force calibration: points, and gain or zero beside them", rule="one of both")
+        if reference.size and not ((np.diff(reference) > 0).all() and (np.diff(shown) > 0).all()):
+            raise DescriptionError(
+                "force calibration: the points do not rise", rule="reference and shown forces ascend"
+            )
+        slopes = np.diff(shown) / np.diff(reference) if reference.size else np.array([self.gain])
+        if not ((slopes > PLAUSIBLE_GAIN[0]) & (slopes < PLAUSIBLE_GAIN[1])).all():
+            worst = float(slopes[np.argmax(np.abs(np.log(np.maximum(slopes, 1e-300))))])
+            raise DescriptionError(
+                f"force calibration: the sensor shows {worst:.3g} N per N",
+                rule=f"{PLAUSIBLE_GAIN[0]:g} to {PLAUSIBLE_GAIN[1]:g}",
+                remedy="Give both in the unit of force, after scale and offset of the column.",
+            )
+        if self.creep_n > 0.0 and self.largest_n == 0.0:
+            raise DescriptionError("force calibration: creep without a range", remedy='range = "100 N"')
+
+    @property
+    def largest_n(self) -> float:
+        """Largest force of the calibration, 0 where it does not say."""
+        return self.range_n or max((abs(v) for v in self.reference_n), default=0.0)
+
+    def force_n(self, shown_n: Array | float) -> Array:
+        """Give the force of which the sensor shows this.
+
+        Parameters
+        ----------
+        shown_n : ndarray or float
+
+        Returns
+        -------
+        ndarray
+            Same shape, N.
+
+        Examples
+        --------
+        >>> float(ForceCalibration(gain=1.01, zero_n=0.5).force_n(101.5))
+        100.0
+        """
+        seen = np.asarray(shown_n, dtype=float)
+        if not self.reference_n:
+            return (seen - self.zero_n) / self.gain
+        shown, reference = np.array(self.shown_n), np.array(self.reference_n)
+        piece = np.clip(np.searchsorted(shown, seen) - 1, 0, shown.size - 2)
+        slope = np.diff(reference) / np.diff(shown)
+        return reference[piece] + slope[piece] * (seen - shown[piece])
+
+    def applied(self) -> ForceCalibration:
+        """Give what is left open once the curve has been applied."""
+        return replace(self, reference_n=(), shown_n=(), gain=1.0, zero_n=0.0, range_n=self.largest_n)
+
+    def doubts(self, difference_n: float, sum_n: float) -> dict[str, tuple[float, float, float]]:
+        """List what the certificate leaves open.
+
+        Parameters
+        ----------
+        difference_n, sum_n : float
+            Half the difference and half the sum of the forces in both directions.
+
+        Returns
+        -------
+        dict
+            Source -> standard uncertainty of the force, of half the difference, and of half the sum, N. Friction turns
+            with the motion, and the force is reached from the other side each time: hysteresis stays in the difference.
+        """
+        creep = self.creep_n / RECTANGULAR / self.largest_n if self.creep_n else 0.0
+        line, turn = self.linearity_n / RECTANGULAR, self.hysteresis_n / 2.0 / RECTANGULAR
+        most = max(abs(difference_n), abs(sum_n))
+        gain = (self.u_gain * most, self.u_gain * abs(difference_n), self.u_gain * abs(sum_n))
+        return {
+            "gain": gain,
+            "linearity": (line, line, line),
+            "hysteresis": (turn, turn, turn),
+            "creep": (creep * most, creep * abs(difference_n), creep * abs(sum_n)),
+            "zero": (self.u_zero_n, 0.0, self.u_zero_n),
+        }
+
+    def words(self) -> str:
+        """Name certificate and date."""
+        return ", ".join(part for part in (self.certificate, self.date) if part) or "calibration"
+
+
+_NOT_NEGATIVE = ("u_gain", "u_zero_n", "range_n", "linearity_n", "hysteresis_n", "creep_n")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+def _table(given: object, known: set[str]) -> Mapping[str, Any]:
+    """Refuse what is no table, and keys that no calibration has."""
+    if not isinstance(given, dict):
+        raise DescriptionError("force_calibration must be a table")
+    for key in given:
+        if key not in known:
+            raise DescriptionError(f"unknown key '{key}' of a force calibration", remedy=nearest(str(key), known))
+    return given
+
+
+def of_quantities(table: Mapping[str, Any]) -> ForceCalibration:
+    """Read a table of quantities with units, as TOML files hold it.
+
+    Raises
+    ------
+    DescriptionError
+        A key that is not known, a value without meaning, or no calibration.
+    """
+    table = _table(table, KEYS)
+    values: dict[str, Any] = {name: parse(table[key], "N") for key, name in QUANTITIES.items() if key in table}
+    for key in ("reference", "shown"):
+        if key in table:
+            given = table[key]
+            if not isinstance(given, list):
+                raise DescriptionError(f"{key} must be a list", remedy=f'{key} = ["-100 N", "0 N", "100 N"]')
+            values[f"{key}_n"] = tuple(parse(text, "N") for text in given)
+    values |= {key: table[key] for key in ("gain", "certificate", "date") if key in table}
+    if "date" in values:
+        values["date"] = str(values["date"])  # TOML has dates of its own
+    if "gain_uncertainty" in table:
+        values["u_gain"] = share(table["gain_uncertainty"])
+    return ForceCalibration(**values)
+
+
+def of_json(data: object) -> ForceCalibration:
+    """Read the same from JSON, in SI and with the names of the fields.
+
+    Raises
+    ------
+    DescriptionError
+        A key that is not known, a value without meaning, or no calibration.
+    """
+    return ForceCalibration(**_table(data, {f.name for f in fields(ForceCalibration)}))

@@ -1,0 +1,376 @@
+"""The layout file: how a foreign recording is read."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.describe import toml
+from pneudrive.describe.base import wrong
+from pneudrive.errors import LayoutError, Problems, nearest
+from pneudrive.files.packed import COMPRESSIONS
+from pneudrive.show import Shown
+from pneudrive.signals.layout_tables import CHANNELS, GeometryTable, LayoutTables
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pneudrive.signals.force_calibration import ForceCalibration
+    from pneudrive.signals.tables.column_units import ColumnUnit
+    from pneudrive.signals.tables.text_table import TextForm
+
+
+@dataclass(frozen=True)
+class Column:
+    """One channel: SI value = sign * (raw * scale + offset) * factor, read ``delay_s`` late.
+
+    ``scale`` and ``offset`` bring the raw number to the column's unit; ``accuracy_si`` is a standard
+    uncertainty; ``range_si`` the lowest and highest value that the sensor can give (pressures absolute);
+    ``curve`` what the sensor shows of which force, before the sign;
+    ``date_form`` how dates and times are written, where such stand in the column of the time.
+    """
+
+    column: int | str
+    unit: ColumnUnit
+    sign: int = 1
+    scale: float = 1.0
+    offset: float = 0.0
+    delay_s: float = 0.0
+    accuracy_si: float | None = None
+    range_si: tuple[float, float] | None = None
+    calibration: str = ""
+    curve: ForceCalibration | None = None
+    date_form: str | None = None
+
+
+@dataclass(frozen=True)
+class SampledLayout:
+    """What a layout says of one file, in SI, after the overrides that match its name: of a drive or a fixed volume."""
+
+    format: str
+    text: TextForm
+    skip_samples: int
+    columns: dict[str, Column]
+    ambient_pressure_pa: float
+    labels: dict[str, str]
+
+    @property
+    def dates(self) -> dict[int | str, str]:
+        """Columns that hold dates and times, with the form in which they are written."""
+        return {column.column: column.date_form for column in self.columns.values() if column.date_form is not None}
+
+
+@dataclass(frozen=True)
+class FileLayout(SampledLayout):
+    """What a layout says of one file of a rig, with the geometry of the drive under test."""
+
+    cycle: int | str | None
+    area_a_m2: float
+    area_b_m2: float
+    chamber_pressures: dict[str, float]  # pressures that are said rather than measured, absolute
+    incline_rad: float
+    mass_beyond_sensor_kg: float
+    stiffness_n_m: float | None
+    geometry_accuracy: dict[str, float]
+    window_m: tuple[float, float] | None
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Layout(Shown):
+    """A layout file as it was written, ready to be applied to a file's name.
+
+    Examples
+    --------
+    >>> layout = Layout.loads('''
+    ... [columns]
+    ... time = { column = 0, unit = "ms" }
+    ... position = { column = 1, unit = "mm" }
+    ... force = { column = 2, unit = "N" }
+    ... [geometry]
+    ... bore = "25 mm"
+    ... [chamber_a]
+    ... open_to_ambient = true
+    ... [chamber_b]
+    ... pressure = "3 bar gauge"
+    ... ''')
+    >>> layout.for_file(Path("run.csv")).chamber_pressures["pressure_b"]
+    401325.0
+    """
+
+    tree: dict[str, Any]
+    origin: str = "layout"
+    text: str = ""
+
+    @classmethod
+    def load(cls, path: str | Path) -> Layout:
+        """Read and check a layout file.
+
+        Raises
+        ------
+        LayoutError
+            With file, line, value, rule and remedy.
+        """
+        tree, text = toml.read(path, LayoutError, "`pneudrive layout FILE` proposes one.")
+        return cls(tree, str(path), text)._checked()
+
+    @classmethod
+    def loads(cls, text: str, origin: str = "layout") -> Layout:
+        """Read and check a layout from TOML text."""
+        return cls(toml.parse(text, origin, LayoutError), origin, text)._checked()
+
+    def for_file(self, path: Path) -> FileLayout:
+        """Apply the overrides that match the file's name and bring all values to SI.
+
+        Raises
+        ------
+        LayoutError
+            A value that is wrong for this file.
+        """
+        said, common = self._common("rig", path, "friction needs time, position and force")
+        area_a, area_b = said.geometry.areas()
+        return FileLayout(
+            **common,
+            cycle=said.columns.cycle,
+            area_a_m2=area_a,
+            area_b_m2=area_b,
+            chamber_pressures=said.chamber_pressures(),
+            incline_rad=said.rig.incline_rad,
+            mass_beyond_sensor_kg=said.rig.mass_beyond_sensor_kg,
+            stiffness_n_m=said.rig.stiffness_n_m,
+            geometry_accuracy=said.geometry_accuracy(),
+            window_m=said.window.position,
+        )
+
+    def for_volume_file(self, path: Path) -> SampledLayout:
+        """As `for_drive_file`, for a recording of a fixed volume."""
+        verb = 'kind = "fixed-volume", with the columns time and pressure'
+        return SampledLayout(**self._common("fixed-volume", path, verb)[1])
+
+    def for_drive_file(self, path: Path) -> SampledLayout:
+        """Apply the overrides that match the file's name, for a recording of a drive.
+
+        Raises
+        ------
+        LayoutError
+            A value that is wrong for this file, or a layout of another kind.
+        """
+        verb = "a drive needs time, command, position and both pressures"
+        return SampledLayout(**self._common("drive", path, verb)[1])
+
+    def _common(self, kind: str, path: Path, verb: str) -> tuple[LayoutTables, dict[str, Any]]:
+        """Read what every layout says of a file."""
+        self._needs(kind, verb)
+        chosen = self._matching(path)
+        said = _read(self, tuple(chosen))
+        units = CHANNELS[kind][0]
+        columns = {name: Column(**said.column(name, kind)) for name in units if getattr(said.columns, name) is not None}
+        return said, {
+            "format": said.format,
+            "text": said.text_form,
+            "skip_samples": said.skip_samples,
+            "columns": columns,
+            "ambient_pressure_pa": said.ambient_pa,
+            "labels": self._labels(said, path, chosen),
+        }
+
+    def _labels(self, said: LayoutTables, path: Path, chosen: Sequence[int]) -> dict[str, str]:
+        """Give the fixed labels and those of the file's name.
+
+        Raises
+        ------
+        LayoutError
+            The pattern does not fit the file's name.
+        """
+        labels = {key: text for key, text in said.labels.items() if key != "pattern"}
+        pattern = said.labels.get("pattern", "")
+        found = labels_from_name(pattern, stem(path)) if pattern else {}
+        if found is None:
+            part, left = where_pattern_ends(pattern, stem(path))
+            rest = f"'{left}' is left of the name" if left else "nothing is left of the name"
+            example = f'[[for]] match = "{path.name}", labels.pattern = "..." (or "" for none)'
+            raise self.fail(
+                f"labels.pattern = {pattern!r} does not fit the file {path.name}",
+                self._place("labels.pattern", chosen),
+                rule=f"where {part} should stand, {rest}",
+                remedy=f"mend the pattern, or give files of other names their own: {example}",
+            )
+        return labels | found
+
+    def _matching(self, path: Path) -> list[int]:
+        names = (path.name, stem(path))
+        return [
+            index
+            for index, override in enumerate(self.tree.get("for", []))
+            if any(fnmatchcase(name, override["match"]) for name in names)
+        ]
+
+    @property
+    def kind(self) -> str:
+        """What was recorded: a ``rig``, a ``drive`` (a layout that names a command), or a ``fixed-volume``."""
+        trees = [self.tree, *self.tree.get("for", [])]
+        names_command = any(isinstance(tree.get("columns"), dict) and "command" in tree["columns"] for tree in trees)
+        return self.tree.get("kind", "drive" if names_command else "rig")
+
+    def _needs(self, kind: str, verb: str) -> None:
+        """Refuse to read another kind of recording than the layout is for."""
+        if self.kind != kind and "fixed-volume" in (self.kind, kind):
+            other = "a fixed volume" if kind == "fixed-volume" else f"a {kind}"
+            raise self.fail(
+                f"this layout is for recordings of a {self.kind.replace('-', ' ')}, and those of {other} are needed",
+                *(["kind"] if "kind" in self.tree else []),
+                rule=f"{verb}",
+                remedy='a fixed volume (kind = "fixed-volume") goes with `pneudrive identify TANK.toml RECORDING`',
+            )
+
+    def fail(self, what: str, key: str = "", rule: str | None = None, remedy: str | None = None) -> LayoutError:
+        """Build an error that points at a key's line."""
+        return toml.located(wrong(key, what, rule=rule, remedy=remedy), self.origin, self.text).turned(LayoutError)
+
+    def _place(self, key: str, chosen: Sequence[int]) -> str:
+        """Return where a key stands in the file, which may be in an override; that of its table where it is not."""
+        while key:
+            for at in (*(f"for.{index}." for index in reversed(chosen)), ""):
+                found: Any = self.tree["for"][int(at.split(".")[1])] if at else self.tree
+                for part in key.split("."):
+                    found = found.get(part) if isinstance(found, dict) else None
+                if found is not None:
+                    return f"{at}{key}"
+            key = key.rpartition(".")[0]
+        return key
+
+    def read(self, chosen: Sequence[int], *, is_part: bool = False) -> LayoutTables:
+        """Read the layout with some of its overrides.
+
+        Parameters
+        ----------
+        chosen : sequence of int
+            The overrides, in their order.
+        is_part : bool
+            Not everything that a file needs has to be there.
+
+        Raises
+        ------
+        LayoutError
+            With everything that is wrong.
+        """
+        tree = {key: value for key, value in self.tree.items() if key != "for"}
+        for index in chosen:
+            rest = {key: value for key, value in self.tree["for"][index].items() if key != "match"}
+            tree = toml.merge(_without(tree, rest), rest)
+        problems, kind = Problems(), self.kind
+        said: LayoutTables | None = problems.take(LayoutTables.model_validate, tree)
+        if said is not None:
+            for error in said.contradictions(kind):
+                problems.add(error)
+            if kind == "rig" and not (is_part and said.geometry == GeometryTable()):
+                problems.take(said.geometry.areas)
+            for error in () if is_part else said.missing(kind):
+                problems.add(error)
+        if is_part:  # what is missing here, another [[for]] may give: only the layout of a file has to be whole
+            problems.found = {at: one for at, one in problems.found.items() if " is missing" not in one.what}
+        for error in problems.found.values():
+            error.key = self._place(getattr(error, "key", None) or "", chosen)  # type: ignore[attr-defined]
+        with toml.locating(self.origin, self.text, LayoutError):
+            problems.tell()
+        return LayoutTables() if said is None else said
+
+    def _checked(self) -> Layout:
+        """Refuse unknown keys and wrong values before the first recording is opened, all at once."""
+        overrides, problems = self.tree.get("for", []), Problems()
+        if not isinstance(overrides, list) or not all(isinstance(one, dict) for one in overrides):
+            raise self.fail("[for] must be written [[for]], one for each group of files", "for")
+        for index, override in enumerate(overrides):
+            if not isinstance(override.get("match"), str):
+                what = "[[for]] does not say which files it is for"
+                problems.add(self.fail(what, f"for.{index}", remedy='match = "*257*"'))
+        if self.kind not in list(CHANNELS):
+            remedy = nearest(str(self.kind), CHANNELS)
+            raise self.fail(f"kind = {self.kind!r} is not known", "kind", remedy=remedy)  # what it needs is not known
+        for chosen in ([], *([index] for index in range(len(overrides)))):
+            with problems.caught():
+                self.read(chosen, is_part=bool(overrides))
+        problems.tell()
+        return self
+
+
+@lru_cache(maxsize=256)
+def _read(layout: Layout, chosen: tuple[int, ...]) -> LayoutTables:
+    return layout.read(chosen)
+
+
+def stem(path: Path) -> str:
+    """File name without its suffix and without that of a compression.
+
+    Examples
+    --------
+    >>> stem(Path("NAPN_1bar.csv.xz"))
+    'NAPN_1bar'
+    """
+    name = path.name
+    for suffix in COMPRESSIONS:
+        name = name.removesuffix(suffix)
+    return Path(name).stem
+
+
+# Field of a pattern of labels -> what it takes, and how a message calls that. Every other field takes any text.
+FIELDS = {"pressure": (r"[-+]?\d+(?:[.,]\d+)?(?: ?(?:mbar|bar|kPa|MPa|Pa|psi))?", "a number, with or without a unit")}
+
+
+def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
+    """Read labels out of a file name; None where it does not fit.
+
+    ``{pressure}`` takes a number, which a unit may follow: ``5``, ``0,5``, ``1bar``. Every other field takes any text,
+    at least one character, and of several ways to divide a name the one that keeps the earlier fields short.
+
+    Examples
+    --------
+    >>> labels_from_name("{seal}_{pressure}bar", "O-ring_5bar")
+    {'seal': 'O-ring', 'pressure': '5'}
+    >>> labels_from_name("{seal}_{pressure}", "O-ring_5bar")
+    {'seal': 'O-ring', 'pressure': '5bar'}
+    """
+    match = re.fullmatch(_expression(_parts(pattern)), name)
+    return dict(match.groupdict()) if match else None
+
+
+def where_pattern_ends(pattern: str, name: str) -> tuple[str, str]:
+    """For a name that does not fit: the part of the pattern that finds nothing, and what of the name is left for it."""
+    parts = _parts(pattern)
+    for count in range(len(parts) - 1, -1, -1):
+        match = re.match(_expression(parts[:count]), name)
+        if match:
+            part = parts[count]
+            about = FIELDS.get(part[1:-1], ("", "any text"))[1] if part.startswith("{") else None
+            return (f"{part} ({about})" if about else f"'{part}'"), name[match.end() :]
+    return pattern, name
+
+
+def _parts(pattern: str) -> list[str]:
+    return [part for part in re.split(r"(\{\w+\})", pattern) if part]
+
+
+def _expression(parts: list[str]) -> str:
+    return "".join(
+        f"(?P<{part[1:-1]}>{FIELDS.get(part[1:-1], ('.+?', ''))[0]})" if part.startswith("{") else re.escape(part)
+        for part in parts
+    )
+
+
+def _without(tree: dict[str, Any], rest: dict[str, Any]) -> dict[str, Any]:
+    """Return a tree without what an override says anew as a whole.
+
+    A column that an override gives with its place and its unit, and the pressure of a chamber that it gives in another
+    way.
+    """
+    columns, said = tree.get("columns", {}), rest.get("columns", {})
+    if not (isinstance(columns, dict) and isinstance(said, dict)):
+        return tree
+    gone = {name for name, one in said.items() if isinstance(one, dict) and {"column", "unit"} <= set(one)}
+    gone |= {f"pressure_{side}" for side in "ab" if f"chamber_{side}" in rest}
+    chambers = {f"chamber_{side}" for side in "ab" if f"pressure_{side}" in said or f"chamber_{side}" in rest}
+    out = {key: value for key, value in tree.items() if key not in chambers}
+    return out | {"columns": {name: one for name, one in columns.items() if name not in gone}}

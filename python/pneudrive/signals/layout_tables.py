@@ -1,0 +1,324 @@
+"""The tables of a layout file, one class each, and what they say of one file together."""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, StrictBool, create_model, model_validator
+
+from pneudrive import units
+from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+from pneudrive.describe.base import Angle, Bounds, Described, Quantity, StatedPressure, WrongValueError, wrong
+from pneudrive.describe.geometry import PistonTable
+from pneudrive.describe.marks import Between, Choice, PressureBetween, Reads, Whole, absolute
+from pneudrive.files.tables import FORMATS
+from pneudrive.friction.friction_map import COLUMNS
+from pneudrive.signals.force_calibration import ForceCalibration, of_quantities
+from pneudrive.signals.tables import date_times
+from pneudrive.signals.tables.column_units import ColumnUnit, column_unit, share, uncertainty
+from pneudrive.signals.tables.text_table import TextForm
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pneudrive.errors import DescriptionError
+
+# Channel -> SI unit.
+CHANNEL_UNITS = {"time": "s", "position": "m", "force": "N", "pressure_a": "Pa", "pressure_b": "Pa"}
+# Channels that a recording of a drive has beside them; a layout that names the command is one of a drive.
+DRIVE_UNITS = {"command": "", "velocity": "m/s", "temperature_a": "K", "temperature_b": "K"}
+# Channels of a recording of a fixed volume: its command is the share of the line's opening, its inlet pressure that
+# between line and tube.
+VOLUME_UNITS = {"time": "s", "pressure": "Pa", "inlet_pressure": "Pa", "command": ""}
+UNITS = {**CHANNEL_UNITS, **DRIVE_UNITS, **VOLUME_UNITS}
+#: Kind of recording -> its channels, and those that it needs.
+CHANNELS = {
+    "rig": (CHANNEL_UNITS, ("time", "position", "force")),
+    "drive": (CHANNEL_UNITS | DRIVE_UNITS, ("time", "command", "position", "pressure_a", "pressure_b")),
+    "fixed-volume": (VOLUME_UNITS, ("time", "pressure")),
+}
+DELIMITERS = {"whitespace": None, "tab": "\t", "comma": ",", "semicolon": ";", "space": " "}
+SIGNS = {"+x": 1, "-x": -1}
+#: SI unit -> a unit that a column may have.
+EXAMPLES = {"Pa": "bar gauge", "m": "mm", "s": "s", "N": "N", "m/s": "mm/s", "K": "degC"}
+
+
+def _place(given: object) -> int | str:
+    """Read where a column is: its number or its name, which may stand in a table."""
+    if isinstance(given, bool) or not isinstance(given, int | str):
+        remedy = 'column = 0, or a name of the header in quotes: column = "Force"'
+        raise WrongValueError(f"{given!r} is no column", remedy=remedy)
+    return given
+
+
+def _scale(given: object) -> float:
+    if Quantity("").read(given) == 0.0:
+        raise WrongValueError("0 leaves nothing of the column", rule="SI value = (raw * scale + offset) in its unit")
+    return Quantity("").read(given)
+
+
+def _unit(channel: str, given: object) -> ColumnUnit | str:
+    """Read the unit of a channel; of a command, and of a date, it is a text."""
+    is_text = channel == "command" or (channel == "time" and given == date_times.UNIT)
+    return str(given) if is_text else column_unit(given, UNITS[channel])  # type: ignore[arg-type]
+
+
+def _one_character(given: object) -> str:
+    if not isinstance(given, str) or len(given) != 1:
+        raise WrongValueError(f"{given!r} must be one character")
+    return given
+
+
+def _delimiter(given: object) -> str | None:
+    if not isinstance(given, str) or (given not in DELIMITERS and len(given) != 1):
+        raise WrongValueError(f"{given!r} is not known", rule=f"one character, or one of {', '.join(DELIMITERS)}")
+    return DELIMITERS.get(given, given)
+
+
+class ColumnTable(Described):
+    """What the columns of all channels have."""
+
+    channel: ClassVar[str] = ""
+    column: Annotated[int | str, Reads(_place)]
+    scale: Annotated[float, Reads(_scale)] = 1.0
+    offset: Annotated[float, Quantity("")] = 0.0
+    delay_s: Annotated[float, Quantity("s", "s")] = 0.0
+    accuracy: Any = None
+    range: Any = None
+    positive: Literal["+x", "-x"] = "+x"
+    unit: Any = None
+    calibration: Annotated[str, Reads(str)] = ""
+    format: str = date_times.ISO
+
+    @property
+    def is_date(self) -> bool:
+        """Whether it holds dates and times."""
+        return self.unit == date_times.UNIT
+
+    @model_validator(mode="after")
+    def _fits_the_channel(self) -> ColumnTable:
+        said = self.model_fields_set
+        if self.channel == "command" and ("unit" in said) != ("range" in said):
+            rule = "a command is the share of full opening, -1 to 1: scale and offset bring it there, or unit and range"
+            remedy = 'command = { column = 0, unit = "V", range = "0 V .. 10 V" }: full opening to either side'
+            raise wrong("", "it has a unit or a range, not both", rule=rule, remedy=remedy)
+        if "positive" in said and self.channel not in ("force", "position", "velocity", "command"):
+            rule = 'positive is "+x" or "-x", for force, position, velocity and command only'
+            raise wrong("positive", f"positive = {self.positive!r}", rule=rule)
+        if "format" in said and not self.is_date:
+            rule = f'a format is a text, for a time with unit = "{date_times.UNIT}" only'
+            raise wrong("format", f"format = {self.format!r}", rule=rule)
+        return self
+
+
+def _column_class(channel: str) -> type[ColumnTable]:
+    """Make the class of the column of a channel."""
+    si_unit = UNITS[channel]
+    ends = PressureBetween() if si_unit == "Pa" else Reads(str) if channel == "command" else Between(si_unit)
+    fields: dict[str, Any] = {
+        "accuracy": (Annotated[Any, Reads(partial(uncertainty, si_unit=si_unit))], None),
+        "range": (Annotated[Any, ends], None),
+        "unit": (
+            Annotated[Any, Reads(partial(_unit, channel))],
+            Field(None if channel == "command" else ..., examples=[EXAMPLES.get(si_unit, "V")]),
+        ),
+    }
+    made = create_model(f"{channel.title()}Column", __base__=ColumnTable, **fields)
+    made.channel = channel
+    return made
+
+
+def _cycle(given: object) -> int | str:
+    return _place(given.get("column") if isinstance(given, dict) else given)
+
+
+def _labels(given: object) -> dict[str, str]:
+    """Read labels, and the pattern of those that a file's name gives: each of them is a column of the friction map."""
+    if not isinstance(given, dict):
+        raise WrongValueError(f"{given!r} is not a table")
+    labels = {key: str(value) for key, value in given.items()}
+    pattern = labels.get("pattern", "")
+    names = re.findall(r"\{(\w+)\}", pattern)
+    if pattern and (not names or len(set(names)) != len(names) or any(name.isdigit() for name in names)):
+        rule = 'a text with each {name} once, as in "{seal}_{pressure}bar"; "" for none'
+        raise WrongValueError(f"{pattern!r} is no pattern", rule=rule, sub="pattern")
+    for name in (*labels, *names):
+        if name in COLUMNS:
+            rule = "each label is a column of the friction map, which has that one"
+            raise WrongValueError(f"a label cannot be called '{name}'", rule=rule)
+    return labels
+
+
+_COLUMNS: dict[str, Any] = {name: (_column_class(name) | None, None) for name in UNITS}
+ColumnsTable = create_model(
+    "ColumnsTable", __base__=Described, cycle=(Annotated[int | str | None, Reads(_cycle)], None), **_COLUMNS
+)
+ColumnsTable.table_name = "columns"
+
+
+class GeometryTable(PistonTable):
+    """``[geometry]``: the areas of the piston and their standard uncertainty."""
+
+    table_name: ClassVar[str] = "geometry"
+    bore_accuracy: Annotated[float | None, Reads(partial(uncertainty, si_unit="m"))] = None
+    area_accuracy: Annotated[float | None, Reads(share)] = None
+
+
+class ChamberTable(Described):
+    """What is said of the pressure in a chamber that is not measured."""
+
+    open_to_ambient: StrictBool = False
+    pressure: Annotated[units.Pressure | None, StatedPressure()] = None
+
+
+class RigTable(Described):
+    """``[rig]``: what goes with the drive on the rig."""
+
+    table_name: ClassVar[str] = "rig"
+    ambient_pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
+        STANDARD_ATMOSPHERE_PA, gauge=False
+    )
+    incline_rad: Angle = 0.0
+    mass_beyond_sensor_kg: Annotated[float, Quantity("kg", bounds=Bounds(at_least=0.0))] = 0.0
+    stiffness_n_m: Annotated[float | None, Quantity("N/m", bounds=Bounds(above=0.0))] = None
+    alignment_rad: Annotated[float | None, Reads(partial(uncertainty, si_unit="rad"))] = None
+
+
+class WindowTable(Described):
+    """``[window]``: the part of the stroke that is looked at."""
+
+    table_name: ClassVar[str] = "window"
+    position: Annotated[tuple[float, float] | None, Between("m", "mm")] = None
+
+
+class LayoutTables(Described):
+    """A layout, or the layout of one file with the overrides that match its name."""
+
+    schema_version: Any = Field(default=1, alias="schema")
+    kind: Literal["rig", "drive", "fixed-volume"] | None = None
+    format: Annotated[str, Choice(("csv", *FORMATS))] = "csv"
+    delimiter: Annotated[str | None, Reads(_delimiter)] = None
+    header: StrictBool = False
+    decimal: Literal[".", ","] = "."
+    thousands: Annotated[str | None, Reads(_one_character)] = None
+    comment: str = "#"
+    skip_lines: Annotated[int, Whole(at_least=0, bound=None)] = 0
+    skip_samples: Annotated[int, Whole(at_least=0, bound=None)] = 0
+    columns: ColumnsTable = ColumnsTable()  # type: ignore[valid-type]
+    geometry: GeometryTable = GeometryTable()
+    chamber_a: ChamberTable = ChamberTable()
+    chamber_b: ChamberTable = ChamberTable()
+    rig: RigTable = RigTable()
+    window: WindowTable = WindowTable()
+    force_calibration: Annotated[ForceCalibration | None, Reads(of_quantities)] = None
+    labels: Annotated[dict[str, str], Reads(_labels)] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _signs_differ(self) -> LayoutTables:
+        if self.delimiter == self.decimal:
+            what = f"'{self.decimal}' cannot be delimiter and decimal sign at once"
+            raise wrong("delimiter", what)
+        return self
+
+    @property
+    def ambient_pa(self) -> float:
+        """Absolute pressure around the rig."""
+        return self.rig.ambient_pressure.value_pa
+
+    @property
+    def text_form(self) -> TextForm:
+        """How a text table is written."""
+        return TextForm(
+            delimiter=self.delimiter,
+            header=self.header,
+            decimal=self.decimal,
+            thousands=self.thousands,
+            skip_lines=self.skip_lines,
+            comment=self.comment or "\0",  # none: what no text holds
+        )
+
+    def missing(self, kind: str) -> Iterator[DescriptionError]:
+        """Give what a file of this kind needs and the layout does not say."""
+        units, needed = CHANNELS[kind]
+        for channel in needed:
+            if getattr(self.columns, channel) is None:
+                unit = f', unit = "{EXAMPLES[units[channel]]}"' if units[channel] else ""
+                remedy = f"{channel} = {{ column = 0{unit} }}"
+                yield wrong("columns", f"[columns] does not say where the {channel} is", remedy=remedy)
+        if kind == "rig":
+            for side in "ab":
+                if not self._ways(side):
+                    yield self._not_once(side, "says nothing of")
+
+    def contradictions(self, kind: str) -> Iterator[DescriptionError]:
+        """Give what the layout says twice of a file of this kind."""
+        read: dict[int | str, str] = {}
+        units = CHANNELS[kind][0]
+        for channel in units:
+            column: ColumnTable | None = getattr(self.columns, channel)
+            if column is None:
+                continue
+            other = read.setdefault(column.column, channel)
+            if units[other] != units[channel]:  # both chambers may share a transducer
+                what = f"columns.{other} and columns.{channel} read one column: {column.column!r}"
+                yield wrong(f"columns.{channel}", what, rule="a column is one quantity")
+        for side in "ab" if kind == "rig" else "":
+            if self._ways(side) > 1:
+                yield self._not_once(side, "says more than once what is")
+
+    def _ways(self, side: str) -> int:
+        """Count in how many ways the pressure in a chamber is given."""
+        chamber: ChamberTable = getattr(self, f"chamber_{side}")
+        is_measured = getattr(self.columns, f"pressure_{side}") is not None
+        return is_measured + chamber.open_to_ambient + (chamber.pressure is not None)
+
+    def _not_once(self, side: str, says: str) -> DescriptionError:
+        table, column = f"chamber_{side}", f"pressure_{side}"
+        rule = f"exactly one of columns.{column}, {table}.open_to_ambient = true, {table}.pressure"
+        key = table if table in self.model_fields_set else "columns"
+        return wrong(key, f"the layout {says} the pressure in chamber {side}", rule=rule)
+
+    def chamber_pressures(self) -> dict[str, float]:
+        """Return the absolute pressures of chambers that are said rather than measured."""
+        out = {}
+        for side, chamber in (("a", self.chamber_a), ("b", self.chamber_b)):
+            if chamber.open_to_ambient:
+                out[f"pressure_{side}"] = self.ambient_pa
+            elif chamber.pressure is not None:
+                out[f"pressure_{side}"] = chamber.pressure.absolute_pa(self.ambient_pa)
+        return out
+
+    def geometry_accuracy(self) -> dict[str, float]:
+        """Return the standard uncertainties of the geometry that the layout gives."""
+        g = self.geometry
+        said = {"area": g.area_accuracy} if g.bore_m is None else {"bore_m": g.bore_accuracy}
+        said["alignment_rad"] = self.rig.alignment_rad
+        return {name: value for name, value in said.items() if value is not None}
+
+    def column(self, channel: str, kind: str) -> dict[str, Any]:
+        """Return what is said of a column as `Column` takes it."""
+        given: ColumnTable = getattr(self.columns, channel)
+        scale, offset, ends = given.scale, given.offset, given.range
+        if channel == "command" and ends is not None:
+            # The ends of the signal are -1 and 1, of the line of a volume 0 and 1.
+            ends = units.parse_range(ends, given.unit)
+            lowest = 0.0 if kind == "fixed-volume" else -1.0
+            scale = (1.0 - lowest) / (ends[1] - ends[0])
+            offset = lowest - ends[0] * scale
+        elif UNITS[channel] == "Pa" and ends is not None:
+            ends = absolute(ends, self.ambient_pa)
+        return {
+            "column": given.column,
+            "unit": given.unit if isinstance(given.unit, ColumnUnit) else ColumnUnit(1.0),
+            "sign": SIGNS[given.positive],
+            "scale": scale,
+            "offset": offset,
+            "delay_s": given.delay_s,
+            "accuracy_si": given.accuracy,
+            "range_si": ends,
+            "calibration": given.calibration,
+            "curve": self.force_calibration if channel == "force" else None,
+            "date_form": given.format if given.is_date else None,
+        }

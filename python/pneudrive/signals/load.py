@@ -1,0 +1,228 @@
+"""Files into recordings, through a layout."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+from pneudrive.signals.layout import FileLayout, Layout, SampledLayout, stem
+from pneudrive.signals.layout_tables import CHANNEL_UNITS
+from pneudrive.signals.recording import Recording
+from pneudrive.signals.tables.formats import read_columns
+from pneudrive.signals.tables.text_table import read_bytes, read_text
+from pneudrive.signals.trajectories import is_trajectory, read_trajectory
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+SIGNAL_NOISE = 0.02  # of full opening: by so much a measured signal may lie beyond its range (assumed)
+MISSING_LAYOUT = "say how the file is read with --layout LAYOUT.toml; 'pneudrive layout FILE' proposes one"
+
+
+@dataclass(frozen=True)
+class RecordingFile:
+    """A file, the layout that reads it (None: a trajectory file), and the name that its recording will have."""
+
+    path: Path
+    layout: Layout | None
+    name: str
+
+    @property
+    def has_cycles(self) -> bool:
+        """Whether it is a campaign file, of which each cycle is a recording."""
+        return self.layout is not None and self.layout.for_file(self.path).cycle is not None
+
+    def read(self) -> Recording:
+        """Read the one recording that it holds."""
+        if self.layout is None:
+            return read_trajectory(self.path, self.name)
+        return load_recording(self.path, self.layout, self.name)
+
+
+def recording_files(paths: Iterable[str | Path], layout: Layout | str | Path | None = None) -> list[RecordingFile]:
+    """Find the layout and the name of each file; names that occur twice get their folder in front."""
+    files = [Path(p) for p in paths]
+    if not files:
+        raise RecordingError("no recording is named", remedy="give at least one file")
+    given = layout if layout is None or isinstance(layout, Layout) else Layout.load(layout)
+    beside: dict[Path, Layout] = {}
+    counts = Counter(stem(file) for file in files)
+    found = []
+    for file in files:
+        name = stem(file) if counts[stem(file)] == 1 else f"{file.parent.name}/{stem(file)}"
+        if given is None and is_trajectory(file):
+            found.append(RecordingFile(file, None, name))
+            continue
+        if given is None and file.parent not in beside:
+            beside[file.parent] = layout_beside(file)
+        found.append(RecordingFile(file, given or beside[file.parent], name))
+    return found
+
+
+def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | None = None) -> list[Recording]:
+    """Read recordings, one per file.
+
+    Parameters
+    ----------
+    paths
+        Files; the order is kept.
+    layout
+        A layout or its file. None: ``layout.toml`` beside each recording, or in the folder above, is used;
+        trajectory files need none.
+
+    Returns
+    -------
+    list of Recording
+        One per file.
+
+    Raises
+    ------
+    RecordingError, LayoutError
+        With file, value, rule and remedy.
+    """
+    return [file.read() for file in recording_files(paths, layout)]
+
+
+def find_layout(file: Path) -> Layout | None:
+    """Load ``layout.toml`` from the folder of a file, or from the one above; None where there is none."""
+    there = [f / "layout.toml" for f in (file.parent, file.parent.parent) if (f / "layout.toml").is_file()]
+    return Layout.load(there[0]) if there else None
+
+
+def layout_beside(file: Path) -> Layout:
+    """Load ``layout.toml`` from the folder of a file, or from the one above."""
+    if (found := find_layout(file)) is not None:
+        return found
+    if not file.exists():
+        raise RecordingError("there is no such file", where=str(file))
+    raise RecordingError("no layout says how to read this file", where=str(file), remedy=MISSING_LAYOUT)
+
+
+def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recording:
+    """Read one file through a layout."""
+    said = layout.for_file(path)
+    raw, flags, digest = read_raw(path, said)
+    return to_recording(name or stem(path), path, said, raw, flags, digest)
+
+
+def read_rows(path: Path, said: FileLayout, rows: tuple[int, int]) -> dict[str, NDArray[np.float64]]:
+    """Read some rows of the raw columns that a layout names, by channel, from a Parquet file."""
+    wanted = [column.column for column in said.columns.values()]
+    return dict(zip(said.columns, read_columns(said.format, path, wanted, said.dates, rows).columns, strict=True))
+
+
+def read_raw(
+    path: Path, said: FileLayout | SampledLayout
+) -> tuple[dict[str, NDArray[np.float64]], dict[str, int], str]:
+    """Read the raw columns that a layout names, by channel; what reading found; the hash of the file.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read in this way, or no sample is left.
+    """
+    data = read_bytes(path)
+    wanted = {channel: column.column for channel, column in said.columns.items()}
+    if said.format == "csv":
+        table = read_text(path, data, said.text, list(wanted.values()), said.dates)
+    else:
+        table = read_columns(said.format, path, list(wanted.values()), said.dates)
+    raw = {channel: values[said.skip_samples :] for channel, values in zip(wanted, table.columns, strict=True)}
+    if raw["time"].size == 0:
+        raise RecordingError(
+            "no sample is left",
+            where=str(path),
+            value=f"{table.columns[0].size} rows, skip_samples = {said.skip_samples}",
+            remedy="lower skip_samples in the layout",
+        )
+    return raw, table.flags, hashlib.sha256(data).hexdigest()
+
+
+def to_recording(
+    name: str,
+    path: Path,
+    said: FileLayout,
+    raw: dict[str, NDArray[np.float64]],
+    flags: dict[str, int],
+    sha256: str | None,
+) -> Recording:
+    """Bring raw columns to SI, absolute pressures and one time base."""
+    values = {channel: convert(said, channel, column) for channel, column in raw.items()}
+    time = values.pop("time")
+    accuracy = dict(said.geometry_accuracy)
+    limits: dict[str, tuple[float, float]] = {}
+    calibration: dict[str, str] = {}
+    channels: dict[str, NDArray[np.float64] | float] = {}
+    for channel in CHANNEL_UNITS:
+        if channel == "time":
+            continue
+        suffix = {"position": "position_m", "force": "force_n"}.get(channel, f"{channel}_pa")
+        if channel not in values:
+            channels[suffix] = said.chamber_pressures[channel]
+            continue
+        column = said.columns[channel]
+        aligned = values[channel]
+        delay = column.delay_s - said.columns["time"].delay_s
+        if delay:
+            aligned = shifted(time, aligned, delay)
+        channels[suffix] = aligned
+        if column.accuracy_si is not None:
+            accuracy[suffix] = column.accuracy_si
+        if column.calibration:
+            calibration[suffix] = column.calibration
+        if column.range_si is not None:
+            limits[suffix] = column.range_si
+    force = said.columns["force"]
+    if force.curve is not None and "force_n" in limits:
+        low, high = force.sign * force.curve.force_n(force.sign * np.array(limits["force_n"]))
+        limits["force_n"] = (float(low), float(high))
+    return Recording(
+        name=name,
+        time_s=time,
+        position_m=np.asarray(channels["position_m"]),
+        force_n=np.asarray(channels["force_n"]),
+        pressure_a_pa=np.asarray(channels["pressure_a_pa"]),
+        pressure_b_pa=np.asarray(channels["pressure_b_pa"]),
+        area_a_m2=said.area_a_m2,
+        area_b_m2=said.area_b_m2,
+        ambient_pressure_pa=said.ambient_pressure_pa,
+        mass_beyond_sensor_kg=said.mass_beyond_sensor_kg,
+        incline_rad=said.incline_rad,
+        accuracy=accuracy,
+        labels=said.labels,
+        window_m=said.window_m,
+        source=path,
+        sha256=sha256,
+        stiffness_n_m=said.stiffness_n_m,
+        flags=flags,
+        limits=limits,
+        calibration=calibration,
+        force_calibration=force.curve.applied() if force.curve is not None else None,
+    )
+
+
+def convert(said: FileLayout | SampledLayout, channel: str, raw: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Raw values of one channel in SI, pressures absolute."""
+    column = said.columns[channel]
+    value = column.sign * (raw * column.scale + column.offset) * column.unit.factor + column.unit.shift
+    if column.curve is not None:
+        value = column.sign * column.curve.force_n(column.sign * value)
+    if channel == "command" and column.range_si is not None:  # noise of the measured signal at full opening
+        value = np.where(np.abs(value) < 1.0 + SIGNAL_NOISE, np.clip(value, -1.0, 1.0), value)
+    return value + said.ambient_pressure_pa if column.unit.gauge else value
+
+
+def shifted(time_s: NDArray[np.float64], values: NDArray[np.float64], delay_s: float) -> NDArray[np.float64]:
+    """Values of a channel that is read ``delay_s`` late, on the common time base."""
+    order = np.isfinite(time_s)
+    if not order.any() or (np.diff(time_s[order]) < 0).any():
+        return values  # the recording refuses such times with a message of its own
+    return np.interp(time_s, time_s[order] - delay_s, values[order])

@@ -1,0 +1,150 @@
+"""A layout proposed for a foreign recording: what each column seems to be, every guess marked as one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import PneudriveError, RecordingError
+from pneudrive.signals.cycles import find_cycles, read_cycles
+from pneudrive.signals.drive_recording import read_drive_recordings, read_volume_recordings
+from pneudrive.signals.layout import Layout
+from pneudrive.signals.load import load_recording
+from pneudrive.signals.motion import find_strokes
+from pneudrive.signals.proposal.guesses import Guess, guess_columns
+from pneudrive.signals.proposal.propose_text import layout_text
+from pneudrive.signals.tables.formats import read_all
+from pneudrive.signals.tables.sniff import FileForm, sniff_format, sniff_text
+from pneudrive.signals.tables.text_table import TextForm, read_bytes, read_text
+from pneudrive.watch import UNWATCHED
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.signals.motion import Stroke
+    from pneudrive.signals.recording import Recording
+    from pneudrive.watch import Watch
+
+STAGES = 3
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A proposed layout and what was understood, for the eye.
+
+    ``kind`` says of what it is a recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``columns`` holds the raw
+    numbers of every column; ``recording`` and ``strokes`` are what the layout makes of the file, None and empty where
+    it is no recording of a rig, or cannot be read that way, ``problem`` saying why.
+    """
+
+    path: Path
+    text: str
+    reading: FileForm
+    guesses: tuple[Guess, ...]
+    columns: tuple[NDArray[np.float64], ...]
+    recording: Recording | None
+    strokes: tuple[Stroke, ...]
+    problem: str
+    kind: str = "rig"
+
+
+def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
+    """Propose how to read a foreign recording.
+
+    Parameters
+    ----------
+    path
+        The file.
+    watch
+        Is told what is being done.
+
+    Returns
+    -------
+    Proposal
+        ``text`` is the layout file; what was guessed is marked as such in it.
+
+    Raises
+    ------
+    RecordingError
+        No such file, empty, binary of an unknown kind, no table of numbers, or a table that is no recording of a rig,
+        a drive or a fixed volume.
+    """
+    path = Path(path)
+    form = sniff_format(path)
+    watch.tell(0, STAGES, "reading the file")
+    if form == "csv":
+        reading = sniff_text(path)
+        wanted: list[int | str] = list(range(reading.columns))
+        columns = read_text(path, read_bytes(path), reading.form, wanted, {**reading.dates}).columns
+    else:
+        names, columns, dates, units = read_all(form, path)
+        reading = FileForm(form, TextForm(), names, units, len(names), dates)
+    if max((column.size for column in columns), default=0) < 2:
+        raise RecordingError("the file holds no samples", where=str(path), value=f"columns: {', '.join(reading.names)}")
+    watch.tell(1, STAGES, "looking at the columns")
+    guesses = guess_columns(path, reading, columns)
+    kind = _kind(path, reading, guesses)
+    if kind == "fixed-volume":
+        guesses = _one_pressure(guesses)
+    text = layout_text(path, reading, guesses, columns, kind)
+    watch.tell(2, STAGES, "reading the file by the proposed layout")
+    recording, strokes, problem = None, (), ""
+    try:
+        layout = Layout.loads(text, origin="proposed layout")
+        if kind == "fixed-volume":
+            read_volume_recordings([path], layout)
+        elif kind == "drive":
+            record = read_drive_recordings([path], layout)[0]
+            strokes = tuple(find_strokes(record.name, record.time_s, record["position_m"]))
+        else:
+            recording = _first_recording(path, layout)
+            strokes = tuple(find_strokes(recording.name, recording.time_s, recording.position_m))
+    except PneudriveError as error:
+        problem = error.what
+    watch.tell(STAGES, STAGES, "reading the file by the proposed layout")
+    return Proposal(path, text, reading, tuple(guesses), tuple(columns), recording, strokes, problem, kind)
+
+
+def _kind(path: Path, reading: FileForm, guesses: list[Guess]) -> str:
+    """Tell of what the file is a recording.
+
+    Raises
+    ------
+    RecordingError
+        Of nothing that is known: a layout of it would be nonsense.
+    """
+    roles = {guess.role for guess in guesses}
+    pressures = [role for role in roles if role.startswith("pressure")]
+    if {"position", "command"} <= roles and pressures:
+        return "drive"
+    if "position" in roles and ("force" in roles or pressures):
+        return "rig"
+    if "position" not in roles and "force" not in roles and pressures:
+        return "fixed-volume"
+    found = ", ".join(f"{g.role}: column {g.column!r}" for g in guesses)
+    named = f"; columns: {', '.join(reading.names)}" if reading.names else ""
+    raise RecordingError(
+        "this table is no recording, as far as its names and numbers tell",
+        where=str(path),
+        value=f"{found}{named}"[:300],
+        rule="time, position and force of a rig; time, command, position and pressures of a drive; time and pressure "
+        "of a fixed volume",
+        remedy="if it is one all the same, write the layout by hand: see the guide, Your own recordings",
+    )
+
+
+def _one_pressure(guesses: list[Guess]) -> list[Guess]:
+    """Keep time, command and one pressure: that of a volume has no side."""
+    first = next(g for g in guesses if g.role.startswith("pressure"))
+    reason = first.reason.partition(";")[0]
+    kept = [g for g in guesses if g.role in ("time", "command")]
+    return [*kept, Guess("pressure", first.column, first.index, first.unit, reason)]
+
+
+def _first_recording(path: Path, layout: Layout) -> Recording:
+    if layout.for_file(path).cycle is None:
+        return load_recording(path, layout)
+    return next(read_cycles(find_cycles(path, layout).part(0, 1)))

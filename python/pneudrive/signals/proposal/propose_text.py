@@ -1,0 +1,116 @@
+"""The text of a proposed layout, every guess marked as one."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.signals.proposal.guesses import WORDS, force_levels
+from pneudrive.units import converter
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from pneudrive.signals.proposal.guesses import Guess
+    from pneudrive.signals.tables.sniff import FileForm
+
+#: Ranges of electrical signals that command a valve, in V or mA.
+SIGNALS = {"V": ((0.0, 5.0), (0.0, 10.0), (-5.0, 5.0), (-10.0, 10.0)), "mA": ((0.0, 20.0), (4.0, 20.0))}
+
+
+def layout_text(
+    path: Path, reading: FileForm, guesses: list[Guess], columns: list[NDArray[np.float64]], kind: str
+) -> str:
+    """Write the layout file."""
+    lines = _file_lines(path, reading, kind)
+    lines += ["", "[columns]"]
+    sign, bore, why = _sign_and_bore(guesses, columns)
+    lines += [
+        _column_line(guess, reading, columns[guess.index], sign)
+        for guess in guesses
+        if not (kind == "drive" and guess.role == "force")
+    ]
+    roles = {guess.role for guess in guesses}
+    cycle = [name for name in reading.names if re.search(WORDS["cycle"], name.strip().lower())]
+    if cycle and reading.format == "parquet":
+        lines.append(f'cycle = {{ column = "{cycle[0]}" }}  # guess: numbers the cycles of a campaign')
+    if kind != "rig":
+        return "\n".join([*lines, ""])
+    lines += [f"# not found: {needed}" for needed in ("time", "position", "force") if needed not in roles]
+    lines += ["", "[geometry]", 'kind = "rodless"  # guess', f'bore = "{bore * 1e3:.3g} mm"  # guess: {why}']
+    for side in ("a", "b"):
+        if f"pressure_{side}" not in roles:
+            lines += ["", f"[chamber_{side}]", "open_to_ambient = true  # guess: no pressure column for this chamber"]
+    lines += ["", "# [window]", '# position = "5 mm .. 30 mm"  # absent: the middle 60 % of the stroke', ""]
+    return "\n".join(lines)
+
+
+def _file_lines(path: Path, reading: FileForm, kind: str) -> list[str]:
+    """Say how the file is written."""
+    form = reading.form
+    lines = [f"# Proposed for {path.name}. Check every line that says guess, above all units and signs.", ""]
+    if kind == "fixed-volume":
+        lines.append('kind = "fixed-volume"  # guess: pressures, and no position')
+    lines.append(f'format = "{reading.format}"')
+    if reading.format == "csv":
+        names = {None: "whitespace", "\t": "tab"}
+        lines.append(f'delimiter = "{names.get(form.delimiter, form.delimiter)}"')
+        lines.append(f"header = {'true' if form.header else 'false'}")
+        lines.append(f'decimal = "{form.decimal}"')
+        if form.thousands:
+            lines.append(f'thousands = "{form.thousands}"')
+        if form.skip_lines:
+            lines.append(f"skip_lines = {form.skip_lines}")
+    return lines
+
+
+def _column_line(guess: Guess, reading: FileForm, values: NDArray[np.float64], sign: str) -> str:
+    """Say what one column is."""
+    place = f'"{guess.column}"' if isinstance(guess.column, str) else str(guess.column)
+    if guess.role == "command":
+        return f"command = {{ column = {place}{_signal(guess, values)} }}  # guess: {guess.reason}"
+    is_pressure = guess.role.startswith("pressure")
+    unit = guess.unit
+    if is_pressure:
+        unit += " abs" if unit == "Pa" or "abs" in str(guess.column).lower() else " gauge"
+    extra = f', positive = "{sign}"' if guess.role == "force" else ""
+    if reading.dates.get(guess.index):
+        extra += f', format = "{reading.dates[guess.index]}"'
+    line = f'{guess.role} = {{ column = {place}, unit = "{unit}"{extra} }}  # guess: {guess.reason}'
+    return line + ("; gauge or abs is a guess" if is_pressure else "")
+
+
+def _signal(guess: Guess, values: NDArray[np.float64]) -> str:
+    """Write unit and range of a command that is no share of full opening: the narrowest usual signal that holds it."""
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    unit = guess.unit or "V"
+    if low >= -1.0 and high <= 1.0 and guess.unit == "":
+        return ""
+    scale = 1e-3 if unit == "mV" else 1.0
+    margin = 0.02 * (high - low)
+    for a, b in SIGNALS["mA" if unit == "mA" else "V"]:
+        if low * scale >= a - margin * scale and high * scale <= b + margin * scale:
+            written = "mA" if unit == "mA" else "V"
+            return f', unit = "{unit}", range = "{a:g} {written} .. {b:g} {written}"'
+    return f', unit = "{unit}", range = "{low:.4g} {unit} .. {high:.4g} {unit}"'
+
+
+def _sign_and_bore(guesses: list[Guess], columns: list[NDArray[np.float64]]) -> tuple[str, float, str]:
+    """Sign of the force and the bore that closes the balance on the mean."""
+    sign, half_sum = force_levels(guesses, columns)
+    if sign is None or half_sum is None:
+        return "+x", 0.025, "no force and position to take it from; write the real bore"
+    by_role = {g.role: g for g in guesses}
+    pressures = [g for g in guesses if g.role.startswith("pressure")]
+    if len(pressures) != 1:
+        return sign, 0.025, "write the real bore"
+    mean = float(np.nanmean(columns[pressures[0].index])) * converter(pressures[0].unit, "Pa")[0]
+    area = abs(half_sum * converter(by_role["force"].unit, "N")[0] / mean) if mean else 0.0
+    if not 1e-6 < area < 1.0:
+        return sign, 0.025, "write the real bore"
+    return sign, math.sqrt(4 * area / math.pi), "force over pressure, mean of both directions; write the real bore"

@@ -1,0 +1,206 @@
+"""Checks of single samples: non-finite, repeated, spikes, saturated, stuck, gaps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+from pneudrive.signals.motion import NOISE_FACTOR, middle, noise_level, thinned
+from pneudrive.signals.recording import CHANNELS, Recording
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+GAP_FACTOR = 5.0  # a gap is an interval longer than this many usual ones
+SPIKE_FACTOR = 12.0  # a spike stands out of both neighbours by this many noise deviations
+STEP_FACTOR = 3.0  # and stands out by this many of the channel's own steps:
+FEW_SPIKES = 0.95  # those below this quantile, which spikes do not reach,
+OWN_STEPS = 0.99  # and, without the spikes, below this one
+AGREEMENT = 0.5  # neighbours of a spike differ by less than this share of its height
+SATURATED_RUN = 5  # equal samples in a row at a channel's extreme
+CLIPPED_SHARE = 0.5  # more of the samples than this at the extremes: a smooth signal
+STUCK_RUN = 20  # equal samples in a row while the piston travels
+STUCK_TRAVEL_SHARE = 0.02
+
+
+def clean(recording: Recording) -> Recording:
+    """Drop the samples that cannot be used and count them by kind.
+
+    Parameters
+    ----------
+    recording
+        As read.
+
+    Returns
+    -------
+    Recording
+        Only usable samples; ``flags`` counts ``non_finite``, ``repeated_time``, ``spike``,
+        ``saturated``, ``stuck`` samples and ``gap`` intervals (kinds that were not found are absent).
+
+    Raises
+    ------
+    RecordingError
+        Where no finite sample is left.
+    """
+    counts = dict(recording.flags)
+    finite = np.isfinite(recording.time_s)
+    for channel in CHANNELS:
+        finite &= np.isfinite(getattr(recording, channel))
+    _count(counts, "non_finite", int((~finite).sum()))
+    if not finite.any():
+        raise RecordingError(
+            "no sample is finite in all channels",
+            where=recording.name,
+            value=f"{len(recording)} rows",
+            remedy="check which columns the layout names, and their units",
+        )
+    recording = _take(recording, finite)
+    fresh = np.concatenate(([True], np.diff(recording.time_s) > 0))
+    _count(counts, "repeated_time", int((~fresh).sum()))
+    recording = _take(recording, fresh)
+
+    good = np.ones(len(recording), dtype=bool)
+    for kind, mask in _bad_samples(recording).items():
+        _count(counts, kind, int((mask & good).sum()))
+        good &= ~mask
+    if good.any():
+        recording = _take(recording, good)
+    steps = np.diff(recording.time_s)
+    if steps.size:
+        _count(counts, "gap", int((steps > GAP_FACTOR * middle(steps)).sum()))
+    return replace(recording, flags=counts) if counts != recording.flags else recording
+
+
+def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
+    """Give a mask per kind of bad sample."""
+    n = len(recording)
+    masks = {kind: np.zeros(n, dtype=bool) for kind in ("spike", "saturated", "stuck")}
+    if n < 2 * STUCK_RUN:
+        return masks
+    position = recording.position_m
+    moves = np.ptp(position) > NOISE_FACTOR * noise_level(position)
+    for channel in CHANNELS:
+        values = getattr(recording, channel)
+        if np.ptp(values) == 0 or recording.accuracy.get(channel) == 0.0:
+            continue  # a pressure that was not measured, an exact channel: no sensor that could spoil it
+        masks["spike"] |= spikes(values)
+        if channel in recording.limits:
+            low, high = recording.limits[channel]
+            masks["saturated"] |= (values <= low) | (values >= high)
+        runs = equal_runs(values)
+        if runs[1].max() < SATURATED_RUN:
+            continue
+        if channel != "position_m":
+            masks["saturated"] |= clipped(values, runs)
+        if moves:  # a piston that stands makes every sensor look stuck
+            masks["stuck"] |= stuck_position(position, runs) if channel == "position_m" else stuck_runs(position, runs)
+    return masks
+
+
+def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Single samples that stand out of both neighbours, far beyond the noise, where these agree with each other.
+
+    Where the neighbours differ, or the channel is on its way just before or after, it is a change of level, whose
+    overshoot may be real: breakaway after a reversal.
+    """
+    mask = np.zeros(values.size, dtype=bool)
+    steps = np.diff(values)
+    threshold = max(SPIKE_FACTOR * noise_level(values), STEP_FACTOR * _upper(steps, FEW_SPIKES))
+    large = np.flatnonzero(np.abs(steps[:-1]) > threshold)  # few, as a rule none
+    there, back = steps[large], steps[large + 1]
+    height = np.minimum(np.abs(there), np.abs(back))
+    alone = (there * back < 0) & (height > threshold) & (np.abs(there + back) < AGREEMENT * height)
+    for neighbour in (np.maximum(large - 1, 0), np.minimum(large + 2, steps.size - 1)):
+        alone &= (np.abs(steps[neighbour]) < AGREEMENT * height) | (neighbour == large) | (neighbour == large + 1)
+    if (
+        alone.any()
+    ):  # the channel's own largest steps, reversals, are without spikes: many of these would hide behind them
+        rest = np.ones(steps.size, dtype=bool)
+        rest[large[alone]] = rest[large[alone] + 1] = False
+        alone &= height > STEP_FACTOR * _upper(steps[rest], OWN_STEPS)
+    mask[large[alone] + 1] = True
+    return mask
+
+
+def _upper(steps: NDArray[np.float64], share: float) -> float:
+    """Height that this share of the steps stays below."""
+    some = np.abs(thinned(steps))
+    rank = int(share * (some.size - 1))
+    return float(np.partition(some, rank)[rank])
+
+
+def equal_runs(values: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Start and length of each run of equal samples."""
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0) + 1))
+    return starts, np.diff(np.concatenate((starts, [values.size])))
+
+
+def _fill(size: int, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> NDArray[np.bool_]:
+    edges = np.zeros(size + 1, dtype=np.int64)
+    np.add.at(edges, starts, 1)
+    np.add.at(edges, starts + lengths, -1)
+    return np.cumsum(edges[:-1]) > 0
+
+
+def _usual_run(lengths: NDArray[np.intp]) -> float:
+    """Length of run that coarse quantisation makes by itself, weighted by samples.
+
+    The longest run does not count: a sensor that is stuck for most of the time must not pass for a coarse one.
+    """
+    if lengths.size <= 1:
+        return 0.0
+    numbers = np.bincount(lengths)
+    numbers[-1] -= 1
+    covered = np.cumsum(numbers * np.arange(numbers.size))
+    return float(np.searchsorted(covered, 0.9 * covered[-1]))
+
+
+def clipped(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
+    """Mark what lies at the largest or smallest value of a channel that is noisy elsewhere, where long runs do.
+
+    A channel near its limit touches it for single samples too: these are as clipped as the runs.
+
+    A channel that rests at its extremes for most of the time is a smooth signal (a simulation), not a clipped one.
+    """
+    starts, lengths = runs
+    extreme = (values[starts] == values.max()) | (values[starts] == values.min())
+    needed = max(SATURATED_RUN, 4 * _usual_run(lengths[~extreme]))
+    hit = extreme & (lengths >= needed)
+    if lengths[hit].sum() > CLIPPED_SHARE * values.size:
+        return np.zeros(values.size, dtype=bool)
+    return np.isin(values, np.unique(values[starts[hit]]))
+
+
+def stuck_runs(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
+    """Mark runs of one value while the piston moved."""
+    starts, lengths = runs
+    long = lengths >= max(STUCK_RUN, 4 * _usual_run(lengths))
+    starts, lengths = starts[long], lengths[long]
+    # Out and back ends where it began: the whole way counts, not its ends.
+    runs_of = [position[start : start + length] for start, length in zip(starts, lengths, strict=True)]
+    moved = np.array([np.ptp(run) > STUCK_TRAVEL_SHARE * np.ptp(position) for run in runs_of], dtype=bool)
+    return _fill(position.size, starts[moved], lengths[moved])
+
+
+def stuck_position(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
+    """Mark runs of one position that end in a jump: a piston at rest starts without one."""
+    starts, lengths = runs
+    inside = (lengths >= STUCK_RUN) & (starts + lengths < position.size)
+    starts, lengths = starts[inside], lengths[inside]
+    jump = np.abs(position[starts + lengths] - position[starts])
+    hit = jump > STUCK_TRAVEL_SHARE * np.ptp(position)
+    return _fill(position.size, starts[hit], lengths[hit])
+
+
+def _take(recording: Recording, mask: NDArray[np.bool_]) -> Recording:
+    if mask.all():
+        return recording
+    return replace(recording, **{c: getattr(recording, c)[mask] for c in ("time_s", *CHANNELS)})
+
+
+def _count(counts: dict[str, int], kind: str, number: int) -> None:
+    if number:
+        counts[kind] = counts.get(kind, 0) + number

@@ -1,0 +1,1 @@
+"""Tables of foreign files: formats, forms of text, units of columns, dates."""

@@ -1,0 +1,119 @@
+"""Recordings that are not text: Parquet and netCDF, and what optional libraries read."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+from pneudrive.files.formats import UNIT_OF
+from pneudrive.files.tables import open_table
+from pneudrive.signals.tables.date_times import ISO, UNIT, guess_form, seconds
+from pneudrive.signals.tables.text_table import NumberTable, column_number, measurable
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+TEXT_KINDS = frozenset("OSTU")  # kinds of arrays of texts
+GUESSED_FROM = 400  # values from which the form of dates is guessed
+
+
+def read_columns(
+    form: str,
+    path: Path,
+    wanted: list[int | str],
+    dates: dict[int | str, str] | None = None,
+    rows: tuple[int, int] | None = None,
+) -> NumberTable:
+    """Read the wanted columns of a file that is not text.
+
+    Parameters
+    ----------
+    form : str
+        Key of `FORMATS`.
+    path : Path
+    wanted : list of int or str
+        Numbers or names of columns.
+    dates : dict, optional
+        Those that hold dates and times, with the form of texts; they become seconds since the first one.
+    rows : tuple of int, optional
+        First row and the one behind the last, of Parquet; None: all.
+
+    Raises
+    ------
+    RecordingError
+        No such column, not a file of this format, or a column that does not hold numbers.
+    """
+    opened = open_table(path, form)
+    short: dict[str, list[str]] = {}
+    for name in opened.names:  # a TDMS channel may go without its group where that is unique
+        short.setdefault(name.rpartition("/")[2], []).append(name)
+    full = [short[w][0] if isinstance(w, str) and len(short.get(w, [])) == 1 else w for w in wanted]
+    names = [opened.names[column_number(column, opened.names, len(opened.names), path)] for column in full]
+    forms = {name: dates[column] for name, column in zip(names, wanted, strict=True) if dates and column in dates}
+    values = opened.get(names, rows, dates=frozenset(forms))
+    columns = [as_numbers(np.asarray(values[name]), name, path, forms.get(name)) for name in names]
+    if len({column.size for column in columns}) > 1:
+        sizes = ", ".join(f"{n}: {c.size}" for n, c in zip(names, columns, strict=True))
+        rule = "all channels are sampled together; channels of other rates are brought to one before"
+        raise RecordingError("the columns differ in length", where=str(path), value=sizes, rule=rule)
+    return NumberTable(names=[str(w) for w in wanted], columns=columns)
+
+
+def read_all(form: str, path: Path) -> tuple[list[str], list[NDArray[np.float64]], dict[int, str], list[str]]:
+    """Read every column that holds numbers, or dates and times, and is as long as most of them are.
+
+    Returns
+    -------
+    list of str, list of ndarray, dict, list of str
+        Names, columns, those of the columns (by place) that hold dates, with their form, and the units that the file
+        says (TDMS: ``unit_string``), empty where it says none.
+    """
+    opened = open_table(path, form)
+    found: dict[str, tuple[NDArray[np.float64], str | None]] = {}
+    for name, values in opened.get(opened.names).items():
+        column = np.asarray(values)
+        date_form = ISO if column.dtype.kind == "M" else None
+        if column.ndim == 1 and column.dtype.kind in TEXT_KINDS:
+            date_form = guess_form([str(text) for text in column[:GUESSED_FROM].tolist()])
+        try:
+            found[name] = as_numbers(column, name, path, date_form), date_form
+        except RecordingError:
+            continue  # texts, tables
+    sizes = [column.size for column, _ in found.values()]
+    usual = max(sizes, key=sizes.count, default=0)
+    kept = {name: pair for name, pair in found.items() if pair[0].size == usual}
+    dates = {place: written for place, (_, written) in enumerate(kept.values()) if written is not None}
+    units = [opened.metadata.get(UNIT_OF + name, "") for name in kept]
+    return list(kept), [column for column, _ in kept.values()], dates, units
+
+
+def as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | None = None) -> NDArray[np.float64]:
+    """Give a column as float64, dates and times as seconds since the first one.
+
+    Raises
+    ------
+    RecordingError
+        It holds something else than the layout says.
+    """
+    if column.ndim == 1 and column.dtype.kind in {*TEXT_KINDS, "M"} and date_form is not None:
+        return seconds(column if column.dtype.kind == "M" else column.astype(object).tolist(), date_form, path)
+    if column.ndim != 1 or column.dtype.kind not in "iuf":
+        is_date = column.dtype.kind == "M"
+        raise RecordingError(
+            f"column '{name}' holds dates and times" if is_date else f"column '{name}' is not a row of numbers",
+            where=str(path),
+            value=f"{column.dtype}, {column.shape}",
+            remedy=f'unit = "{UNIT}" in the layout' if is_date else "name another column in the layout",
+        )
+    if date_form is not None:
+        raise RecordingError(
+            f"column '{name}' holds numbers, no dates and times",
+            where=str(path),
+            value=f"{column[:1].tolist()}",
+            remedy='say the unit in which it counts: unit = "s", or unit = "day"',
+        )
+    return measurable(column.astype(np.float64))

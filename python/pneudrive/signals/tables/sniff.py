@@ -1,0 +1,198 @@
+"""How a foreign file is written: format, delimiter, decimal sign, header, first row of numbers."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from pneudrive.errors import RecordingError
+from pneudrive.files.content import check_file
+from pneudrive.files.packed import COMPRESSIONS
+from pneudrive.signals.tables.date_times import guess_form, looks_like_date_time
+from pneudrive.signals.tables.text_table import TextForm, decode, is_words, read_bytes, split_row, to_number
+from pneudrive.units import is_unit
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SAMPLED_LINES = 400
+MOSTLY = 0.95  # share of lines that must be numbers for a reading to count
+# First bytes of formats that are not text.
+MAGIC = {b"PAR1": "parquet", b"\x89HDF": "netcdf", b"TDSm": "tdms", b"MDF ": "mf4", b"MATL": "mat"}
+DELIMITERS: tuple[str | None, ...] = ("\t", ";", ",", "|", None)
+TABLE_ROWS = 3  # rows of numbers below one another that are a table
+NO_UNIT = ("-", "1", "%", "V", "mV", "A", "mA", "raw", "date-time")  # stand in rows of units beside those that are read
+_GROUPED = re.compile(r"[-+]?\d{1,3}([.,'])\d{3}(?:\1\d{3})+$")
+
+
+@dataclass(frozen=True)
+class FileForm:
+    """How a file is read: ``form`` for text, names of the columns where there are any, their number.
+
+    ``dates`` holds the columns of dates and times, by number, and how they are written.
+    """
+
+    format: str
+    form: TextForm
+    names: list[str]
+    units: list[str]
+    columns: int
+    dates: dict[int, str] = field(default_factory=dict)
+
+
+def sniff_format(path: Path) -> str:
+    """Tell the format from the first bytes; ``csv`` where they are text."""
+    check_file(path, RecordingError)
+    if path.suffix in COMPRESSIONS:
+        return "csv"
+    with path.open("rb") as file:
+        head = file.read(4)
+    if head == b"\x89HDF" and path.suffix == ".mat":
+        return "mat"
+    return MAGIC.get(head, "csv")
+
+
+def sniff_text(path: Path) -> FileForm:
+    """Find delimiter, decimal sign, thousands separator and header of a text table.
+
+    Raises
+    ------
+    RecordingError
+        Empty, binary, or no table of numbers in it.
+    """
+    lines = decode(read_bytes(path), path).splitlines()
+    tail = [line for line in lines if line.strip() and not line.startswith("#")]
+    step = max(len(tail) // SAMPLED_LINES, 1)
+    sample = tail[len(tail) // 10 :: step][:SAMPLED_LINES] or tail
+    best: tuple[float, TextForm, int] | None = None
+    for form in _candidates(sample):
+        share, width = _score(sample, form)
+        # More columns of numbers explain a line better than fewer; of equals the earlier candidate stays.
+        if share >= MOSTLY and width >= 2 and (best is None or width * share > best[0] + 1e-9):
+            best = (width * share, form, width)
+    if best is None:
+        raise RecordingError(
+            "no table of numbers was found",
+            where=str(path),
+            value=(sample[0].strip()[:120] if sample else "no lines"),
+            remedy="write the layout by hand: delimiter, decimal, header, skip_lines",
+        )
+    return _with_header(lines, best[1], best[2])
+
+
+def _candidates(sample: list[str]) -> list[TextForm]:
+    forms = []
+    for delimiter in DELIMITERS:
+        for decimal in (".", ","):
+            if decimal == delimiter:
+                continue
+            grouped = {m.group(1) for line in sample for f in split_row(line, delimiter) if (m := _GROUPED.match(f))}
+            separators = (None, *sorted(grouped - {delimiter}))
+            forms += [TextForm(delimiter=delimiter, decimal=decimal, thousands=mark) for mark in separators]
+    return forms
+
+
+def _score(sample: list[str], form: TextForm) -> tuple[float, int]:
+    """Share of lines that are numbers in the usual number of columns, and that number."""
+    rows = [split_row(line, form.delimiter) for line in sample]
+    widths = [len(row) for row in rows]
+    usual = max(set(widths), key=widths.count)
+    good = sum(len(row) == usual and _is_numbers(row, form) for row in rows)
+    return good / len(rows), usual
+
+
+def _is_numbers(fields: list[str], form: TextForm) -> bool:
+    """Whether a row holds numbers, dates and empty fields, and not only empty ones."""
+    if not any(fields):
+        return False
+    try:
+        for text in fields:
+            if not looks_like_date_time(text):
+                to_number(text, form)
+    except ValueError:
+        return False
+    return True
+
+
+def _with_header(lines: list[str], form: TextForm, width: int) -> FileForm:
+    """Find the first row of numbers and what stands above it."""
+    first = _first_of_numbers(lines, form, width)
+    names, units, skip = _names_above(lines[:first], form, width)
+    delimiter = None if form.delimiter == "\t" and not names else form.delimiter
+    found = TextForm(
+        delimiter=delimiter,
+        header=bool(names),
+        decimal=form.decimal,
+        thousands=form.thousands,
+        skip_lines=skip if names else first,
+    )
+    return FileForm("csv", found, names, units, width, _dates([lines[first], *lines[-SAMPLED_LINES:]], form, width))
+
+
+def _first_of_numbers(lines: list[str], form: TextForm, width: int) -> int:
+    """First line of the table: a row of numbers that more of them follow, since a preamble may hold some, too."""
+    first = length = 0
+    longest = (0, 0)
+    for i, line in enumerate(lines):
+        if not line.strip(" ") or line.startswith(form.comment):
+            continue
+        fields = split_row(line, form.delimiter)
+        is_row = len(fields) == width and _is_numbers(fields, form)
+        first, length = (i if length == 0 else first, length + 1) if is_row else (first, 0)
+        if length > longest[0]:
+            longest = (length, first)
+        if length == TABLE_ROWS:
+            break
+    return longest[1]
+
+
+def _names_above(above: list[str], form: TextForm, width: int) -> tuple[list[str], list[str], int]:
+    """Names and units of the columns, and the number of lines above the names; no names where no line can be them.
+
+    The names stand in the line above the numbers, or above a row of units that stands there: any line further up is
+    a preamble, however many delimiters it was padded with. A name stands over every column, but for columns without
+    one; a line that names fewer than half of them names none.
+    """
+    filled = [i for i, line in enumerate(above) if line.strip()]
+    rows = [(i, _header_row(above[i], form, width)) for i in reversed(filled[-2:])]
+    units: list[str] = []
+    if len(rows) == 2 and rows[0][1] and rows[1][1] and _are_units(rows[0][1]) and _names_most(rows[1][1]):
+        units = rows.pop(0)[1]
+    if rows and _names_most(rows[0][1]):
+        return rows[0][1], units, rows[0][0]
+    return [], [], 0
+
+
+def _header_row(line: str, form: TextForm, width: int) -> list[str]:
+    """Fields of a line that may name the columns, as many as there are; empty where it cannot.
+
+    Loggers put a column of comments behind the last one that holds numbers.
+    """
+    fields = split_row(line.lstrip("# "), form.delimiter)
+    may_be_longer = form.delimiter is not None
+    if len(fields) < width or (len(fields) > width and not may_be_longer) or not is_words(fields, form):
+        return []
+    return fields[:width]
+
+
+def _names_most(fields: list[str]) -> bool:
+    return 2 * sum(map(bool, fields)) > len(fields)
+
+
+def _are_units(fields: list[str]) -> bool:
+    """Whether every field that is filled is a unit, and not all of them are without one."""
+    bare = [text.strip("[]() ") for text in fields]
+    known = [text for text in bare if text and text not in NO_UNIT]
+    return bool(known) and all(is_unit(text) for text in known)
+
+
+def _dates(lines: list[str], form: TextForm, width: int) -> dict[int, str]:
+    """Find the columns of dates and times, and how these are written."""
+    rows = [row for line in lines if len(row := split_row(line, form.delimiter)) == width]
+    found = {}
+    for column in range(width):
+        texts = [row[column] for row in rows if row[column]]
+        if texts and all(map(looks_like_date_time, texts)) and (written := guess_form(texts)) is not None:
+            found[column] = written
+    return found

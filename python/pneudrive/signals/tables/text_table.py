@@ -1,0 +1,250 @@
+"""Text files as tables of numbers."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+from pneudrive.files.bounds import bound, within
+from pneudrive.files.packed import pieces
+from pneudrive.signals.tables.date_times import seconds
+
+if TYPE_CHECKING:
+    import polars as pl
+    from numpy.typing import NDArray
+
+NO_SENSOR = 1e100
+UNREADABLE_SHARE = 0.01  # more rows than this share that are not numbers: not such a file at all
+
+
+@dataclass(frozen=True)
+class TextForm:
+    """How a text table is written.
+
+    ``delimiter`` None means any white space; ``thousands`` is a separator inside numbers: all but
+    the last are removed where it equals ``decimal``.
+    """
+
+    delimiter: str | None = None
+    header: bool = False
+    decimal: str = "."
+    thousands: str | None = None
+    skip_lines: int = 0
+    comment: str = "#"
+
+
+@dataclass
+class NumberTable:
+    """Columns by name and by number; ``flags`` counts rows that could not be read."""
+
+    names: list[str]
+    columns: list[NDArray[np.float64]]
+    flags: dict[str, int] = field(default_factory=dict)
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a file, decompressed by its suffix, with one clear message where that fails."""
+    data = b"".join(pieces(path, RecordingError, folder="name the files, as in folder/*.csv"))
+    if not data.strip():
+        raise RecordingError("the file is empty", where=str(path))
+    _check_lines(data, path)
+    return data
+
+
+def _check_lines(data: bytes, path: Path) -> None:
+    """Refuse text in which a line does not end within the bound."""
+    most, begin = int(bound("line_bytes")), 0
+    while len(data) - begin > most and b"\0" not in data[:4096]:  # what is binary is refused elsewhere
+        end = max(data.rfind(sign, begin, begin + most) for sign in (b"\n", b"\r"))
+        if end < 0:
+            within("line_bytes", most + 1, f"a line is longer than {most:,} bytes", RecordingError, str(path))
+        begin = end + 1
+
+
+def decode(data: bytes, path: Path) -> str:
+    """Text of a file; binary content is refused."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", errors="replace")
+    head = data[:4096]
+    control = sum(byte < 9 or 13 < byte < 32 for byte in head)
+    if b"\x00" in head or control > 0.05 * len(head):
+        raise RecordingError(
+            "the file is binary, not text",
+            where=str(path),
+            value=repr(head[:16]),
+            remedy="say its format in the layout (parquet, netcdf, tdms, mf4, mat), or export it as text",
+        )
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def split_row(line: str, delimiter: str | None) -> list[str]:
+    """Fields of one line, without white space around them."""
+    return line.split() if delimiter is None else [part.strip().strip('"') for part in line.split(delimiter)]
+
+
+def to_number(text: str, form: TextForm) -> float:
+    """Read one field; an empty field is NaN, anything else that is no number a ValueError."""
+    if not text:
+        return float("nan")
+    if form.thousands:
+        whole, last, rest = text.rpartition(form.thousands) if form.thousands == form.decimal else (text, "", "")
+        text = whole.replace(form.thousands, "") + last + rest
+    if form.decimal != ".":
+        text = text.replace(form.decimal, ".")
+    return float(text)
+
+
+def measurable(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give numbers with NaN for what no sensor shows: infinite, or so large that their squares are."""
+    return np.where(np.abs(values) < NO_SENSOR, values, np.nan)
+
+
+def is_words(fields: list[str], form: TextForm) -> bool:
+    """Whether no field of a line is a number: a header or a row of units."""
+    for text in fields:
+        try:
+            to_number(text or "empty", form)
+        except ValueError:
+            continue
+        return False
+    return bool(fields)
+
+
+def read_text(
+    path: Path, data: bytes, form: TextForm, wanted: list[int | str], dates: dict[int | str, str] | None = None
+) -> NumberTable:
+    """Read the wanted columns of a text table.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    data : bytes
+    form : TextForm
+    wanted : list of int or str
+        Numbers or names of columns.
+    dates : dict, optional
+        Those that hold dates and times, with their form; they become seconds since the first one.
+
+    Raises
+    ------
+    RecordingError
+        A column is not there; more than 1 % of the rows are not numbers.
+    """
+    text = decode(data, path)
+    lines = text.splitlines()
+    start = form.skip_lines
+    names: list[str] = []
+    if form.header:
+        while start < len(lines) and not lines[start].strip(form.comment + " \t"):
+            start += 1
+        if start >= len(lines):
+            raise RecordingError("there is no header line", where=str(path))
+        names = split_row(lines[start].lstrip(form.comment), form.delimiter)
+        start += 1
+        if start < len(lines) and is_words(split_row(lines[start], form.delimiter), form):
+            start += 1  # a row of units
+    first = next((line for line in lines[start:] if line.strip() and not line.startswith(form.comment)), None)
+    if first is None:
+        raise RecordingError(
+            "there are no rows of numbers",
+            where=str(path),
+            value=f"{len(lines)} lines",
+            remedy="check header, skip_lines and comment in the layout",
+        )
+    width = len(split_row(first, form.delimiter))
+    use = [column_number(column, names, width, path) for column in wanted]
+    forms = {at: dates[column] for at, column in enumerate(wanted) if dates and column in dates}
+    columns, flags = _parse(lines, start, form, use, forms, path)
+    return NumberTable(names=[str(w) for w in wanted], columns=columns, flags=flags)
+
+
+def column_number(column: int | str, names: list[str], width: int, path: Path) -> int:
+    """Give the number of a column that is named or numbered; one that is not there is refused."""
+    if isinstance(column, str):
+        if column not in names:
+            raise RecordingError(
+                f"there is no column '{column}'",
+                where=str(path),
+                value=f"columns: {', '.join(names) or 'no header is read (header = false)'}",
+                remedy="name a column of the header, or give its number from 0",
+            )
+        places = [at for at, name in enumerate(names) if name == column]
+        if len(places) > 1:
+            raise RecordingError(
+                f"{len(places)} columns are named '{column}'",
+                where=str(path),
+                rule="a name tells one column",
+                remedy=f"give its number in the layout: column = {' or '.join(map(str, places))}",
+            )
+        return places[0]
+    if not 0 <= column < width:
+        raise RecordingError(
+            f"there is no column {column}",
+            where=str(path),
+            value=f"the first row has {width} columns",
+            rule="columns count from 0",
+            remedy="check column and delimiter in the layout",
+        )
+    return column
+
+
+def _parse(
+    lines: list[str], start: int, form: TextForm, use: list[int], dates: dict[int, str], path: Path
+) -> tuple[list[NDArray[np.float64]], dict[str, int]]:
+    """Parse the columns to use; single broken rows are counted, many are an error that names the first.
+
+    `dates` gives the form of those that hold dates and times, by their place in `use`.
+    """
+    import polars as pl
+
+    numbers = [at for at, line in enumerate(lines[start:], start) if line.strip() and line[:1] != form.comment]
+    rows = pl.Series([lines[at] for at in numbers], dtype=pl.String)
+    if form.delimiter is None:
+        rows = rows.str.strip_chars().str.replace_all(r"\s+", " ")
+    fields = rows.str.split(form.delimiter or " ")
+    texts = [fields.list.get(i, null_on_oob=True).str.strip_chars().str.strip_chars('"') for i in use]
+    values = {at: _numbers(text, form) for at, text in enumerate(texts) if at not in dates}
+    good = np.ones(len(rows), dtype=bool)
+    for text in texts:
+        good &= text.is_not_null().to_numpy()
+    for column in values.values():
+        good &= column.is_not_null().to_numpy()
+    bad = np.flatnonzero(~good)
+    if bad.size > max(UNREADABLE_SHARE * len(rows), 1):
+        raise RecordingError(
+            f"{bad.size} of {len(rows)} rows are not numbers",
+            where=f"{path}, line {numbers[bad[0]] + 1}",
+            value=lines[numbers[bad[0]]].strip()[:120],
+            remedy="check delimiter, decimal, thousands, header and skip_lines in the layout",
+        )
+    columns = [
+        seconds(text.filter(good).to_list(), dates[at], path)
+        if at in dates
+        else measurable(values[at].filter(good).to_numpy())
+        for at, text in enumerate(texts)
+    ]
+    return columns, ({"unreadable_row": bad.size} if bad.size else {})
+
+
+def _numbers(text: pl.Series, form: TextForm) -> pl.Series:
+    """Read fields as `to_number` does, a comment behind a number left out; null where one is no number."""
+    import polars as pl
+
+    text = text.str.replace(rf"\s*{re.escape(form.comment)}.*$", "")
+    if form.thousands == form.decimal:
+        parts = text.str.extract_groups(rf"^(.*)({re.escape(form.decimal)}.*)$").struct.unnest()
+        whole, rest = (parts.to_series(i).fill_null("") for i in (0, 1))
+        text = (whole.str.replace_all(form.decimal, "", literal=True) + rest).set(rest == "", None).fill_null(text)
+    elif form.thousands:
+        text = text.str.replace_all(form.thousands, "", literal=True)
+    text = text.str.replace(form.decimal, ".", literal=True)
+    return text.set(text == "", "nan").cast(pl.Float64, strict=False)

@@ -1,0 +1,88 @@
+"""Simulated trajectories as recordings, so that what measures a rig measures a simulation too."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from typing import TYPE_CHECKING, TypeGuard
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+from pneudrive.signals.recording import CHANNELS, Recording
+from pneudrive.trajectory import columns_in, meaning, read_columns
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import xarray as xr
+    from numpy.typing import NDArray
+
+# Columns of a trajectory file that make it a recording; other files do not have them all.
+COLUMNS = ("time_s", "position_m", "velocity_m_s", "friction_force_n", "pressure_a_pa", "pressure_b_pa", "command")
+VARIABLES = tuple(meaning(column)[0] for column in COLUMNS)
+
+
+def from_trajectory(columns: dict[str, NDArray], name: str, source: Path | None = None) -> Recording:
+    """Make a recording of a trajectory's columns.
+
+    The force is the friction force itself, as an ideal sensor between rig and piston would show it in steady
+    sliding; the areas are zero, since no pressure has to be taken out of it.
+    """
+    digest = hashlib.sha256(b"".join(np.ascontiguousarray(columns[c]).tobytes() for c in COLUMNS)).hexdigest()
+    return Recording(
+        name=name,
+        time_s=columns["time_s"],
+        position_m=columns["position_m"],
+        force_n=columns["friction_force_n"],
+        pressure_a_pa=columns["pressure_a_pa"],
+        pressure_b_pa=columns["pressure_b_pa"],
+        area_a_m2=0.0,
+        area_b_m2=0.0,
+        accuracy=dict.fromkeys((*CHANNELS, "area", "alignment_rad"), 0.0),
+        source=source,
+        sha256=digest,
+        synthetic=True,
+    )
+
+
+def is_run(item: object) -> TypeGuard[xr.Dataset]:
+    """Whether this is a Dataset, without importing what makes one."""
+    xarray = sys.modules.get("xarray")
+    return xarray is not None and isinstance(item, xarray.Dataset)
+
+
+def from_run(run: xr.Dataset, name: str = "trajectory") -> Recording:
+    """Make a recording of what ``pn.simulate`` returns.
+
+    Raises
+    ------
+    RecordingError
+        The Dataset is no trajectory.
+    """
+    missing = [v for v in VARIABLES if v not in run.variables]
+    if missing:
+        raise RecordingError(f"the Dataset is no trajectory: it lacks {', '.join(missing)}", where=name)
+    return from_trajectory({c: run[v].to_numpy() for c, v in zip(COLUMNS, VARIABLES, strict=True)}, name)
+
+
+def is_trajectory(path: Path) -> bool:
+    """Whether a file has the columns of a trajectory.
+
+    Raises
+    ------
+    RecordingError
+        There is no such file, or it is damaged.
+    """
+    return len(columns_in(path, COLUMNS)) == len(COLUMNS)
+
+
+def read_trajectory(path: Path, name: str) -> Recording:
+    """Read a trajectory file (.parquet, .csv, .nc) as a recording.
+
+    Raises
+    ------
+    RecordingError
+        It is damaged, or a column does not hold numbers.
+    """
+    return from_trajectory(read_columns(path, COLUMNS), name, path)

@@ -1,0 +1,138 @@
+"""Two campaigns against each other: a true difference is found with its size, equal ones are not called different."""
+
+import json
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from oracle.campaigns import BAR, Friction, World, write_campaign
+from oracle.stop_campaigns import StopWorld, write_stops
+from pneudrive.characteristics import characteristics
+from pneudrive.cli.main import run
+from pneudrive.friction.campaign.compare import curves
+from pneudrive.friction.campaign.compare.comparison import compare
+from pneudrive.friction.campaign.compare.curves import compare_curves
+
+SMALL = World(speeds_m_s=tuple(np.geomspace(2e-3, 0.3, 6)), samples=300, repeats=3, sentinel_every=6, correlated_n=0.2)
+
+
+def campaign(folder, world, seed):
+    return characteristics(write_campaign(folder / f"c{seed}", world, seed), processes=1)
+
+
+def test_equal_campaigns_are_not_called_different(tmp_path):
+    # 250 pairs, measured once: 3 to 7 % are called different under drift, more scatter, fewer cycles, two pressures.
+    called = [
+        compare(campaign(tmp_path, SMALL, 10 + 2 * i), campaign(tmp_path, SMALL, 11 + 2 * i)).different
+        for i in range(3)
+    ]
+    assert sum(called) <= 1
+
+
+def test_a_difference_is_found_with_its_size_and_where_it_is(tmp_path):
+    other = replace(SMALL, friction=Friction(coulomb=28.0, breakaway=42.0))
+    found = compare(campaign(tmp_path, SMALL, 3), campaign(tmp_path, other, 4))
+    assert found.different
+    assert next(t for t in found.tests if t.what == "friction over speed").different
+    assert "friction over speed" in repr(found)  # the name alone shows the tests, and not every sample
+    assert max(len(repr(found)), len(repr(found.first)), len(found._repr_html_())) < 6000
+    curves = found.curves
+    true = [float(other.truth(v, (0.0, 0.0)) / SMALL.truth(v, (0.0, 0.0))) - 1.0 for v in curves.points.speed_m_s]
+    inside = [e.low <= t <= e.high for e, t in zip(curves.difference, np.log1p(true), strict=True)]
+    assert np.mean(inside) >= 0.8
+    slow, fast = int(np.argmin(curves.points.speed_m_s)), int(np.argmax(curves.points.speed_m_s))
+    assert curves.adjusted_p[slow] > 0.05  # breakaway is the same
+    assert curves.adjusted_p[fast] < 0.05
+    assert any("single block" in s.text for s in found.statements)
+
+
+def test_large_campaigns_are_condensed_and_say_the_same(tmp_path, monkeypatch):
+    """Of 20,000 cycles each, a matrix of their covariance alone would take 13 GB."""
+    plan = replace(SMALL, levels=({}, {}, {}), block_share=0.01, repeats=4)  # three blocks
+    both = [
+        campaign(tmp_path, replace(plan, friction=Friction(coulomb=c, breakaway=42.0)), n)
+        for n, c in ((5, 30), (6, 29))
+    ]
+    whole = compare_curves(*both)
+    monkeypatch.setattr(curves, "MOST_CELLS", 45)
+    monkeypatch.setattr(curves, "MOST_CYCLES", 30)
+    found = compare_curves(*both)
+    points = found.points
+    assert points.log_n.size <= 45 < whole.points.log_n.size
+    assert points.count.sum() == whole.points.log_n.size
+    assert found.several_blocks
+    assert np.allclose(found.friction_n, whole.friction_n)
+    assert abs(found.mean.value - whole.mean.value) < 0.2 * whole.mean.stderr
+    assert 0.7 < found.mean.stderr / whole.mean.stderr < 1.4
+    monkeypatch.setattr(curves, "MOST_POINTS", 4)
+    few = curves.common_points(*both)
+    assert (few.speed_m_s.size, few.left_out) == (4, 3)
+    assert few.speed_m_s[0] == points.speed_m_s[0]
+    assert few.speed_m_s[-1] == points.speed_m_s[-1]
+
+
+def test_an_effect_of_pressure_that_changed_is_found(tmp_path):
+    pressures = ((0.0, 0.0), (1.0 * BAR, 1.0 * BAR))
+    worlds = [
+        replace(SMALL, gauges_pa=pressures, repeats=2, friction=Friction(lip_a=lip, lip_b=lip)) for lip in (0.5, 2.5)
+    ]
+    found = compare(*(campaign(tmp_path, w, i) for i, w in enumerate(worlds)))
+    assert next(t for t in found.tests if t.what == "effect of pressure").different
+
+
+def test_slopes_of_breakaway_are_compared(tmp_path):
+    durations = (1.0, 10.0, 100.0)
+    worlds = [StopWorld(law=law, durations_s=durations, repeats=3, samples=400) for law in ("log", "stretched", "log")]
+    seeds = (0, 1, 3)  # of equal pairs one in twenty differs by chance: 0 and 2 is one
+    found = [
+        characteristics(write_stops(tmp_path / f"s{i}", w, i), processes=1) for i, w in zip(seeds, worlds, strict=True)
+    ]
+    differ = {t.what: t for t in compare(found[0], found[1]).tests}
+    slope = differ["slope of breakaway per decade of stop"]
+    assert slope.different
+    assert slope.difference.low <= worlds[1].mean_slope((0, 0)) - worlds[0].mean_slope((0, 0)) <= slope.difference.high
+    assert differ["breakaway after a stop"].beyond_repeatability
+    assert not compare(found[0], found[2]).different
+
+
+def test_what_cannot_be_compared_is_said(tmp_path):
+    folder = write_campaign(tmp_path / "soft", replace(SMALL, repeats=1), 5)
+    identity = json.loads((folder / "rig.json").read_text())
+    (folder / "rig.json").write_text(json.dumps(identity | {"stiffness_n_m": 2e4, "chambers": "open"}))
+    found = compare(campaign(tmp_path, replace(SMALL, repeats=1), 6), characteristics(folder, processes=1))
+    unlike = {check.what for check in found.checks if not check.comparable}
+    assert unlike == {"stiffness", "chambers"}
+    assert any("Stiffness differs" in s.text and not s.carried for s in found.statements)
+    slower = replace(SMALL, repeats=1, speeds_m_s=(1e-3, 3.3e-3), sentinel_every=0)
+    nothing = compare(campaign(tmp_path, SMALL, 7), campaign(tmp_path, slower, 8))
+    assert nothing.curves is None
+    assert any("cannot be compared" in s.text for s in nothing.statements)
+
+
+def test_from_the_command_line(tmp_path, capsys):
+    worlds = (SMALL, replace(SMALL, friction=Friction(coulomb=25.0)))
+    a, b = (str(write_campaign(tmp_path / f"c{i}", w, i)) for i, w in enumerate(worlds))
+    assert run(["compare", a, b, "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "differ by more than their cycles scatter" in " ".join(said.split())
+    assert "may be the mounting or the day" in " ".join(said.split())
+    assert all(name in said.replace("\n", "") for name in ("A: ", "B: ", "c0", "c1"))
+    table = tomllib.loads((tmp_path / "out" / "comparison.toml").read_text())
+    assert table["different"] is True
+    assert table["synthetic"] is True
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "figures/compare-curves.png" in page
+    assert "Synthetic" in page.split("<nav")[0]
+    assert run(["compare", a, a, "--out", str(tmp_path / "out")]) == 2
+    assert "with itself" in capsys.readouterr().err
+    assert run(["compare", a, str(tmp_path / "none"), "--out", str(tmp_path / "out")]) == 2
+
+
+@pytest.mark.parametrize("cycles", [0, 1])
+def test_campaigns_of_almost_nothing_end_in_a_sentence(tmp_path, cycles):
+    few = World(speeds_m_s=(1e-2, 1e-1)[: cycles + 1], repeats=1, sentinel_every=0, tare=False, samples=200)
+    found = compare(campaign(tmp_path, few, 1), campaign(tmp_path, few, 2))
+    assert not found.different
+    assert found.statements

@@ -1,0 +1,307 @@
+"""Stops: what was written into a campaign by hand (relaxation, breakaway, way back) comes out with its interval."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+import pytest
+from scipy.signal import lfilter
+
+from oracle.stop_campaigns import AMBIENT_PA, LAWS, StopWorld, random_stop_world, write_stops
+from pneudrive.campaign.cycle import Cycle
+from pneudrive.campaign.folder import Campaign
+from pneudrive.characteristics import characteristics
+from pneudrive.errors import CampaignError
+from pneudrive.friction.campaign.stops.breakaway import find_breakaway
+from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
+from pneudrive.friction.campaign.stops.phases import Phases, find_phases
+from pneudrive.friction.campaign.stops.stop import find_stops
+from pneudrive.friction.campaign.threads import one_thread
+from pneudrive.rig.interface import Sampling
+
+
+def found(folder, world, seed=0):
+    with one_thread():
+        stops, skipped = find_stops(Campaign.open(write_stops(folder / f"c{seed}", world, seed)), 1)
+        series, statements = fit_dwell(stops, AMBIENT_PA)
+    return stops, skipped, series, statements
+
+
+def gauge(condition):
+    return condition.pressure_a_pa - AMBIENT_PA, condition.pressure_b_pa - AMBIENT_PA
+
+
+def rise(time_s, increment_n, stiffness=2e5, speed=1e-3, length_m=3e-4):
+    """Return force of a spring that loads a contact, which breaks away and recovers over a length."""
+    way = speed * time_s
+    past = np.maximum(way - (5.0 + increment_n) / stiffness, 0.0)
+    spring, contact = 25.0 + stiffness * way, 30.0 + increment_n * np.exp(-past / length_m)
+    return -0.2 * np.logaddexp(-spring / 0.2, -contact / 0.2)
+
+
+@pytest.mark.parametrize("increment_n", [0.0, 0.5, 4.0])
+@pytest.mark.parametrize("noise_n", [0.05, 0.3])
+def test_peak_of_noisy_samples_is_not_their_largest(increment_n, noise_n):
+    time = np.arange(0.0, 0.4, 2e-4)
+    rng = np.random.default_rng(1)
+    true = rise(np.linspace(0.0, 0.4, 400_001), increment_n).max()
+    away, naive = [], []
+    for _ in range(60):
+        noisy = rise(time, increment_n) + noise_n * rng.standard_normal(time.size)
+        peak = find_breakaway(time, 1e-3 * time, noisy, 30.0)
+        away.append((peak.friction_n - true) / peak.stderr_n)
+        naive.append(noisy.max() - true)
+    assert np.mean(naive) > 1.5 * noise_n  # what has to be avoided
+    assert abs(np.mean(away)) < 0.6
+    assert np.mean(np.abs(away) < 2.0) > 0.75
+
+
+def test_a_sharp_corner_is_not_cut():
+    """A rise of 0.05 N a sample that ends at once: smoothing would lose several standard errors of it."""
+    time, rng = np.arange(0.0, 0.3, 2e-4), np.random.default_rng(2)
+    way = 1e-3 * time
+    sharp = np.minimum(25.0 + 2.5e5 * way, 30.0 + 2.0 * np.exp(-np.maximum(way - 2.8e-5, 0.0) / 1e-4))
+    peaks = [find_breakaway(time, way, sharp + 0.04 * rng.standard_normal(time.size), 30.0) for _ in range(40)]
+    away = np.array([p.friction_n for p in peaks]) - 32.0
+    assert abs(away.mean()) < 0.008  # 0.025 when smoothed
+    assert np.mean(np.abs(away) < 2.0 * np.array([p.stderr_n for p in peaks])) > 0.85
+
+
+@pytest.mark.parametrize(("noise_n", "stiffness"), [(0.02, 2.5e5), (0.005, 3e5)])
+def test_little_noise_does_not_make_a_corner_surer_than_it_is(noise_n, stiffness):
+    """Where smoothing may be narrow the corner is still looked for at the highest samples, wherever it falls."""
+    time, rng = np.arange(0.0, 0.3, 2e-4), np.random.default_rng(5)
+    away, doubt = [], []
+    for _ in range(40):
+        way = 1e-3 * (time - rng.uniform(0.0, 2e-4))
+        past = np.maximum(way - 7.0 / stiffness, 0.0)
+        sharp = np.minimum(25.0 + stiffness * way, 30.0 + 2.0 * np.exp(-past / 1e-4))
+        peak = find_breakaway(time, 1e-3 * time, sharp + noise_n * rng.standard_normal(time.size), 30.0)
+        away.append(peak.friction_n - 32.0)
+        doubt.append(peak.stderr_n)
+    assert abs(np.mean(away)) < 0.008  # 0.014 where it was looked for at the place of a wide parabola
+    assert np.mean(np.abs(away) < 1.96 * np.array(doubt)) >= 0.85
+    assert np.median(doubt) < 0.02
+
+
+@pytest.mark.parametrize("bandwidth_hz", [60.0, 200.0, 500.0])
+def test_what_the_lag_of_the_sensor_takes_off_a_peak_is_in_its_doubt(bandwidth_hz):
+    step, rng = 2e-6, np.random.default_rng(3)
+    fine = np.arange(0.0, 0.3, step)
+    way = 1e-3 * fine
+    true = np.minimum(25.0 + 2.5e5 * way, 30.0 + 2.0 * np.exp(-np.maximum(way - 2.8e-5, 0.0) / 1e-4))
+    share = -np.expm1(-2.0 * np.pi * bandwidth_hz * step)
+    shown, time = lfilter([share], [1.0, share - 1.0], true - 25.0)[::100] + 25.0, fine[::100]
+    hits, added = {None: [], bandwidth_hz: []}, []
+    for _ in range(10):
+        samples = shown + 0.02 * rng.standard_normal(time.size)
+        peaks = {hz: find_breakaway(time, 1e-3 * time, samples, 30.0, None, hz) for hz in hits}
+        assert peaks[None].friction_n == peaks[bandwidth_hz].friction_n
+        for hz, peak in peaks.items():
+            hits[hz].append(abs(peak.friction_n - 32.0) < 2.0 * peak.stderr_n)
+        added.append(np.sqrt(peaks[bandwidth_hz].stderr_n ** 2 - peaks[None].stderr_n ** 2))
+    assert np.mean(hits[None]) <= 0.5 or bandwidth_hz > 200.0  # a short lag is within what the noise leaves open
+    assert np.mean(hits[bandwidth_hz]) >= 0.8
+    assert 0.5 * (32.0 - shown.max()) < np.mean(added) < 1.3 * (32.0 - shown.max())
+
+
+def test_the_bandwidth_is_read_from_the_rig_file(tmp_path):
+    folder = write_stops(tmp_path / "stops", StopWorld(durations_s=(10.0,), repeats=1, samples=400), 1)
+    rig = json.loads((folder / "rig.json").read_text())
+    doubts = []
+    for bandwidth in ({}, {"bandwidth_hz": {"force_n": 20.0}}):
+        (folder / "rig.json").write_text(json.dumps(rig | bandwidth))
+        doubts.append([s.breakaway_stderr_n for s in find_stops(Campaign.open(folder), 1)[0]])
+    assert all(after > before for before, after in zip(*doubts, strict=True))
+    (folder / "rig.json").write_text(json.dumps(rig | {"bandwidth_hz": {"force_n": 0.0}}))
+    with pytest.raises(CampaignError, match=r"bandwidth_hz\.force_n"):
+        Campaign.open(folder)
+
+
+def test_a_stop_gives_relaxation_breakaway_and_way_back(tmp_path):
+    world = StopWorld(durations_s=(3.0, 30.0, 300.0), repeats=4, ripple=(0.0, 1.0))
+    stops, skipped, _, _ = found(tmp_path, world)
+    assert not skipped
+    assert len(stops) == 12
+    long = [s for s in stops if s.stop_s > 10.0]
+    rate, since = world.relaxation
+    for s in long:
+        assert s.relaxation.form == "log"
+        true = rate * np.log10(1.0 + s.stop_s / since)
+        assert s.relaxation.amount.value == pytest.approx(true, abs=0.2)
+        assert s.relaxation.per_decade.low < rate < s.relaxation.per_decade.high + 0.03
+        assert s.recovery.distance.value == pytest.approx(world.length_m * np.log(20.0), rel=0.1)
+        assert s.recovery.time.value == pytest.approx(s.recovery.distance.value / world.speed_m_s, rel=0.1)
+        assert s.recovery.complete
+        assert s.recovery.left.low < 0.0 < s.recovery.left.high
+    for s in stops:
+        assert s.dwell_s == pytest.approx(s.stop_s, abs=0.01)
+        assert s.loading_rate_n_s == pytest.approx(world.stiffness_n_m * world.speed_m_s, rel=0.3)
+        assert s.basis == "approach and reference"
+    away = [s.increment_n - float(world.increment(s.stop_s, (0.0, 0.0))) for s in stops]
+    assert abs(np.mean(away)) < 0.2
+
+
+def test_direction_and_missing_steps_change_nothing(tmp_path):
+    base = StopWorld(durations_s=(1.0, 30.0), repeats=3)
+    means = []
+    for seed, world in enumerate(
+        (
+            base,
+            StopWorld(durations_s=(1.0, 30.0), repeats=3, directions=(-1,)),
+            StopWorld(durations_s=(1.0, 30.0), repeats=3, bring_steps=False),
+        )
+    ):
+        stops, skipped, _, _ = found(tmp_path, world, seed)
+        assert not skipped
+        means.append([np.mean([s.increment_n for s in stops if s.stop_s == t]) for t in (1.0, 30.0)])
+    assert np.ptp(means, axis=0) == pytest.approx([0.0, 0.0], abs=0.5)
+
+
+@pytest.mark.parametrize("law", list(LAWS))
+def test_slope_per_decade_under_every_law(tmp_path, law):
+    world = StopWorld(law=law, repeats=4, samples=600)
+    _, _, series, _ = found(tmp_path, world, 3)
+    s = series[0]
+    assert s.reference_s == 15.0
+    assert s.slope.low <= world.slope(15.0, (0.0, 0.0)) <= s.slope.high
+    assert s.mean_slope.low <= world.mean_slope((0.0, 0.0)) <= s.mean_slope.high
+    wide = s.mean_slope.high - s.mean_slope.low
+    assert wide < 0.5, "an interval that holds everything says nothing"
+    supported = {fit.name for fit in s.laws if fit.delta < 10.0}
+    known = {"log": "log", "late log": "log", "stretched": "kato", "hyperbolic": "hyperbolic", "none": "none"}
+    known |= {"exponential": "exponential", "saturating": "kato-free", "power": "kato-free"}
+    assert known[law] in supported
+    if law != "none":
+        assert "none" not in supported
+
+
+def test_slope_inside_its_interval_in_random_campaigns(tmp_path):
+    inside = []
+    for seed in range(200, 206):  # other laws, noise, rigs, orders; 0 to 199 were looked at while this was made
+        world = replace(random_stop_world(seed), samples=500)
+        _, _, series, _ = found(tmp_path, world, seed)
+        s = series[0]
+        true = float(np.mean([world.slope(s.reference_s, gauge(c)) for c in s.conditions]))
+        inside.append(s.slope.low <= true <= s.slope.high)
+    assert np.mean(inside) >= 0.8
+
+
+def test_pressures_are_separated_where_the_pairs_allow_it(tmp_path):
+    world = StopWorld(gauges_pa=((0.0, 0.0), (2e5, 0.0), (0.0, 2e5)), durations_s=(1.0, 10.0, 100.0), repeats=4)
+    _, _, series, _ = found(tmp_path, world)
+    effect = series[0].pressure
+    true = (world.slope(10.0, (2e5, 0.0)) - world.slope(10.0, (0.0, 0.0))) / 2e5
+    assert effect.slope_sum is None
+    for estimate in (effect.slope_a, effect.slope_b):
+        assert estimate.low < true < estimate.high
+    together = StopWorld(gauges_pa=((0.0, 0.0), (1e5, 1e5)), durations_s=(1.0, 10.0, 100.0), repeats=3)
+    _, _, series, _ = found(tmp_path, together, 1)
+    assert series[0].pressure.slope_a is None
+    assert series[0].pressure.slope_sum is not None
+    assert "cannot be told apart" in series[0].pressure.statement
+
+
+def test_what_the_stops_do_not_carry_is_said(tmp_path):
+    def said(world, seed):
+        return " ".join(f"{s.text} {s.remedy}" for s in found(tmp_path, world, seed)[3] if not s.carried)
+
+    assert "no law" in said(StopWorld(durations_s=(1.0, 100.0)), 0)
+    assert "saturates" in said(StopWorld(law="stretched"), 1)
+    drifts = said(StopWorld(order="ascending", drift_share=0.1, durations_s=(1.0, 10.0, 100.0)), 2)
+    assert "drift" in drifts
+    assert "randomise" in drifts
+    assert "5 kHz" in said(StopWorld(burst_hz=0.0, samples=400, durations_s=(1.0, 10.0, 100.0)), 3)
+    assert "do not carry" in said(StopWorld(durations_s=(10.0,), repeats=3), 4)
+    slow = StopWorld(durations_s=(0.1, 1.0, 10.0), stiffness_n_m=2e4, speed_m_s=5e-4, released=True)
+    assert "aged for longer" in said(slow, 5).replace("\n", " ")
+
+
+def test_peaks_that_differ_between_the_directions_are_said(tmp_path):
+    world = StopWorld(durations_s=(1.0, 10.0, 100.0, 300.0), repeats=3, directions=(1, -1))
+    stops, _, _, statements = found(tmp_path, world)
+    assert not [s for s in statements if "in +x peak" in s.text]
+    uneven = [replace(s, increment_n=s.increment_n + 0.5 * s.direction) for s in stops]
+    (text,) = [s.text for s in fit_dwell(uneven, AMBIENT_PA)[1] if "in +x peak" in s.text]
+    value, low, high = (float(x) for x in re.search(r"in \+x peak (\S+) N \((\S+) to (\S+)\)", text).groups())
+    assert 0.0 < low < 1.0 < high
+    assert low < value < high
+
+
+def test_held_and_released_are_told_apart(tmp_path):
+    stops, _, series, _ = found(tmp_path, StopWorld(durations_s=(1.0, 10.0, 100.0), released=True))
+    assert all(s.relaxation is None for s in stops)
+    assert series[0].released
+    assert "released" in series[0].name
+
+
+def test_damaged_cycles_cost_only_themselves(tmp_path):
+    folder = write_stops(tmp_path / "c", StopWorld(durations_s=(1.0, 10.0, 100.0), repeats=4), 0)
+    files = sorted((folder / "cycles").glob("*.parquet"))
+    head = pl.read_parquet_metadata(files[0])["pneudrive"]
+    frame = pl.read_parquet(files[0])
+    frame.filter(pl.col("step") < 3).write_parquet(files[0], metadata={"pneudrive": head})  # ends before its stop
+    head = pl.read_parquet_metadata(files[1])["pneudrive"]
+    frame = pl.read_parquet(files[1]).with_columns(force_n=pl.lit(float("nan")))
+    frame.write_parquet(files[1], metadata={"pneudrive": head})
+    files[2].write_bytes(files[2].read_bytes()[:2000])
+    result = characteristics(folder, processes=1)
+    assert len(result.stops) == 9
+    assert len(result.skipped) == 3
+    assert result.dwell[0].slope is not None
+    assert result.synthetic
+
+
+@pytest.mark.parametrize(
+    ("spoil", "flag"),
+    [
+        (-pl.col("force_n"), "negative_friction"),  # a sign that was mixed up
+        (pl.col("force_n").clip(-33.0, 33.0), "saturated"),
+        (pl.lit(3.0).alias("force_n"), "stuck"),
+    ],
+)
+def test_peaks_that_are_none_are_flagged_and_not_counted(tmp_path, spoil, flag):
+    folder = write_stops(tmp_path / "c", StopWorld(durations_s=(5.0, 50.0), repeats=2, samples=300), 1)
+    for path in (folder / "cycles").glob("*.parquet"):
+        head = pl.read_parquet_metadata(path)["pneudrive"]
+        pl.read_parquet(path).with_columns(spoil).write_parquet(path, metadata={"pneudrive": head})
+    stops, _ = find_stops(Campaign.open(folder), 1)
+    assert all(flag in s.flags and not s.usable for s in stops)
+    series, statements = fit_dwell(stops, AMBIENT_PA)
+    assert series[0].slope is None
+    assert any("spoiled" in s.text and not s.carried for s in statements)
+
+
+@pytest.mark.parametrize("numbered", [True, False])
+def test_stop_is_found_without_the_list_of_steps_where_moves_turn_within_a_sample(numbered):
+    """Files written elsewhere have no list of steps; a slow move turns faster than the samples follow."""
+    legs = [
+        (0.0, 0.09, 0.1),
+        (0.09, 0.04, 0.1),
+        (0.04, 0.05, 2e-3),
+        (0.05, 0.05, 3.0),
+        (0.05, 0.06, 2e-3),
+        (0.06, 0.0, 0.1),
+    ]
+    time, position, step = [], [], []
+    began = 0.0
+    for number, (start, end, pace) in enumerate(legs):
+        duration = abs(end - start) / pace if end != start else pace
+        t = np.arange(0.0, duration - 5e-4, 1e-3)
+        time.append(began + t)
+        position.append(start + (end - start) * t / duration)
+        step.append(np.full(t.size, number))
+        began += duration
+    x = np.concatenate(position) + 3e-7 * np.random.default_rng(1).standard_normal(sum(map(len, time)))
+    steps = np.concatenate(step) if numbered else np.zeros(x.size, dtype=np.int64)
+    cycle = Cycle("one", "stop", (), Sampling(), 1.5e5, 1.5e5, speed_m_s=2e-3, stop_s=3.0)
+    phases = find_phases(cycle, np.concatenate(time), x, steps)
+    assert isinstance(phases, Phases)
+    assert phases.direction == 1
+    assert not phases.reversed
+    assert phases.by_steps == numbered
+    assert phases.dwell_s == pytest.approx(3.0, abs=0.02)
+    assert x[phases.approach].min() == pytest.approx(0.04, abs=1e-4)
+    assert x[phases.restart].max() == pytest.approx(0.06, abs=1e-4)

@@ -1,0 +1,98 @@
+"""Uncertainty: spread between strokes, trend, the GUM budget, and U that covers the truth."""
+
+import numpy as np
+import pytest
+
+from pneudrive.characterise import characterise_recordings
+from pneudrive.friction.reduction.spread import pair_stderr, profile_stderr, spread_of
+
+
+def test_spread_of_independent_strokes_is_the_textbook_standard_error():
+    values = np.random.default_rng(3).normal(5.0, 0.3, 12)
+    spread = spread_of(values)
+    assert spread.stderr_n == pytest.approx(values.std(ddof=1) / np.sqrt(12))
+    assert not spread.has_trend
+
+
+def test_a_drift_is_found_and_leaves_fewer_independent_strokes():
+    values = 5.0 + 0.1 * np.arange(10) + np.random.default_rng(4).normal(0.0, 0.05, 10)
+    spread = spread_of(values)
+    assert spread.has_trend
+    assert spread.slope_n == pytest.approx(0.1, abs=0.02)
+    assert spread.effective < 5
+    assert spread.stderr_n > values.std(ddof=1) / np.sqrt(10)
+
+
+def test_one_stroke_takes_the_other_direction_s_spread():
+    up, down = spread_of(np.array([5.0])), spread_of(np.array([-5.0, -5.2, -4.8]))
+    assert pair_stderr(up, down) == pytest.approx(0.5 * np.sqrt(0.2**2 + 0.2**2 / 3))
+
+
+def test_stroke_spread_and_not_samples_set_the_standard_error(make):
+    level = characterise_recordings(make(stroke_spread=0.3, strokes=20, noise=0.05, seed=5)).levels[0]
+    expected = 0.5 * np.sqrt(2 * 0.3**2 / 10)
+    naive = 0.05 / np.sqrt(level.rows[0]["samples"])
+    assert level.stderr_n == pytest.approx(expected, rel=0.5)
+    assert level.stderr_n > 10 * naive
+
+
+def test_u_covers_the_truth_in_about_95_of_100(make):
+    covered = 0
+    for seed in range(60):
+        level = characterise_recordings(
+            make(stroke_spread=0.3, strokes=20, seed=seed, accuracy={"force_n": 1e-6, "pressure_b_pa": 1e-3})
+        ).levels[0]
+        covered += abs(level.friction_n - 5.0) <= level.expanded_n
+    # Expected 57 less the few per cent that 10 strokes a direction cost at k = 2; 48 has a chance below 1e-3.
+    assert 50 <= covered <= 60
+
+
+def test_profile_stderr_counts_correlated_bins_as_fewer():
+    rng = np.random.default_rng(7)
+    white = rng.normal(0.0, 1.0, 100)
+    assert profile_stderr(white) == pytest.approx(0.1, rel=0.35)
+    slow = np.convolve(rng.normal(0.0, 1.0, 109), np.ones(10), "valid") / np.sqrt(10)
+    assert profile_stderr(slow) > 2 * profile_stderr(white)
+
+
+def test_budget_knows_what_the_pair_cancels(make):
+    level = characterise_recordings(
+        make(gauge_b=6e5, swing=0.0, accuracy={"pressure_b_pa": 5e3, "force_n": 1.0, "bore_m": 5e-5})
+    ).levels[0]
+    lines = {entry.source: entry for entry in level.budget}
+    area = np.pi / 4 * 0.025**2
+    # 0.5 % of 10 bar on a 25 mm bore is 2.5 N of offset, and none of friction where both directions have one pressure.
+    assert lines["pressure b: common error"].offset_n == pytest.approx(5e3 * area)
+    assert lines["pressure b: common error"].offset_n == pytest.approx(2.45, abs=0.01)
+    assert lines["pressure b: common error"].friction_n == pytest.approx(0.0, abs=1e-3)
+    assert lines["pressure b: hysteresis"].friction_n > 0.5
+    assert lines["bore (area)"].offset_n == pytest.approx(2 * 5e-5 / 0.025 * 6e5 * area, rel=0.01)
+    assert lines["bore (area)"].basis == "layout"
+    assert lines["alignment of the force axis"].basis == "assumed"
+    total = np.sqrt(sum(entry.friction_n**2 for entry in level.budget))
+    assert level.u_systematic_n == pytest.approx(total)
+    assert level.expanded_n == pytest.approx(2 * np.hypot(level.stderr_n, total))
+
+
+def test_what_is_assumed_is_said(make):
+    notes = characterise_recordings(make()).notes
+    assert any(note.startswith("Assumed") and "bore" in note and "hysteresis" in note for note in notes)
+
+
+def test_wrong_area_and_zero_leave_friction_within_its_u(make):
+    for gauge in (1e5, 3e5, 5e5, 7e5):
+        level = characterise_recordings(
+            make(friction=4.0, gauge_b=gauge, swing=0.04e5, area_error=0.02, zero=1.0, stroke_spread=0.05)
+        ).levels[0]
+        assert abs(level.friction_n - 4.0) <= level.expanded_n
+
+
+def test_two_strokes_that_agree_by_chance_keep_the_error_of_their_noise(make):
+    deviations, stated = [], []
+    for seed in range(40):
+        level = characterise_recordings(make(strokes=4, noise=0.3, rate=500.0, seed=seed)).levels[0]
+        deviations.append(level.friction_n - 5.0)
+        stated.append(level.stderr_n)
+    noise = np.std(deviations)
+    assert min(stated) > 0.5 * noise, "the spread of two stroke means alone would be ten times too small now and then"
+    assert np.median(stated) == pytest.approx(noise, rel=0.4)
