@@ -20,7 +20,7 @@ from pneudrive.trajectory import MEANING, meaning
 from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     import numpy as np
     import xarray as xr
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from pneudrive._core import SimulationResult
     from pneudrive.describe import Drive, Initial
     from pneudrive.describe.circuit import Circuit
+    from pneudrive.free.derivatives import Sensitivities
     from pneudrive.watch import Flag
 
 MOST_SAMPLES = 50_000_000  # rows; such a trajectory takes about 6 GB
@@ -35,6 +36,8 @@ MOST_BUDGET = 10**15
 #: A ledger that closes worse than this and than so many times the tolerance is told (assumed).
 ENERGY_CLOSES, ENERGY_RTOL = 1e-3, 300.0
 SOLVER = "Rodas5P"
+#: Columns that are given, not solved for.
+UNDIFFERENTIATED = ("time_s", "command")
 
 
 @dataclass(frozen=True, repr=False)
@@ -44,6 +47,7 @@ class Run(Shown):
     columns: dict[str, np.ndarray]
     provenance: dict[str, Any]
     meanings: Mapping[str, str] = field(default_factory=dict)  # of columns of a circuit
+    sensitivities: Sensitivities | None = None
 
     def dataset(self) -> xr.Dataset:
         """Return a labelled dataset: dimension time, a unit and a long name for each variable."""
@@ -53,7 +57,24 @@ class Run(Shown):
         for column, values in self.columns.items():
             name, attrs = _label(column, self.meanings.get(column))
             variables[name] = xr.Variable(("time",), values, dict(attrs), fastpath=True)
-        return _dataset(variables, dict(self.provenance))
+        found = _dataset(variables, dict(self.provenance))
+        return found if self.sensitivities is None else found.assign(self._sensitivities(self.sensitivities))
+
+    def _sensitivities(self, found: Sensitivities) -> dict[str, Any]:
+        """Name the derivatives and their dimensions."""
+        out: dict[str, Any] = {
+            "parameter": ("parameter", [one.name for one in found.parameters]),
+            "parameter_units": ("parameter", [one.unit for one in found.parameters]),
+        }
+        for i, column in enumerate(found.columns):
+            name, attrs = _label(column, self.meanings.get(column))
+            said = dict(attrs)
+            about = {
+                "units": f"{said['units']} per unit of the parameter",
+                "long_name": f"derivative: {said['long_name']}",
+            }
+            out[f"sensitivity_{name}"] = (("parameter", "time"), found.derivatives[:, i].T, about)
+        return out
 
 
 def _dataset(variables: dict[str, xr.Variable], attrs: dict[str, Any]) -> xr.Dataset:
@@ -83,6 +104,7 @@ def simulate(
     sample_rate: str | float = "1 kHz",
     rtol: float = 1e-6,
     ledger: bool = False,
+    sensitivities: Sequence[str] = (),
     budget: int | None = None,
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
@@ -156,6 +178,7 @@ def simulate(
         sample_rate=sample_rate,
         rtol=rtol,
         ledger=ledger,
+        sensitivities=sensitivities,
         budget=budget,
         watch=Watch(progress, cancel),
     ).dataset()
@@ -170,6 +193,7 @@ def run(
     sample_rate: str | float = "1 kHz",
     rtol: float = 1e-6,
     ledger: bool = False,
+    sensitivities: Sequence[str] = (),
     budget: int | None = None,
     watch: Watch = UNWATCHED,
 ) -> Run:
@@ -207,7 +231,15 @@ def run(
     result["warnings"] += _open_ledger(result["ledger"], rtol) + humidity.warnings(drive, result["columns"])
     for message in result["warnings"]:
         warn(message)
-    return Run(result["columns"], _provenance(drive, result, rtol), meanings)
+    by_numbers = None
+    if sensitivities:
+        from pneudrive.free.derivatives import Differentiator
+
+        differentiator = Differentiator(drive, sensitivities, command, initial, rtol)
+        values = [one.value for one in differentiator.parameters]
+        columns = [name for name in result["columns"] if name not in UNDIFFERENTIATED]
+        by_numbers = differentiator.run(values, result["columns"]["time_s"], columns, watch=watch)
+    return Run(result["columns"], _provenance(drive, result, rtol), meanings, by_numbers)
 
 
 def _plan(drive: Drive | Circuit, command: Any, asked: list[float] | None) -> tuple[Any, ...]:  # noqa: ANN401

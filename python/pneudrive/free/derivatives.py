@@ -1,0 +1,148 @@
+"""Derivatives of a trajectory by numbers of the drive: those of the discrete solution, through events and all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive import command as commands
+from pneudrive.errors import CommandError, FitError, SimulationError
+from pneudrive.free.parameters import chosen, family_of
+from pneudrive.session import short_name
+from pneudrive.start import is_circuit, ready
+from pneudrive.watch import UNWATCHED
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from pneudrive._core import Shooting
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+    from pneudrive.describe.parts import Initial
+    from pneudrive.free.parameters import Parameter
+    from pneudrive.watch import Watch
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sensitivities:
+    """Columns of a run and their derivatives by numbers of the drive.
+
+    Attributes
+    ----------
+    columns : list of str
+        Of a trajectory file.
+    values : ndarray, shape (n, c)
+    derivatives : ndarray, shape (n, c, p)
+        SI; by each parameter with all that follows from it, see `pneudrive.describe.derived`.
+    parameters : list of Parameter
+    """
+
+    columns: list[str]
+    values: Array
+    derivatives: Array
+    parameters: list[Parameter]
+
+
+class Differentiator:
+    """Runs a drive for any values of some of its numbers, and differentiates by them.
+
+    Parameters
+    ----------
+    drive : Drive
+    names : sequence of str
+        Numbers of the drive file, ``"friction.coulomb"``.
+    command : as for `pneudrive.simulate`
+        A function of time is refused: its steps would have to be known in advance.
+    initial : as for `pneudrive.simulate`
+        The start is held, it does not move with the numbers.
+    rtol : float
+
+    Raises
+    ------
+    CommandError
+        An unknown or repeated name, a circuit, a command as a function, or a start with a contact that has aged.
+    """
+
+    def __init__(
+        self,
+        drive: Drive | Circuit,
+        names: Sequence[str],
+        command: commands.Commands,
+        initial: Initial | Mapping[str, object] | str | None = None,
+        rtol: float = 1e-6,
+    ) -> None:
+        if is_circuit(drive):
+            raise CommandError("derivatives of a circuit are not available", remedy="Describe it as a drive.")
+        if callable(command):
+            raise CommandError(
+                "derivatives of a run need a command that is known in advance, not a function of time",
+                remedy='Give steps, "0 s: 0.6, 1 s: -0.6", or pairs.',
+            )
+        try:
+            self.parameters = chosen(drive, [names] if isinstance(names, str) else names)
+        except FitError as error:
+            raise CommandError(error.what, value=error.value, rule=error.rule, remedy=error.remedy) from None
+        self._family = family_of(drive, self.parameters)
+        self._steps = commands.steps(command, None, drive.valve.command)  # pyright: ignore[reportArgumentType]
+        _, start = ready(drive, initial)
+        if start.pop("contact_age_s", 0.0):
+            raise CommandError("derivatives of a run that starts with an aged contact are not available")
+        self._start = {short_name(name): value for name, value in start.items()}
+        self._rtol = rtol
+
+    def run(
+        self,
+        values: ArrayLike,
+        times: Array,
+        columns: Sequence[str],
+        *,
+        derivatives: bool = True,
+        watch: Watch = UNWATCHED,
+    ) -> Sensitivities:
+        """Run the drive.
+
+        Parameters
+        ----------
+        values : array_like, shape (p,)
+            Of the parameters, SI.
+        times : ndarray, shape (n,)
+            Of the samples, s; increasing, the first one is the start.
+        columns : sequence of str
+            Of a trajectory file.
+        derivatives : bool
+            False leaves them out: the last axis then has length 0.
+
+        Raises
+        ------
+        SimulationError
+            The solver cannot go on, or the core refuses the values.
+        """
+        family, numbers = self._family, np.asarray(values, dtype=float)
+        try:
+            core = family.core(numbers)
+            begun, held = self._steps
+            asked: Shooting = {
+                "times": list(begun),
+                "commands": list(held),
+                "sample_times": times,
+                "starts": [0],
+                "initial": np.array([[self._start.get(name, 0.0) for name in core.start_names]]),
+                "parameters": family.paths if derivatives else [],
+                "outputs": list(columns),
+                "rtol": self._rtol,
+            }
+            found = core.shoot(asked, lambda _: watch.look())
+        except ValueError as error:
+            raise SimulationError(str(error)) from None
+        if found["failures"][0] is not None:
+            raise SimulationError(found["failures"][0])
+        by_free = found["sensitivities"]
+        if derivatives:
+            by_free = by_free @ family.by_free(numbers)
+        return Sensitivities(list(columns), found["values"], by_free, self.parameters)
