@@ -24,7 +24,7 @@ PROTOCOLS = {
     "count, no whole number": (LOOK, "count = 4", "count = 1e9", "speed.count: .* is not a whole number"),
     "count, not a number": (LOOK, "count = 4", "count = nan", "speed.count: nan is not"),
     "range": (LOOK, '"300 mm/s"', '"1e300 mm/s"', "speed.to: .* is out of bounds"),
-    "range of 9,999": (LOOK, "count = 4", "count = 9999", "closer than 4 significant digits"),
+    "range of 9,999": (LOOK, "count = 4", "count = 9999", "do not differ within 4 significant digits"),
     "infinite": (LOOK, '"300 mm/s"', '"inf mm/s"', "speed.to: .* is not finite"),
     "repeats": (LOOK, "seed = 1", "seed = 1\nrepeats = 1_000_000_000", "repeats: .* is out of bounds"),
     "seed": (LOOK, "seed = 1", "seed = -1", "seed: -1 is out of bounds"),
@@ -82,7 +82,7 @@ COMMANDS = {
 }
 BRACKETS = "[" * 1000 + "]" * 1000
 FOLDERS = {
-    "cycles is a file": ("cycles", "x", "a file stands where the folder of the cycles is needed"),
+    "cycles is a file": ("cycles", "x", "a file has the name of the folder of the cycles"),
     "the rig is nothing": ("rig.json", "{}", "area_a_m2 is missing"),
     "the rig is a list": ("rig.json", "[1]", "not a JSON object"),
     "the head is empty": ("campaign.json", "", "not JSON"),

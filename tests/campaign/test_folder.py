@@ -109,7 +109,7 @@ def test_a_foreign_file_is_a_problem_of_its_own(folder, content, what):
         ({"pressure_a_pa": None}, "cycle.pressure_a_pa is missing"),
         ({"pressure_b_pa": -1.0}, "positive"),
         ({"speed_m_s": "50 mm/s"}, "it is a number"),
-        ({"steps": [{"to": 1.0}]}, "has no meaning"),
+        ({"steps": [{"to": 1.0}]}, "is invalid"),
     ],
 )
 def test_a_wrong_head_says_what_is_wrong(folder, change, what):
@@ -203,11 +203,11 @@ def test_status_opens_each_file_once(folder, monkeypatch):
     assert not found.problems
 
 
-def test_status_says_whose_samples_no_seal_proves(folder):
+def test_status_says_whose_samples_no_checksum_proves(folder):
     path = Campaign.open(folder).files()[1]
     head = pl.read_parquet_metadata(path)["pneudrive"]
     pl.read_parquet(path).write_parquet(path, metadata={"pneudrive": head})
-    assert "1 of 3 carry no seal" in str(status_of(folder).problems[0])
+    assert "1 of 3 have no checksum" in str(status_of(folder).problems[0])
 
 
 def _foreign(path):

@@ -65,7 +65,7 @@ def test_what_was_not_recorded_is_refused(recorded):
     rig.begin_cycle(cycle.key)
     rig.set_pressure(3e5, 3e5)
     with pytest.raises(
-        RigError, match=r"(?s)no recording is like the cycle.*3 and 3 bar abs.*nearest: .*within 20 mbar"
+        RigError, match=r"(?s)no recording matches the cycle.*3 and 3 bar abs.*nearest: .*within 20 mbar"
     ):
         rig.acquire(cycle.steps, Sampling())
     rig.set_pressure(cycle.pressure_a_pa, cycle.pressure_b_pa)
@@ -76,7 +76,7 @@ def test_what_was_not_recorded_is_refused(recorded):
         [out, Hold(1.0), *rest],
         [Move(0.1, out.speed_m_s), *rest],
     ):
-        with pytest.raises(RigError, match="no recording is like"):
+        with pytest.raises(RigError, match="no recording matches"):
             rig.acquire(steps, Sampling())
     assert len(Samples.join(list(rig.acquire(cycle.steps, Sampling())))) > 1000
 
@@ -133,10 +133,10 @@ def test_real_recordings(tmp_path):
     assert list(dict.fromkeys(played.step.tolist())) == [0, 1, 2, 3]
     for step, direction in ((0, 1), (2, -1), (3, 1)):
         assert np.sign(np.diff(played.position_m[played.step == step][[10, -10]])) == direction
-    with pytest.raises(RigError, match="no recording is like"):  # a stop in the middle of a stroke was never made
+    with pytest.raises(RigError, match="no recording matches"):  # a stop in the middle of a stroke was never made
         rig.acquire([Move((low + high) / 2, 0.010), Hold(15.0), Move(high, 0.010)], Sampling())
     rig.set_pressure(101325.0, 101325.0 + 9e5)
-    with pytest.raises(RigError, match=r"(?s)no recording is like.*PK_7bar"):
+    with pytest.raises(RigError, match=r"(?s)no recording matches.*PK_7bar"):
         rig.acquire(steps, Sampling())
 
 
@@ -162,5 +162,5 @@ def test_folders_that_hold_nothing_to_play(tmp_path):
     (tmp_path / "layout.toml").write_text(layout)
     text = RIG.format(folder=MEASURED / "friction", layout="layout.toml").replace("PK_*", "*_7bar")
     (tmp_path / "bench.toml").write_text(text)
-    with pytest.raises(RigError, match="are of drives of different size"):
+    with pytest.raises(RigError, match="are from drives of different size"):
         load_rig(tmp_path / "bench.toml")

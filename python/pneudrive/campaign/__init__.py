@@ -1,5 +1,5 @@
-"""Campaigns: a protocol becomes a plan of cycles, a rig runs them, a folder keeps every one.
+"""Campaigns: a protocol becomes a plan of cycles, a rig runs them, a folder stores each one.
 
 ``protocol`` reads the TOML file; ``plan`` lays out the cycles and checks them against a rig; ``run`` runs them on
-a rig; ``folder`` is what a campaign leaves, and what everything after it reads.
+a rig; ``folder`` stores the results, which every later step reads.
 """

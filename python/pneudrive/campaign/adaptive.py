@@ -1,7 +1,7 @@
-"""What is run next: the plan, and what the finished cycles say about it.
+"""The next cycle, from the plan and the finished cycles.
 
-`next_cycle` is a pure function of plan and finished cycles, so that going on after an interruption needs nothing else,
-and the same cycles follow.
+`next_cycle` is a pure function of plan and finished cycles: a resumed campaign needs nothing else
+and runs the same cycles.
 """
 
 from __future__ import annotations
@@ -30,32 +30,32 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Kinds whose mean friction counts.
+#: Kinds with a mean friction.
 LEVELS = ("sweep", "sentinel")
-#: Kinds that are measured quickly.
+#: Kinds with a quick estimate.
 MEASURED = (*LEVELS, "stop")
-#: Added speeds lie apart from measured ones by at least this ratio: nearer ones would count as one level.
+#: Least ratio of an added speed to the measured ones: nearer speeds would count as one level.
 APART = 1.05
-#: Speeds that are tried, and digits of the one that is taken.
+#: Number of speeds that are tried, and digits of the chosen speed.
 CANDIDATES, DIGITS = 400, 4
-#: Speeds that a fit of the Stribeck curve needs before it may choose: two more than its parameters.
+#: Least number of speeds for a choice by the Stribeck curve: two more than its parameters.
 LEAST_FOR_FIT = 6
-#: Condition of the information matrix, scaled, beyond which the fit does not say where to measure.
+#: Condition number of the scaled information matrix above which the fit chooses no speed.
 WORST_CONDITION = 1e8
 
 
 @dataclass(frozen=True)
 class QuickPoint:
-    """What one cycle says about the characteristic, quickly: for decisions and for the live map, not for results.
+    """Quick estimate of one cycle, for decisions and the live map, not for results.
 
     Attributes
     ----------
     friction_n, stderr_n : float
-        Mean friction of a sweep; of a stop the greatest force after it. NaN where nothing can be said.
+        Mean friction of a sweep, or greatest force after a stop. NaN if it cannot be estimated.
     settled_s : float
-        Settled time in the direction that has less of it.
+        Settled time in the direction with less of it.
     why : str
-        Why nothing can be said.
+        Why there is no estimate.
     """
 
     friction_n: float = float("nan")
@@ -66,7 +66,7 @@ class QuickPoint:
 
 @dataclass(frozen=True)
 class Finished:
-    """A finished cycle, as decisions see it."""
+    """A finished cycle with its quick estimate."""
 
     cycle: Cycle
     flags: dict[str, int]
@@ -74,7 +74,7 @@ class Finished:
 
 
 def finished_of(files: Sequence[CycleFile], identity: Identity, *, measured: bool) -> list[Finished]:
-    """Take cycles from their files.
+    """Return finished cycles from their files.
 
     Parameters
     ----------
@@ -82,12 +82,12 @@ def finished_of(files: Sequence[CycleFile], identity: Identity, *, measured: boo
     identity : Identity
         Of the rig.
     measured : bool
-        Whether their points are wanted, for which the samples are read.
+        Whether to read the samples and estimate the points.
 
     Raises
     ------
     CampaignError
-        A file is damaged.
+        If a file is damaged.
     """
     wanted = [file for file in files if measured and file.head.cycle.kind in MEASURED]
     points = {}
@@ -99,7 +99,7 @@ def finished_of(files: Sequence[CycleFile], identity: Identity, *, measured: boo
 
 
 def measure(samples: Samples, cycle: Cycle, identity: Identity) -> QuickPoint:
-    """Say what a cycle says; nothing for kinds that are no points of a characteristic."""
+    """Return the quick estimate of a cycle; None for kinds that are not points of a characteristic."""
     from pneudrive.friction.recording.extract import extract
     from pneudrive.friction.reduction.settling import Settled
 
@@ -141,7 +141,7 @@ def _recording(samples: Samples, cycle: Cycle, identity: Identity):  # noqa: ANN
 
 
 def _after_stop(samples: Samples, cycle: Cycle, identity: Identity) -> QuickPoint:
-    """Give the greatest force in the move after the longest hold, against that move's direction."""
+    """Return the greatest force in the move after the longest hold, against that move's direction."""
     holds = [(step.duration_s, number) for number, step in enumerate(cycle.steps) if isinstance(step, Hold)]
     number = max(holds)[1] + 1 if holds else len(cycle.steps) - 2
     part = np.flatnonzero((samples.step == number) & np.isfinite(samples.force_n) & np.isfinite(samples.position_m))
@@ -158,7 +158,7 @@ def _after_stop(samples: Samples, cycle: Cycle, identity: Identity) -> QuickPoin
 
 
 def next_cycle(plan: Plan, finished: Sequence[Finished]) -> tuple[Cycle, str] | None:
-    """Say which cycle is run next, and why where the protocol does not list it.
+    """Return the next cycle, and the reason if the protocol does not list it.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def next_cycle(plan: Plan, finished: Sequence[Finished]) -> tuple[Cycle, str] | 
     Returns
     -------
     (Cycle, str) or None
-        None where the campaign is done.
+        None if the campaign is done.
     """
     rules = plan.protocol.adaptive
     if rules is not None and finished:
@@ -184,7 +184,7 @@ def next_cycle(plan: Plan, finished: Sequence[Finished]) -> tuple[Cycle, str] | 
 
 
 def needless(plan: Plan, finished: Sequence[Finished]) -> set[str]:
-    """Give the keys of planned cycles that are not needed any more, as their point is known well enough."""
+    """Return the keys of planned cycles that are no longer needed, because their point is known well enough."""
     rules = plan.protocol.adaptive
     if rules is None or rules.interval_n is None:
         return set()
@@ -193,7 +193,7 @@ def needless(plan: Plan, finished: Sequence[Finished]) -> set[str]:
 
 
 def whats_bad(one: Finished, rules: Adaptive) -> str:
-    """Say why a cycle is no good point, in words; empty where it is one."""
+    """Return why a cycle is not a good point, in words; empty if it is good."""
     flags = serious(one.flags)
     if flags:
         return f"flagged {', '.join(flags)}"
@@ -209,12 +209,12 @@ def whats_bad(one: Finished, rules: Adaptive) -> str:
 
 
 def _cell(cycle: Cycle) -> str:
-    """Name what the repeats of a point share: its key without the repeat."""
+    """Return the key of a point without its repeat."""
     return cycle.key.partition("+again")[0] if cycle.kind == "sentinel" else cycle.key.rpartition("/")[0]
 
 
 def _again(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[Cycle, str] | None:
-    """Repeat the last cycle where it is no good point."""
+    """Return a repeat of the last cycle if it is not a good point."""
     last = finished[-1]
     if last.cycle.kind not in MEASURED or not rules.repeats:
         return None
@@ -234,7 +234,7 @@ def _again(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[C
 
 
 def _is_tight(planned: Planned, finished: Sequence[Finished], rules: Adaptive) -> bool:
-    """Whether the mean of a point is known well enough without this repeat."""
+    """Return whether the mean of a point is known well enough without this repeat."""
     from pneudrive.estimate.estimates import student
 
     if rules.interval_n is None or planned.cell is None:
@@ -253,7 +253,7 @@ def _is_tight(planned: Planned, finished: Sequence[Finished], rules: Adaptive) -
 
 
 def _added(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[Cycle, str] | None:
-    """Add a speed where all planned ones of a block are done."""
+    """Return an added speed once all planned speeds of a block are done."""
     if not rules.added_speeds or plan.protocol.speed is None:
         return None
     block = finished[-1].cycle.block
@@ -293,12 +293,12 @@ def choose_speed(members: Sequence[Finished], taken: Sequence[float] = ()) -> tu
     members : sequence of Finished
         Good sweeps at one pair of pressures.
     taken : sequence of float
-        Further speeds that are not chosen again, m/s.
+        Other speeds that must not be chosen again, m/s.
 
     Returns
     -------
     (float, str) or None
-        Speed in m/s and the reason; None where no speed lies apart from all measured ones.
+        Speed in m/s and the reason; None if every speed lies too near a measured one.
     """
     usable = [m for m in members if np.isfinite(m.point.friction_n) and m.cycle.speed_m_s]
     speed = np.array([m.cycle.speed_m_s or np.nan for m in usable])
@@ -337,7 +337,7 @@ def _bend(x: Array, y: Array) -> Array:
 
 
 def _prediction_variance(speed: Array, usable: Sequence[Finished], candidates: Array) -> Array | None:
-    """Give the variance of the fitted Stribeck curve at the candidates, up to a factor; None where there is no fit."""
+    """Return the variance of the fitted Stribeck curve at the candidates, up to a factor; None without a fit."""
     from pneudrive.errors import FitError
     from pneudrive.estimate.design import DesignSpace, prediction_variance
     from pneudrive.identify.model import FrictionModel, Observations

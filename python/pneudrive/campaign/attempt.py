@@ -1,4 +1,4 @@
-"""One attempt at a cycle: from where the axis stands to the samples, on the rig's thread."""
+"""One attempt at a cycle, from the present position of the axis to the samples, on the rig's thread."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from pneudrive.campaign.rig_thread import RigThread
     from pneudrive.rig.interface import Rig
 
-#: The axis counts as standing at the start of a cycle within this distance; nearer moves would disturb the seal.
+#: Distance from the start of a cycle within which the axis stays: a shorter move would disturb the seal.
 AT_START_M = 1e-4
-#: Speed to the start of a cycle where the axis is not there yet, m/s; less where the rig is slower.
+#: Highest speed to the start of a cycle, m/s; lower on a slower rig.
 TO_START_M_S = 0.05
 
 
 @dataclass
 class Measured:
-    """What an attempt that came to its end leaves.
+    """The results of a completed attempt.
 
     Attributes
     ----------
@@ -36,9 +36,9 @@ class Measured:
     started : str
         Date and time of the computer.
     attempts : int
-        How often the cycle was begun.
+        Number of attempts at the cycle.
     memory, truth : dict
-        Of a reproducible rig, after the cycle.
+        Snapshot and ground truth of a reproducible rig after the cycle.
     """
 
     samples: Samples
@@ -50,19 +50,19 @@ class Measured:
 
 
 class GivenUpError(Exception):
-    """The cycle was given up; the message says why."""
+    """Error: the cycle was given up; the message says why."""
 
 
 class Attempts:
-    """The axis with all that is recorded while it moves, and the state in which a cycle leaves it to the next.
+    """Attempts at cycles, and the state of the rig that one cycle leaves to the next.
 
     Parameters
     ----------
     thread : RigThread
     watch : callable
-        Samples, rig -> why the cycle must be given up, in words, or an empty text.
+        Called with samples and rig; returns why the cycle must be given up, or an empty text.
     show : callable
-        Takes each part of the samples as it comes.
+        Called with each part of the samples.
     """
 
     def __init__(
@@ -70,20 +70,20 @@ class Attempts:
     ) -> None:
         self._thread, self._watch, self._show = thread, watch, show
         self._begun: dict[str, int] = {}
-        self._memory: dict[str, Any] = {}  # of the last finished cycle, or of the rig before the first one
-        self._pressures_after: tuple[float, float] | None = None  # that the last finished cycle left
-        self._pressures: tuple[float, float] | None = None  # in the chambers now, where that is known
-        self._homed = self._whole = False  # whether the axis knows where it is; whether the last cycle came to its end
+        self._memory: dict[str, Any] = {}  # snapshot after the last finished cycle, or before the first one
+        self._pressures_after: tuple[float, float] | None = None  # position after the last finished cycle
+        self._pressures: tuple[float, float] | None = None  # pressures in the chambers now, if known
+        self._homed = self._whole = False  # whether the axis is homed; whether the last cycle was completed
 
     def run(self, rig: Rig, cycle: Cycle, settling_s: float) -> Measured:
-        """Bring the rig to where a cycle begins, run its steps and keep the samples.
+        """Bring the rig to the start of a cycle, run its steps and return the samples.
 
-        Where the cycle has no steps, the rig is told what the operator has changed.
+        For an operator's step, tell the rig what was changed.
 
         Raises
         ------
         GivenUpError
-            The samples or the state of the rig are out of bounds, or the axis was stopped.
+            If samples or the state of the rig are out of bounds, or the axis was stopped.
         """
         self._whole, started = False, now()
         self._begun[cycle.key] = self._begun.get(cycle.key, 0) + 1
@@ -93,7 +93,7 @@ class Attempts:
             began_s = rig.state().time_s
             samples = self._acquire(rig, cycle)
         else:
-            factor = cycle.key.rpartition("/")[2]  # b2/operator/seal: the others stay as they are
+            factor = cycle.key.rpartition("/")[2]  # b2/operator/seal: other factors stay unchanged
             if has_verbs(rig, Changeable) and factor in cycle.levels:
                 cast("Changeable", rig).change({factor: cycle.levels[factor]})
             began_s, samples = rig.state().time_s, Samples.join([])
@@ -118,7 +118,7 @@ class Attempts:
             rig.move(cycle.start_m, min(TO_START_M_S, rig.limits().speed_m_s))
 
     def _set_pressures(self, rig: Rig, cycle: Cycle, settling_s: float) -> None:
-        """Bring the chambers to the pressures of a cycle; settle where they are new."""
+        """Set the chambers to the pressures of a cycle; let them settle after a change."""
         wanted = (cycle.pressure_a_pa, cycle.pressure_b_pa)
         rig.set_pressure(*wanted)
         if settling_s > 0.0 and wanted != self._pressures:
@@ -134,7 +134,7 @@ class Attempts:
                 if wrong := self._watch(parts[-1], rig):
                     raise GivenUpError(wrong)
                 self._show(parts[-1])
-            self._go_on()  # the rig may have ended early because it was told to
+            self._go_on()  # the rig may have ended early on a request
         return Samples.join(parts)
 
     def _go_on(self) -> None:
@@ -142,24 +142,24 @@ class Attempts:
             raise GivenUpError("the axis was stopped")
 
     def finished(self, cycle: Cycle, memory: dict[str, Any]) -> None:
-        """Take a cycle as done, now or in an earlier run: the next one goes on from what it left."""
+        """Record a cycle as done, now or in an earlier run: the next one continues from its end."""
         self._memory = dict(memory)
         self._pressures_after = (cycle.pressure_a_pa, cycle.pressure_b_pa)
 
     def rest(self) -> str:
-        """Bring the rig to rest; give what stands in the way, in words."""
+        """Bring the rig to rest; return why it may not be at rest, in words."""
         trouble = self._thread.rest()
         self._pressures = None
         self._homed = self._homed and self._whole
         return trouble
 
     def go_home_first(self) -> None:
-        """Begin the next cycle at home: the axis may not know where it is."""
+        """Home the axis before the next cycle: its position may be lost."""
         self._homed = False
 
 
 def as_plain(memory: dict[str, Any]) -> dict[str, Any]:
-    """Give the memory as a file gives it back, so that going on at once and going on later are the same.
+    """Return the snapshot as read back from a file, so that continuing at once and resuming later agree.
 
     Raises
     ------
@@ -170,12 +170,12 @@ def as_plain(memory: dict[str, Any]) -> dict[str, Any]:
         return json.loads(json.dumps(memory, default=plain))
     except (TypeError, ValueError) as error:
         raise RigError(
-            "the rig's memory cannot be kept", value=str(error), rule="plain data that JSON can hold"
+            "the rig's memory cannot be stored", value=str(error), rule="plain data that JSON can hold"
         ) from None
 
 
 def whats_wrong(error: BaseException) -> PneudriveError:
-    """Give an error of ours; what a lab's own code raised is wrapped."""
+    """Return an error of pneudrive as it is; wrap an error of a laboratory's code."""
     if isinstance(error, PneudriveError):
         return error
     frame, trace = "", error.__traceback__

@@ -1,4 +1,4 @@
-"""A campaign while it runs: one cycle after the other, with all that may come between."""
+"""A running campaign: one cycle after the other, with pauses, requests and failures between them."""
 
 from __future__ import annotations
 
@@ -39,21 +39,21 @@ if TYPE_CHECKING:
     from pneudrive.campaign.prompt import Prompt
     from pneudrive.rig.interface import Rig
 
-#: Bytes that a sample may take on the disk while its cycle is written, and those of a cycle beside its samples.
+#: Bytes on the disk per sample while a cycle is written, and per cycle beside its samples.
 SAMPLE_BYTES, CYCLE_BYTES = 60, 100_000
-#: What a connection that is lost or does not answer raises, up to Python 3.10 in three forms.
+#: Errors of a connection that is lost or does not answer; three types up to Python 3.10.
 LOST = (ConnectionError, TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
 
 
 class EndedError(Exception):
-    """Somebody ended the campaign; the message says who."""
+    """Error: somebody ended the campaign; the message says who."""
 
 
 class CampaignRun:
-    """A campaign while it runs.
+    """A running campaign.
 
-    The thread that calls `run` decides and writes; the rig's verbs run on a thread of their own. While it waits for
-    them, it serves requests to pause, stop and end. A cycle is written in one go, between two looks at requests.
+    The thread that calls `run` decides and writes; the rig's verbs run on another thread. While it waits for
+    them, it serves requests to pause, stop and end. Requests do not interrupt the writing of a cycle.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class CampaignRun:
     prompt : Prompt
     subscribers : sequence of callable
     files : sequence of CycleFile
-        Finished cycles that are there already.
+        Cycles finished by earlier runs.
     """
 
     def __init__(
@@ -98,19 +98,19 @@ class CampaignRun:
             self._attempts.finished(files[-1].head.cycle, files[-1].head.memory)
         self._samples = {p.cycle.key: p.samples for p in plan.planned}
         self._pausing = ""  # PAUSE: after the cycle; STOP: now
-        self._leaving = False  # nobody will be there to end a pause
-        self._path = campaign.path  # of the last cycle's file
+        self._leaving = False  # nobody can end a pause
+        self._path = campaign.path  # index of the last cycle's file
         self._bad = 0
         self._failures: dict[str, int] = {}
 
     @property
     def now(self) -> str:
-        """What to call the present: so many cycles of so many."""
+        """Progress in words: cycles finished and in total."""
         return f"{len(self.finished)} of {self.total} cycles"
 
     @property
     def total(self) -> int:
-        """How many cycles there will be, as far as is known now."""
+        """Number of cycles in total, as known now."""
         done = {one.cycle.key for one in self.finished} | needless(self.plan, self.finished)
         return len(self.finished) + sum(p.cycle.key not in done for p in self.plan.planned)
 
@@ -119,14 +119,14 @@ class CampaignRun:
         self._display.say(text)
 
     def run(self) -> bool:
-        """Run what is left of the plan, through all its pauses.
+        """Run the rest of the plan, with its pauses.
 
-        The cycle that is next depends on plan and finished cycles alone.
+        The next cycle depends on plan and finished cycles alone.
 
         Returns
         -------
         bool
-            Whether the campaign is done; otherwise somebody ended it, and it can be resumed.
+            True if the campaign is done; False if somebody ended it, and it can be resumed.
         """
         documents = Documents(self._subscribers, f"campaign:{self.campaign.path.name}", self._metadata())
         try:
@@ -144,8 +144,8 @@ class CampaignRun:
         return True
 
     def close(self) -> str:
-        """Bring the rig to rest, whatever has happened; give what stands in the way, in words."""
-        trouble = self._attempts.rest() and self._attempts.rest()  # a second time where the first was in vain
+        """Bring the rig to rest; return why it may not be at rest, in words."""
+        trouble = self._attempts.rest() and self._attempts.rest()  # a second attempt if the first failed
         self._thread.close()
         return trouble
 
@@ -165,7 +165,7 @@ class CampaignRun:
     # -- requests ---------------------------------------------------------------------------------------------
 
     def _on_rig(self, job: Callable[[Rig], Any], *, moves: bool = True) -> Future[Any]:
-        """Run a job on the rig's thread to its end, and serve requests meanwhile."""
+        """Run a job on the rig's thread to its end; serve requests meanwhile."""
         future = self._thread.start(job, moves=moves)
         future.add_done_callback(lambda _: self._requests.wake())
         while not future.done():
@@ -181,12 +181,12 @@ class CampaignRun:
             self._serve()
 
     def _serve(self) -> None:
-        """Do what somebody has asked for since the last look.
+        """Serve the requests since the last call.
 
         Raises
         ------
         EndedError
-            The campaign is to end.
+            If the campaign must end.
         """
         request = self._requests.take()
         if request is None:
@@ -204,30 +204,30 @@ class CampaignRun:
             self._rest()
         elif request.word == ABORT:
             self._lock.tell(state="stopping", text="")
-            self._tell(f"ending now ({request.by}); what is finished is kept")
+            self._tell(f"ending now ({request.by}); finished cycles are kept")
             self._rest()
             raise EndedError(request.by)
         elif request.word == RESUME:
             self._tell(f"{request.by} asked to go on, but nothing is paused")
 
     def _checkpoint(self) -> None:
-        """Serve requests, and pause where somebody has asked for it."""
+        """Serve requests; pause if somebody asked for it."""
         self._serve()
         if self._pausing:
             self._pause()
 
     def _pause(self, question: str = "") -> dict[str, str]:
-        """Come to rest and wait until somebody lets the campaign go on, or has done what the operator is asked.
+        """Stop the axis and wait until somebody resumes the campaign or confirms the operator's step.
 
         Returns
         -------
         dict
-            Who it was, when, and how it was said.
+            Who answered, when and how.
 
         Raises
         ------
         EndedError
-            The campaign is to end.
+            If the campaign must end.
         """
         self._pausing = ""
         self._rest()
@@ -236,7 +236,7 @@ class CampaignRun:
         operator = self.options.operator or user()
         if question:
             text = f"Operator's step: {question}"
-            keys = f"Enter: done (as {operator}), another name: done by that one, a: end > "
+            keys = f"Enter: done (by {operator}), another name: done by that person, a: end > "
             self._lock.tell(state="operator", text=question)
         else:
             text = f"Paused after {self.now}; the axis is at rest, the pressure released."
@@ -261,7 +261,7 @@ class CampaignRun:
     # -- a cycle ----------------------------------------------------------------------------------------------
 
     def _cycle(self, cycle: Cycle, reason: str) -> dict[str, Any]:
-        """Run a cycle and put it on the disk; give what an event tells of it."""
+        """Run a cycle, store it, and return the data of its event."""
         self._lock.tell(state="running", text="", cycle=cycle.key)
         self._display.cycle(cycle, reason, len(self.finished), self.total)
         if reason:
@@ -271,16 +271,16 @@ class CampaignRun:
         return self._write(cycle, reason, measured, confirmed)
 
     def _confirmed(self, cycle: Cycle) -> dict[str, str]:
-        """Have the operator do something, and say who confirmed it."""
+        """Ask the operator for a step and return who confirmed it."""
         if self.options.yes:
-            self._journal.write(f"{cycle.key}: {cycle.text} (taken as done: --yes)")
+            self._journal.write(f"{cycle.key}: {cycle.text} (assumed done: --yes)")
             return {"name": self.options.operator or user(), "time": now(), "how": "--yes"}
-        answer = self._pause(cycle.text)  # at rest: there will be hands in the rig
+        answer = self._pause(cycle.text)  # at rest: somebody will reach into the rig
         self._journal.write(f"{cycle.key}: {cycle.text} (confirmed by {answer['name']})")
         return answer
 
     def _measured(self, cycle: Cycle) -> Measured:
-        """Run a cycle until it is whole; wait meanwhile for conditions that are not met."""
+        """Run a cycle until it is complete; wait while conditions are not met."""
         settling_s = self.plan.protocol.pressure.settling_s
         while True:
             self._good_conditions(cycle)
@@ -290,17 +290,17 @@ class CampaignRun:
             error = attempt.exception()
             if error is None:
                 return attempt.result()
-            if self._pausing != STOP:  # which is why the cycle was not finished
+            if self._pausing != STOP:  # this request ended the cycle
                 self._give_up(cycle, error)
             self._checkpoint()
 
     def _give_up(self, cycle: Cycle, error: BaseException) -> None:
-        """Say what became of an attempt that failed.
+        """Handle an attempt that failed.
 
         Raises
         ------
         PneudriveError
-            What the rig raised, or why there are no more attempts.
+            The error of the rig, or that there are no more attempts.
         """
         of_rig = None if isinstance(error, GivenUpError) else whats_wrong(error)
         reason = str(of_rig or error).splitlines()[0].strip()
@@ -319,11 +319,11 @@ class CampaignRun:
                 f"cycle {cycle.key} was given up {failures} times",
                 value=reason,
                 rule=f"a cycle is begun {self.options.attempts} times",
-                remedy="See to the rig, then resume: what is finished is kept.",
+                remedy="Check the rig, then resume: finished cycles are kept.",
             ) from of_rig
 
     def _what_is_wrong(self) -> str:
-        """Ask the rig whether measuring can go on; empty where it can."""
+        """Return why measuring cannot go on; empty if it can."""
         return self._on_rig(lambda rig: look(rig, self._bounds), moves=False).result()
 
     def _rest(self) -> None:
@@ -332,7 +332,7 @@ class CampaignRun:
             self._tell(f"the rig may not be at rest: {trouble}")
 
     def _good_conditions(self, cycle: Cycle) -> None:
-        """Wait until measuring can go on: out of bounds, a fault, a lost connection; not for ever."""
+        """Wait, up to a limit, until conditions, rig and connection allow measuring."""
         options = self.options
         waited = good_for = 0.0
         told = ""
@@ -354,7 +354,7 @@ class CampaignRun:
                 raise CampaignError(
                     f"the campaign has waited for {options.patience_s:g} s in vain",
                     value=told,
-                    remedy="See to it, then resume: what is finished is kept.",
+                    remedy="Correct this, then resume: finished cycles are kept.",
                 )
             self._sleep(options.look_s)
             waited += options.look_s
@@ -363,7 +363,7 @@ class CampaignRun:
             self._lock.tell(state="running", text="")
 
     def _room_for(self, cycle: Cycle) -> None:
-        """Refuse to begin a cycle that the disk has no room for."""
+        """Refuse to begin a cycle if the disk has too little space for it."""
         samples = self._samples.get(cycle.key, max(self._samples.values(), default=0))
         needed = samples * SAMPLE_BYTES + CYCLE_BYTES
         free = shutil.disk_usage(self.campaign.path).free
@@ -378,7 +378,7 @@ class CampaignRun:
     # -- finished cycles ----------------------------------------------------------------------------------------
 
     def _write(self, cycle: Cycle, reason: str, measured: Measured, confirmed: dict[str, str]) -> dict[str, Any]:
-        """Put a cycle on the disk; nothing comes between this and the cycle's being finished."""
+        """Store a cycle; it is finished then, and nothing interrupts this."""
         identity, samples = self.campaign.identity, measured.samples
         assert all(one.cycle.key != cycle.key for one in self.finished), f"{cycle.key} is finished already"
         self._index += 1
@@ -418,10 +418,10 @@ class CampaignRun:
         self._bad = self._bad + 1 if serious(last.flags) else 0
         if self._bad >= self.options.bad_in_a_row:
             raise CampaignError(
-                f"{self._bad} cycles in a row have samples that mean little",
+                f"{self._bad} cycles in a row have unusable samples",
                 value=_counted(last.flags),
                 where=str(self._path),
-                remedy="See to the sensors, then resume. The cycles are kept, with their flags.",
+                remedy="Check the sensors, then resume. The cycles are kept, with their flags.",
             )
 
 
@@ -430,12 +430,12 @@ def _counted(flags: dict[str, int]) -> str:
 
 
 def _without_numbers(text: str) -> str:
-    """Give what a message says beside its numbers: told once, not each time that they change."""
+    """Return a message without its numbers, so that it is logged once and not at each change."""
     return re.sub(r"\d[\d.e+-]*", "", text)
 
 
 def _lost(error: BaseException | None) -> bool:
-    """Whether a lost connection is behind an error."""
+    """Return whether a lost connection caused an error."""
     while error is not None:
         if isinstance(error, LOST):
             return True

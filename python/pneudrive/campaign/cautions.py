@@ -1,4 +1,4 @@
-"""What should be known of a plan before it is run, though nothing forbids it."""
+"""Cautions about a plan that may be run."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 #: A breakaway peak lasts a few milliseconds: below this rate its height is lost (assumed).
 BURST_RATE_HZ = 5000.0
-#: Below this rate between the bursts, stick-slip and short events do not show (assumed).
+#: Below this rate between the bursts, stick-slip and short events are invisible (assumed).
 BASE_RATE_HZ = 100.0
 
 
 def cautions(plan: Plan) -> tuple[str, ...]:
-    """Say what a plan will not tell, or tell badly."""
+    """Return what a plan cannot show, or shows badly."""
     protocol, way = plan.protocol, Way.on(plan.protocol, plan.envelope)
     return (
         *_sampling(protocol, way),
@@ -71,24 +71,24 @@ def _settled(protocol: Protocol, way: Way) -> Iterator[str]:
 
 def _design(protocol: Protocol) -> Iterator[str]:
     if protocol.repeats < 2 and protocol.order.replicates < 2:
-        yield "repeats = 1: repeatability cannot be told"
+        yield "repeats = 1: repeatability cannot be determined"
     if protocol.directions != "both":
-        yield f'directions = "{protocol.directions}": friction cannot be told from an offset of the force'
+        yield f'directions = "{protocol.directions}": friction cannot be separated from an offset of the force'
     varied = [name for name, factor in protocol.hard.items() if len(factor.levels) > 1]
     if varied and protocol.order.replicates < 2:
         yield (
-            f"order.replicates = 1: each {' and '.join(varied)} is one block, so that its effect cannot be told from "
-            "that of setting up anew"
+            f"order.replicates = 1: each {' and '.join(varied)} is one block, so its effect cannot be separated from "
+            "that of a new set-up"
         )
     if protocol.stop is not None and not protocol.stop.reference_strokes and 0.0 not in protocol.stop.durations_s:
-        yield "stop.reference_strokes = 0 and no stop of 0 s: recovery after a stop has nothing to be compared with"
+        yield "stop.reference_strokes = 0 and no stop of 0 s: recovery after a stop has no reference"
 
 
 def _rig(protocol: Protocol, identity: Identity, envelope: Envelope) -> Iterator[str]:
     if envelope.expected_friction_n <= 0.0:
-        yield "the rig does not say which friction it expects: the check of the force counts without it"
+        yield "the rig states no expected friction: the check of the force leaves it out"
     if identity.chambers == "open" and protocol.before_block.leak_check_s is not None:
-        yield "before_block.leak_check: the rig's chambers are open, so that it shows nothing"
+        yield "before_block.leak_check: the rig's chambers are open, so the check shows nothing"
     asked = protocol.conditions.supply_pressure
     ambient = identity.ambient_pressure_pa
     least = max(envelope.supply_pressure_pa, asked.absolute_pa(ambient) if asked is not None else 0.0)

@@ -1,7 +1,7 @@
-"""What is wrong with the samples of a cycle as they arrive: counted and named, never repaired.
+"""Faults in the samples of a cycle on arrival: counted and named, never repaired.
 
-The samples are kept as they came; the counts go into the head of the cycle (``flags``), an adaptive campaign repeats
-the cycle, and whoever characterises the recording drops what cannot be used.
+The samples stay as recorded; the counts go into the header of the cycle (``flags``), an adaptive campaign repeats
+the cycle, and the analysis drops unusable samples.
 """
 
 from __future__ import annotations
@@ -23,36 +23,36 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Every flag and what it counts.
+#: Flags and what they count.
 FLAGS = {
-    "non_finite": "samples with a value that is no number",
+    "non_finite": "samples with a value that is not a number",
     "duplicated": "samples that came twice, equal in every channel",
     "repeated_time": "samples at the time of the one before, but with other values",
     "time_runs_back": "samples earlier than the one before: the clock jumped back",
     "dropped": "samples that are missing between two others",
     "saturated": "samples at an end of the sensor's range",
     "stuck": "samples at which a sensor stood still while the axis travelled",
-    "too_few_samples": "samples that are missing in moves that have less than a tenth of what was asked for",
-    "steps_missing": "moves and holds of which there is no sample",
-    "target_missed": "moves that ended elsewhere than they were told to",
+    "too_few_samples": "samples missing in moves that have less than a tenth of those requested",
+    "steps_missing": "moves and holds without a sample",
+    "target_missed": "moves that missed their target",
 }
-#: Flags with which the numbers of a cycle mean little: after some of these cycles in a row a campaign stops.
+#: Serious flags: they make a cycle unusable, and a campaign stops after some such cycles in a row.
 SERIOUS = frozenset(FLAGS) - {"duplicated", "dropped", "repeated_time"}
 
-NEIGHBOURS = 8  # intervals on each side that tell the usual one
-LATE = 1.75  # usual intervals until the next sample, at which one is missing
-JITTER = 6.0  # median deviations of the intervals that are allowed on top
-LEAST_SHARE, LEAST_SAMPLES = 0.1, 20  # of the samples that were asked for, in each move
-MISSED_SHARE, MISSED_M = 0.05, 1e-3  # of the way of a move, and on top
+NEIGHBOURS = 8  # intervals on each side from which the usual one is found
+LATE = 1.75  # gap in usual intervals at which a sample is missing
+JITTER = 6.0  # median deviations of the intervals that are allowed in addition
+LEAST_SHARE, LEAST_SAMPLES = 0.1, 20  # share of the requested samples in each move
+MISSED_SHARE, MISSED_M = 0.05, 1e-3  # share of the length of a move, and addition
 
 
 def arrival_flags(samples: Samples, cycle: Cycle, identity: Identity) -> dict[str, int]:
-    """Count what is wrong.
+    """Count the faults in samples.
 
     Parameters
     ----------
     samples : Samples
-        As they came.
+        As recorded.
     cycle : Cycle
         As planned: its steps and sampling.
     identity : Identity
@@ -61,7 +61,7 @@ def arrival_flags(samples: Samples, cycle: Cycle, identity: Identity) -> dict[st
     Returns
     -------
     dict
-        Flag of `FLAGS` -> count; what was not found is absent.
+        Flag of `FLAGS` -> count; flags with count 0 are absent.
     """
     table = np.stack([getattr(samples, name) for name in CHANNELS])
     timed = np.isfinite(table[0])
@@ -93,8 +93,8 @@ def _first_of_each(table: Array, step: NDArray[np.int64]) -> tuple[NDArray[np.bo
 
 
 def _dropped(time: Array, step: NDArray[np.int64], cycle: Cycle) -> int:
-    """Count the samples that are missing within steps: intervals beyond what is usual there, and beyond the plan."""
-    intervals = np.maximum(np.diff(time), 0.0)  # where the clock jumps back nothing can be told
+    """Count the samples missing within steps: intervals longer than usual there and than planned."""
+    intervals = np.maximum(np.diff(time), 0.0)  # undefined where the clock jumps back
     if intervals.size < 2 * NEIGHBOURS:
         return 0
     usual = _usual_interval(intervals)
@@ -105,7 +105,7 @@ def _dropped(time: Array, step: NDArray[np.int64], cycle: Cycle) -> int:
 
 
 def _usual_interval(intervals: Array) -> Array:
-    """Give the median of the intervals before or after each one, whichever is longer: the rate may change there."""
+    """Return the median of the intervals before or after each one, whichever is longer: the rate may change there."""
     padded = np.pad(intervals, NEIGHBOURS, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)
     medians = np.median(windows, axis=1)
@@ -113,7 +113,7 @@ def _usual_interval(intervals: Array) -> Array:
 
 
 def _planned_interval(time: Array, step: NDArray[np.int64], cycle: Cycle) -> Array:
-    """Give the interval that the plan allows between samples; 0 inside bursts and where there is no plan."""
+    """Return the interval between samples that the plan allows; 0 inside bursts and without a plan."""
     planned = np.zeros(time.size - 1)
     sampling: Sampling = cycle.sampling
     for number, one in enumerate(cycle.steps):
@@ -153,13 +153,13 @@ def _sensors(table: Array, step: NDArray[np.int64], cycle: Cycle, identity: Iden
         if name == "position_m":
             stuck |= _constant_in_a_move(values, step, moves)
             stuck |= stuck_position(position, runs) & travels
-        elif travels and (name == "force_n" or np.ptp(values) > 0.0):  # a pressure that is not measured never changes
+        elif travels and (name == "force_n" or np.ptp(values) > 0.0):  # an unmeasured pressure never changes
             stuck |= stuck_runs(position, runs) & moving & ~full
     return int(saturated.sum()), int(stuck.sum())
 
 
 def _constant_in_a_move(values: Array, step: NDArray[np.int64], moves: list[int]) -> NDArray[np.bool_]:
-    """Mark moves over which a value did not change at all."""
+    """Mark the moves over which a value stayed constant."""
     mask = np.zeros(step.size, dtype=bool)
     for number in moves:
         members = step == number
@@ -169,7 +169,7 @@ def _constant_in_a_move(values: Array, step: NDArray[np.int64], moves: list[int]
 
 
 def _steps(table: Array, step: NDArray[np.int64], cycle: Cycle) -> dict[str, int]:
-    """Hold the samples against the steps that were asked for."""
+    """Compare the samples with the requested steps."""
     counts = {"steps_missing": 0, "too_few_samples": 0, "target_missed": 0}
     asked, at = cycle.sampling.samples_per_stroke, cycle.start_m
     position = table[CHANNELS.index("position_m")]
@@ -190,5 +190,5 @@ def _steps(table: Array, step: NDArray[np.int64], cycle: Cycle) -> dict[str, int
 
 
 def serious(flags: Sequence[str] | dict[str, int]) -> list[str]:
-    """Name those flags with which the numbers of a cycle mean little."""
+    """Return the serious flags among these."""
     return [name for name in flags if name in SERIOUS]

@@ -1,7 +1,7 @@
 """Pause, resume and abort: from the keyboard, by a signal, and from another process by files in the folder.
 
 A request is a file in ``control/`` of the campaign folder, written whole; the process that runs the campaign looks for
-one five times a second, takes it and removes it. That works on any file system that the campaign itself works on, over
+one five times a second, takes it and removes it. This works on any file system that the campaign works on, over
 the network too, and costs one system call each time.
 """
 
@@ -31,18 +31,18 @@ if TYPE_CHECKING:
     from pneudrive.watch import Flag
 
 FOLDER = "control"
-#: What can be asked for: pause after the cycle, stop the axis now and pause, go on, end.
+#: Requests: pause after the cycle, stop the axis now and pause, go on, end.
 PAUSE, STOP, RESUME, ABORT = "pause", "stop", "resume", "abort"
 WORDS = (PAUSE, STOP, RESUME, ABORT)
 LOOK_S = 0.2
-#: Presses of Ctrl-C nearer than this are one, s.
+#: Presses of Ctrl-C within this time count as one, s.
 BOUNCE_S = 0.2
 CTRL_C = "Ctrl-C"
 
 
 @dataclass(frozen=True)
 class Request:
-    """What somebody wants of a running campaign.
+    """A request to a running campaign.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Request:
     by : str
         Who asked, in words.
     leave : bool
-        Nobody will be there to go on: pausing means ending.
+        Nobody can resume: a pause ends the campaign.
     """
 
     word: str
@@ -60,14 +60,14 @@ class Request:
 
 
 class Requests:
-    """Requests to one campaign, from whatever side they come.
+    """Requests to one campaign, from all sources.
 
     Parameters
     ----------
     folder : Path
         Of the campaign.
     someone_there : bool
-        Whether a prompt would be answered.
+        Whether somebody answers prompts.
     cancel : object with ``is_set()``, optional
         Once set, a request to end.
     """
@@ -77,21 +77,21 @@ class Requests:
         self._someone_there, self._cancel = someone_there, cancel
         self._queue: deque[Request] = deque()
         self._presses, self._last_press = 0, 0.0
-        # An event would not do: its lock is not re-entrant, and a signal's handler may come while its thread holds it.
+        # Not a threading.Event: its lock is not re-entrant, and a signal handler may run while its thread holds it.
         self._arrived: queue.SimpleQueue[None] = queue.SimpleQueue()
         with contextlib.suppress(OSError):
             make_folder(self._folder)
-        for path in self._waiting():  # meant for a process that is gone
+        for path in self._waiting():  # left for a process that is gone
             with contextlib.suppress(OSError):
                 path.unlink()
 
     def put(self, request: Request) -> None:
-        """Add one."""
+        """Add a request."""
         self._queue.append(request)
         self.wake()
 
     def take(self) -> Request | None:
-        """Give the oldest one, or None."""
+        """Remove and return the oldest request; None if there is none."""
         if self._cancel is not None and self._cancel.is_set():
             self._cancel = None
             return Request(ABORT, "the caller")
@@ -104,7 +104,7 @@ class Requests:
         return None
 
     def wait(self, seconds: float = LOOK_S) -> None:
-        """Wait until there may be one, or `wake` is called, for so long at most."""
+        """Wait for a request or a call of `wake`, at most this long."""
         with contextlib.suppress(queue.Empty):
             self._arrived.get(timeout=seconds)
 
@@ -138,12 +138,12 @@ class Requests:
 
     @contextlib.contextmanager
     def signals(self) -> Iterator[None]:
-        """Turn signals into requests: Ctrl-C finishes the cycle and pauses, twice stops now; SIGTERM and SIGHUP end.
+        """Turn signals into requests: Ctrl-C pauses after the cycle, twice stops now; SIGTERM and SIGHUP end.
 
-        Ctrl-Z pauses too: a process that is stopped leaves its axis alone. Signals that are ignored stay so (nohup).
+        Ctrl-Z pauses too, because a stopped process cannot control its axis. Ignored signals stay ignored (nohup).
         """
         if threading.current_thread() is not threading.main_thread():
-            yield  # only the main thread may
+            yield  # only the main thread may set handlers
             return
         handlers: dict[signal.Signals, Callable[[int, FrameType | None], None]] = {
             signal.SIGINT: self._pressed,
@@ -181,7 +181,7 @@ class Requests:
 
 
 def ask(folder: Path, word: str, by: str) -> Holder:
-    """Ask the process that runs a campaign for something.
+    """Send a request to the process that runs a campaign.
 
     Returns
     -------
@@ -198,7 +198,7 @@ def ask(folder: Path, word: str, by: str) -> Holder:
         raise CampaignError(
             "no process works in this campaign folder",
             where=str(folder),
-            remedy=f"Go on with it: pneudrive campaign resume {folder}",
+            remedy=f"Resume it: pneudrive campaign resume {folder}",
         )
     no_links(folder)
     make_folder(folder / FOLDER)
@@ -209,7 +209,7 @@ def ask(folder: Path, word: str, by: str) -> Holder:
 
 
 def wait_for(folder: Path, states: tuple[str, ...], seconds: float) -> Holder | None:
-    """Wait until the process that runs a campaign is in one of these states, or gone; give what it is then."""
+    """Wait until the process that runs a campaign is in one of these states or gone; return its state."""
     until = time.monotonic() + seconds
     while (running := holder(folder)) is not None and running.state not in states and time.monotonic() < until:
         time.sleep(LOOK_S)

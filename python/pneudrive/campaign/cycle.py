@@ -1,4 +1,4 @@
-"""A cycle: the unit that a campaign plans, runs, keeps and can repeat."""
+"""A cycle: what a campaign plans, runs, stores and repeats as one."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any
 from pneudrive.errors import CampaignError
 from pneudrive.rig.interface import Hold, Move, Sampling, Step
 
-#: What a cycle is for. Only the first three are points of a characteristic; the others prepare and watch.
+#: Purposes of a cycle. The first three are points of a characteristic; the others prepare or check.
 KINDS = {
     "sweep": "out and back at one speed",
     "stop": "a stop in the middle of a move, after preconditioning strokes",
-    "sentinel": "the reference speed, repeated to see drift",
+    "sentinel": "the reference speed, repeated to show drift",
     "warm-up": "strokes that bring rig and seal to a steady state",
     "tare": "standing, force released: the zero of the force sensor",
     "blank": "a slow stroke before a block, to compare with the one after it",
@@ -24,7 +24,7 @@ KINDS = {
 
 @dataclass(frozen=True)
 class Cycle:
-    """One cycle as planned, and the head of its file as run. SI, absolute pressures.
+    """One cycle as planned, and in the header of its file as run. SI units, absolute pressures.
 
     Parameters
     ----------
@@ -72,17 +72,17 @@ class Cycle:
     weight_kg: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Give plain data that JSON can hold; a step is told by its keys."""
+        """Return plain data for JSON; the keys of a step show its kind."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, data: dict[str, Any], where: str | None = None) -> Cycle:
-        """Take back what `to_dict` gave.
+        """Make a cycle from the data of `to_dict`.
 
         Parameters
         ----------
         data : dict
-            Without steps and sampling where the writer of a file did not say them.
+            Steps and sampling may be absent.
         where : str, optional
             File, for messages.
 
@@ -96,7 +96,7 @@ class Cycle:
             return cls(**{**data, "steps": steps, "sampling": Sampling(**data.get("sampling", {}))})
         except TypeError as error:
             raise CampaignError(
-                "cycle.steps or cycle.sampling has no meaning",
+                "cycle.steps or cycle.sampling is invalid",
                 where=where,
                 value=str(error),
                 rule="a step has to_m and speed_m_s, or duration_s",

@@ -1,7 +1,7 @@
-"""What subscribers get of a campaign: the documents of bluesky's event model, which its callbacks and catalogues read.
+"""Documents of bluesky's event model for the subscribers of a campaign.
 
 A start, a descriptor, an event for each finished cycle, a stop. Their keys are those of the schemas of the package
-event-model; docs/decisions/0004-bluesky.md tells why they are made here.
+event-model; docs/decisions/0004-bluesky.md says why they are made here.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-#: The stream of the events, and what a campaign is called in them as a device.
+#: The stream of the events, and the name of a campaign as a device.
 STREAM, DEVICE = "primary", "campaign"
 
 
 class Documents:
-    """Publishes the documents of one run.
+    """Publisher of the documents of one run.
 
     Parameters
     ----------
     subscribers : sequence of callable
         Called as ``subscriber(name, document)``, in the thread that runs the campaign.
     source : str
-        Where the data of an event come from.
+        Source of the data of an event.
     metadata : dict
-        Stands in the start.
+        Metadata of the start document.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Documents:
         return document["uid"]
 
     def event(self, data: dict[str, Any]) -> None:
-        """Publish what is known of a finished cycle; before the first one, what each of its names is."""
+        """Publish an event for a finished cycle; before the first one, the descriptor of its keys."""
         if not self._descriptor:
             kinds = {name: "string" if isinstance(value, str) else "number" for name, value in data.items()}
             keys = {

@@ -3,10 +3,10 @@
 - ``campaign.toml``: the protocol as run
 - ``campaign.json``: schema, name, seed, operator, labels, created, version
 - ``rig.json``: the rig's identity and calibration (`pneudrive.rig.interface.Identity`)
-- ``cycles/00001-KEY.parquet``: raw samples; the head of the cycle is JSON under the key "pneudrive" of its metadata
-- ``truth/00001-KEY.json``: simulated rigs only: what was true; for tests, never read by results
+- ``cycles/00001-KEY.parquet``: raw samples; the header of the cycle is JSON under the key "pneudrive" of its metadata
+- ``truth/00001-KEY.json``: simulated rigs only: ground truth for tests, never read by an analysis
 
-The format, key by key, stands in docs/reference/campaign-folder.md.
+docs/reference/campaign-folder.md describes the format key by key.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ COLUMNS = (*CHANNELS, "step")
 REQUIRED_COLUMNS = ("time_s", "position_m", "force_n")
 CYCLES, TRUTH = "cycles", "truth"
 PROTOCOL, ABOUT, RIG, LOG = "campaign.toml", "campaign.json", "rig.json", "campaign.log"
-#: Ending of a cycle's file that was found damaged and put aside; its cycle is run again.
+#: Ending of a damaged file that was put aside; its cycle is run again.
 ASIDE = ".damaged"
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Something about a campaign folder that its reader should know.
+    """A problem of a campaign folder, or a note on it.
 
     Attributes
     ----------
@@ -69,13 +69,13 @@ class Problem:
     lost: bool = True
 
     def __str__(self) -> str:
-        """Say it in one line."""
+        """Return a description in one line."""
         return f"{self.where}: {self.what}"
 
 
 @dataclass(frozen=True, repr=False)
 class CycleFile(Shown):
-    """A finished cycle on disk; ``sealed``: its bytes were found to be those that were written."""
+    """A finished cycle on disk; ``sealed``: its checksum is right."""
 
     path: Path
     head: Head
@@ -92,8 +92,8 @@ class CycleFile(Shown):
         Returns
         -------
         Samples
-            As they came. A pressure that the file does not have is the cycle's own; a temperature that it does not
-            have is NaN; steps that it does not have are derived from the motion.
+            As recorded. A missing pressure is that of the cycle; a missing temperature is NaN; missing steps are
+            derived from the motion.
 
         Raises
         ------
@@ -109,14 +109,14 @@ class CycleFile(Shown):
 def read_samples(
     files: Sequence[CycleFile], steps_of: Collection[str] | None = None
 ) -> Iterator[Samples | CampaignError]:
-    """Read the raw samples of many files, see `CycleFile.samples`; what cannot be read gives its error.
+    """Read the raw samples of many files, see `CycleFile.samples`; an unreadable file gives its error.
 
     Parameters
     ----------
     files : sequence of CycleFile
     steps_of : collection of str, optional
-        Kinds of cycles whose steps are wanted; None: all. Where they are not, steps that the file does not have are
-        -1: deriving them from the motion takes longer than reading.
+        Kinds of cycles whose steps are wanted; None: all. For other kinds, missing steps are -1: to derive them
+        from the motion takes longer than reading.
     """
     columns = read_columns([file.path for file in files], COLUMNS, CampaignError)
     for file, found in zip(files, columns, strict=True):
@@ -129,12 +129,12 @@ def read_samples(
 
 
 def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError, derive: bool) -> Samples:
-    """Make samples of a file's columns.
+    """Make samples from a file's columns.
 
     Raises
     ------
     CampaignError
-        If they could not be read, or are damaged, or one is missing.
+        If the columns cannot be read, are damaged, or one is missing.
     """
     where = str(file.path)
     if isinstance(columns, PneudriveError):
@@ -142,7 +142,7 @@ def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError,
     channels = {name: _number_column(columns[name], name, where) for name in CHANNELS if name in columns}
     step = _step_column(columns["step"], where) if "step" in columns else None
     if file.head.sha256 and file.head.sha256 != digest(channels, step):
-        raise CampaignError("the samples are damaged: they do not have the SHA-256 of their head", where=where)
+        raise CampaignError("the samples are damaged: their SHA-256 differs from the one in the header", where=where)
     missing = [name for name in REQUIRED_COLUMNS if name not in channels]
     if missing:
         raise CampaignError(f"the file lacks the column {missing[0]}", where=where, rule="SI units in the name")
@@ -159,7 +159,7 @@ def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError,
 
 
 def digest(channels: dict[str, NDArray[np.float64]], step: NDArray[np.int64] | None) -> str:
-    """Give the SHA-256 of the columns: little-endian bytes, in the order of `COLUMNS`, those that are there."""
+    """Return the SHA-256 of the present columns: little-endian bytes, in the order of `COLUMNS`."""
     total = hashlib.sha256()
     for name in CHANNELS:
         if name in channels:
@@ -170,12 +170,12 @@ def digest(channels: dict[str, NDArray[np.float64]], step: NDArray[np.int64] | N
 
 
 def file_name(index: int, key: str) -> str:
-    """Give the name of a cycle's file without its ending."""
+    """Return the name of a cycle's file without its ending."""
     return f"{index:05d}-{re.sub(r'[^A-Za-z0-9.+-]+', '_', key)[:150]}"
 
 
 def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
-    """Write one cycle: to a temporary name, flushed, then renamed, so that it is there whole or not at all.
+    """Write one cycle: to a temporary name, flushed, then renamed, so that it exists whole or not at all.
 
     Parameters
     ----------
@@ -184,18 +184,18 @@ def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
     head : Head
         Its ``sha256`` is filled in.
     samples : Samples or None
-        None where nothing was measured: an operator's step.
+        None for an operator's step.
 
     Raises
     ------
     CampaignError
-        If the cycle is there already, or cannot be written.
+        If the cycle exists already, or cannot be written.
     """
     import polars as pl
 
     target = folder / CYCLES / f"{file_name(head.index, head.cycle.key)}.parquet"
     if target.exists():
-        raise CampaignError("a cycle is there already and is not written again", where=str(target))
+        raise CampaignError("the cycle exists already and is not written again", where=str(target))
     make_folder(target.parent)
     given = samples if samples is not None else Samples.join([])
     channels = {name: np.asarray(getattr(given, name), dtype=np.float64) for name in CHANNELS}
@@ -206,43 +206,43 @@ def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
 
 
 def write_truth(folder: Path, head: Head, truth: dict[str, Any]) -> Path:
-    """Write what was true of a cycle of a simulated rig beside it."""
+    """Write the ground truth of a cycle of a simulated rig."""
     target = folder / TRUTH / f"{file_name(head.index, head.cycle.key)}.json"
     make_folder(target.parent)
-    write_whole(target, json.dumps(truth, default=plain).encode(), flush=False)  # no result needs it
+    write_whole(target, json.dumps(truth, default=plain).encode(), flush=False)  # results do not depend on it
     return target
 
 
 def read_head(path: Path) -> Head:
-    """Read the head of a cycle's file; the whole file is checked against its seal.
+    """Read the header of a cycle's file; check the whole file against its checksum.
 
     Raises
     ------
     CampaignError
-        If it cannot be read or has no meaning.
+        If it cannot be read or is invalid.
     """
     return read_noted_head(path)[0].head
 
 
 def read_noted_head(path: Path) -> tuple[CycleFile, list[str]]:
-    """Read the head and notes on what in it was not understood; see `read_head`."""
+    """Read the header of a cycle's file, and notes on unknown keys; see `read_head`."""
     (found,) = read_texts([path], HEAD, CampaignError)
     return _file_of(path, found)
 
 
 def _file_of(path: Path, found: Text | PneudriveError) -> tuple[CycleFile, list[str]]:
-    """Make sense of what a cycle's file carries.
+    """Make a cycle from the metadata of its file.
 
     Raises
     ------
     CampaignError
-        If it could not be read, or has no meaning.
+        If it cannot be read, or is invalid.
     """
     if isinstance(found, PneudriveError):
         raise found
     if found.text is None:
         raise CampaignError(
-            f'the file has no head: "{HEAD}" in its Parquet metadata',
+            f'the file has no header: "{HEAD}" in its Parquet metadata',
             where=str(path),
             remedy="See docs/reference/campaign-folder.md.",
         )
@@ -276,7 +276,7 @@ class Campaign(Shown):
     about : dict
         ``campaign.json``.
     notes : tuple of str
-        Keys of ``rig.json`` that are ignored.
+        Unknown keys of ``rig.json``, which are ignored.
     """
 
     path: Path
@@ -301,13 +301,13 @@ class Campaign(Shown):
                 where=str(folder),
                 value=f"there is no {missing[0]}",
                 rule=f"it has {RIG}, {ABOUT} and {CYCLES}/",
-                remedy=f"Was a campaign killed before it had begun? pneudrive campaign run PROTOCOL --into {folder}",
+                remedy=f"Was a campaign killed before its start? pneudrive campaign run PROTOCOL --into {folder}",
             )
         if exists(folder / CYCLES) and not (folder / CYCLES).is_dir():
             raise CampaignError(
-                "a file stands where the folder of the cycles is needed",
+                "a file has the name of the folder of the cycles",
                 where=str(folder / CYCLES),
-                remedy="Give it another name; the cycles that were in the folder are lost unless there is a copy.",
+                remedy="Rename it; the cycles of the folder are lost unless there is a copy.",
             )
         rig = read_json(folder / RIG, CampaignError)
         about = read_json(folder / ABOUT, CampaignError)
@@ -318,35 +318,35 @@ class Campaign(Shown):
         return cls(folder, identity, about, tuple(notes))
 
     def _card(self) -> Card:
-        """Show which rig, and how far it is."""
+        """Return rig and progress for a notebook."""
         title = f"{self.about.get('name', self.path.name)} ({'simulated' if self.synthetic else 'measured'})"
         rows = [("folder", str(self.path)), ("rig", self.identity.name), ("cycles on disk", str(len(self.files())))]
         return Card(title, rows=rows, notes=self.notes)
 
     @property
     def protocol(self) -> str:
-        """Text of the protocol as run; empty where the folder has none."""
+        """Text of the protocol as run; empty if the folder has none."""
         path = self.path / PROTOCOL
         return read_text(path, CampaignError) if exists(path) else ""
 
     @property
     def synthetic(self) -> bool:
-        """Whether the rig was a simulated one."""
+        """Whether the rig was simulated."""
         return bool(self.about.get("synthetic", False)) or self.identity.synthetic
 
     def files(self) -> list[Path]:
-        """Give the files of finished cycles by name, damaged ones too."""
-        # By the text of the names: comparing paths takes ten times as long.
+        """Return the files of finished cycles in the order of their names, damaged ones too."""
+        # Sorted by name as text: comparing paths takes ten times as long.
         return sorted((self.path / CYCLES).glob("*.parquet"), key=lambda path: path.name)
 
     def scan(self) -> tuple[list[CycleFile], list[Problem]]:
-        """Read all heads.
+        """Read all headers.
 
         Returns
         -------
         list of CycleFile, list of Problem
-            The usable cycles in the order in which they were run, and what is wrong with others: a file that is
-            damaged, cut off, foreign, or tells of a cycle that an earlier file has.
+            The usable cycles in running order, and the problems of the others: a file that is damaged, cut off,
+            foreign, or repeats the cycle of an earlier file.
         """
         found: list[CycleFile] = []
         problems = [Problem(RIG, note, lost=False) for note in self.notes]
@@ -360,7 +360,7 @@ class Campaign(Shown):
                     continue
                 problems += [Problem(f"{CYCLES}/{path.name}", note, lost=False) for note in notes]
                 found.append(file)
-        found.sort(key=lambda file: file.head.index)  # equal ones stay in the order of their names
+        found.sort(key=lambda file: file.head.index)  # equal indices stay in the order of their names
         unique: list[CycleFile] = []
         keys: dict[str, str] = {}
         for file in found:
@@ -373,15 +373,15 @@ class Campaign(Shown):
         return unique, problems
 
     def cycles(self) -> Iterator[CycleFile]:
-        """Give the usable finished cycles in the order in which they were run; `problems` tells of the others."""
+        """Return the usable finished cycles in running order; `problems` lists the others."""
         yield from self.scan()[0]
 
     def problems(self) -> list[Problem]:
-        """Check every file to its last sample and say what is wrong: by its seal, or by reading its samples."""
+        """Check every file to its last sample, by checksum or by reading, and return the problems."""
         return self.checked()[1]
 
     def checked(self) -> tuple[list[CycleFile], list[Problem]]:
-        """Give the cycles that are usable to their last sample, and what `problems` finds."""
+        """Return the cycles that are usable to their last sample, and the result of `problems`."""
         files, problems = self.scan()
         foreign = [file for file in files if not file.sealed]
         damaged = {
@@ -398,19 +398,21 @@ def _one_line(error: CampaignError) -> str:
 
 
 def create(folder: Path, protocol: str, identity: Identity, about: dict[str, Any]) -> Campaign:
-    """Make a campaign folder; ``campaign.json`` comes last, so that a folder that has it is complete.
+    """Create a campaign folder; ``campaign.json`` is written last, so that a folder with it is complete.
 
     Raises
     ------
     CampaignError
-        If there is something else in the folder, or it cannot be written.
+        If the folder holds something else, or cannot be written.
     """
     make_folder(folder)
-    own = {PROTOCOL, RIG, ABOUT, LOG, CYCLES, TRUTH, CONTROL}  # of a process that was killed while it made the folder
+
+    # A process that was killed while it created the folder leaves some of these.
+    own = {PROTOCOL, RIG, ABOUT, LOG, CYCLES, TRUTH, CONTROL}
     foreign = [p.name for p in folder.iterdir() if p.name.removesuffix(PART) not in own and p.suffix != ".lock"]
     if foreign or any((folder / CYCLES).glob("*")):
         raise CampaignError(
-            "the folder is not empty and not a campaign",
+            "the folder is not empty and is not a campaign",
             where=str(folder),
             value=", ".join(sorted(foreign)[:5]) or CYCLES,
             remedy="Name another folder, or an empty one.",
@@ -423,12 +425,12 @@ def create(folder: Path, protocol: str, identity: Identity, about: dict[str, Any
 
 
 def tidy(campaign: Campaign) -> tuple[list[CycleFile], list[str]]:
-    """Prepare a folder for going on: leftovers of a process that died go, damaged cycles are put aside.
+    """Prepare a folder for resuming: remove leftovers of a killed process, put damaged cycles aside.
 
     Returns
     -------
     list of CycleFile, list of str
-        The finished cycles, and what was done, in words.
+        The finished cycles, and the actions in words.
 
     Raises
     ------
@@ -440,7 +442,7 @@ def tidy(campaign: Campaign) -> tuple[list[CycleFile], list[str]]:
         for path in sorted(folder.glob(f"*{PART}")):
             with clear_errors("the campaign folder cannot be tidied", path):
                 path.unlink()
-            done.append(f"removed {path.name}: it was not finished")
+            done.append(f"removed {path.name}: it was incomplete")
     files, problems = campaign.checked()
     for problem in problems:
         if problem.lost and problem.where.startswith(f"{CYCLES}/"):

@@ -1,4 +1,4 @@
-"""The plan that a campaign folder speaks of, laid out anew."""
+"""The plan of a campaign folder, computed again."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ if TYPE_CHECKING:
 
 
 def plan_of(campaign: Campaign, *, checked: bool = True) -> Plan:
-    """Lay out the plan of a campaign folder anew, from what the folder says of protocol and rig.
+    """Compute the plan of a campaign folder again from its protocol and rig.
 
     Parameters
     ----------
     campaign : Campaign
     checked : bool
-        Whether to hold it against what the rig may be asked to do; who only counts cycles need not.
+        Check the plan against the limits of the rig; not needed to count cycles.
 
     Raises
     ------
     CampaignError
-        If the folder does not say it: somebody else has written it.
+        If the folder holds no plan: another program wrote it.
     ProtocolError
-        The rig must not be asked to do that.
+        If the plan exceeds the limits of the rig.
     """
     text, limits = campaign.protocol, campaign.about.get("envelope")
     if not text or not isinstance(limits, dict):
         raise CampaignError(
-            "the folder does not say what was planned",
+            "the folder holds no plan",
             where=str(campaign.path),
             rule="campaign.toml and campaign.json: envelope",
         )

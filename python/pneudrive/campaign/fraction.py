@@ -1,4 +1,4 @@
-"""The fraction of a campaign that fits into its time and still tells what matters.
+"""The fraction of a campaign that fits into its time and keeps the model estimable.
 
 A main effect has a column for each level but one, so that an estimable model has every level of every factor. The named
 interaction has the slope of its first factor (against the logarithm of its level) for each level of the second. Cells
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating[Any]]
 
-#: What stands for X'X before it has full rank, so that its determinant exists; far below any column's own.
+#: Added to X'X before it has full rank, so that its determinant exists; far below any column's norm.
 RIDGE = 1e-6
 #: Exchanges that raise the logarithm of the determinant by less than this are not made.
 WORTH = 1e-9
@@ -43,19 +43,19 @@ DEFAULT_INTERACTIONS = {"stop": ("stop", "pressure"), "sweep": ("speed", "pressu
 
 @dataclass(frozen=True)
 class Family:
-    """The part of a fraction that is of one kind, sweep or stop.
+    """The cells of a fraction that are of one kind, sweep or stop.
 
     Attributes
     ----------
     kind : str
     cells, of : int
-        Chosen, and all.
+        Number of chosen cells, and of all.
     levels : dict
         Factor -> least number of chosen cells at one of its levels.
     interaction : (str, str) or None
-        Kept estimable, as slopes of the first for each level of the second.
+        The interaction that stays estimable, as slopes of the first factor at each level of the second.
     parameters : int
-        Of the model that can be estimated.
+        Number of parameters of the model.
     efficiency : float
         D-efficiency: information per cell, as a share of that of the full factorial.
     error_ratio : float
@@ -98,7 +98,7 @@ class _Candidate:
 
 
 def write_fraction(protocol: Protocol, proposal: CellProposal) -> str:
-    """Return the protocol's file with the cells of a proposal: its text to the letter, and a table at the end."""
+    """Return the protocol's text, unchanged, with the cells of a proposal as a table at the end."""
     chosen = ", ".join(f"{f.cells} of {f.of} {f.kind} cells" for f in proposal.families)
     cells = "\n".join(f"    {toml.value_text(name)}," for name in proposal.names)
     table = f"[fraction]  # {chosen}, chosen by `pneudrive campaign plan`\ncells = [\n{cells}\n]\n"
@@ -106,9 +106,9 @@ def write_fraction(protocol: Protocol, proposal: CellProposal) -> str:
 
 
 def propose(plan: Plan, limit_s: float) -> CellProposal:
-    """Choose cells whose cycles, with all that is done around them, fit into a time.
+    """Choose cells whose cycles fit into a time, with warm-up, checks and other cycles around them.
 
-    Where even the fewest cells that keep the model estimable do not fit, these are proposed.
+    If even the fewest cells that keep the model estimable take longer, these are proposed.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def propose(plan: Plan, limit_s: float) -> CellProposal:
     Raises
     ------
     ProtocolError
-        If the named interaction is not one of two factors of the protocol.
+        If the named interaction is not made of two factors of the protocol.
     """
     groups = _candidates(plan)
     points = sum(one.time_s for one in plan.planned if one.cell is not None)
@@ -138,7 +138,7 @@ def propose(plan: Plan, limit_s: float) -> CellProposal:
 
 
 def _candidates(plan: Plan) -> dict[str, list[_Candidate]]:
-    """Gather the cells of a plan with the time of all their repeats; order of first appearance in the key's order."""
+    """Gather the cells of a plan with the time of all their repeats; in the order of their first appearance."""
     groups: dict[str, dict[str, tuple[dict[str, Any], float]]] = {}
     for one in plan.planned:
         if one.cell is None:
@@ -213,7 +213,7 @@ def _interaction(kind: str, factors: dict[str, list[Any]], protocol: Protocol) -
         return None
     raise protocol.fail(
         "design.interaction",
-        f"design.interaction: {' x '.join(asked)} cannot be told",
+        f"design.interaction: {' x '.join(asked)} cannot be estimated",
         rule=f"two factors with more than one level each: {', '.join(factors)}",
     )
 
@@ -249,7 +249,7 @@ def _score(candidates: list[_Candidate], name: str, levels: Sequence[Any]) -> Ar
 
 
 def _gain(inverse: Array, model: Array) -> Array:
-    """Return by how much each candidate would raise log det X'X."""
+    """Return the gain of log det X'X for each candidate."""
     return np.log1p(((model @ inverse) * model).sum(axis=1))
 
 
@@ -258,14 +258,14 @@ def _complete(model: Array, cost: Array) -> list[int]:
     k = model.shape[1]
     inverse = np.eye(k) / RIDGE
     chosen: list[int] = []
-    residual = model.copy()  # what the chosen rows do not span
+    residual = model.copy()  # part outside the span of the chosen rows
     while len(chosen) < k:
         norm = np.einsum("ij,ij->i", residual, residual)
         open_ = norm > 1e-9 * k
         if not open_.any():
             raise ProtocolError(
-                "the full factorial itself cannot tell the effects apart",
-                rule="levels of different factors are crossed",
+                "even the full factorial cannot separate the effects",
+                rule="each level of one factor occurs with several levels of the others",
             )
         worth = np.where(open_, _gain(inverse, model) / cost, -np.inf)
         best = _best(worth)
@@ -304,7 +304,7 @@ def _exchange(model: Array, cost: Array, levels: Array, chosen: list[int], budge
         improved = False
         for place, old in enumerate(chosen):
             d, cross = (spread * model).sum(axis=1), spread @ model[old]
-            delta = (1.0 + d) * (1.0 - d[old]) + cross**2  # of the determinant, old out and new in
+            delta = (1.0 + d) * (1.0 - d[old]) + cross**2  # of the determinant when the new row replaces the old one
             tight = (levels[old] > 0.0) & (levels[chosen].sum(axis=0) <= LEAST)
             allowed = (used - cost[old] + cost <= budget_s) & (levels[:, tight] > 0.0).all(axis=1)
             allowed[chosen] = False
@@ -320,13 +320,13 @@ def _exchange(model: Array, cost: Array, levels: Array, chosen: list[int], budge
 
 
 def _best(values: Array) -> int:
-    """Return the first of the greatest: which of equals is not left to the rounding of one machine."""
+    """Return the first of the greatest, so that rounding does not decide between equal ones."""
     top = float(values.max())
     return int(np.argmax(values >= top - 1e-9 * abs(top))) if math.isfinite(top) else 0
 
 
 def _updated(inverse: Array, row: Array) -> Array:
-    """Inverse of X'X after one more row (Sherman and Morrison)."""
+    """Return the inverse of X'X after one more row (Sherman and Morrison)."""
     v = inverse @ row
     return inverse - np.outer(v, v) / (1.0 + float(row @ v))
 
@@ -342,12 +342,12 @@ def _lost(
         both = (a[:, :, None] * b[:, None, :]).reshape(len(candidates), -1)
         slopes = _rank(np.hstack([model, both])) - model.shape[1]
         kept = _rank(np.hstack([rows, both[chosen]])) - base
-        beside = both.shape[1] - slopes  # part of it that the model itself holds
+        beside = both.shape[1] - slopes  # its part within the model
         if kept < slopes:
             out[f"{one} x {other}"] = (kept + beside, both.shape[1])
     return out
 
 
 def _rank(columns: Array) -> int:
-    """Return the rank, from the small matrix X'X: effects that are crossed are far from dependent, or exactly so."""
+    """Return the rank, from the small matrix X'X: crossed effects are clearly independent or exactly dependent."""
     return int(np.linalg.matrix_rank(columns.T @ columns, hermitian=True))

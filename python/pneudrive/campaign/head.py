@@ -1,4 +1,4 @@
-"""What a cycle's file says beside its samples, and how it is read where somebody else wrote it."""
+"""The header of a cycle's file, and how it is read if another program wrote it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SCHEMA = 1
 
 @dataclass(frozen=True)
 class Head:
-    """What a cycle's file says beside its samples.
+    """The header of a cycle's file: its data beside the samples.
 
     Attributes
     ----------
@@ -25,21 +25,21 @@ class Head:
         Place in the order in which the cycles were run, from 1.
     cycle : Cycle
     began_s : float
-        The rig's own clock at time zero of the cycle, so that drift can be told.
+        The rig's clock at time zero of the cycle; it shows drift.
     started : str
         Date and time of the computer, ISO 8601 with zone.
     flags : dict
-        Counts of what was found in the samples on arrival, see `pneudrive.campaign.checks`.
+        Counts of faults in the samples on arrival, see `pneudrive.campaign.checks`.
     memory : dict
-        What a simulated rig needs to go on from here.
+        Snapshot from which a simulated rig continues.
     confirmed : dict
-        Who confirmed what the operator was asked to do, and when: ``name``, ``time``, ``how``.
+        Who confirmed the operator's step, and when: ``name``, ``time``, ``how``.
     attempts : int
         How often the cycle was begun; more than 1 where it was interrupted and repeated.
     reason : str
-        Why a cycle was run that the protocol does not list.
+        Why a cycle was run that is not in the protocol.
     sha256 : str
-        Of the columns, see `pneudrive.campaign.folder.digest`; empty where the writer did not give it.
+        Of the columns, see `pneudrive.campaign.folder.digest`; empty if the file holds none.
     """
 
     index: int
@@ -54,11 +54,11 @@ class Head:
     sha256: str = ""
 
     def to_json(self) -> str:
-        """Write the head as a file carries it."""
+        """Return the header as JSON."""
         return json.dumps({"schema": SCHEMA, **vars(self), "cycle": self.cycle.to_dict()}, default=plain)
 
 
-#: Keys of `cycle` that must be there, and those that must be there for a kind.
+#: Required keys of `cycle`, and those that a kind requires.
 REQUIRED = ("kind", "pressure_a_pa", "pressure_b_pa")
 REQUIRED_FOR = {
     "sweep": ("speed_m_s",),
@@ -69,7 +69,7 @@ POSITIVE = ("pressure_a_pa", "pressure_b_pa", "speed_m_s")
 
 
 def read_head(text: str, where: str, *, index: int | None = None, key: str = "") -> tuple[Head, list[str]]:
-    """Read the head of a cycle, whoever wrote it.
+    """Read the header of a cycle, from any program.
 
     Parameters
     ----------
@@ -78,17 +78,17 @@ def read_head(text: str, where: str, *, index: int | None = None, key: str = "")
     where : str
         File, for messages.
     index, key : int or None, str
-        From the file's name: what holds where the head does not say.
+        Values from the file's name, used if the header lacks them.
 
     Returns
     -------
     Head, list of str
-        The head and notes: keys that were not understood and are ignored.
+        The header, and notes on unknown keys, which are ignored.
 
     Raises
     ------
     CampaignError
-        A key is missing or its value has no meaning.
+        If a key is missing or its value is invalid.
     """
     data = parse_json(text, where, CampaignError)
     if not isinstance(data, dict):
@@ -116,7 +116,7 @@ def read_head(text: str, where: str, *, index: int | None = None, key: str = "")
 
 
 def check_schema(version: object, where: str) -> None:
-    """Refuse a file of a campaign that is in a format which this version of pneudrive does not read.
+    """Refuse a campaign file whose format this version of pneudrive cannot read.
 
     Raises
     ------

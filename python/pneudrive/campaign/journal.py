@@ -1,4 +1,4 @@
-"""``campaign.log``: what happened when, in words."""
+"""``campaign.log``: events with their times, in words."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Journal:
-    """Appends lines, each with date and time; never the reason why a campaign ends.
+    """A log of lines, each with date and time; its failures never end a campaign.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a running campaign shows: remaining time, the current cycle and the growing map; or plain lines."""
+"""Displays of a running campaign: remaining time, current cycle and growing map; or plain lines."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LINES = 6  # of the latest messages
 
 
 class Display:
-    """What a campaign tells whoever watches; this one shows nothing.
+    """The display of a running campaign; this base class shows nothing.
 
     Attributes
     ----------
@@ -41,37 +41,37 @@ class Display:
         """Begin."""
 
     def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
-        """Tell that a cycle begins."""
+        """Show that a cycle begins."""
 
     def part(self, samples: Samples) -> None:
-        """Tell what has come; on the rig's thread."""
+        """Show samples that arrived; called on the rig's thread."""
 
     def finished(self, one: Finished) -> None:
-        """Tell that a cycle is on the disk."""
+        """Show that a cycle is stored."""
 
     def say(self, text: str) -> None:
         """Show a line."""
 
     def suspend(self) -> None:
-        """Give the terminal free for a prompt."""
+        """Release the terminal for a prompt."""
 
     def go_on(self) -> None:
-        """Take the terminal back."""
+        """Use the terminal again after a prompt."""
 
     def ended(self) -> None:
         """End."""
 
 
 class CampaignProgress:
-    """How many cycles are done, and the time that the others take at the pace of those so far.
+    """Number of finished cycles, and remaining time at the pace so far.
 
-    A rig's own time goes by as planned; a simulated rig without a pace takes time by the number of its samples.
+    A rig takes the planned time; a simulated rig without a pace takes time by the number of its samples.
 
     Parameters
     ----------
     plan : Plan
     finished : sequence of Finished
-        Before it began.
+        Finished before this run.
     """
 
     def __init__(self, plan: Plan, finished: Sequence[Finished]) -> None:
@@ -81,14 +81,14 @@ class CampaignProgress:
         self._began, self._passed = time.monotonic(), np.zeros(2)
 
     def finished(self, one: Finished) -> None:
-        """Take a cycle as done."""
+        """Count a cycle as done."""
         self.count += 1
         self._passed += self._planned.get(one.cycle.key, (0.0, 0.0))
         self._done.add(one.cycle.key)
 
     @property
     def left(self) -> str:
-        """What is left on the clock on the wall, in words."""
+        """Remaining wall-clock time, in words."""
         left = np.sum([size for key, size in self._planned.items() if key not in self._done] or [(0.0, 0.0)], axis=0)
         took = time.monotonic() - self._began
         if self._passed[0] <= 0.0:
@@ -100,7 +100,7 @@ class CampaignProgress:
 
 
 def guarded(display: Display, journal: Journal) -> Display:
-    """Keep a display from ending a campaign: what it raises goes into the journal."""
+    """Write the errors of a display into the journal, so that they do not end the campaign."""
 
     class Guarded:
         def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever a display has
@@ -109,7 +109,7 @@ def guarded(display: Display, journal: Journal) -> Display:
             def call(*arguments: Any) -> None:  # noqa: ANN401
                 try:
                     found(*arguments)
-                except Exception as error:  # the terminal is gone, or somebody's own display is wrong
+                except Exception as error:  # the terminal is gone, or a user's display is wrong
                     journal.write(f"the display failed: {type(error).__name__}: {error}")
 
             return call if callable(found) else found
@@ -123,7 +123,7 @@ class LineDisplay(Display):
     Parameters
     ----------
     out : text stream, optional
-        Standard output where it is not given.
+        Default: standard output.
     """
 
     def __init__(self, out: TextIO | None = None) -> None:
@@ -139,11 +139,11 @@ class LineDisplay(Display):
         self.say(f"{plan.protocol.name}: {left}, {self._progress.left} on the rig")
 
     def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
-        """Take note of how many there will be."""
+        """Update the number of cycles."""
         self._planned = planned
 
     def finished(self, one: Finished) -> None:
-        """Tell that a cycle is on the disk."""
+        """Show that a cycle is stored."""
         assert self._progress is not None
         self._progress.finished(one)
         flags = f"  flags: {', '.join(one.flags)}" if one.flags else ""
@@ -156,12 +156,12 @@ class LineDisplay(Display):
 
 
 class ScreenDisplay(Display):
-    """A live picture on a terminal.
+    """A live display on a terminal.
 
     Parameters
     ----------
     console : rich.console.Console, optional
-        The terminal where it is not given.
+        Default: the terminal.
     """
 
     wants_points = True
@@ -171,9 +171,9 @@ class ScreenDisplay(Display):
         from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
         from rich.progress import Progress as Bar
 
-        self._console = console or Console(file=sys.stdout, highlight=False)  # this one, whoever redirects it
+        self._console = console or Console(file=sys.stdout, highlight=False)  # even if redirected later
         self._bar = Bar(
-            TextColumn("{task.description}", markup=False),  # a name that may hold brackets
+            TextColumn("{task.description}", markup=False),  # a name may hold brackets
             BarColumn(),
             MofNCompleteColumn(),
             TextColumn("{task.fields[left]}"),
@@ -197,7 +197,7 @@ class ScreenDisplay(Display):
         self.go_on()
 
     def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
-        """Tell that a cycle begins."""
+        """Show that a cycle begins."""
         with self._lock:
             self._cycle, self._parts = cycle, []
         self._bar.update(self._task, total=planned)
@@ -205,12 +205,12 @@ class ScreenDisplay(Display):
             self.say(f"{cycle.key} {reason}")
 
     def part(self, samples: Samples) -> None:
-        """Take what has come."""
+        """Add samples that arrived."""
         with self._lock:
             self._parts.append(samples)
 
     def finished(self, one: Finished) -> None:
-        """Tell that a cycle is on the disk."""
+        """Show that a cycle is stored."""
         assert self._progress is not None
         self._progress.finished(one)
         self._bar.update(self._task, completed=self._progress.count, left=f"{self._progress.left} left")
@@ -232,7 +232,7 @@ class ScreenDisplay(Display):
             self._console.print(text, markup=False)
 
     def suspend(self) -> None:
-        """Give the terminal free for a prompt."""
+        """Release the terminal for a prompt."""
         self._stop(keep=False)
 
     def _stop(self, *, keep: bool) -> None:
@@ -242,7 +242,7 @@ class ScreenDisplay(Display):
             live.stop()
 
     def go_on(self) -> None:
-        """Take the terminal back."""
+        """Use the terminal again after a prompt."""
         from rich.live import Live
 
         with self._lock:
@@ -258,7 +258,7 @@ class ScreenDisplay(Display):
             self._live.start()
 
     def ended(self) -> None:
-        """End; the last picture stays."""
+        """End; the last display stays."""
         self._stop(keep=True)
 
     def _picture(self) -> Any:  # noqa: ANN401 - of rich
@@ -289,7 +289,7 @@ class ScreenDisplay(Display):
 
 
 def duration(seconds: float) -> str:
-    """Write a duration as people say it.
+    """Return a duration in everyday words.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""One process at a time works in a campaign folder, and tells the others what it is doing."""
+"""The lock of a campaign folder: one process works in it and writes there what it is doing."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
 
 NAME = "campaign.lock"
 TRIES, TRY_AGAIN_S = 5, 0.05
-#: What a process that holds the lock can be doing.
+#: States of a process that holds the lock.
 STATES = ("starting", "running", "pausing", "paused", "waiting", "operator", "stopping")
 
 
 def now() -> str:
-    """Give date and time of the computer, ISO 8601 with zone."""
+    """Return the date and time of the computer, ISO 8601 with zone."""
     return datetime.now().astimezone().isoformat(timespec="seconds")
 
 
 @dataclass(frozen=True)
 class Holder:
-    """Who works in a folder, and on what.
+    """The process that works in a folder, and what it is doing.
 
     Attributes
     ----------
@@ -58,13 +58,13 @@ class Holder:
     cycle: str = ""
 
     def __str__(self) -> str:
-        """Say it in words."""
+        """Return a description in words."""
         what = f"{self.state}: {self.text}" if self.text else self.state
         return f"process {self.pid} of {self.user} on {self.host} since {self.since}, {what}"
 
 
 class FolderLock:
-    """The lock of a campaign folder: the kernel's own (`flock`), so that it ends with the process, however that ends.
+    """The lock of a campaign folder: held by the kernel (`flock`), which frees it when the process ends.
 
     Parameters
     ----------
@@ -91,31 +91,31 @@ class FolderLock:
                 where=str(path),
                 value=error.strerror,
                 rule="two processes must not write to one campaign",
-                remedy="Use a folder on a file system that knows locks.",
+                remedy="Use a folder on a file system that supports locks.",
             ) from error
         if not taken:
             os.close(self._file)
             raise CampaignError(
                 "another process works in this campaign folder",
                 where=str(folder),
-                value=str(_read(path) or "it has not said who it is"),
+                value=str(_read(path) or "it did not name itself"),
                 remedy=f"Wait for it, or end it: pneudrive campaign abort {folder}",
             )
         self._holder = Holder(os.getpid(), socket.gethostname(), user(), now())
         self.tell()
 
     def tell(self, **what: str) -> None:
-        """Change what other processes read about this one: ``state``, ``text``, ``cycle``."""
+        """Write what other processes read about this one: ``state``, ``text``, ``cycle``."""
         self._holder = Holder(**{**asdict(self._holder), **what})
         if self._file is None:
             return
         text = json.dumps(asdict(self._holder)).encode()
-        with contextlib.suppress(OSError):  # a full disk must not end the campaign here: who looks, waits
+        with contextlib.suppress(OSError):  # a full disk must not end the campaign here: readers wait
             os.pwrite(self._file, text, 0)
             os.ftruncate(self._file, len(text))
 
     def release(self) -> None:
-        """Give the folder free."""
+        """Release the folder."""
         if self._file is not None:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._file, 0)
@@ -130,7 +130,7 @@ class FolderLock:
 
 
 def _take(file: int) -> bool:
-    """Take the lock; a few attempts, as `holder` has it for a moment when it looks."""
+    """Take the lock; try a few times, because `holder` takes it for a moment."""
     import fcntl
 
     def attempt() -> bool:
@@ -150,12 +150,12 @@ def _take(file: int) -> bool:
 
 
 def holder(folder: Path) -> Holder | None:
-    """Tell who works in a folder now; None where nobody does. Leaves the lock as it is."""
+    """Return the process that works in a folder; None if there is none. The lock does not change."""
     import fcntl
 
     path = folder / NAME
     try:
-        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)  # whatever it is, opening it does not wait
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)  # opening it does not block, whatever it is
     except OSError:
         return None
     try:
@@ -178,7 +178,7 @@ def _read(path: Path) -> Holder | None:
 
 
 def user() -> str:
-    """Give the name of whoever runs this process."""
+    """Return the user name of this process."""
     try:
         return getpass.getuser()
     except (OSError, KeyError):  # no such user: in a container

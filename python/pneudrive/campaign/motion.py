@@ -1,4 +1,4 @@
-"""The steps of a cycle from its motion, where the recording does not number them."""
+"""The steps of a cycle from its motion, for recordings without step numbers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 STILL_NOISE = 6.0
 #: for at least this long, s; half of the stop that the cycle is for, where that is shorter.
 STILL_S = 0.05
-#: Grid of times on which that is judged: this many steps in the time above, and at most so many in all.
+#: Grid of times for this test: this many steps in the time above, and at most so many in all.
 GRID_STEPS, MOST_STEPS = 10, 2_000_000
 #: A move turns back where the position retreats by this share of the whole travel.
 TURN_SHARE = 0.01
@@ -30,9 +30,9 @@ def steps_from_motion(time_s: Array, position_m: Array, stop_s: float | None = N
     Parameters
     ----------
     time_s, position_m : ndarray, shape (n,)
-        As recorded; samples that are not finite, or earlier than one before them, take the number of their neighbour.
+        As recorded; samples that are not finite, or out of order in time, take the number of their neighbour.
     stop_s : float, optional
-        Duration of the stop that the cycle is for.
+        Duration of the cycle's stop.
 
     Returns
     -------
@@ -41,8 +41,8 @@ def steps_from_motion(time_s: Array, position_m: Array, stop_s: float | None = N
 
     Notes
     -----
-    A move slower than 6 deviations of the position noise per 50 ms is taken for a hold: a recording of such moves has
-    to bring its own column ``step``.
+    A move slower than 6 deviations of the position noise per 50 ms counts as a hold: a recording of such moves
+    needs its own column ``step``.
     """
     numbers = np.zeros(time_s.size, dtype=np.int64)
     usable = np.isfinite(time_s) & np.isfinite(position_m)
@@ -68,7 +68,7 @@ def steps_from_motion(time_s: Array, position_m: Array, stop_s: float | None = N
 
 
 def _standing(position: Array, tolerance: float, width: int) -> NDArray[np.bool_]:
-    """Mark what belongs to a stretch of `width` steps over which the position stays within the tolerance."""
+    """Mark every stretch of `width` steps over which the position stays within the tolerance."""
     if position.size <= width:
         return np.zeros(position.size, dtype=bool)
     windows = np.lib.stride_tricks.sliding_window_view(position, width + 1)
@@ -81,6 +81,6 @@ def _standing(position: Array, tolerance: float, width: int) -> NDArray[np.bool_
 
 
 def _spread(numbers: NDArray[np.int64], usable: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Give the samples between usable ones the number of the one before."""
+    """Give samples between usable ones the number of the sample before them."""
     last = np.maximum.accumulate(np.where(usable, np.arange(numbers.size), -1))
     return np.where(last >= 0, numbers[np.maximum(last, 0)], 0)

@@ -1,4 +1,4 @@
-"""How a campaign is run."""
+"""Options of a campaign run."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Options:
-    """How a campaign is run.
+    """Options of a campaign run.
 
     Parameters
     ----------
     operator : str
-        Who is at the rig.
+        Name of the person at the rig.
     yes : bool
-        Operator's steps are taken as done: nobody is there.
+        Operator's steps count as done: nobody is there.
     patience_s : float
-        How long to wait for conditions to come back before the campaign ends.
+        Longest wait for good conditions before the campaign ends.
     steady_s : float
-        How long they must have been back before it goes on.
+        Time of good conditions before it goes on.
     look_s : float
-        How often the rig is asked meanwhile.
+        Interval of the queries of the rig while waiting.
     attempts : int
-        How often one cycle is begun before the campaign ends.
+        Number of attempts at a cycle before the campaign ends.
     bad_in_a_row : int
-        So many cycles with serious flags one after the other end the campaign: a sensor is broken.
+        Number of cycles in a row with serious flags after which the campaign ends: a sensor is broken.
     """
 
     operator: str = ""

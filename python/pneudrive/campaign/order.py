@@ -17,9 +17,9 @@ T = TypeVar("T")
 
 
 def ordered_blocks(protocol: Protocol) -> list[dict[str, str]]:
-    """List the levels of the hard-to-change factors, block by block, all replicates one after the other.
+    """Return the levels of the hard-to-change factors block by block, one replicate after the other.
 
-    Levels of the factor that is hardest to change stay together, shuffled or not.
+    Levels of the factor that is hardest to change stay together, even if shuffled.
     """
     blocks: list[dict[str, str]] = []
     for replicate in range(1, protocol.order.replicates + 1):
@@ -34,11 +34,11 @@ def ordered_blocks(protocol: Protocol) -> list[dict[str, str]]:
 
 
 def ordered_cells(protocol: Protocol, block: int) -> list[tuple[Cell, int]]:
-    """List the cells of a block with their repeat, from 1, in the order in which they are run."""
+    """Return the cells of a block with their repeat (from 1) in running order."""
     repeats = range(1, protocol.repeats + 1)
     families = (sweep_cells(protocol), stop_cells(protocol))
     kind = protocol.order.kind
-    if kind == "as-given":  # what is tedious to change, the pressure, stays; the list is repeated under it
+    if kind == "as-given":  # a change of pressure is slow: the list is repeated at each pressure
         out = []
         for cells in families:
             for pair in pairs(protocol):
@@ -56,7 +56,7 @@ def ordered_cells(protocol: Protocol, block: int) -> list[tuple[Cell, int]]:
 
 
 def shuffle(items: Sequence[T], name: Callable[[T], str], seed: str) -> list[T]:
-    """Shuffle by the hash of seed and name: the same on every machine and version, whatever else is in the list."""
+    """Shuffle by the hash of seed and name: equal on every machine and version, independent of other items."""
     return sorted(items, key=lambda item: hashlib.sha256(f"{seed}\0{name(item)}".encode()).digest())
 
 

@@ -1,4 +1,4 @@
-"""The plan of a campaign: every cycle in order, how long it takes and how much it leaves."""
+"""The plan of a campaign: every cycle in order, its time and its size on disk."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 
 def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
-    """Lay a protocol out on a rig, and hold it against what the rig may be asked to do.
+    """Lay out a protocol for a rig and check it against the rig's limits.
 
-    The same arguments give the same plan, on every machine; keys of cycles do not depend on what else is in the plan.
+    The same arguments give the same plan, on every machine; keys of cycles do not depend on other cycles.
 
     Parameters
     ----------
     protocol : Protocol
     identity : Identity
-        Ambient pressure, areas and masses; of a campaign that is resumed, the ones in its folder.
+        Ambient pressure, areas and masses; for a resumed campaign, those in its folder.
     envelope : Envelope
 
     Returns
@@ -39,14 +39,14 @@ def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     Raises
     ------
     ProtocolError
-        The rig must not be asked to do that: which cycle, value, limit and remedy.
+        If the plan exceeds the rig's limits; the message names cycle, value, limit and remedy.
     """
     plan = draft(protocol, identity, envelope)
     return Plan(protocol, identity, envelope, plan.planned, check(plan))
 
 
 def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
-    """Lay a protocol out without holding it against the rig's envelope; `lay_out` does both."""
+    """Lay out a protocol without a check against the rig's limits; `lay_out` does both."""
     check_range(protocol, envelope)
     count = cycle_count(protocol)
     within("cycles", count, f"the protocol asks for {count:,} cycles or more", ProtocolError, protocol.origin)
@@ -59,20 +59,20 @@ def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
             raise ProtocolError(
                 f"two cycles have the key {one.cycle.key}",
                 where=protocol.origin,
-                rule="levels differ within 6 significant digits",
+                rule="levels must differ within 6 significant digits",
             )
         seen.add(one.cycle.key)
     return Plan(protocol, identity, envelope, tuple(planned))
 
 
 def cell_name(levels: dict[str, str], cell: Cell) -> str:
-    """Name a cell over all blocks: ``mounting = foot: stop/t15/...``; without hard factors its own name."""
+    """Return the name of a cell within the campaign: ``mounting = foot: stop/t15/...``."""
     hard = ", ".join(f"{name} = {level}" for name, level in levels.items())
     return f"{hard}: {cell.name}" if hard else cell.name
 
 
 class _Layout:
-    """Collects the cycles block by block."""
+    """Collector of the cycles, block by block."""
 
     def __init__(self, protocol: Protocol, builder: Builder) -> None:
         self.protocol, self.make = protocol, builder
@@ -114,7 +114,7 @@ class _Layout:
                 raise self.protocol.fail(
                     "fraction.cells",
                     f"fraction.cells: there is no cell {name!r}",
-                    rule="cells are made of the levels of the protocol",
+                    rule="a cell combines levels of the protocol",
                     remedy=remedy if remedy.startswith("Did") else "`pneudrive campaign plan --fraction` writes them.",
                 )
         return set(fraction.cells)
@@ -142,7 +142,7 @@ class _Layout:
             self._add(make.blank("after", blank_m_s))
 
     def _prepare(self, *, new: bool) -> None:
-        """Run in what is new, warm up, then check the sensors: their zero is that of the warm rig."""
+        """Run in new parts, warm up, then check the sensors, so that their zero is that of the warm rig."""
         make, warm_up, checks = self.make, self.protocol.warm_up, self.protocol.before_block
         if warm_up is not None:
             if new and warm_up.run_in_cycles:

@@ -1,4 +1,4 @@
-"""What a plan is: cycles in order, each with its time and size."""
+"""A plan: cycles in order, each with its time and size."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from pneudrive.campaign.protocol import Protocol
     from pneudrive.rig.interface import Envelope, Identity
 
-#: Bytes that a sample takes in a cycle's file: 15 (long stops) to 21 (fast sweeps) on simulated rigs, as `write_cycle`
+#: Bytes per sample in a cycle's file: 15 (long stops) to 21 (fast sweeps) on simulated rigs, as `write_cycle`
 #: writes it; `test_plan_on_rig` holds the estimate against files.
 BYTES_PER_SAMPLE = 20.0
-#: Bytes of a cycle's file beside its samples, measured likewise: Parquet's own and the head.
+#: Bytes of a cycle's file beside its samples, measured likewise: Parquet's metadata and the header.
 BYTES_PER_CYCLE = 5000.0
 
 
@@ -32,12 +32,12 @@ class Planned:
     ----------
     cycle : Cycle
     axis_s : float
-        What its moves and holds take, to the last digit that the axis' limits allow.
+        Time of its moves and holds, exact for the axis' limits.
     wait_s : float
-        Before it: settling after a change of pressure, or the operator's work. Assumed, as the protocol says.
+        Time before it: settling after a change of pressure, or the operator's work. Assumed, as in the protocol.
     samples : int
     cell : Cell or None
-        What it measures; None where it prepares or watches.
+        What it measures; None for a cycle that prepares or checks.
     """
 
     cycle: Cycle
@@ -48,7 +48,7 @@ class Planned:
 
     @property
     def time_s(self) -> float:
-        """All of it, s."""
+        """Total time, s."""
         return self.axis_s + self.wait_s
 
     @property
@@ -59,7 +59,7 @@ class Planned:
 
 @dataclass(frozen=True, repr=False)
 class Plan(Shown):
-    """What would be run on a rig.
+    """The cycles of a protocol on a rig, in order.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Plan(Shown):
     planned : tuple of Planned
         In the order in which they are run.
     notes : tuple of str
-        What should be known before it is run.
+        Cautions.
     """
 
     protocol: Protocol
@@ -83,7 +83,7 @@ class Plan(Shown):
 
     @property
     def time_s(self) -> float:
-        """Total time, s; homing and changes of pressure themselves come on top."""
+        """Total time, s, without homing and changes of pressure."""
         return sum(one.time_s for one in self.planned)
 
     @property
@@ -102,10 +102,10 @@ class Plan(Shown):
         return size_of(self.planned)
 
     def remaining_s(self, done: set[str]) -> float:
-        """Return the time that the cycles without those of these keys take, s."""
+        """Return the time of the cycles whose keys are not given, s."""
         return sum(one.time_s for one in self.planned if one.cycle.key not in done)
 
 
 def size_of(planned: Iterable[Planned]) -> float:
-    """Return the size on disk, bytes, estimated by `BYTES_PER_SAMPLE`; an operator's step leaves a file too."""
+    """Return the size on disk, bytes, estimated by `BYTES_PER_SAMPLE`; an operator's step writes a file too."""
     return sum(BYTES_PER_SAMPLE * one.samples + BYTES_PER_CYCLE for one in planned)

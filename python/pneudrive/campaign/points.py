@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from pneudrive.rig.interface import Envelope, Identity, Step
     from pneudrive.units import Pressure
 
-#: How a stroke of a cycle that only prepares is sampled: enough to see that something is wrong (assumed).
+#: Samples per stroke of a cycle that only prepares: enough to show a fault (assumed).
 PREPARING = Sampling(samples_per_stroke=500, burst_rate_hz=0.0)
-#: How the standing axis is sampled while a sensor is checked (assumed).
+#: Rate of samples at rest while a sensor is checked (assumed).
 CHECKING = Sampling(hold_rate_hz=1000.0, burst_rate_hz=0.0)
 
 
@@ -34,7 +34,7 @@ class Pair:
 
     @property
     def name(self) -> str:
-        """As part of a key: ``a0.5/b0.5``, bar gauge; ``a1.5abs`` where it was stated absolute."""
+        """Part of a key: ``a0.5/b0.5``, bar gauge; ``a1.5abs`` if stated absolute."""
         return f"a{_bar(self.a)}/b{_bar(self.b)}"
 
     def absolute_pa(self, ambient_pa: float) -> tuple[float, float]:
@@ -56,13 +56,13 @@ class Cell:
         ``sweep`` or ``stop``.
     pressures : Pair
     speed_m_s : float
-        Of the sweep, or of the restart after the stop.
+        Speed of the sweep, or of the restart after the stop.
     direction : str
         ``both``, ``+x`` or ``-x``.
     turn : str
-        ``up`` or ``down`` where a speed is measured twice, on the way up and down the list.
+        ``up`` or ``down`` if a speed is measured twice, on the way up and down the list.
     stop_s, released, place
-        Of a stop.
+        Levels of a stop.
     """
 
     kind: str
@@ -76,7 +76,7 @@ class Cell:
 
     @cached_property
     def name(self) -> str:
-        """Names the cell within its block, for good: it is the middle of a key."""
+        """Permanent name of the cell within its block: the middle part of a key."""
         speed = f"v{1e3 * self.speed_m_s:.6g}"
         if self.place is None:
             way = "" if self.direction == "both" else self.direction
@@ -87,7 +87,7 @@ class Cell:
         return "/".join([self.kind, *(part for part in parts if part)])
 
     def levels(self) -> dict[str, Any]:
-        """Give the level of each factor, by the factor's name."""
+        """Return the level of each factor by its name."""
         if self.place is None:
             return {"speed": self.speed_m_s, "turn": self.turn, "pressure": self.pressures.name}
         return {
@@ -101,12 +101,12 @@ class Cell:
 
 
 def pairs(protocol: Protocol) -> list[Pair]:
-    """List the pairs of pressures, in the order given."""
+    """Return the pairs of pressures in the order given."""
     return [Pair(a, b) for a, b in protocol.pressure.levels]
 
 
 def sweep_cells(protocol: Protocol) -> list[Cell]:
-    """List the cells of the sweep, pressure outermost, speeds in the order asked for."""
+    """Return the cells of the sweep, pressure outermost, speeds in the requested order."""
     if protocol.speed is None:
         return []
     up = protocol.speed.levels_m_s
@@ -125,7 +125,7 @@ def sweep_cells(protocol: Protocol) -> list[Cell]:
 
 
 def stop_cells(protocol: Protocol) -> list[Cell]:
-    """List the cells of the stops, pressure outermost, durations innermost."""
+    """Return the cells of the stops, pressure outermost, durations innermost."""
     stop = protocol.stop
     if stop is None:
         return []
@@ -142,7 +142,7 @@ def stop_cells(protocol: Protocol) -> list[Cell]:
 
 
 def cycle_count(protocol: Protocol) -> int:
-    """Count the points of all blocks, without making them."""
+    """Return the number of points of all blocks without building them."""
     stop, speed = protocol.stop, protocol.speed
     turns = 0 if speed is None else len(speed.levels_m_s) * (2 if speed.order == "up-and-down" else 1)
     if stop is not None:
@@ -169,7 +169,7 @@ class Way:
 
     @classmethod
     def on(cls, protocol: Protocol, envelope: Envelope) -> Way:
-        """Lay the protocol's range onto a rig."""
+        """Return the range of a protocol on a rig."""
         low, high = envelope.position_m
         given, margin = protocol.position.range, protocol.position.margin_m
         ends = (low + margin, high - margin) if given is None else (given[0].at(low, high), given[1].at(low, high))
@@ -181,12 +181,12 @@ class Way:
         return self.high_m - self.low_m
 
     def cruise_s(self, speed_m_s: float) -> float:
-        """Return how long a stroke is at constant speed, s; 0 where the ramps do not fit."""
+        """Return the time at constant speed in a stroke, s; 0 if the ramps do not fit."""
         return max(self.length_m / speed_m_s - self.limits.ramp_time_s(speed_m_s), 0.0)
 
 
 class Builder:
-    """Makes the cycles of one protocol on one rig.
+    """Builder of the cycles of one protocol on one rig.
 
     Parameters
     ----------
@@ -203,11 +203,11 @@ class Builder:
         self._steps: dict[str, tuple[Step, ...]] = {}
 
     def begin_block(self, block: int, levels: dict[str, str]) -> None:
-        """Make the cycles of this block from now on, at these levels of the hard-to-change factors."""
+        """Begin a block at these levels of the hard-to-change factors."""
         self.block, self.levels = block, levels
 
     def point(self, cell: Cell, repeat: int) -> Cycle:
-        """Make the cycle that measures a cell; another speed than the protocol's is `dataclasses.replace` away."""
+        """Return the cycle that measures a cell."""
         if cell.name not in self._steps:
             self._steps[cell.name] = self._sweep(cell) if cell.place is None else self._stop(cell)
         return self._cycle(
@@ -222,7 +222,7 @@ class Builder:
         )
 
     def strokes(self, speed_m_s: float) -> int:
-        """Return how often a sweep goes out and back, so that constant speed lasts as long as asked for."""
+        """Return the number of strokes of a sweep that gives the requested time at constant speed."""
         speeds = self.protocol.speed
         cruise = self.way.cruise_s(speed_m_s)
         if speeds is None or cruise == 0.0:
@@ -230,7 +230,7 @@ class Builder:
         return min(max(math.ceil(speeds.settled_time_s / cruise), 1), speeds.most_strokes)
 
     def sentinel(self, number: int) -> Cycle:
-        """Make a sentinel; they are counted from 1 in each block."""
+        """Return a sentinel; each block counts them from 1."""
         sentinel = self.protocol.sentinel
         assert sentinel is not None
         pair = self.first if sentinel.pressure is None else Pair(sentinel.pressure, sentinel.pressure)
@@ -238,19 +238,19 @@ class Builder:
         return self._cycle(f"sentinel/n{number}", "sentinel", steps, pair, speed_m_s=sentinel.speed_m_s)
 
     def warm_up(self, word: str, cycles: int, speed_m_s: float) -> Cycle:
-        """Make the strokes of a warm-up or run-in."""
+        """Return the strokes of a warm-up or run-in."""
         return self._cycle(word, "warm-up", self._out_and_back(speed_m_s, cycles), self.first, sampling=PREPARING)
 
     def standing(self, kind: str, hold: Hold, pair: Pair, weight_kg: float | None = None) -> Cycle:
-        """Make a cycle that stands still: tare, leak check or known weight."""
+        """Return a cycle at rest: tare, leak check or known weight."""
         return self._cycle(kind, kind, (hold,), pair, sampling=CHECKING, released=hold.released, weight_kg=weight_kg)
 
     def blank(self, word: str, speed_m_s: float) -> Cycle:
-        """Make a blank stroke; `word` is before or after."""
+        """Return a blank stroke; `word` is before or after."""
         return self._cycle(f"blank-{word}", "blank", self._out_and_back(speed_m_s, 1), VENTED, speed_m_s=speed_m_s)
 
     def operator(self, word: str, text: str) -> Cycle:
-        """Make a change by hand."""
+        """Return an operator's step."""
         return self._cycle(f"operator/{word}", "operator", (), VENTED, text=text)
 
     def _cycle(
@@ -287,7 +287,7 @@ class Builder:
         return once * self.strokes(cell.speed_m_s)
 
     def _stop(self, cell: Cell) -> tuple[Step, ...]:
-        """Precondition, run the same way uninterrupted, then interrupted; end where the cycle began."""
+        """Return the steps of a stop: preconditioning, uninterrupted stroke, interrupted stroke, way back."""
         stop = self.protocol.stop
         assert stop is not None
         assert cell.place is not None
@@ -311,7 +311,7 @@ class Builder:
 
 
 def _without_standing(steps: list[Step], start_m: float) -> tuple[Step, ...]:
-    """Drop moves to where the axis already stands."""
+    """Remove moves of zero length."""
     out: list[Step] = []
     at = start_m
     for step in steps:
@@ -325,12 +325,12 @@ def _without_standing(steps: list[Step], start_m: float) -> tuple[Step, ...]:
 
 @lru_cache(maxsize=4096)
 def move_time_s(distance_m: float, speed_m_s: float, limits: Limits) -> float:
-    """Return how long a move from rest to rest takes, s."""
+    """Return the time of a move from rest to rest, s."""
     return move(distance_m, speed_m_s, limits).duration_s if distance_m else 0.0
 
 
 def step_times_s(cycle: Cycle, limits: Limits) -> list[float]:
-    """Return how long each step of a cycle takes, s."""
+    """Return the time of each step of a cycle, s."""
     at, out = cycle.start_m, []
     for step in cycle.steps:
         if isinstance(step, Move):
@@ -343,12 +343,12 @@ def step_times_s(cycle: Cycle, limits: Limits) -> list[float]:
 
 
 def cycle_time_s(cycle: Cycle, limits: Limits) -> float:
-    """Return how long the axis needs for a cycle, moves and holds, s."""
+    """Return the time of the axis for a cycle, moves and holds, s."""
     return sum(step_times_s(cycle, limits))
 
 
 def cycle_samples(cycle: Cycle, limits: Limits) -> int:
-    """Return how many samples a cycle leaves, as `pneudrive.rig.sampling.schedule` spaces them."""
+    """Return the number of samples of a cycle, as `pneudrive.rig.sampling.schedule` spaces them."""
     times = step_times_s(cycle, limits)
     steps = zip(times, cycle.steps, strict=True)
     return sum(_samples(time, isinstance(step, Move), cycle.sampling) for time, step in steps) + bool(cycle.steps)

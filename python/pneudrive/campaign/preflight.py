@@ -1,4 +1,4 @@
-"""The pre-flight check: every cycle of a plan against what the rig may be asked to do."""
+"""The pre-flight check: every cycle of a plan against the limits of the rig."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from pneudrive.rig.interface import Envelope, Identity, Rig
     from pneudrive.rig.motion import Limits
 
-#: What lies within rounding of a limit keeps it.
+#: Relative tolerance of a limit, for rounding.
 ROUNDING = 1e-9
-#: Chambers on a common manifold have the same pressure: to what the keys of cycles tell apart.
+#: Chambers on a common manifold have equal pressure, within the resolution of the cycles' keys.
 SAME_PRESSURE_PA = 0.1
-#: So many violations are shown; all are counted.
+#: Number of violations that are shown; all are counted.
 SHOWN = 5
-#: What makes the largest part of a force smaller.
+#: Remedy for the largest contribution to a force.
 LESS_FORCE = {
     "difference of the pressure forces": "Bring the pressures of the chambers closer together.",
     "inertia": "Lower the speed.",
@@ -36,7 +36,7 @@ LESS_FORCE = {
 
 @dataclass(frozen=True)
 class Violation:
-    """One limit that a cycle would break.
+    """A limit that a cycle would break.
 
     Attributes
     ----------
@@ -56,12 +56,12 @@ class Violation:
 
 
 def check(plan: Plan) -> tuple[str, ...]:
-    """Hold every cycle against the envelope and return what should be known, though it is allowed.
+    """Check every cycle against the envelope and return cautions.
 
     Raises
     ------
     ProtocolError
-        Naming the first cycle that breaks each limit, with value, limit and remedy, and how many do.
+        If a cycle breaks a limit; the message names the first one, value, limit, remedy and their number.
     """
     _check_temperature(plan.protocol, plan.envelope)
     alike, allowed = _alike(plan), Allowed.of(plan)
@@ -74,7 +74,7 @@ def check(plan: Plan) -> tuple[str, ...]:
 
 
 def _alike(plan: Plan) -> list[list[Cycle]]:
-    """Put cycles together that ask the same of the rig, such as repeats, in the order of the first of each."""
+    """Group cycles with equal demands on the rig, such as repeats, in the order of the first of each."""
     found: dict[tuple, list[Cycle]] = {}
     for cycle in plan.cycles:
         asks = (cycle.kind, cycle.steps, cycle.speed_m_s, cycle.start_m, cycle.pressure_a_pa, cycle.pressure_b_pa)
@@ -84,14 +84,14 @@ def _alike(plan: Plan) -> list[list[Cycle]]:
 
 @dataclass(frozen=True)
 class Allowed:
-    """What a rig may be asked to do, tightened by a protocol.
+    """The limits of a rig, tightened by a protocol.
 
     Attributes
     ----------
     identity, envelope
         Of the rig.
     axis : Limits
-        With which it starts and stops.
+        For its starts and stops.
     speed_m_s, acceleration_m_s2, force_n, pressure_pa : float
         Upper limits.
     """
@@ -125,7 +125,7 @@ class Allowed:
         return max((_peak_acceleration(d, s.speed_m_s, self.axis) for d, s in _moves(cycle)), default=0.0)
 
     def forces_n(self, cycle: Cycle) -> dict[str, float]:
-        """Return the contributions to the largest force that the sensor will see in a cycle, all not negative."""
+        """Return the contributions to the largest sensor force in a cycle; none is negative."""
         hung = max((step.weight_n for step in cycle.steps if isinstance(step, Hold)), default=0.0)
         if hung:  # on the sensor, the drive uncoupled
             return {"known weight": hung}
@@ -137,20 +137,20 @@ class Allowed:
         }
 
     def pressure_force_n(self, cycle: Cycle) -> float:
-        """Return what the pressures push in +x."""
+        """Return the pressure force in +x, N."""
         ambient = self.identity.ambient_pressure_pa
         gauge_a, gauge_b = cycle.pressure_a_pa - ambient, cycle.pressure_b_pa - ambient
         return gauge_a * self.identity.area_a_m2 - gauge_b * self.identity.area_b_m2
 
     @property
     def weight_n(self) -> float:
-        """Weight of the moving parts along -x."""
+        """Return the weight of the moving parts along -x, N."""
         rig = self.identity
         return rig.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * math.sin(rig.incline_rad)
 
 
 def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
-    """Return for each limit (largest value of the plan, limit, unit); what is not asked for is left out."""
+    """Return (largest value of the plan, limit, unit) of each limit that the plan uses."""
     allowed, cycles = Allowed.of(plan), [alike[0] for alike in _alike(plan)]
     speed = max(step.speed_m_s for cycle in cycles for _, step in _moves(cycle))
     acceleration = max(allowed.peak_acceleration_m_s2(cycle) for cycle in cycles)
@@ -165,7 +165,7 @@ def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
 
 
 def check_range(protocol: Protocol, envelope: Envelope) -> None:
-    """Refuse a range of positions that leaves the rig's, or leaves nothing to move along."""
+    """Refuse a range of positions that is empty or leaves the rig's range."""
     way = Way.on(protocol, envelope)
     low, high = envelope.position_m
     if way.length_m <= 0.0 or way.low_m < low - ROUNDING or way.high_m > high + ROUNDING:
@@ -178,12 +178,12 @@ def check_range(protocol: Protocol, envelope: Envelope) -> None:
 
 
 def check_levels(protocol: Protocol, rig: Rig) -> None:
-    """Refuse a level of mounting, seal or drive that a rig does not have; only a simulated one knows which it has."""
+    """Refuse a level of mounting, seal or drive that the rig lacks; only a simulated rig knows its levels."""
     if not isinstance(rig, Changeable):
         return
     known = rig.levels()
     for name, factor in protocol.hard.items():
-        for level in factor.levels if name in known else ():  # a factor that it does not list takes any name
+        for level in factor.levels if name in known else ():  # an unlisted factor takes any name
             if level not in known[name]:
                 raise protocol.fail(
                     f"{name}.levels",
@@ -193,7 +193,7 @@ def check_levels(protocol: Protocol, rig: Rig) -> None:
 
 
 def violations(cycle: Cycle, allowed: Allowed) -> list[Violation]:
-    """Give what is wrong with one cycle: of each limit the first violation."""
+    """Return the first violation of each limit by one cycle."""
     first: dict[str, Violation] = {}
     for find in (_motion, _pressures, _force):
         for item, value, limit, remedy in find(cycle, allowed):
@@ -222,7 +222,7 @@ def _motion(cycle: Cycle, allowed: Allowed) -> Found:
         speed, reached = step.speed_m_s, allowed.axis.top_speed_m_s(distance)
         if speed > reached * (1.0 + ROUNDING):
             ramps = _mm(2.0 * allowed.axis.ramp_distance_m(speed))
-            limit = f"at most {_mm_s(reached)}, as starting and stopping take {ramps}"
+            limit = f"at most {_mm_s(reached)}, because starting and stopping take {ramps}"
             yield "ramp", f"{_mm_s(speed)} within {_mm(distance)}", limit, "Lower the speed, or use more of the stroke."
 
 
@@ -234,8 +234,8 @@ def _pressures(cycle: Cycle, allowed: Allowed) -> Found:
             limit = f"{_bar(low)} to {_bar(high)}" if low < high else f"the chambers are open to ambient, {_bar(low)}"
             yield "pressure", f"{_bar(value)} in chamber {chamber}", limit, "Change [pressure]."
     if not allowed.envelope.separate_pressures and abs(a - b) > SAME_PRESSURE_PA:
-        limit = "the same pressure in both chambers, which hang on a common manifold"
-        remedy = "Give the pressures as [pressure] both, or take a rig with a regulator each."
+        limit = "the same pressure in both chambers, because they share a common manifold"
+        remedy = "Give the pressures as [pressure] both, or use a rig with a regulator for each chamber."
         yield "manifold", f"{_bar(a)} and {_bar(b)}", limit, remedy
 
 
@@ -243,7 +243,7 @@ def _force(cycle: Cycle, allowed: Allowed) -> Found:
     push = abs(allowed.pressure_force_n(cycle) - allowed.weight_n)
     holds = allowed.envelope.expected_friction_n
     if push > holds > 0.0 and any(isinstance(step, Hold) and step.released for step in cycle.steps):
-        limit = f"a released axis is held by friction alone, at most {holds:.3g} N"
+        limit = f"friction alone holds a released axis, at most {holds:.3g} N"
         remedy = 'Take equal pressures, or [stop] axis = "held"; leave out the tare of an inclined rig.'
         yield "release", f"pressure and weight push with {push:.3g} N", limit, remedy
     parts = allowed.forces_n(cycle)
@@ -251,7 +251,7 @@ def _force(cycle: Cycle, allowed: Allowed) -> Found:
     if total > allowed.force_n * (1.0 + ROUNDING):
         largest = max(parts, key=lambda name: parts[name])
         shown = " + ".join(f"{value:.3g} N {name}" for name, value in parts.items() if value > 0.0)
-        remedy = LESS_FORCE.get(largest, "Take a rig with a force sensor of greater range.")
+        remedy = LESS_FORCE.get(largest, "Use a rig whose force sensor has a greater range.")
         yield "force", f"{total:.4g} N ({shown})", f"at most {allowed.force_n:.4g} N", remedy
 
 
@@ -261,14 +261,14 @@ def _check_temperature(protocol: Protocol, envelope: Envelope) -> None:
     if asked is not None and not max(asked[0], low) < min(asked[1], high):
         raise protocol.fail(
             "conditions.temperature",
-            f"measuring at {_celsius(asked)} is asked for",
+            f"the protocol measures at {_celsius(asked)}",
             rule=f"the rig measures at {_celsius((low, high))}",
             remedy="Change [conditions] temperature.",
         )
 
 
 def _refusal(plan: Plan, found: list[Violation]) -> ProtocolError:
-    """Show of each limit the first cycle that breaks it, and how many do."""
+    """Return the error with the first cycle that breaks each limit, and their number."""
     counts: dict[str, int] = {}
     for one in found:
         counts[one.item] = counts.get(one.item, 0) + 1
@@ -295,7 +295,7 @@ def _moves(cycle: Cycle) -> Iterator[tuple[float, Move]]:
 
 
 def _measuring(cycle: Cycle) -> Iterator[tuple[float, Move]]:
-    """Yield the moves whose speed is what the cycle is for: a way back may stay below its own."""
+    """Yield the moves at the speed of the cycle; a way back may stay below its speed."""
     if cycle.kind in {"sweep", "stop", "sentinel", "blank"}:
         before_hold = {i for i, step in enumerate(cycle.steps[1:]) if isinstance(step, Hold)}
         moves = [i for i, step in enumerate(cycle.steps) if isinstance(step, Move)]
@@ -305,7 +305,7 @@ def _measuring(cycle: Cycle) -> Iterator[tuple[float, Move]]:
 
 
 def _peak_acceleration(distance_m: float, speed_m_s: float, limits: Limits) -> float:
-    """Return the largest acceleration of a move, m/s2: below the axis' limit where the jerk ends the ramp before."""
+    """Return the largest acceleration of a move, m/s2: below the axis' limit if the jerk limit ends the ramp first."""
     speed = min(speed_m_s, limits.top_speed_m_s(distance_m))
     return min(limits.acceleration_m_s2, math.sqrt(speed * limits.jerk_m_s3))
 

@@ -1,4 +1,4 @@
-"""Asking whoever is at the rig, without losing sight of other processes."""
+"""Prompts to the operator, which also watch for requests of other processes."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import NamedTuple, Protocol
 
 from pneudrive.campaign.control import ABORT, CTRL_C, LOOK_S, RESUME, Requests
 
-#: How an answer came.
+#: Ways of an answer.
 AT_TERMINAL = "terminal"
 
 
 class Prompt(Protocol):
-    """Somebody who can be asked."""
+    """Somebody who can be asked; this base class answers nothing."""
 
     @property
     def there(self) -> bool:
-        """Whether anybody would answer."""
+        """Whether anybody can answer."""
         ...
 
     def show(self, text: str) -> None:
@@ -25,12 +25,12 @@ class Prompt(Protocol):
         ...
 
     def line(self, seconds: float) -> str | None:
-        """Wait for a line; None where none has come."""
+        """Wait for a line; return None if no line came."""
         ...
 
 
 class Terminal:
-    """Whoever sits before the terminal that the process was started from; nobody where there is none."""
+    """The user at the terminal of this process; nobody if there is no terminal."""
 
     def __init__(self) -> None:
         self._open = True
@@ -40,7 +40,7 @@ class Terminal:
         """Whether standard input is a terminal."""
         try:
             return self._open and sys.stdin.isatty() and sys.stdout.isatty()
-        except (AttributeError, ValueError):  # closed, or none
+        except (AttributeError, ValueError):  # closed or missing
             return False
 
     def show(self, text: str) -> None:
@@ -62,27 +62,27 @@ class Terminal:
 
 
 class Answer(NamedTuple):
-    """What somebody said in a pause: whether it goes on, who said it, and how."""
+    """An answer in a pause: whether the campaign goes on, who answered, and how."""
 
     goes_on: bool
     name: str
     how: str
 
     def __str__(self) -> str:
-        """Say it in words."""
+        """Return a description in words."""
         who = "at the keyboard" if self.how == AT_TERMINAL else f"by {self.name}"
         return f"{'resumed' if self.goes_on else 'ended'} {who}"
 
 
 def wait_for_answer(requests: Requests, prompt: Prompt, operator: str) -> Answer:
-    """Wait until somebody says whether a paused campaign goes on: at the terminal, or from another process.
+    """Wait for an answer to a pause, at the terminal or from another process.
 
     Parameters
     ----------
     requests : Requests
     prompt : Prompt
     operator : str
-        Who answers with Enter alone.
+        Name of a person who answers with Enter alone.
     """
     while True:
         request = requests.take()

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 FOLDER = Path(__file__).with_name("protocols")
 HARD = ("mounting", "seal", "drive")
-#: Factors that a fraction knows, as `[design] interaction` names them.
+#: Factors of a fraction, as `[design] interaction` names them.
 FACTORS = ("speed", "turn", "stop", "restart", "position", "axis", "direction", "pressure", *HARD)
 
 
@@ -59,9 +59,9 @@ class Protocol(Described):
     about: str = Field(default="", description="free text")
     operator: str = Field(default="", description="who is at the rig")
     seed: Annotated[int, Whole(at_least=0, bound=None)] = Field(
-        default=0, description="of the order, and of a simulated rig"
+        default=0, description="seed of the order and of a simulated rig"
     )
-    repeats: Count = Field(default=1, description="of every point, within each block")
+    repeats: Count = Field(default=1, description="repetitions of every point within each block")
     directions: Literal["both", "+x", "-x"] = Field(
         default="both", description="of sweeps and stops; x grows as chamber a grows"
     )
@@ -107,7 +107,7 @@ class Protocol(Described):
             if name not in FACTORS:
                 raise wrong(
                     "design.interaction",
-                    f"design.interaction: {name!r} is no factor",
+                    f"design.interaction: {name!r} is not a factor",
                     remedy=nearest(name, FACTORS),
                 )
         return self
@@ -120,37 +120,37 @@ class Protocol(Described):
 
     @property
     def sampling(self) -> Sampling:
-        """As a rig takes it."""
+        """Sampling in the form of a rig."""
         s = self.samples
         return Sampling(s.samples_per_stroke, s.burst_rate_hz, s.burst_before_s, s.burst_after_s, s.hold_rate_hz)
 
     @property
     def origin(self) -> str:
-        """File that it was read from."""
+        """File of the protocol."""
         return self._origin
 
     @property
     def text(self) -> str:
-        """The file, to the letter; written anew where there was none."""
+        """Text of the file, unchanged; generated if there was no file."""
         return self._text or toml.write({"schema": self.schema_version} | self.to_dict())
 
     def fail(self, key: str, what: str, *, rule: str | None = None, remedy: str | None = None) -> ProtocolError:
-        """Build an error that points at a key's line."""
+        """Return an error with the line of a key."""
         return toml.located(wrong(key, what, rule=rule, remedy=remedy), self._origin, self._text).turned(ProtocolError)
 
 
 def read_protocol(source: str | Path) -> Protocol:
-    """Read a protocol from a TOML file, or a ready one by its name.
+    """Read a protocol from a TOML file, or a ready protocol by its name.
 
     Parameters
     ----------
     source : path-like
-        A file, or a name that `ready_protocols` lists; a file of that name goes first.
+        A file, or a name that `ready_protocols` lists; a file of that name takes precedence.
 
     Raises
     ------
     ProtocolError
-        Something is wrong; the message names file, line, value, rule and remedy.
+        If the file is invalid; the message names file, line, value, rule and remedy.
     """
     path = Path(source)
     ready = ready_protocols()
@@ -163,7 +163,7 @@ def read_protocol(source: str | Path) -> Protocol:
 
 
 def parse_protocol(text: str, origin: str = "protocol") -> Protocol:
-    """Read a protocol from TOML text; `origin` is what a message calls it.
+    """Read a protocol from TOML text; `origin` names it in messages.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def parse_protocol(text: str, origin: str = "protocol") -> Protocol:
 
 
 def ready_protocols() -> dict[str, Path]:
-    """Return the protocols that ship, by name."""
+    """Return the ready protocols by name."""
     return {path.stem: path for path in sorted(FOLDER.glob("*.toml"))}
 
 

@@ -64,9 +64,9 @@ class Speeds(Described):
     )
     settled_time_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
         default=1.0,
-        description="out and back again until constant speed has lasted this long in each direction; 0 s: once",
+        description="strokes are repeated until constant speed lasted this long in each direction; 0 s: one each",
     )
-    most_strokes: Count = Field(default=20, description="but not more often than this")
+    most_strokes: Count = Field(default=20, description="highest number of these repetitions")
     return_speed_m_s: Speed = Field(
         default=0.1, description="speed of the way back where only one direction is measured"
     )
@@ -106,7 +106,7 @@ class Speeds(Described):
 
 
 class Pressures(Described):
-    """Pressures in the chambers; both open to ambient where nothing is said. Given in exactly one of three ways."""
+    """Pressures in the chambers, in exactly one of three ways; default: both open to ambient."""
 
     table_name: ClassVar[str] = "pressure"
     both: MaybePressures = Field(default=None, description="the same pressure in both chambers")
@@ -116,7 +116,7 @@ class Pressures(Described):
         default=None, description="`[{ a = ..., b = ... }, ...]`"
     )
     settling_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
-        default=5.0, description="waited after each change of pressure, beyond what the rig needs to set it"
+        default=5.0, description="wait after each change of pressure, once the rig has set it"
     )
 
     @model_validator(mode="after")
@@ -144,7 +144,7 @@ class Pressures(Described):
 
 
 class Preconditioning(Described):
-    """What brings the contact to the same state before every stop."""
+    """Strokes that bring the contact to the same state before every stop."""
 
     table_name: ClassVar[str] = "stop.preconditioning"
     strokes: CountOrNone = Field(default=3, description="full strokes out and back")
@@ -160,14 +160,14 @@ class Stops(Described):
     )
     axis: Literal["held", "released", "both"] = Field(
         default="held",
-        description="held: the axis keeps its position; released: it gives way until no force is left; both: a factor",
+        description="held: the axis keeps its position; released: it moves until the force is zero; both: a factor",
     )
     restart_speed_m_s: Annotated[tuple[float, ...], ListOf(SPEED_MARK, "log")] = Field(
         default=(0.01,), description="speed after the stop; one or a list"
     )
     approach_speed_m_s: MaybeSpeed = Field(default=None, description="speed before the stop; absent: the restart speed")
     position: Annotated[tuple[Place, ...], ListOf(PlaceMark())] = Field(
-        default=(Place(0.5, share=True),), description='where, one or a list: "50 %" of the range, or "120 mm"'
+        default=(Place(0.5, share=True),), description='positions, one or a list: "50 %" of the range, or "120 mm"'
     )
     approach_m: MaybeDistance = Field(
         default=None, description="length of the move before the stop; absent: from the end of the range"
@@ -182,7 +182,7 @@ class Stops(Described):
 
     @property
     def released(self) -> tuple[bool, ...]:
-        """Whether the force is released: one or both levels."""
+        """Levels of the release of the force: False, True or both."""
         return {"held": (False,), "released": (True,), "both": (False, True)}[self.axis]
 
 
@@ -191,7 +191,7 @@ class HardFactor(Described):
 
     levels: Annotated[list[str], Field(min_length=1)] = Field(description="names of the levels")
     ask: str = Field(default="", description="what the operator is asked to do; {level} stands for the level")
-    time_s: Annotated[float, Quantity("s", "min", LASTS)] = Field(default=1200.0, description="what a change takes")
+    time_s: Annotated[float, Quantity("s", "min", LASTS)] = Field(default=1200.0, description="time of a change")
 
     @model_validator(mode="after")
     def _distinct(self) -> HardFactor:
@@ -200,32 +200,32 @@ class HardFactor(Described):
             if not level.strip() or level in self.levels[:index]:
                 raise wrong(
                     f"{self.table_name}.levels",
-                    f"{self.table_name}.levels: {level!r} is empty or comes twice",
+                    f"{self.table_name}.levels: {level!r} is empty or occurs twice",
                     rule="levels differ",
                 )
         return self
 
 
 class Mounting(HardFactor):
-    """How the drive is fixed to the rig."""
+    """Mounting of the drive on the rig."""
 
     table_name: ClassVar[str] = "mounting"
 
 
 class Seal(HardFactor):
-    """Which seals are in the drive; a change is followed by the run-in."""
+    """Seals in the drive; the run-in follows a change."""
 
     table_name: ClassVar[str] = "seal"
 
 
 class DriveUnderTest(HardFactor):
-    """Which drive is on the rig; a change is followed by the run-in."""
+    """Drive on the rig; the run-in follows a change."""
 
     table_name: ClassVar[str] = "drive"
 
 
 class Order(Described):
-    """In which order the points are run."""
+    """Order in which the points are run."""
 
     table_name: ClassVar[str] = "order"
     kind: Literal["as-given", "randomised", "interleaved"] = Field(
@@ -246,12 +246,12 @@ class WarmUp(Described):
     cycles: CountOrNone = Field(default=10, description="strokes out and back before each block")
     speed_m_s: Speed = Field(default=0.1, description="their speed")
     run_in_cycles: CountOrNone = Field(
-        default=0, description="more of them where a seal or drive is new: first block, and after a change"
+        default=0, description="additional strokes with a new seal or drive: in the first block and after a change"
     )
 
 
 class SamplingTable(Described):
-    """How samples are spaced; all are kept, none is filtered."""
+    """Spacing of the samples; all are kept unfiltered."""
 
     table_name: ClassVar[str] = "sampling"
     samples_per_stroke: Annotated[int, Whole(at_least=2, bound="samples")] = Field(
@@ -261,10 +261,10 @@ class SamplingTable(Described):
         default=5000.0, description="least rate around each reversal and restart; 0 Hz: no bursts"
     )
     burst_before_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
-        default=0.05, description="how long before a move ends"
+        default=0.05, description="time before the end of a move"
     )
     burst_after_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
-        default=0.2, description="how long after a move begins"
+        default=0.2, description="time after the start of a move"
     )
     hold_rate_hz: Annotated[float, Quantity(*RATE, POSITIVE)] = Field(
         default=20.0, description="rate while the axis stands"
@@ -276,14 +276,14 @@ class KnownWeight(Described):
 
     table_name: ClassVar[str] = "before_block.known_weight"
     mass_kg: Annotated[float, Quantity("kg", "kg", POSITIVE)] = Field(description="its mass; the force is m g")
-    time_s: Time = Field(default=10.0, description="how long it is recorded")
+    time_s: Time = Field(default=10.0, description="duration of its recording")
     change_s: Annotated[float, Quantity("s", "min", LASTS)] = Field(
-        default=120.0, description="what hanging it on takes, and taking it off"
+        default=120.0, description="time to hang it on, and to take it off"
     )
 
 
 class BeforeBlock(Described):
-    """Checks before the points of a block; what is absent is not done."""
+    """Checks before the points of a block; absent keys: no check."""
 
     table_name: ClassVar[str] = "before_block"
     tare_s: MaybeTime = Field(default=None, description="zero of the force sensor: standing, force released, vented")
@@ -306,11 +306,11 @@ class Sentinel(Described):
 
 
 class Filter(Described):
-    """What the analysis applies; never applied at the source, every raw sample is kept."""
+    """Filters of the analysis; the files keep every raw sample."""
 
     table_name: ClassVar[str] = "filter"
     average: Annotated[int, MovingAverage()] = Field(
-        default=1, description='moving average over so many samples, or "none"'
+        default=1, description='moving average over this many samples, or "none"'
     )
     ignore_initial: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=50.0))] = Field(
         default=0.05, description="share of the samples at the beginning of each stroke that is ignored [bracha]"
@@ -318,27 +318,27 @@ class Filter(Described):
 
 
 class Adaptive(Described):
-    """What is decided after each cycle; a rule that is absent is not applied."""
+    """Rules that are applied after each cycle; absent keys: no rule."""
 
     table_name: ClassVar[str] = "adaptive"
     settled_time_s: MaybeTime = Field(
-        default=None, description="a cycle is repeated whose settled part is shorter, in either direction"
+        default=None, description="a cycle is repeated if its settled part is shorter in either direction"
     )
     noise_n: MaybeForce = Field(
-        default=None, description="a cycle is repeated whose mean force has a greater standard error"
+        default=None, description="a cycle is repeated if the standard error of its mean force is greater"
     )
-    repeats: CountOrNone = Field(default=2, description="at most so many further cycles at one point")
+    repeats: CountOrNone = Field(default=2, description="highest number of such repeats at a point")
     interval_n: MaybeForce = Field(
-        default=None, description="no more repeats at a point whose 95 % interval is within plus and minus this"
+        default=None, description="half width of the 95 % interval at which the repeats of a point end"
     )
-    least_repeats: Annotated[int, Whole(at_least=2)] = Field(default=3, description="but not before so many")
+    least_repeats: Annotated[int, Whole(at_least=2)] = Field(default=3, description="least number of such repeats")
     added_speeds: CountOrNone = Field(
-        default=0, description="at most so many further speeds at each pair of pressures, where the curve bends most"
+        default=0, description="highest number of added speeds at each pair of pressures, where the curve bends most"
     )
 
 
 class Conditions(Described):
-    """Conditions under which measuring goes on; out of them the campaign waits."""
+    """Conditions for measuring; outside them the campaign waits."""
 
     table_name: ClassVar[str] = "conditions"
     supply_pressure: MaybePressure = Field(default=None, description="least supply pressure")
@@ -346,12 +346,12 @@ class Conditions(Described):
         default=None, description='range, "15 degC .. 30 degC"'
     )
     force_share: Annotated[float, Percent(bounds=Bounds(above=0.0, at_most=100.0))] = Field(
-        default=0.9, description="of the range of the force sensor"
+        default=0.9, description="share of the range of the force sensor at which a cycle is given up"
     )
 
 
 class Tightened(Described):
-    """Limits within those of the rig; the tighter one holds."""
+    """Limits in addition to those of the rig; the tighter one applies."""
 
     table_name: ClassVar[str] = "limits"
     speed_m_s: MaybeSpeed = Field(default=None, description="highest speed")
@@ -360,7 +360,7 @@ class Tightened(Described):
     )
     force_n: MaybeForce = Field(default=None, description="highest force, either sign")
     pressure: MaybePressure = Field(default=None, description="highest pressure in either chamber")
-    time_s: Time = Field(default=28800.0, description="beyond this a fraction of the campaign is proposed")
+    time_s: Time = Field(default=28800.0, description="time of the campaign above which a fraction of it is proposed")
 
 
 class Range(Described):
@@ -372,12 +372,12 @@ class Range(Described):
         description='"20 mm .. 280 mm", or "5 % .. 95 %" of the rig\'s range; absent: all of it but the margin',
     )
     margin_m: Annotated[float, Quantity(*LENGTH, NOT_NEGATIVE)] = Field(
-        default=1e-3, description="kept from the ends of the rig's range where `range` is absent"
+        default=1e-3, description="distance from the ends of the rig's range if `range` is absent"
     )
 
 
 class DesignTable(Described):
-    """What a fraction of the campaign must still be able to tell."""
+    """Effects that a fraction of the campaign must keep estimable."""
 
     table_name: ClassVar[str] = "design"
     interaction: Annotated[list[str], Field(min_length=2, max_length=2)] | None = Field(
@@ -388,7 +388,7 @@ class DesignTable(Described):
 
 
 class Fraction(Described):
-    """The part of the cells that is run; `pneudrive campaign plan --fraction` writes it."""
+    """Cells that are run; `pneudrive campaign plan --fraction` writes this table."""
 
     table_name: ClassVar[str] = "fraction"
     cells: Annotated[list[str], Field(min_length=1)] = Field(description="names of the cells")
@@ -398,6 +398,6 @@ class Fraction(Described):
         seen: set[str] = set()
         for cell in self.cells:
             if cell in seen:
-                raise wrong("fraction.cells", f"fraction.cells: {cell!r} comes twice")
+                raise wrong("fraction.cells", f"fraction.cells: {cell!r} occurs twice")
             seen.add(cell)
         return self

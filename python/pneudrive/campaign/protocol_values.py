@@ -1,4 +1,4 @@
-"""Values of a protocol that a drive file does not have: lists of levels, ranges, shares, places along the stroke."""
+"""Values of a protocol only: lists of levels, ranges, shares, places along the stroke."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pneudrive.describe.base import Bounds, Mark, Quantity, StatedPressure, Wron
 from pneudrive.describe.marks import Whole
 from pneudrive.errors import DescriptionError, nearest
 
-#: Significant digits of the levels between the ends of a range, so that a level is what its name says.
+#: Significant digits of the levels between the ends of a range, so that its name states a level exactly.
 DIGITS = 4
 SPACINGS = ("log", "linear")
 AMBIENT = units.Pressure(0.0, gauge=True)
@@ -25,20 +25,20 @@ class MovingAverage(Quantity):
     si_unit: str = ""
 
     def read(self, given: object) -> int:
-        """Check."""
+        """Convert and check."""
         if given == "none":
             return 1
         if isinstance(given, bool) or not isinstance(given, int) or given < 1:
-            raise WrongValueError(f"{given!r} is no number of samples", remedy='Write 5, or "none".')
+            raise WrongValueError(f"{given!r} is not a number of samples", remedy='Write 5, or "none".')
         Bounds(bound="samples").beyond(given, given)
         return given
 
     def show(self, value: float) -> str | float:
-        """Write it as users would."""
+        """Return it as users write it."""
         return "none" if value == 1 else int(value)
 
     def schema(self) -> dict[str, Any]:
-        """Describe the form in which users write it."""
+        """Return the schema of its written form."""
         return {"anyOf": [{"type": "integer", "minimum": 1}, {"const": "none"}]}
 
 
@@ -54,12 +54,12 @@ class Place:
         return low_m + self.value * (high_m - low_m) if self.share else self.value
 
     def __str__(self) -> str:
-        """Write it as users would."""
+        """Return it as users write it."""
         return units.write_share(self.value) if self.share else units.write(self.value, "m", "mm")
 
     @property
     def name(self) -> str:
-        """As part of a key: ``x50pc`` or ``x120mm``."""
+        """Part of a key: ``x50pc`` or ``x120mm``."""
         return "x" + str(self).replace(" %", "pc").replace(" ", "")
 
 
@@ -72,11 +72,11 @@ class PlaceMark(Mark):
         return place(given)
 
     def show(self, value: Place) -> str:
-        """Write it as users would."""
+        """Return it as users write it."""
         return str(value)
 
     def schema(self) -> dict[str, Any]:
-        """Describe the form in which users write it."""
+        """Return the schema of its written form."""
         return {"type": "string", "x-unit": "m or %"}
 
 
@@ -87,15 +87,15 @@ class PressurePair(StatedPressure):
     def read(self, given: object) -> tuple[units.Pressure, units.Pressure]:  # type: ignore[override]
         """Convert and check both."""
         if not isinstance(given, dict) or set(given) != {"a", "b"}:
-            raise WrongValueError(f"{given!r} is no pair of pressures", remedy="Write { a = ..., b = ... }.")
+            raise WrongValueError(f"{given!r} is not a pair of pressures", remedy="Write { a = ..., b = ... }.")
         return super().read(given["a"]), super().read(given["b"])
 
     def show(self, value: tuple[units.Pressure, units.Pressure]) -> dict[str, str]:  # type: ignore[override]
-        """Write both."""
+        """Return both as users write them."""
         return {"a": str(value[0]), "b": str(value[1])}
 
     def schema(self) -> dict[str, Any]:
-        """Describe the form in which users write it."""
+        """Return the schema of its written form."""
         both = {"a": super().schema(), "b": super().schema()}
         return {"type": "object", "properties": both, "required": ["a", "b"], "additionalProperties": False}
 
@@ -107,13 +107,13 @@ class ListOf(Mark):
     Parameters
     ----------
     one : Mark
-        How each value is written.
+        Annotation of each value.
     spacing : str
-        Of a range that does not say, ``log`` or ``linear``; empty where there are no ranges.
+        Default of a range, ``log`` or ``linear``; empty: no ranges.
     sorts : bool
-        Stores them ascending; else in the order given.
+        Store the values ascending; else in the order given.
     only_list : bool
-        One value stands in a list, too.
+        A single value needs a list, too.
     """
 
     one: Mark
@@ -126,7 +126,7 @@ class ListOf(Mark):
         if self.spacing and isinstance(given, dict):
             return self._range(given)
         if self.only_list and (not isinstance(given, list) or not given):
-            raise WrongValueError(f"{given!r} is no list of pairs", remedy="Write [{ a = ..., b = ... }, ...].")
+            raise WrongValueError(f"{given!r} is not a list of pairs", remedy="Write [{ a = ..., b = ... }, ...].")
         values = [self.one.read(one) for one in listed(given)]
         values = sorted(values) if self.sorts else values
         return distinct(values, [str(self.one.show(value)) for value in values])
@@ -142,15 +142,15 @@ class ListOf(Mark):
         return tuple(units.Pressure(value, ends[0].gauge) for value in values)
 
     def show(self, value: tuple[Any, ...]) -> list[Any]:
-        """Write all."""
+        """Return all as users write them."""
         return [self.one.show(one) for one in value]
 
     def named(self, value: tuple[Any, ...]) -> tuple[Any, ...]:
-        """Give each as a quantity that shows its unit."""
+        """Return each as a quantity that shows its unit."""
         return tuple(map(self.one.named, value))
 
     def schema(self) -> dict[str, Any]:
-        """Describe the forms in which users write it."""
+        """Return the schema of its written forms."""
         one = self.one.schema()
         if isinstance(self.one, Quantity):
             one.pop("description")
@@ -170,23 +170,23 @@ class BetweenPlaces(Quantity):
         """Convert and check."""
         ends = given.split("..") if isinstance(given, str) else []
         if len(ends) != 2:
-            raise WrongValueError(f"{given!r} is no range", remedy='Write "10 mm .. 290 mm" or "5 % .. 95 %".')
+            raise WrongValueError(f"{given!r} is not a range", remedy='Write "10 mm .. 290 mm" or "5 % .. 95 %".')
         low, high = place(ends[0].strip()), place(ends[1].strip())
         if low.share == high.share and not low.value < high.value:
-            raise WrongValueError(f'range "{given}" is empty', rule="the first end lies below the second")
+            raise WrongValueError(f'range "{given}" is empty', rule="the first end must lie below the second")
         return low, high
 
     def show(self, value: tuple[Place, Place]) -> str:  # type: ignore[override]
-        """Write it as users would."""
+        """Return it as users write it."""
         return f"{value[0]} .. {value[1]}"
 
     def schema(self) -> dict[str, Any]:
-        """Describe the form in which users write it."""
+        """Return the schema of its written form."""
         return {"type": "string", "pattern": r"^.+ \.\. .+$", "x-unit": "m or %"}
 
 
 def listed(given: object) -> list[object]:
-    """Return what was given as a list; one value is a list of one."""
+    """Return a list as it is, and one value as a list of one."""
     if isinstance(given, list):
         if not given:
             raise WrongValueError("the list is empty")
@@ -196,17 +196,17 @@ def listed(given: object) -> list[object]:
 
 
 def distinct(values: Any, shown: list[str]) -> Any:  # noqa: ANN401 - any sequence
-    """Return the values as a tuple, or say which one comes twice."""
+    """Return the values as a tuple; refuse a value that occurs twice."""
     seen = set()
     for index, one in enumerate(values):
         if one in seen:
-            raise WrongValueError(f"{shown[index]} comes twice", remedy="Repetitions are asked for by `repeats`.")
+            raise WrongValueError(f"{shown[index]} occurs twice", remedy="Use `repeats` for repetitions.")
         seen.add(one)
     return tuple(values)
 
 
 def spacing_of(given: dict[str, Any], spacing: str) -> tuple[object, object, int, str]:
-    """Take ``{ from, to, count, spacing }`` apart."""
+    """Read ``{ from, to, count, spacing }``."""
     for key in given:
         if key not in {"from", "to", "count", "spacing"}:
             raise WrongValueError(f"'{key}' is not known here", remedy=nearest(key, ["from", "to", "count", "spacing"]))
@@ -220,7 +220,7 @@ def spacing_of(given: dict[str, Any], spacing: str) -> tuple[object, object, int
 
 
 def spaced(low: float, high: float, count: int, spacing: str, mark: Quantity) -> tuple[float, ...]:
-    """Space `count` levels between two ends, which are kept exactly; those between have `DIGITS` significant digits.
+    """Return `count` levels from end to end; the ends are exact, levels between have `DIGITS` significant digits.
 
     Examples
     --------
@@ -228,9 +228,9 @@ def spaced(low: float, high: float, count: int, spacing: str, mark: Quantity) ->
     (0.001, 0.01, 0.1)
     """
     if not low < high:
-        raise WrongValueError("the range is empty", rule="`from` lies below `to`")
+        raise WrongValueError("the range is empty", rule="`from` must lie below `to`")
     if spacing == "log" and not low > 0.0:
-        raise WrongValueError("a logarithmic range starts above zero", remedy='Write spacing = "linear".')
+        raise WrongValueError("a logarithmic range must start above zero", remedy='Write spacing = "linear".')
     unit = mark.written or mark.si_unit
     factor, offset = units.converter(unit, mark.si_unit)
     inner = []
@@ -242,7 +242,7 @@ def spaced(low: float, high: float, count: int, spacing: str, mark: Quantity) ->
     out = (low, *inner, high)
     if any(not a < b for a, b in pairwise(out)):
         raise WrongValueError(
-            f"{count} levels lie closer than {DIGITS} significant digits tell apart", remedy="Lower the count."
+            f"{count} levels do not differ within {DIGITS} significant digits", remedy="Lower the count."
         )
     return out
 

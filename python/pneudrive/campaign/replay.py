@@ -1,4 +1,4 @@
-"""A rig that has been recorded: it plays the recording that is like what a cycle asks for."""
+"""A replayed rig: it plays the recording that matches a cycle."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Sa
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-PART_S = 0.1  # samples come in parts of this duration, on the clock on the wall
+PART_S = 0.1  # samples come in parts of this duration, wall-clock time
 SHOWN = 6
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How much a recording may differ from what is asked: relative for speeds and stops, Pa for pressures."""
+    """Allowed difference between a recording and a request: relative for speeds and stops, Pa for pressures."""
 
     speed: float = 0.05
     pressure_pa: float = 2000.0
@@ -30,17 +30,17 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class ReplaySource(ABC):
-    """One recording that can be played.
+    """A recording that can be played.
 
     Attributes
     ----------
     name, key : str
-        File; the campaign's key of it, "" where it is foreign.
+        File; its key in the campaign, "" for a foreign recording.
     steps : tuple of Move and Hold
-        What the axis did. Empty where a campaign's writer did not say it.
+        What the axis did. Empty if the file does not say it.
     pressure_a_pa, pressure_b_pa : float
     began_s : float
-        The rig's clock at its beginning.
+        Time of the rig's clock at its start.
     levels : dict
         What was mounted.
     """
@@ -55,15 +55,15 @@ class ReplaySource(ABC):
 
     @abstractmethod
     def first_step(self, steps: Sequence[Step], tolerance: Tolerance) -> int | None:
-        """Give the step of this recording at which the asked ones begin; None where they are not in it."""
+        """Return the step of this recording where the requested steps begin; None if it lacks them."""
 
     @abstractmethod
     def samples(self, first: int, steps: Sequence[Step]) -> Samples:
-        """Read the samples of these steps, from step `first` of the recording on."""
+        """Read the samples of these steps, starting with step `first` of the recording."""
 
     @abstractmethod
     def range_m(self) -> tuple[float, float] | None:
-        """Give the positions between which the axis went, where the recording tells."""
+        """Return the range of positions, m, if the recording shows it."""
 
     @property
     def speeds_m_s(self) -> list[float]:
@@ -71,18 +71,18 @@ class ReplaySource(ABC):
         return [step.speed_m_s for step in self.steps if isinstance(step, Move)]
 
     def truth(self) -> dict[str, Any]:
-        """Give what was true of it, where that is kept."""
+        """Return the ground truth of the recording, if it was kept."""
         return {}
 
     def __str__(self) -> str:
-        """Say it in words."""
+        """Return a description in words."""
         speed = f"{1e3 * np.median(self.speeds_m_s):.4g} mm/s" if self.speeds_m_s else "no move"
         pressures = f"{self.pressure_a_pa / 1e5:.4g} and {self.pressure_b_pa / 1e5:.4g} bar abs"
         return f"{self.name} ({speed}, {pressures})"
 
 
 class ReplayRig:
-    """A rig that has been recorded: `Rig`, `Reproducible` and `Changeable`.
+    """A rig that plays recordings: `Rig`, `Reproducible` and `Changeable`.
 
     Parameters
     ----------
@@ -90,13 +90,13 @@ class ReplayRig:
     identity : Identity
     limits : Envelope
     pace : float, optional
-        Seconds of the recording per second on the wall; None: as fast as it goes.
+        Seconds of the recording per second of wall-clock time; None: as fast as possible.
     tolerance : Tolerance, optional
 
     Notes
     -----
-    `acquire` plays the recording that is like what is asked: its steps, pressures and mounting within the tolerance. Of
-    several that are, the one whose key was announced by `begin_cycle`, else the one that was played least often.
+    `acquire` plays the recording that matches the request: steps, pressures and mounting within the tolerance. Of
+    several matches it takes the one whose key `begin_cycle` announced, else the one played least often.
     """
 
     def __init__(
@@ -121,19 +121,19 @@ class ReplayRig:
         self._state = RigState(limits.home_m, 0.0, ambient, ambient, supply, sum(limits.temperature_k) / 2.0, 0.0)
 
     def identity(self) -> Identity:
-        """Tell which rig was recorded."""
+        """Return the identity of the recorded rig."""
         return self._identity
 
     def limits(self) -> Envelope:
-        """Tell what was recorded: the rig's own limits where they are known."""
+        """Return the limits of the recordings; those of the rig if they are known."""
         return self._limits
 
     def state(self) -> RigState:
-        """Tell what was played last."""
+        """Return the state at the end of the last playback."""
         return self._state
 
     def home(self) -> None:
-        """Go home; nothing is played."""
+        """Home the axis; nothing is played."""
         self._state = replace(self._state, position_m=self._limits.home_m)
 
     def set_pressure(self, a_pa: float, b_pa: float) -> None:
@@ -152,7 +152,7 @@ class ReplayRig:
         self._wait(time.monotonic(), duration_s)
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
-        """Play the recording that is like these steps, at the times at which it was sampled."""
+        """Play the recording that matches these steps, at its own sample times."""
         source, first = self._find(steps)
         self._played[source.name] += 1
         self._last = source
@@ -160,37 +160,37 @@ class ReplayRig:
         return self._play(source, source.samples(first, steps))
 
     def stop(self) -> None:
-        """End what plays; ambient pressure is asked for next."""
+        """Stop the playback; the next request is for ambient pressure."""
         self._halted.set()
         ambient = self._identity.ambient_pressure_pa
         self._state = replace(self._state, pressure_a_pa=ambient, pressure_b_pa=ambient, moving=False)
 
     def begin_cycle(self, key: str) -> None:
-        """Prefer the recording of this key, and source over its time."""
+        """Prefer the recording of this key; its key counts more than its time."""
         self._key = key
         for source in self.sources:
             if source.key == key:
                 self._state = replace(self._state, time_s=source.began_s)
 
     def memory(self) -> dict[str, Any]:
-        """Give what was played how often."""
+        """Return how often each recording was played."""
         return {"played": dict(self._played)}
 
     def restore(self, memory: dict[str, Any]) -> None:
-        """Take back what was played how often."""
+        """Restore how often each recording was played."""
         self._played.update(memory.get("played", {}))
 
     def truth(self) -> dict[str, Any]:
-        """Give what was true of the recording that was played last, where that is kept."""
+        """Return the ground truth of the last recording, if it was kept."""
         return {} if self._last is None else self._last.truth()
 
     def levels(self) -> dict[str, tuple[str, ...]]:
-        """Give what was mounted in the recordings."""
+        """Return the mountings of the recordings."""
         factors = dict.fromkeys(factor for source in self.sources for factor in source.levels)
         return {f: tuple(dict.fromkeys(t.levels[f] for t in self.sources if f in t.levels)) for f in factors}
 
     def change(self, levels: dict[str, str]) -> None:
-        """Ask for recordings with this mounted."""
+        """Ask for recordings with this mounting."""
         self._levels.update(levels)
 
     def _find(self, steps: Sequence[Step]) -> tuple[ReplaySource, int]:
@@ -221,13 +221,13 @@ class ReplayRig:
 
         near = sorted(self.sources, key=distance)[:SHOWN]
         return RigError(
-            f"no recording is like the cycle: {len(moves)} moves at {1e3 * wanted:.4g} mm/s, "
+            f"no recording matches the cycle: {len(moves)} moves at {1e3 * wanted:.4g} mm/s, "
             f"longest stop {stop:.4g} s, chambers at {pressures}",
             where=self._key or None,
             value="nearest: " + "; ".join(map(str, near)),
             rule=f"the same steps, speeds within {100 * self.tolerance.speed:g} %, "
             f"pressures within {self.tolerance.pressure_pa / 100:g} mbar",
-            remedy="ask for what was recorded, or allow more in the rig file (speed_tolerance, pressure_tolerance)",
+            remedy="Ask for a recorded cycle, or allow more in the rig file (speed_tolerance, pressure_tolerance)",
         )
 
     def _play(self, source: ReplaySource, samples: Samples) -> Iterator[Samples]:

@@ -1,6 +1,6 @@
-"""Where a replay's recordings come from: a campaign's folder, foreign files with a layout, a rig file that names them.
+"""Sources of a replay: a campaign folder, foreign files with a layout, or a rig file that names them.
 
-It stands above `pneudrive.rig`, whose registry names it, because it reads campaign folders.
+This module lies above `pneudrive.rig` because it reads campaign folders; the registry of rigs names it.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
-# Of a rig of which only recordings are known (assumed): they decide where a plan expects its ramps to end.
+# Axis limits of a rig known from recordings only (assumed): a plan computes the ends of its ramps from them.
 ASSUMED_ACCELERATION_M_S2, ASSUMED_JERK_M_S3 = 5.0, 200.0
 ANY_TEMPERATURE_K = (0.0, 1000.0)
 NO_LIMIT_N = 1e9
 SAME_POSITION_M = 1e-3
-STROKE_SLACK = 0.05  # share of the travel by which a stroke may end elsewhere
+STROKE_SLACK = 0.05  # allowed error of a stroke's end, share of the travel
 
 
 class ReplayFile(RigFile):
@@ -51,27 +51,27 @@ class ReplayFile(RigFile):
 
 @dataclass(frozen=True)
 class RecordedCycle(ReplaySource):
-    """A cycle of a campaign's folder; ``true`` is the file that says what was true."""
+    """A cycle of a campaign folder; ``true`` is the file of its ground truth."""
 
     file: CycleFile
     true: Path
 
     @classmethod
     def of(cls, file: CycleFile, campaign: Campaign) -> RecordedCycle:
-        """Take what its head says."""
+        """Make one from the header of a cycle."""
         cycle, true = file.head.cycle, campaign.path / TRUTH / f"{file.name}.json"
         pressures = (cycle.pressure_a_pa, cycle.pressure_b_pa)
         return cls(file.name, cycle.key, cycle.steps, *pressures, file.head.began_s, dict(cycle.levels), file, true)
 
     def first_step(self, steps: Sequence[Step], tolerance: Tolerance) -> int | None:
-        """Take the whole cycle, or nothing of it."""
+        """Return 0 if the whole cycle matches, else None."""
         if not self.steps:
             return 0 if self._was_for(steps, tolerance) else None
         same = len(steps) == len(self.steps) and all(map(_like, steps, self.steps, [tolerance] * len(steps)))
         return 0 if same else None
 
     def _was_for(self, steps: Sequence[Step], tolerance: Tolerance) -> bool:
-        """Whether a cycle of which only the purpose is known is the asked one: longest stop, speed of what follows."""
+        """Return whether a cycle without steps matches by its purpose: longest stop, and speed after it."""
         cycle = self.file.head.cycle
         holds = [(step.duration_s, at) for at, step in enumerate(steps) if isinstance(step, Hold)]
         stop, at = max(holds, default=(0.0, 0)) if cycle.stop_s else (0.0, 0)
@@ -81,11 +81,11 @@ class RecordedCycle(ReplaySource):
         return bool(cycle.stop_s) == bool(holds) and abs(stop - (cycle.stop_s or 0.0)) <= tolerance.speed * stop
 
     def samples(self, first: int, steps: Sequence[Step]) -> Samples:
-        """Read all of them."""
+        """Read all samples of the cycle."""
         return self.file.samples()
 
     def range_m(self) -> tuple[float, float] | None:
-        """Give what the moves cover; where the head has none, what the samples cover."""
+        """Return the range of the moves, m; without moves in the header, that of the samples."""
         if self.steps:
             return _range(self.steps)
         position = self.file.samples().position_m
@@ -93,32 +93,32 @@ class RecordedCycle(ReplaySource):
 
     @property
     def speeds_m_s(self) -> list[float]:
-        """Speeds of the moves; where the head has none, the one that the cycle is for."""
+        """Speeds of the moves; without moves in the header, the speed of the cycle."""
         speed = self.file.head.cycle.speed_m_s
         return super().speeds_m_s or ([speed] if speed else [])
 
     def truth(self) -> dict[str, Any]:
-        """Read what was true of it."""
+        """Read the ground truth of the cycle."""
         return read_json(self.true, RigError) if self.true.is_file() else {}
 
 
 @dataclass(frozen=True)
 class ForeignRecording(ReplaySource):
-    """Strokes of a foreign file, played from the one whose direction is asked; they may end ``slack_m`` elsewhere."""
+    """Strokes of a foreign file, played from one in the requested direction; their ends may differ by ``slack_m``."""
 
     file: RecordingFile
     slack_m: float
 
     @classmethod
     def of(cls, file: RecordingFile, recording: Recording, strokes: list[Stroke]) -> ForeignRecording:
-        """Take what its samples say."""
+        """Make one from the samples of a recording."""
         steps = tuple(Move(stroke.to_m, abs(stroke.speed_m_s)) for stroke in strokes)
         pressures = (float(np.median(recording.pressure_a_pa)), float(np.median(recording.pressure_b_pa)))
         slack = max(STROKE_SLACK * float(np.ptp(recording.position_m)), SAME_POSITION_M)
         return cls(recording.name, "", steps, *pressures, 0.0, {}, file, slack)
 
     def first_step(self, steps: Sequence[Step], tolerance: Tolerance) -> int | None:
-        """Find strokes that go where the moves go, as fast."""
+        """Return the first stroke with the ends and the speed of the moves."""
         moves = [step for step in steps if isinstance(step, Move)]
         if not moves or _stops_on_the_way(steps):
             return None
@@ -132,11 +132,11 @@ class ForeignRecording(ReplaySource):
         return None
 
     def samples(self, first: int, steps: Sequence[Step]) -> Samples:
-        """Read as many strokes as there are moves."""
+        """Read one stroke for each move."""
         return _strokes_as(steps, first, *_strokes_of(self.file))
 
     def range_m(self) -> tuple[float, float] | None:
-        """Give what the strokes cover."""
+        """Return the range of the strokes, m."""
         return _range(self.steps)
 
 
@@ -154,7 +154,7 @@ def _range(steps: Sequence[Step]) -> tuple[float, float] | None:
 
 
 def _strokes_as(steps: Sequence[Step], first: int, recording: Recording, strokes: list[Stroke]) -> Samples:
-    """Give the samples of as many strokes as there are moves, numbered as the steps that were asked for."""
+    """Return the samples of one stroke for each move, with the numbers of the requested steps."""
     moves = [index for index, step in enumerate(steps) if isinstance(step, Move)]
     played = strokes[first : first + len(moves)]
     rows = slice(played[0].start, played[-1].stop)
@@ -176,7 +176,7 @@ def _strokes_as(steps: Sequence[Step], first: int, recording: Recording, strokes
 
 
 def _like(asked: Step, recorded: Step, tolerance: Tolerance) -> bool:
-    """Whether a recorded step of a campaign is the asked one."""
+    """Return whether a recorded step matches the requested step."""
     if isinstance(asked, Move) and isinstance(recorded, Move):
         near = abs(asked.to_m - recorded.to_m) <= SAME_POSITION_M
         return near and _as_fast(asked.speed_m_s, recorded.speed_m_s, tolerance)
@@ -191,21 +191,21 @@ def _as_fast(asked_m_s: float, recorded_m_s: float, tolerance: Tolerance) -> boo
 
 
 def _stops_on_the_way(steps: Sequence[Step]) -> bool:
-    """Whether a hold lies between moves of one direction, or begins or ends the cycle."""
+    """Return whether a hold lies between moves of one direction, or begins or ends the cycle."""
     for index, step in enumerate(steps):
         if not isinstance(step, Hold):
             continue
         before = [s for s in steps[:index] if isinstance(s, Move)]
         after = [s for s in steps[index:] if isinstance(s, Move)]
         if len(before) < 2 or not after:
-            return len(before) != 1 or not after  # one move before it: its direction is not known, but it is a turn
+            return len(before) != 1 or not after  # one move before: direction unknown, the axis turns
         if (before[-1].to_m > before[-2].to_m) == (after[0].to_m > before[-1].to_m):
             return True
     return False
 
 
 def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) -> ReplayRig:
-    """Make a rig of a folder (a campaign's, or of recordings with ``layout.toml``) or of a rig file that names one.
+    """Make a rig from a folder (campaign, or recordings with ``layout.toml``) or from a rig file that names one.
 
     Raises
     ------
@@ -231,8 +231,8 @@ def _folder_rig(folder: Path, pace: float | None, tolerance: Tolerance) -> Repla
         return recordings_rig(folder, None, "*", pace, tolerance)
     raise RigError(
         f"{folder} holds neither a campaign nor recordings with a layout",
-        rule=f"a campaign's folder has {ABOUT} and {CYCLES}/, one of recordings has layout.toml",
-        remedy='a rig file with kind = "replay" can name folder, layout and pattern',
+        rule=f"a campaign folder holds {ABOUT} and {CYCLES}/, a folder of recordings holds layout.toml",
+        remedy='Or name folder, layout and pattern in a rig file with kind = "replay"',
     )
 
 
@@ -243,12 +243,12 @@ def campaign_rig(
     identity: Identity | None = None,
     limits: Envelope | None = None,
 ) -> ReplayRig:
-    """Make a rig of a campaign's folder; it has the limits of the original where the folder tells them.
+    """Make a rig from a campaign folder, with the limits of the original rig if the folder states them.
 
     Raises
     ------
     RigError, CampaignError
-        It is not a campaign, or has no finished cycle.
+        If it is not a campaign, or has no finished cycle.
     """
     campaign = Campaign.open(folder)
     sources = [RecordedCycle.of(file, campaign) for file in campaign.cycles() if file.head.cycle.kind != "operator"]
@@ -269,24 +269,24 @@ def recordings_rig(
     identity: Identity | None = None,
     limits: Envelope | None = None,
 ) -> ReplayRig:
-    """Make a rig of foreign recordings: each is one speed and pressure, its strokes are played.
+    """Make a rig from foreign recordings: each has one speed and pressure, and its strokes are played.
 
     Parameters
     ----------
     folder : Path
     layout : Path, optional
-        How they are read; ``layout.toml`` in the folder where absent.
+        How they are read; default: ``layout.toml`` in the folder.
     pattern : str
-        Which files of the folder.
+        Pattern of the file names.
     pace, tolerance
         As for `ReplayRig`.
     identity, limits : Identity, Envelope, optional
-        Instead of what layout and recordings tell.
+        Replace those from layout and recordings.
 
     Raises
     ------
     RigError, RecordingError, LayoutError
-        No file, one that cannot be read, or recordings of different drives.
+        If there is no file, a file cannot be read, or the drives differ.
     """
     from pneudrive.signals.load import recording_files
 
@@ -298,8 +298,8 @@ def recordings_rig(
         recording, strokes = _strokes_of(file)
         first = first or recording
         if (recording.area_a_m2, recording.area_b_m2) != (first.area_a_m2, first.area_b_m2):
-            what = f"{recording.name} and {first.name} are of drives of different size"
-            raise RigError(what, where=str(folder), remedy="choose those of one drive by `pattern` in a rig file")
+            what = f"{recording.name} and {first.name} are from drives of different size"
+            raise RigError(what, where=str(folder), remedy="Choose recordings of one drive by `pattern` in a rig file")
         sources.append(ForeignRecording.of(file, recording, strokes))
     assert first is not None, "there is a file"
     identity = identity or _identity(folder, first)
@@ -321,12 +321,12 @@ def _identity(folder: Path, recording: Recording) -> Identity:
 
 
 def _envelope(sources: Sequence[ReplaySource], identity: Identity) -> Envelope:
-    """Limits of a rig of which only recordings are known: what all of them cover."""
+    """Return the limits of a rig known from recordings only: the range that all of them cover."""
     spans = [span for source in sources if (span := source.range_m()) is not None]
     speeds = [speed for source in sources for speed in source.speeds_m_s]
     if not spans:
-        raise RigError("no recording goes to and fro", rule="the range of the axis is not known then")
-    # Files of a campaign share the axis; foreign ones each have strokes of their own, and a plan must fit into all.
+        raise RigError("no recording moves in both directions", rule="the range of the axis is unknown then")
+    # Files of a campaign share the axis. Foreign files differ in their strokes, and a plan must fit into all.
     foreign = isinstance(sources[0], ForeignRecording)
     low = (max if foreign else min)(span[0] for span in spans)
     high = (min if foreign else max)(span[1] for span in spans)

@@ -1,4 +1,4 @@
-"""The one thread that a rig is used from, so that a laboratory's own code need not be safe for several."""
+"""The one thread that uses a rig: a laboratory's code need not be thread-safe."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
     from pneudrive.rig.interface import Rig
 
-#: How long a rig may take to come to rest before the campaign ends without it, s.
+#: Longest time for a rig to come to rest before the campaign ends without it, s.
 STOP_S = 30.0
 
 
 class RigThread:
-    """Runs one job after the other on a thread of its own; only `Rig.stop` is called from others too, at any time.
+    """A thread that runs one job after the other; other threads may call `Rig.stop` only, at any time.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class RigThread:
     Attributes
     ----------
     interrupted : threading.Event
-        Set while the present job is to end as soon as it can.
+        Set while the present job must end as soon as possible.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -38,7 +38,7 @@ class RigThread:
         self._last: Future[Any] = self._thread.start(lambda: None)
 
     def start(self, job: Callable[[Rig], Any], *, moves: bool = True) -> Future[Any]:
-        """Run a job after the one before it.
+        """Run a job after the previous one.
 
         Parameters
         ----------
@@ -53,12 +53,12 @@ class RigThread:
         return self._last
 
     def rest(self) -> str:
-        """Bring the axis to rest and release the pressure, whatever the thread is doing.
+        """Bring the axis to rest and release the pressure at once.
 
         Returns
         -------
         str
-            Why the rig may not be at rest, in words; empty where it is.
+            Why the rig may not be at rest, in words; empty if it is at rest.
         """
         if self._at_rest:
             return ""
@@ -67,24 +67,24 @@ class RigThread:
         if not self._last.done():
             wait([self._last], STOP_S)
             if not self._last.done():
-                return trouble or f"the rig has not come back within {STOP_S:g} s"
-            trouble = _call_within(STOP_S, self.rig.stop)  # what was on its way may have started the axis again
+                return trouble or f"the rig did not return within {STOP_S:g} s"
+            trouble = _call_within(STOP_S, self.rig.stop)  # a verb under way may have started the axis again
         self._at_rest = not trouble
         return trouble
 
     def close(self) -> None:
-        """End the thread when its work is done."""
+        """End the thread after its work."""
         self._thread.close()
 
 
 def _call_within(seconds: float, call: Callable[[], None]) -> str:
-    """Call, but do not wait for ever; say what went wrong."""
+    """Call a function with a time limit; return what went wrong."""
     thread = JobThread("pneudrive-stop")
     answer = thread.start(call)
     thread.close()
     try:
         answer.result(seconds)
-    except Exception as error:  # whatever a lab's own code raises: it must not keep us from going on
-        silent = f"the rig has not answered within {seconds:g} s"
+    except Exception as error:  # no error of a laboratory's code may stop this
+        silent = f"the rig did not answer within {seconds:g} s"
         return (str(error) or type(error).__name__) if answer.done() else silent
     return ""

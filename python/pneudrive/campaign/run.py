@@ -1,4 +1,4 @@
-"""Run a campaign, and go on with one that was interrupted."""
+"""Run a campaign, and resume one that was interrupted."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pneudrive.rig.interface import Identity, Rig
     from pneudrive.watch import Flag
 
-#: How a run can end without an error.
+#: Ends of a run without an error.
 DONE, ENDED = "done", "ended"
 
 
@@ -46,9 +46,9 @@ class Result(Shown):
     ----------
     campaign : Campaign
     finished, planned : int
-        Cycles on the disk, and what there will be in all as far as is known.
+        Cycles on the disk, and in total as far as known.
     ended : str
-        ``done``, or ``ended`` where somebody ended it; it can be resumed.
+        ``done``, or ``ended`` if somebody ended it; it can be resumed.
     """
 
     campaign: Campaign
@@ -59,7 +59,7 @@ class Result(Shown):
 
 @dataclass(frozen=True)
 class _Audience:
-    """Who sees a campaign run, and who is asked."""
+    """Observers of a campaign: display, prompt, subscribers."""
 
     display: Display | None
     prompt: Prompt | None
@@ -80,27 +80,27 @@ def run_campaign(
     subscribers: Sequence[Callable[[str, dict], None]] = (),
     cancel: Flag | None = None,
 ) -> Result:
-    """Run a campaign into a folder; go on with it where the folder has it already.
+    """Run a campaign into a folder; resume it if the folder holds it already.
 
     Parameters
     ----------
     protocol : Protocol, str or Path
-        Or its file, or the name of a ready one.
+        A protocol, its file, or the name of a ready one.
     rig : Rig, str or Path
-        Or what `pneudrive.rig.load_rig` takes: it gets the protocol's seed.
+        A rig, or an argument of `pneudrive.rig.load_rig`, which gets the protocol's seed.
     into : str or Path
-        The campaign folder; made where it is not there.
+        The campaign folder; created if missing.
     options : Options, optional
     labels : mapping, optional
-        Free text, beside the protocol's.
+        Free text in addition to the protocol's labels.
     pace : float, optional
-        Seconds of a simulated rig per second of the clock on the wall; as fast as it goes where it is not given.
+        Seconds of a simulated rig per second of wall-clock time. Default: as fast as possible.
     display : Display, optional
-        Nothing is shown where it is not given.
+        Default: nothing is shown.
     prompt : Prompt, optional
-        Who is asked in a pause and for operator's steps; the terminal where it is not given.
+        Asks in pauses and for operator's steps. Default: the terminal.
     subscribers : sequence of callable
-        Get the documents of bluesky's event model (name, document): a start, a descriptor, an event for each finished
+        Called with bluesky's documents (name, document): a start, a descriptor, an event for each finished
         cycle, a stop.
     cancel : object with ``is_set()``, optional
         A `threading.Event`, for instance. Once set, the campaign ends as by ``pneudrive campaign abort``.
@@ -114,10 +114,10 @@ def run_campaign(
     ProtocolError
         The rig must not be asked to do that.
     CampaignError
-        Another process works in the folder, it holds something else, it cannot be written, conditions were not met in
-        time.
+        If another process works in the folder, it holds something else, it cannot be written, or conditions were not
+        met in time.
     RigError
-        What the rig cannot do. In each case it is at rest then, and what was finished is kept.
+        If the rig fails. After every error the rig is at rest and finished cycles are kept.
     """
     asked = protocol if isinstance(protocol, Protocol) else read_protocol(protocol)
     folder, audience = Path(into), _Audience(display, prompt, subscribers, cancel)
@@ -139,30 +139,30 @@ def resume_campaign(
     subscribers: Sequence[Callable[[str, dict], None]] = (),
     cancel: Flag | None = None,
 ) -> Result:
-    """Go on with a campaign; see `run_campaign`.
+    """Resume a campaign; see `run_campaign`.
 
     Parameters
     ----------
     folder : str or Path
     rig : Rig, str or Path, optional
-        A folder does not decide what runs: it is enough for a simulated rig and for a replay. Own code, and whatever
-        moves an axis or logs in somewhere, is named here.
+        Needed for own code, and for a rig that moves an axis or needs a login: a folder does not decide what
+        runs. Not needed for a simulated rig or a replay.
     allow_code : str, optional
-        Instead of naming it: SHA-256 of the file of own code that the campaign began with.
+        Instead of `rig`: SHA-256 of the file of own code that began the campaign.
     options, pace, display, prompt, subscribers, cancel
         As in `run_campaign`.
 
     Raises
     ------
     ProtocolError, CampaignError, RigError
-        As in `run_campaign`; or the rig has to be named.
+        As in `run_campaign`; or if `rig` is needed.
     """
     audience = _Audience(display, prompt, subscribers, cancel)
     return _go_on(Path(folder), rig, None, options, pace, audience, allow_code)
 
 
 def can_be_resumed(error: BaseException) -> bool:
-    """Tell whether an error ended a campaign that had begun; otherwise what was asked for is wrong."""
+    """Return whether an error ended a campaign after its start; else the request was wrong."""
     return getattr(error, "while_running", False)
 
 
@@ -189,7 +189,7 @@ def _begin(
             raise CampaignError(
                 "another process has begun a campaign in this folder",
                 where=str(folder),
-                remedy=f"Name another folder, or go on with that one: pneudrive campaign resume {folder}",
+                remedy=f"Name another folder, or resume that campaign: pneudrive campaign resume {folder}",
             )
         about = _about(plan, options, {**protocol.labels, **labels}, source)
         campaign = create(folder, protocol.text, plan.identity, about)
@@ -211,13 +211,13 @@ def _go_on(
             "this folder holds a campaign of another protocol",
             where=str(folder),
             value=f"in it: {campaign.about.get('name', '')!r}; asked for: {protocol.name!r}",
-            remedy=f"Name another folder; or go on with the one in it: pneudrive campaign resume {folder}",
+            remedy=f"Name another folder, or resume the campaign in this one: pneudrive campaign resume {folder}",
         )
     plan = plan_of(campaign)
     with FolderLock(folder) as lock, _bench_again(campaign, rig, plan, pace, allow_code) as (bench, source):
         _same_rig(campaign, bench.identity(), source)
         if (limits := bench.limits()) != plan.envelope:
-            lay_out(plan.protocol, campaign.identity, limits)  # pre-flight: the rig may allow less than it did
+            lay_out(plan.protocol, campaign.identity, limits)  # check again: the rig may allow less than before
         options = _with_operator(options, str(campaign.about.get("operator", "")))
         return _run(campaign, plan, bench, options, lock, audience)
 
@@ -225,27 +225,27 @@ def _go_on(
 def _bench_again(
     campaign: Campaign, rig: Rig | str | Path | None, plan: Plan, pace: float | None, allow_code: str | None
 ) -> contextlib.AbstractContextManager[tuple[Rig, str]]:
-    """Give the rig that is named now; else the one that the folder names, as far as a folder may."""
+    """Return the rig that is named now, else the rig that the folder names if that is allowed."""
     seed, where = plan.protocol.seed, str(campaign.path / ABOUT)
     if rig is not None:
         return _bench(rig, seed, pace)
     given, made_with = campaign.about.get("rig"), campaign.about.get("rig_sha256")
     if not given or not isinstance(given, str):
-        raise CampaignError("the folder does not say how its rig is reached", where=where, remedy="Say --rig RIG.")
+        raise CampaignError("the folder does not say how to reach its rig", where=where, remedy="Add --rig RIG.")
     if allow_code is not None and made_with != allow_code.strip().lower():
         raise CampaignError(
-            "the folder was made with other code than the one that is allowed",
+            "the folder was made with other code than the allowed one",
             where=where,
             value=f"SHA-256 {made_with or 'not told'}",
             rule=f"--allow-code {allow_code}",
-            remedy=f"Look at the code. Then name it: --rig {given}",
+            remedy=f"Check the code, then name it: --rig {given}",
         )
     return _bench(given, seed, pace, found_in=where, allow_code=allow_code)
 
 
 @contextlib.contextmanager
 def _bench(rig: Rig | str | Path, seed: int, pace: float | None, **found: str | None) -> Iterator[tuple[Rig, str]]:
-    """Give the rig, and how it is found again; empty where it was made elsewhere, and is closed there."""
+    """Return the rig and its address for a resumed run; empty for a rig that the caller made and closes."""
     from pneudrive.rig.loading import load_rig, opened
 
     if not isinstance(rig, str | Path):
@@ -256,7 +256,7 @@ def _bench(rig: Rig | str | Path, seed: int, pace: float | None, **found: str | 
 
 
 def _found_again(source: str) -> str:
-    """Give what names a rig from any folder: paths in full, ``own_rig.py:make_rig`` too."""
+    """Return the name of a rig with full paths, valid from any folder (``own_rig.py:make_rig`` too)."""
     if Path(source).exists():
         return str(Path(source).resolve())
     file, _, name = source.rpartition(":")
@@ -289,10 +289,10 @@ def _digest(source: str) -> str:
 
 
 def _same_rig(campaign: Campaign, identity: Identity, source: str) -> None:
-    """Refuse to go on with another rig: the cycles would not belong together."""
+    """Refuse to resume with another rig: the cycles would not belong together."""
     here = json.loads(json.dumps(identity.to_dict(), default=plain))
     there = json.loads(json.dumps(campaign.identity.to_dict(), default=plain))
-    # What a simulated rig says of its errors is text of this version; its file's hash says whether it is the same.
+    # The text on errors of a simulated rig depends on the version; the hash of its file identifies it.
     free = {"calibration"} if identity.synthetic else set()
     other = [name for name in here if name not in free and here[name] != there[name]]
     before = str(campaign.about.get("rig_sha256", ""))
@@ -300,11 +300,11 @@ def _same_rig(campaign: Campaign, identity: Identity, source: str) -> None:
         other = [f"the file {source}"]
     if other:
         raise CampaignError(
-            "this is another rig than the one of the cycles that are there",
+            "this rig differs from the rig of the finished cycles",
             where=str(campaign.path),
             value=f"different: {', '.join(other)}",
             rule="one campaign, one rig, one calibration",
-            remedy="Bring the rig back to what rig.json says, or run into another folder.",
+            remedy="Set the rig up as rig.json says, or run into another folder.",
         )
 
 
@@ -335,7 +335,7 @@ def _run(
     for note in plan.notes:
         shown.say(f"note: {note}")
     ended = "failed"
-    with requests.signals():  # to the end: whoever presses Ctrl-C once more must not break off coming to rest
+    with requests.signals():  # to the end: another Ctrl-C must not interrupt bringing the rig to rest
         try:
             ended = DONE if run.run() else ENDED
         except BaseException as error:
@@ -350,7 +350,7 @@ def _run(
             if trouble:
                 shown.say(f"THE RIG MAY NOT BE AT REST: {trouble}")
     if trouble:
-        restless_rig = RigError("the rig could not be brought to rest", value=trouble, remedy="See to it by hand.")
+        restless_rig = RigError("the rig could not be brought to rest", value=trouble, remedy="Stop it by hand.")
         _mark(restless_rig)
         raise restless_rig
     return Result(campaign, len(run.finished), run.total, ended)

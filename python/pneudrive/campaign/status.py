@@ -1,4 +1,4 @@
-"""How far a campaign is, from its folder alone."""
+"""Progress of a campaign, from its folder alone."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Status(Shown):
-    """How far a campaign is.
+    """Progress of a campaign.
 
     Attributes
     ----------
@@ -29,16 +29,16 @@ class Status(Shown):
     files : tuple of CycleFile
         Finished cycles.
     planned : int or None
-        Cycles of the plan that are needed; None where the folder does not say.
+        Cycles of the plan that are needed; None if the folder holds no plan.
     extra : int
         Finished cycles that the plan does not list: repeats and added speeds.
     remaining_s : float or None
-        What the rest takes on the rig's own clock.
+        Remaining time on the rig's clock.
     flags : dict
         Flag -> number of cycles that carry it.
     problems : tuple of Problem
     holder : Holder or None
-        Who works on it now.
+        The process that works on it now.
     """
 
     campaign: Campaign
@@ -57,9 +57,9 @@ class Status(Shown):
 
 
 def status_of(folder: str | Path) -> Status:
-    """Look at a campaign folder, whoever works in it, and check every file: by its seal to the last byte.
+    """Return the status of a campaign folder, even while it runs; check every file by its checksum.
 
-    Samples of files without a seal, which pneudrive did not write, are checked where they are read; a note says so.
+    Files from other programs have no checksum: their samples are checked when they are read, and a note says so.
 
     Raises
     ------
@@ -70,14 +70,14 @@ def status_of(folder: str | Path) -> Status:
     files, problems = campaign.scan()
     foreign = sum(not file.sealed for file in files)
     if foreign:
-        note = f"{foreign} of {len(files)} carry no seal: their samples are checked when they are characterised"
+        note = f"{foreign} of {len(files)} have no checksum: their samples are checked by `pneudrive characterise`"
         problems.append(Problem(CYCLES, note, lost=False))
     done = {file.head.cycle.key for file in files}
     planned, remaining, extra = None, None, 0
     try:
-        plan = plan_of(campaign, checked=False)  # it was, before the first cycle
+        plan = plan_of(campaign, checked=False)  # it was before the first cycle
     except (CampaignError, ProtocolError):
-        pass  # written by somebody else: nothing is known of a plan
+        pass  # written by another program: no plan is known
     else:
         unneeded = _needless(plan, campaign, files)
         keys = {cycle.key for cycle in plan.cycles} - unneeded
@@ -89,7 +89,7 @@ def status_of(folder: str | Path) -> Status:
 
 
 def _needless(plan: Plan, campaign: Campaign, files: list[CycleFile]) -> set[str]:
-    """Give the keys of cycles that an adaptive campaign does not need any more."""
+    """Return the keys of cycles that an adaptive campaign no longer needs."""
     rules = plan.protocol.adaptive
     if rules is None or rules.interval_n is None:
         return set()

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Files that are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from pneudrive.errors import CampaignError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-#: Ending of a file that is being written. A process that dies leaves at most one; it is never read.
+#: Ending of a file while it is written. A process that is killed leaves at most one; nobody reads it.
 PART = ".part"
-#: What file systems answer that cannot flush a folder: the names get there by themselves.
+#: Errors of file systems that cannot flush a folder; they store names by themselves.
 NO_SUCH_THING = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)
 
 REMEDIES = {
-    errno.ENOSPC: "Free some space, then run `pneudrive campaign resume` on the folder: what is finished is kept.",
-    errno.EDQUOT: "The quota is used up. Free some space, then resume: what is finished is kept.",
-    errno.EROFS: "The file system is read-only. Name a folder that can be written to.",
-    errno.EACCES: "Give yourself the right to write there, or name another folder.",
-    errno.ENOENT: "Its place is not there, or was taken away. Name a folder that can be made.",
+    errno.ENOSPC: "Free some space, then run `pneudrive campaign resume` on the folder: finished cycles are kept.",
+    errno.EDQUOT: "The quota is used up. Free some space, then resume: finished cycles are kept.",
+    errno.EROFS: "The file system is read-only. Name a writable folder.",
+    errno.EACCES: "Get write permission there, or name another folder.",
+    errno.ENOENT: "The parent folder does not exist. Name a folder that can be created.",
     errno.ENOTDIR: "A file is in the way. Name another folder.",
     errno.EEXIST: "A file is in the way. Name another folder.",
-    errno.EPERM: "Give yourself the right to write there, or name another folder.",
+    errno.EPERM: "Get write permission there, or name another folder.",
 }
 
 
 @contextlib.contextmanager
 def clear_errors(what: str, path: Path) -> Iterator[None]:
-    """Turn what the operating system refuses into one clear message.
+    """Turn errors of the operating system into one clear message.
 
     Raises
     ------
@@ -42,26 +42,26 @@ def clear_errors(what: str, path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
-        remedy = REMEDIES.get(error.errno or 0, "Look at the disk; then resume: what is finished is kept.")
+        remedy = REMEDIES.get(error.errno or 0, "Check the disk, then resume: finished cycles are kept.")
         raise CampaignError(what, where=str(path), value=reason, remedy=remedy) from error
 
 
 def write_whole(path: Path, data: bytes, *, flush: bool = True) -> None:
     """Write a file: to a temporary name, flushed to the disk, renamed; the folder is flushed too.
 
-    A reader, or a process that follows one that was killed at any moment, finds the old file or the new one.
+    Readers find the old file or the new one, even if the process is killed at any moment.
 
     Parameters
     ----------
     path : Path
     data : bytes
     flush : bool
-        Whether the file must outlive a power cut.
+        Whether the file must survive a power cut.
 
     Raises
     ------
     CampaignError
-        If it cannot be written: disk full, read-only, no right. Then no new file is there.
+        If it cannot be written: disk full, read-only, no permission. No new file exists then.
     """
     temporary = path.with_name(path.name + PART)
     with clear_errors("a file of the campaign cannot be written", path):
@@ -81,14 +81,14 @@ def write_whole(path: Path, data: bytes, *, flush: bool = True) -> None:
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder that outlives a power cut, with those above it.
+    """Create a folder and its parents so that they survive a power cut.
 
     Raises
     ------
     CampaignError
-        If it cannot be made.
+        If it cannot be created.
     """
-    with clear_errors("a folder of the campaign cannot be made", path):
+    with clear_errors("a folder of the campaign cannot be created", path):
         missing = [p for p in (path, *path.parents) if not p.exists()]
         path.mkdir(parents=True, exist_ok=True)
         for made in missing:
@@ -96,22 +96,22 @@ def make_folder(path: Path) -> None:
 
 
 def no_links(folder: Path) -> None:
-    """Refuse a folder that holds links, pipes or devices: who writes into it would write, or wait, elsewhere.
+    """Refuse a folder that holds links, pipes or devices: writing to one would write or block elsewhere.
 
     Raises
     ------
     CampaignError
-        One is there, up to one folder deep.
+        If there is one, up to one folder deep.
     """
     own = _entries(folder)
     deeper = (inner for one in own if one.is_dir(follow_symlinks=False) for inner in _entries(one))
     for entry in (*own, *deeper):
         if not (entry.is_file(follow_symlinks=False) or entry.is_dir(follow_symlinks=False)):
             raise CampaignError(
-                "a campaign folder holds its own files, and this is none",
+                "a campaign folder must hold ordinary files only",
                 where=entry.path,
                 value=f"a link to {Path(entry.path).readlink()}" if entry.is_symlink() else "a pipe or a device",
-                rule="a folder does not decide what is written elsewhere",
+                rule="a link could redirect writing to another place",
                 remedy="Put the file itself there. The whole folder may be a link.",
             )
 
@@ -125,7 +125,7 @@ def _entries(folder: str | Path | os.DirEntry[str]) -> list[os.DirEntry[str]]:
 
 
 def flush_folder(path: Path) -> None:
-    """Flush a folder's list of names to the disk, where the file system knows how."""
+    """Flush a folder's list of names to the disk, if the file system supports it."""
     try:
         descriptor = os.open(path, os.O_RDONLY)
         try:

@@ -35,7 +35,7 @@ def text_plot(
     series : sequence of (x, y)
         Points that are not finite are left out.
     width, height : int
-        Characters, labels included.
+        Size in characters, labels included.
     x_label, y_label : str
         With units.
     log_x : bool
@@ -43,7 +43,7 @@ def text_plot(
     joined : bool
         Draw straight lines between the points of a series, which are sorted by x.
     x_range : (float, float), optional
-        Of the axis; otherwise that of the points.
+        Range of the axis; default: that of the points.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def text_plot(
 
 
 def _points(series: Sequence[tuple[ArrayLike, ArrayLike]], log_x: bool, between: int) -> tuple[NDArray, NDArray]:
-    """Give the finite points of all series; with as many between the ends of each one as asked for."""
+    """Return the finite points of all series, with interpolated points between them on request."""
     xs, ys = [np.zeros(0)], [np.zeros(0)]
     for one in series:
         x, y = (np.asarray(values, dtype=np.float64).ravel() for values in one)
@@ -89,7 +89,7 @@ def _points(series: Sequence[tuple[ArrayLike, ArrayLike]], log_x: bool, between:
 
 
 def _place(values: NDArray, low: float, high: float, cells: int) -> NDArray[np.int64]:
-    """Give the cell of each value; the middle one where there is no range."""
+    """Return the cell of each value; the middle cell if the range is empty."""
     if not high > low:
         return np.full(values.size, cells // 2)
     return np.rint((values - low) / (high - low) * (cells - 1)).astype(np.int64)

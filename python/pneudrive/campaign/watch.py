@@ -1,4 +1,4 @@
-"""Conditions under which measuring goes on, and what becomes of a cycle when they are not met."""
+"""Conditions for measuring, and the check of a running cycle against them."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from pneudrive.campaign.protocol import Protocol
     from pneudrive.rig.interface import Envelope, Rig, RigState, Samples
 
-#: Samples in a row that show a force near its limit before a cycle is given up: one alone is a disturbance.
+#: Samples in a row with a force near its limit after which a cycle is given up: a single one is a disturbance.
 IN_A_ROW = 3
-#: How a fault and a rig that does not answer are told.
+#: Messages for a fault and for a rig that does not answer.
 FAULT, NO_ANSWER = "fault of the rig", "the rig does not answer"
 
 
 @dataclass(frozen=True)
 class MeasuringBounds:
-    """Conditions under which measuring goes on.
+    """Conditions for measuring.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class MeasuringBounds:
         Least absolute supply pressure; 0: not watched.
     temperature_k : (float, float)
     force_n : float
-        Magnitude at which a cycle is given up, before the sensor or the rig suffers.
+        Magnitude at which a cycle is given up, to protect sensor and rig.
     resume_force_n : float
         Magnitude below which the next attempt begins.
     """
@@ -42,7 +42,7 @@ class MeasuringBounds:
 
     @classmethod
     def of(cls, protocol: Protocol, envelope: Envelope, ambient_pa: float) -> MeasuringBounds:
-        """Take the tighter of what the protocol asks for and what the rig says of itself."""
+        """Return the tighter bounds of protocol and rig."""
         asked = protocol.conditions
         supply = asked.supply_pressure.absolute_pa(ambient_pa) if asked.supply_pressure is not None else 0.0
         low, high = envelope.temperature_k
@@ -52,7 +52,7 @@ class MeasuringBounds:
         return cls(max(supply, envelope.supply_pressure_pa), (low, high), force, 0.9 * force)
 
     def broken_by(self, state: RigState) -> str:
-        """Say which condition is not met, in words; empty where all are. A value that is no number meets none."""
+        """Return the condition that is not met, in words; empty if all are met. NaN meets none."""
         if state.fault:
             return f"{FAULT}: {state.fault}"
         if self.supply_pressure_pa > 0.0 and not state.supply_pressure_pa >= self.supply_pressure_pa:
@@ -68,7 +68,7 @@ class MeasuringBounds:
         return ""
 
     def broken_by_samples(self, samples: Samples) -> str:
-        """Say which condition the samples of a running cycle break; values that are no numbers are not judged here."""
+        """Return the condition that the samples of a running cycle break; NaN is not checked here."""
         with np.errstate(invalid="ignore"):
             force = np.abs(samples.force_n)
             high = force >= self.force_n
@@ -78,11 +78,11 @@ class MeasuringBounds:
             outside = (temperature < self.temperature_k[0]) | (temperature > self.temperature_k[1])
             if outside.any():
                 low, top = (_celsius(limit) for limit in self.temperature_k)
-                return f"the temperature went to {_celsius(float(temperature[outside][0]))}, not {low} to {top}"
+                return f"the temperature reached {_celsius(float(temperature[outside][0]))}, not {low} to {top}"
         return ""
 
     def during(self, samples: Samples, rig: Rig) -> str:
-        """Judge a running cycle by its latest samples and by the rig's state."""
+        """Check a running cycle by its latest samples and by the rig's state."""
         state = rig.state()
         if state.fault:
             return f"{FAULT}: {state.fault}"
@@ -92,10 +92,10 @@ class MeasuringBounds:
 
 
 def look(rig: Rig, bounds: MeasuringBounds) -> str:
-    """Ask the rig whether measuring can go on; say why not, in words. A rig that does not answer is one reason."""
+    """Ask the rig for its state and return why measuring cannot go on, in words."""
     try:
         return bounds.broken_by(rig.state())
-    except Exception as error:  # whatever a lab's own code raises where the connection is gone
+    except Exception as error:  # a laboratory's code may raise anything if the connection is lost
         return f"{NO_ANSWER}: {str(error).splitlines()[0] if str(error) else type(error).__name__}"
 
 

@@ -133,7 +133,7 @@ def _air(found: CampaignCharacteristics) -> Iterator[str]:
 
 
 def _with_pressure(series: DwellSeries) -> str:
-    """Say how that slope changes with pressure; "" where one pressure was run."""
+    """Return how that slope changes with pressure; "" where one pressure was run."""
     told = (
         _effects(series.pressure, "slope", " of {}", ("p_a", "p_b", "both pressures together"))
         if series.pressure

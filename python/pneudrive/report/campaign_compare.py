@@ -61,7 +61,7 @@ def write_comparison_report(comparison: Comparison, folder: str | Path) -> Path:
 
 
 def synthetic(comparison: Comparison) -> bool:
-    """Whether any of the two rests on a simulated rig."""
+    """Return whether any of the two rests on a simulated rig."""
     return comparison.first.synthetic or comparison.second.synthetic
 
 

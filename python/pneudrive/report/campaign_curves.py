@@ -80,7 +80,7 @@ def draw_curves(found: CampaignCharacteristics, shown: Sequence[Curve]) -> Figur
 
 
 def air(found: CampaignCharacteristics) -> Section | None:
-    """Tell what of a curve that rises with speed is the force of the air."""
+    """Return what of a curve that rises with speed is the force of the air."""
     if not found.air:
         return None
     topic = Topic("campaign", "air")
@@ -95,7 +95,7 @@ def air(found: CampaignCharacteristics) -> Section | None:
 
 
 def _rise(topic: Topic, found: CampaignCharacteristics, a: AirShare) -> str:
-    """Say how much of the rise from the least total to the highest speed is air."""
+    """Return how much of the rise from the least total to the highest speed is air."""
     least, last = int(np.argmin(a.total_n)), a.speed_m_s.size - 1
     where = condition_names(found)(a.condition)
     rise = float(a.total_n[last] - a.total_n[least])
@@ -109,7 +109,7 @@ def _rise(topic: Topic, found: CampaignCharacteristics, a: AirShare) -> str:
 
 
 def _parts(a: AirShare) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Give middle, lower and upper end of the force and of its parts, as far as they are told apart."""
+    """Return middle, lower and upper end of the force and of its parts, as far as they are told apart."""
     total = {"total": (a.total_n, a.total_low_n, a.total_high_n)}
     if not a.separated:
         return total

@@ -66,7 +66,7 @@ class Block:
         return self.x + low_x, self.y + low_y, self.x + high_x, self.y + high_y
 
     def cells(self) -> Iterator[Place]:
-        """Give the points of the grid on which no line runs."""
+        """Return the points of the grid on which no line runs."""
         for low_x, low_y, high_x, high_y in (self.symbol, self._label_box()):
             for x in range(math.ceil(low_x - 0.4), math.floor(high_x + 0.4) + 1):
                 for y in range(math.ceil(low_y - 0.4), math.floor(high_y + 0.4) + 1):
@@ -200,7 +200,7 @@ def _label(name: str, one: Component, box: Box, taken: set[str]) -> Label:
 
 
 def _values(one: Component) -> Iterator[str]:
-    """Give the first of the values that its kind needs."""
+    """Return the first of the values that its kind needs."""
     given = one.plain()
     shown = 0
     for parameter in one.entry["parameters"]:

@@ -88,7 +88,7 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
 
 
 def _parts(line: Net, row: Sequence[str], ranks: Mapping[str, int]) -> int:
-    """Whether a line leaves a row for a higher one: it may need a track of its own there."""
+    """Return whether a line leaves a row for a higher one: it may need a track of its own there."""
     found = [ranks[name] for name, _ in line.pins if name in ranks]
     return int(bool(found) and min(found) <= ranks[row[0]] < max(found))
 
@@ -171,7 +171,7 @@ def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
 
 
 def _is_supply(ports: Sequence[Port]) -> bool:
-    """Whether a component with these ports gives gas: a reservoir, a compressor."""
+    """Return whether a component with these ports gives gas: a reservoir, a compressor."""
     return any(port.holds == "pressure" for port in ports) or (len(ports) == 1 and ports[0].is_single)
 
 

@@ -44,7 +44,7 @@ def section(found: Characterisation) -> Section:
 
 
 def is_open(recording: Recording, side: str) -> bool:
-    """Whether a chamber was open to ambient: its pressure is exactly that."""
+    """Return whether a chamber was open to ambient: its pressure is exactly that."""
     values = getattr(recording, f"pressure_{side}_pa")
     return bool(np.ptp(values) == 0 and abs(values[0] - recording.ambient_pressure_pa) < 1.0)
 

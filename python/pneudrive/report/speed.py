@@ -74,7 +74,7 @@ def undetermined(fits: Fits) -> tuple[tuple[str, str, str, str], ...]:
 
 
 def fit_notes(fits: Fits) -> tuple[str, ...]:
-    """Give the notes of the richest fits, each with the groups that it is about."""
+    """Return the notes of the richest fits, each with the groups that it is about."""
     notes: dict[str, list[str]] = {}
     for group, by_law in fits.items():
         for note in richest(by_law).notes:
@@ -150,14 +150,14 @@ def _words(bar: tuple[float, float]) -> str:
 
 
 def is_labelled(found: Characterisation) -> bool:
-    """Whether each point carries its pressure: seals at several pressures, and few enough points to read them."""
+    """Return whether points are labelled with their pressure: several seals and pressures, and few points."""
     several = len({p.seal for p in found.points}) > 1
     spread = float(np.ptp([p.pressure_pa for p in found.points]))
     return several and len(found.points) <= MOST_LABELS and spread > MINIMUM_RANGE_PA
 
 
 def has_curve(fits: Fits) -> bool:
-    """Whether any fit determines how friction falls with speed."""
+    """Return whether any fit determines how friction falls with speed."""
     return any("stribeck_velocity" in fit.determined for by_law in fits.values() for fit in by_law.values())
 
 

@@ -40,7 +40,7 @@ class DrawnMotion:
 
 
 def section(found: Characterisation) -> Section | None:
-    """Say what the recordings show, and draw those that stick and slip; None where there is nothing to say."""
+    """Return what the recordings show, and draw those that stick and slip; None where there is nothing to say."""
     every = [(r, level, s) for r in found.results for level in r.levels for s in level.stick_slip]
     slipping = [item for item in every if item[2].found and "stick_slip" in item[1].flags]
     if not every or (found.synthetic and not slipping):

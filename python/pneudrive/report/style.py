@@ -141,7 +141,7 @@ STAMP_IN = 0.17
 
 
 def finish(figure: Figure, *, synthetic: bool) -> None:
-    """Give panels their letters, and say inside the picture where its data are simulated: pictures travel alone."""
+    """Return panels their letters, and say inside the picture where its data are simulated: pictures travel alone."""
     panels_shown = [axis for axis in figure.axes if axis.get_visible() and axis.axison]
     if len(panels_shown) > 1:
         for letter, axis in zip("abcdefghijklmnopqrstuvwxyz", panels_shown, strict=False):
@@ -176,7 +176,7 @@ def headroom(axis: Axes, above: float = 0.0, below: float = 0.0) -> None:
 
 
 def logarithmic(axis: Axes) -> None:
-    """Give the horizontal axis a logarithmic scale with plain numbers."""
+    """Return the horizontal axis a logarithmic scale with plain numbers."""
     axis.set_xscale("log")
     axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
 

@@ -122,7 +122,7 @@ def _words(name: str, last: str) -> str:
 
 
 def _has_something(run: xr.Dataset, name: str) -> bool:
-    """Whether a variable is there; the end stops only where one was touched."""
+    """Return whether a variable is there; the end stops only where one was touched."""
     return not name.endswith("end_stop_force") or bool((run[name] != 0.0).any())
 
 

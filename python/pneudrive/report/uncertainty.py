@@ -39,7 +39,7 @@ def budget(found: Characterisation) -> Section:
 
 
 def contributions(level: Level) -> dict[str, float]:
-    """Give the standard uncertainty of friction by source, N, the statistical one first."""
+    """Return the standard uncertainty of friction by source, N, the statistical one first."""
     out = {STATISTICAL: float(np.nan_to_num(level.stderr_n))}
     for entry in level.budget:
         out[entry.source] = float(np.hypot(out.get(entry.source, 0.0), entry.friction_n))

@@ -89,7 +89,7 @@ def _closure(topic: Topic, found: Characterisation) -> str:
 
 
 def _is_determined(area: Estimate, nominal: float) -> bool:
-    """Whether an area's interval is narrow enough to speak of it; without spare recordings there is no interval."""
+    """Return whether an area's interval is narrow enough to report it, or does not exist (no spare recordings)."""
     return not np.isfinite(area.low) or area.high - area.low < WIDEST_AREA * nominal
 
 

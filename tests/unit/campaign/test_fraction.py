@@ -145,5 +145,5 @@ def test_a_cell_that_does_not_exist_is_refused(planned):
 
 def test_an_interaction_of_a_factor_that_does_not_vary_is_refused(planned):
     plan = planned(TEXT + '[design]\ninteraction = ["stop", "seal"]\n')
-    with pytest.raises(ProtocolError, match="stop x seal cannot be told"):
+    with pytest.raises(ProtocolError, match="stop x seal cannot be estimated"):
         propose(plan, 3600.0)

@@ -46,7 +46,7 @@ class Experiment:
     envelope: Envelope
 
     def truth(self) -> list[dict[str, Any]]:
-        """Give what was true of each cycle, in the order in which they were run."""
+        """Return what was true of each cycle, in the order in which they were run."""
         return [json.loads(path.read_text("utf-8")) for path in sorted(self.campaign.path.glob("truth/*.json"))]
 
 

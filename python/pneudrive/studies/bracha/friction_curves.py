@@ -247,7 +247,7 @@ def _shares(found: CampaignCharacteristics) -> list[dict[str, Array]]:
 
 
 def _driven(run: Experiment) -> Array:
-    """Give the speed that the axis was told in each cycle, m/s."""
+    """Return the speed that the axis was told in each cycle, m/s."""
     return np.array([max(step["speed_m_s"] for step in truth["steps"] if "speed_m_s" in step) for truth in run.truth()])
 
 

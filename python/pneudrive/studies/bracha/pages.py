@@ -63,7 +63,7 @@ def verdict(
 
 
 def count_verdicts(claims: Sequence[Claim]) -> str:
-    """Say how many sentences hold, hold in part and do not hold.
+    """Return how many sentences hold, hold in part and do not hold.
 
     Examples
     --------
@@ -120,7 +120,7 @@ def stick_slip(figures: Sequence[PaperFigure]) -> Section | None:
 
 
 def chambers(compared: ChamberComparison) -> Section:
-    """Say what equations (2) and (3) of the paper cost, in numbers and over time."""
+    """Return what equations (2) and (3) of the paper cost, in numbers and over time."""
     topic, laws = Topic(PAGE, "chambers"), (ENERGY_BALANCE, AS_PRINTED)
     gas = {side: [compared.runs[law][f"temperature_{side}"] for law in laws] for side in "ab"}
     rows = (

@@ -70,6 +70,6 @@ def _ran(run: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _spans(values: np.ndarray, ends: tuple[float, float], zero_error: float = 0.0) -> bool:
-    """Whether the values reach both ends, within what the sensors may be off by."""
+    """Return whether the values reach both ends, within what the sensors may be off by."""
     low, high = float(values.min()), float(values.max())
     return low <= ends[0] * (1.0 + REACHED) + zero_error and high >= ends[1] * (1.0 - REACHED) - zero_error

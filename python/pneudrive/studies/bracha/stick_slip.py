@@ -168,7 +168,7 @@ def _onsets(velocity: Array, mean: float) -> list[int]:
 
 
 def sticks(found: StickSlip) -> bool:
-    """Whether a motion is stick-slip."""
+    """Return whether a motion is stick-slip."""
     ratio = found.peak_speed_m_s / found.mean_speed_m_s
     return found.periods >= LEAST_PERIODS and ratio >= LEAST_PEAK_RATIO and found.stuck_share >= LEAST_STUCK_SHARE
 
