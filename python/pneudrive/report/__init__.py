@@ -1,4 +1,4 @@
-"""Figures, tables and pages: the only part that draws. Matplotlib is imported when the first figure is drawn."""
+"""Figures, tables and pages: the only part that draws. The first figure imports matplotlib."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pneudrive.report.pressure import plot_pressure as plot_pressure
     from pneudrive.report.trajectory import plot as plot
     from pneudrive.report.write import write_report as write_report
-#: Module -> what it holds.
+#: Module -> its names.
 _HOMES = {
     "campaign": ["write_campaign_report"],
     "circuit_drawing": ["draw_circuit"],
@@ -25,7 +25,7 @@ _HOMES = {
     "trajectory": ["plot"],
     "write": ["write_report"],
 }
-_STUDY = ("Reproduction", "reproduce")  # of the source paper, which stands above the report that it adds to
+_STUDY = ("Reproduction", "reproduce")  # of the source paper, a layer above the report
 
 __all__ = [
     "Reproduction",  # pyright: ignore[reportUnsupportedDunderAll]

@@ -1,4 +1,4 @@
-"""What figures draw again and again: a grid of panels, a curve with its band, points with their intervals."""
+"""Common parts of figures: a grid of panels, a curve with its band, points with their intervals."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ def grid(
     Parameters
     ----------
     count, columns : int
-        Panels, and how many stand side by side at most.
+        Number of panels, and most panels side by side.
     height_in, rest_in : float
-        Height of a row, and of what stands around all rows.
+        Height of a row, and of the space around all rows.
     x, y : str
         Label of every panel, and of those on the left.
     alone_in : float
-        Width of the figure where there is one panel.
+        Width of the figure with a single panel.
     **shared
         ``sharex``, ``sharey``.
     """
@@ -89,7 +89,7 @@ def bars(
     look: Look,
     **more: Any,  # noqa: ANN401
 ) -> Any:  # noqa: ANN401
-    """Draw points with how far their intervals reach: one length, or one below and one above."""
+    """Draw points with intervals: one length for both sides, or one below and one above."""
     given = {"fmt": look.marker, "color": look.color, "mfc": "white", "elinewidth": 0.8}
     return axis.errorbar(x, y, yerr=reach, **given | more)  # type: ignore[arg-type]
 
@@ -102,7 +102,7 @@ def arrays(estimates: Iterable[Any], factor: float = 1.0) -> tuple[np.ndarray, n
 
 
 def spread(value: np.ndarray, low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
-    """Return how far intervals reach below and above their values."""
+    """Return the lengths of intervals below and above their values."""
     return [np.maximum(value - low, 0.0), np.maximum(high - value, 0.0)]
 
 

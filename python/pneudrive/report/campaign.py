@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
 
-#: The sections in their order; each gives None where there are no data for it.
+#: The sections in their order; a section without data is None.
 SECTIONS = (
     run.what,
     curves.curves,
@@ -46,18 +46,18 @@ SECTIONS = (
 
 @style.applied()
 def write_campaign_report(found: CampaignCharacteristics, folder: str | Path) -> Path:
-    """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
+    """Write report.html, which loads nothing, and its figures as PNG and SVG.
 
     Parameters
     ----------
     found : CampaignCharacteristics
     folder : path-like
-        Must be there; figures go into its folder ``figures``.
+        An existing folder; figures go into its folder ``figures``.
 
     Returns
     -------
     pathlib.Path
-        Of report.html.
+        Path of report.html.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def write_campaign_report(found: CampaignCharacteristics, folder: str | Path) ->
 
 
 def verdict(found: CampaignCharacteristics) -> Iterator[str]:
-    """Say the results in a few lines."""
+    """Return the results in a few lines."""
     made = "on a simulated rig (synthetic)" if found.synthetic else f"on {found.identity.name}"
     read = len(found.cycles) + len(found.stops)
     lost = f"; {plural(len(found.skipped), 'cycle')} could not be used" if found.skipped else ""
@@ -87,7 +87,7 @@ def verdict(found: CampaignCharacteristics) -> Iterator[str]:
     missing = sum(not s.carried for s in found.statements)
     if missing:
         count = plural(missing, "question is", "questions are")
-        yield f"{count} not answered by these data; the sections say which, and what would."
+        yield f"{count} not answered by these data; the sections name them and the data they need."
 
 
 def _friction(found: CampaignCharacteristics) -> Iterator[str]:
@@ -114,7 +114,7 @@ def _friction(found: CampaignCharacteristics) -> Iterator[str]:
 
 
 def _effects(of: object, name: str, words: str, chambers: tuple[str, str, str]) -> list[str]:
-    """Write those of the effects of both pressures that are known."""
+    """Return the known effects of both pressures as text."""
     each = zip((getattr(of, f"{name}_{side}") for side in ("a", "b", "sum")), chambers, strict=True)
     return [with_interval(e, PA_PER_BAR, "N/bar") + words.format(chamber) for e, chamber in each if e is not None]
 
@@ -126,14 +126,14 @@ def _air(found: CampaignCharacteristics) -> Iterator[str]:
         half = float(a.air_high_n[-1] - a.air_low_n[-1]) / 2.0
         air = f"{a.air_n[-1]:.2g} of {a.total_n[-1]:.3g} N are air, not seal"
         if abs(a.air_n[-1]) < half:
-            air = f"no force of the air is seen in {a.total_n[-1]:.3g} N (± {half:.2g} N)"
+            air = f"no force of the air is visible in {a.total_n[-1]:.3g} N (± {half:.2g} N)"
         yield f"At {MM * a.speed_m_s[-1]:.3g} mm/s and {condition_names(found)(a.condition)}, {air}."
     elif found.air:
-        yield "Air and seal cannot be told apart: pressures were not measured in the chambers."
+        yield "Air and seal cannot be separated: pressures were not measured in the chambers."
 
 
 def _with_pressure(series: DwellSeries) -> str:
-    """Return how that slope changes with pressure; "" where one pressure was run."""
+    """Return the text on how that slope changes with pressure; "" at one pressure."""
     told = (
         _effects(series.pressure, "slope", " of {}", ("p_a", "p_b", "both pressures together"))
         if series.pressure

@@ -1,4 +1,4 @@
-"""The page of two campaigns against each other."""
+"""The page that compares two campaigns."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def write_comparison_report(comparison: Comparison, folder: str | Path) -> Path:
     ----------
     comparison : Comparison
     folder : path-like
-        Must be there.
+        An existing folder.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def write_comparison_report(comparison: Comparison, folder: str | Path) -> Path:
 
 
 def synthetic(comparison: Comparison) -> bool:
-    """Return whether any of the two rests on a simulated rig."""
+    """Return whether one of the campaigns ran on a simulated rig."""
     return comparison.first.synthetic or comparison.second.synthetic
 
 
@@ -135,7 +135,7 @@ def _gauge(pair: np.ndarray, levels: str) -> str:
 
 
 def draw_curves(c: Comparison, curves: CurveComparison) -> Figure:
-    """Curves of both campaigns above their differences, a column for each pair of pressures."""
+    """Draw curves of both campaigns above their differences, a column for each pair of pressures."""
     points = curves.points
     groups: dict[tuple, list[int]] = {}
     for i, at in enumerate(zip(map(tuple, points.gauge_pa.round(-2)), points.levels, strict=True)):
@@ -194,7 +194,7 @@ def _dwell(c: Comparison) -> Section:
 
 
 def draw_dwell(c: Comparison) -> Figure:
-    """Both campaigns' curves of breakaway over duration, a panel for each series."""
+    """Draw both campaigns' curves of breakaway over duration, a panel for each series."""
     shown = list(c.dwell)[:MOST_PANELS]
     figure, axes = draw.grid(len(shown), 2, 2.8, 0.3)
     for axis, pair in zip(axes, shown, strict=True):

@@ -31,7 +31,7 @@ MOST_CONDITIONS = 8
 
 
 def position(found: CampaignCharacteristics) -> Section | None:
-    """Friction along the stroke."""
+    """Return the section on friction along the stroke."""
     shown = [p for p in found.position if np.isfinite(p.relative).sum() > 3][:MOST_PANELS]
     if not shown:
         return None
@@ -54,7 +54,7 @@ def _place(found: CampaignCharacteristics, p: PositionPattern) -> str:
 
 
 def draw_position(found: CampaignCharacteristics, shown: list[PositionPattern]) -> Figure:
-    """Relative friction over position, one panel a condition."""
+    """Draw relative friction over position, one panel for each condition."""
     label = "friction less its mean / %"
     figure, axes = draw.grid(len(shown), 3, 1.9, 0.5, x="position / mm", y=label, sharey=True)
     for axis, p in zip(axes, shown, strict=True):
@@ -69,7 +69,7 @@ def draw_position(found: CampaignCharacteristics, shown: list[PositionPattern]) 
 
 
 def drift(found: CampaignCharacteristics) -> Section | None:
-    """Change over the campaign: sentinels, run-in, temperature; zero of the sensor."""
+    """Return the section on changes over the campaign: sentinels, run-in, temperature, zero of the sensor."""
     d, zero = found.drift, found.zero
     if d is None:
         return None
@@ -82,11 +82,11 @@ def drift(found: CampaignCharacteristics) -> Section | None:
         ("after an interruption", d.interrupted, "N"),
     )
     rows: list[tuple] = [
-        (word, with_interval(e, unit=unit), e.p) if e else (word, "the plan does not carry it", None)
+        (word, with_interval(e, unit=unit), e.p) if e else (word, "the plan does not determine it", None)
         for word, e, unit in causes
     ]
     if told:
-        rows.append(("other states of the campaign from its mean", f"{d.spread_n:.2g} N (standard deviation)", ""))
+        rows.append(("states of the campaign against its mean", f"{d.spread_n:.2g} N (standard deviation)", ""))
     if zero.time_s.size:
         rows.append(("zero of the force sensor", with_interval(zero.per_hour, unit="N/h"), ""))
     drawn = told and d.time_s.size > 2 and np.isfinite(d.drift_n).any()
@@ -98,7 +98,7 @@ def drift(found: CampaignCharacteristics) -> Section | None:
 
 
 def draw_drift(found: CampaignCharacteristics) -> Figure:
-    """Drift over time, with sentinels, and the sensor's zero below where tares tell it."""
+    """Draw drift over time with sentinels, and below it the sensor's zero if there are tares."""
     d, zero = found.drift, found.zero
     assert d is not None
     two = zero.time_s.size > 1
@@ -123,7 +123,7 @@ def draw_drift(found: CampaignCharacteristics) -> Figure:
 
 
 def repeatability(found: CampaignCharacteristics) -> Section | None:
-    """How well a cycle repeats."""
+    """Return the section on repeatability."""
     r = found.repeatability
     if r is None:
         return None
@@ -138,7 +138,7 @@ def repeatability(found: CampaignCharacteristics) -> Section | None:
 
 
 def loops(found: CampaignCharacteristics) -> Section | None:
-    """Hysteresis around reversals."""
+    """Return the section on hysteresis around reversals."""
     if not found.loops:
         return None
     topic, named = Topic("campaign", "loops"), condition_names(found)
@@ -148,7 +148,7 @@ def loops(found: CampaignCharacteristics) -> Section | None:
 
 
 def draw_loops(found: CampaignCharacteristics, shown: list[Loop]) -> Figure:
-    """Friction over position around reversals."""
+    """Draw friction over position around reversals."""
     figure, axes = draw.grid(len(shown), 3, 2.1, 0.4, x="position / mm", y="friction / N", sharey=True)
     for axis, loop in zip(axes, shown, strict=True):
         axis.plot(MM * loop.position_m, loop.friction_n, ".", ms=1.4, color=style.BLUE)
@@ -158,7 +158,7 @@ def draw_loops(found: CampaignCharacteristics, shown: list[Loop]) -> Figure:
 
 
 def stick_slip(found: CampaignCharacteristics) -> Section | None:
-    """Where the drive sticks and slips."""
+    """Return the section on stick-slip."""
     if not found.stick_slip:
         return None
     topic, named = Topic("campaign", "stick-slip"), condition_names(found)

@@ -1,4 +1,4 @@
-"""A campaign's curves of friction over speed, what of them is air, and what the pressures do."""
+"""A campaign's curves of friction over speed, their part of air, and effects of the pressures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics, Curve
     from pneudrive.report.page import Section
 
-MOST_CURVES = 8  # that can be told apart in one picture
+MOST_CURVES = 8  # that a reader can distinguish in one picture
 MOST_PANELS = 6
 SHOWN_SPEEDS = 12  # rows of a table
 MM = 1e3
@@ -32,12 +32,12 @@ CHAMBERS = ("chamber a", "chamber b", "both together")
 
 
 def condition_names(found: CampaignCharacteristics) -> Callable[[Condition], str]:
-    """Return what names the conditions of a campaign."""
+    """Return a function that names the conditions of a campaign."""
     return partial(Condition.label, ambient_pressure_pa=found.identity.ambient_pressure_pa)
 
 
 def curves(found: CampaignCharacteristics) -> Section | None:
-    """Friction over speed at every condition."""
+    """Return the section on friction over speed at every condition."""
     both = [c for c in found.curves if c.direction == 0]
     if not both:
         return None
@@ -62,7 +62,7 @@ def _curve_rows(found: CampaignCharacteristics, both: Sequence[Curve]) -> Iterat
 
 
 def draw_curves(found: CampaignCharacteristics, shown: Sequence[Curve]) -> Figure:
-    """One picture of all curves with bands."""
+    """Draw all curves with bands in one picture."""
     figure = style.new_figure(3.8)
     axis = figure.subplots()
     named = condition_names(found)
@@ -80,7 +80,7 @@ def draw_curves(found: CampaignCharacteristics, shown: Sequence[Curve]) -> Figur
 
 
 def air(found: CampaignCharacteristics) -> Section | None:
-    """Return what of a curve that rises with speed is the force of the air."""
+    """Return the section on the force of the air in rising curves."""
     if not found.air:
         return None
     topic = Topic("campaign", "air")
@@ -95,7 +95,7 @@ def air(found: CampaignCharacteristics) -> Section | None:
 
 
 def _rise(topic: Topic, found: CampaignCharacteristics, a: AirShare) -> str:
-    """Return how much of the rise from the least total to the highest speed is air."""
+    """Return the text on how much of the rise from the least total to the highest speed is air."""
     least, last = int(np.argmin(a.total_n)), a.speed_m_s.size - 1
     where = condition_names(found)(a.condition)
     rise = float(a.total_n[last] - a.total_n[least])
@@ -109,7 +109,7 @@ def _rise(topic: Topic, found: CampaignCharacteristics, a: AirShare) -> str:
 
 
 def _parts(a: AirShare) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return middle, lower and upper end of the force and of its parts, as far as they are told apart."""
+    """Return middle, lower and upper end of the force and of its parts, as far as they are separable."""
     total = {"total": (a.total_n, a.total_low_n, a.total_high_n)}
     if not a.separated:
         return total
@@ -117,7 +117,7 @@ def _parts(a: AirShare) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
 
 
 def draw_air(found: CampaignCharacteristics, shown: Sequence[AirShare]) -> Figure:
-    """Total, air and seal over speed, one panel a condition."""
+    """Draw total, air and seal over speed, one panel for each condition."""
     figure, axes = draw.grid(len(shown), 3, 2.3, 0.5, y="force / N", sharey=True)
     for axis, a in zip(axes, shown, strict=True):
         speed = MM * a.speed_m_s
@@ -140,7 +140,7 @@ def _air_rows(found: CampaignCharacteristics, shown: Sequence[AirShare]) -> Iter
 
 
 def pressure(found: CampaignCharacteristics) -> Section | None:
-    """Effects of the chamber pressures, and their interaction."""
+    """Return the section on effects of the chamber pressures, and their interaction."""
     if not found.pressure:
         return None
     topic = Topic("campaign", "pressure")
@@ -170,7 +170,7 @@ def _pressure_rows(e: PressureEffects) -> Iterator[tuple]:
 
 
 def draw_pressure(effects: Sequence[PressureEffects]) -> Figure:
-    """Slopes over speed, one panel a set of levels."""
+    """Draw slopes over speed, one panel for each set of levels."""
     figure, axes = draw.grid(len(effects), 3, 2.4, 0.4, y="friction per pressure / (N/bar)", sharey=True)
     for axis, e in zip(axes, effects, strict=True):
         for index, (label, slopes) in enumerate(zip(CHAMBERS, (e.slope_a, e.slope_b, e.slope_sum), strict=True)):
@@ -187,7 +187,7 @@ def draw_pressure(effects: Sequence[PressureEffects]) -> Figure:
 
 
 def direction(found: CampaignCharacteristics) -> Section | None:
-    """Half the difference between both directions."""
+    """Return the section on half the difference between both directions."""
     if not found.asymmetry:
         return None
     topic, named = Topic("campaign", "direction"), condition_names(found)

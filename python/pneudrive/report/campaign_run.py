@@ -1,4 +1,4 @@
-"""What a campaign ran, what was left out of it, what its data carry, and where everything comes from."""
+"""Sections on the run of a campaign: protocol, flags, skipped cycles, statements, budget, provenance."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.report.page import Block, PageTable, Section
 
-MOST_LINES = 120  # of a protocol that is shown
+MOST_LINES = 120  # lines of a protocol that are shown
 MOST_SKIPPED = 40
 METHODS = ("gum2008", "patterson1971", "wahba1983", "burnham2002", "kato1972", "dieterich1979", "armstrong1994")
 
 
 def about_of(found: CampaignCharacteristics) -> dict[str, Any]:
-    """Return what the campaign's folder says of itself; empty where it cannot be opened any more."""
+    """Return ``campaign.json`` of the campaign; empty if the folder cannot be opened."""
     try:
         return Campaign.open(found.folder).about
     except CampaignError:
@@ -40,7 +40,7 @@ def about_of(found: CampaignCharacteristics) -> dict[str, Any]:
 
 
 def what(found: CampaignCharacteristics) -> Section:
-    """Protocol, rig, operator, numbers of cycles."""
+    """Return the section on protocol, rig, operator and numbers of cycles."""
     topic, about, rig = Topic("campaign", "run"), about_of(found), found.identity
     kinds = Counter(c.kind for c in found.cycles) + Counter({"stop": len(found.stops)})
     counts = ", ".join(f"{plural(n, kind)} ({KINDS.get(kind, kind)})" for kind, n in kinds.items())
@@ -55,10 +55,10 @@ def what(found: CampaignCharacteristics) -> Section:
         ("seed of the order", str(about.get("seed", "not told"))),
         ("areas a, b", f"{1e4 * rig.area_a_m2:.4g} cm², {1e4 * rig.area_b_m2:.4g} cm²"),
         ("mass beyond the sensor", f"{rig.mass_beyond_sensor_kg:.3g} kg"),
-        ("stiffness", f"{rig.stiffness_n_m:.3g} N/m" if rig.stiffness_n_m else "not told: stick-slip cannot be judged"),
+        ("stiffness", f"{rig.stiffness_n_m:.3g} N/m" if rig.stiffness_n_m else "not stated: stick-slip is not judged"),
         ("chambers", f"{rig.chambers}; pressure measured at the {rig.pressure_measured_at}"),
         ("ambient pressure", f"{rig.ambient_pressure_pa / 1e5:.4g} bar abs"),
-        ("which samples count", found.protocol),
+        ("selection of samples", found.protocol),
     )
     return topic.section(
         topic.text("simulated", "note") if found.synthetic else topic.text("measured"),
@@ -95,7 +95,7 @@ def _ranges(topic: Topic, found: CampaignCharacteristics) -> PageTable:
 
 def _sensors(topic: Topic, found: CampaignCharacteristics) -> PageTable:
     rig = found.identity
-    untold = "not told: assumed"
+    untold = "not stated: assumed"
     rows = [
         (
             channel,
@@ -109,7 +109,7 @@ def _sensors(topic: Topic, found: CampaignCharacteristics) -> PageTable:
 
 
 def said(found: CampaignCharacteristics) -> Section | None:
-    """List what the data do not carry first, then what they do."""
+    """Return the section of statements: missing ones first."""
     if not found.statements:
         return None
     topic = Topic("campaign", "statements")
@@ -120,7 +120,7 @@ def said(found: CampaignCharacteristics) -> Section | None:
 
 
 def flags(found: CampaignCharacteristics) -> Section:
-    """List flags of cycles and stops, and what was skipped."""
+    """Return the section on flags of cycles and stops, and on skipped cycles."""
     topic = Topic("campaign", "flags")
     meaning = Topic("recordings", "flags").texts["meaning"] | topic.texts["meaning"]
     counts = Counter(found.flags) + Counter(flag for s in found.stops for flag in s.flags)
@@ -135,7 +135,7 @@ def flags(found: CampaignCharacteristics) -> Section:
 
 
 def budget(found: CampaignCharacteristics) -> Section | None:
-    """List the sources of uncertainty of the curves."""
+    """Return the section on the sources of uncertainty of the curves."""
     if not found.sources:
         return None
     topic = Topic("campaign", "budget")
@@ -144,7 +144,7 @@ def budget(found: CampaignCharacteristics) -> Section | None:
 
 
 def provenance(found: CampaignCharacteristics) -> Section:
-    """Software, protocol as run, sources of methods."""
+    """Return the section on software, protocol as run, sources of methods."""
     rows = [
         ("pneudrive, this report", __version__),
         ("pneudrive, the campaign", str(about_of(found).get("version", "not told"))),

@@ -1,4 +1,4 @@
-"""What stops do: relaxation while held, breakaway against stop duration, way back to uninterrupted sliding."""
+"""Effects of stops: relaxation while held, breakaway against stop duration, way back to uninterrupted sliding."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 MOST_TRACES = 3
 MOST_SERIES = 4
 MOST_CONDITIONS = 4
-#: Time around a restart that is drawn, in units of that from restart to peak.
+#: Time around a restart that is drawn, in units of the time from restart to peak.
 BEFORE, AFTER = 1.5, 20.0
 SHORTEST_S = 1e-3
 APPROACH = 0.7  # share of the approach that is drawn at most
@@ -38,7 +38,7 @@ SHAPES = {"t0": "t0", "tau": "τ", "gamma": "γ", "m": "m"}
 
 
 def stops(found: CampaignCharacteristics) -> Section | None:
-    """Everything on stops; None where none was made."""
+    """Return the section on stops; None without stops."""
     if not found.stops:
         return None
     topic = Topic("campaign", "stops")
@@ -80,7 +80,7 @@ def _whole(axis: Axes, stop: Stop, condition: str) -> None:
     way = "+x" if stop.direction > 0 else "−x"
     axis.set_title(f"{stop.stop_s:g} s {held}, restart {way} at {MM * stop.speed_m_s:.3g} mm/s, {condition}")
     reach = max(stop.dwell_s, 3 * stop.loading_s, SHORTEST_S)
-    # The beginning of the approach may still show the reversal before it.
+    # The start of the approach may still show the reversal.
     begin = max(APPROACH * t.time_s[0], -0.35 * reach)
     _limits(axis, t, begin, min(t.time_s[-1], 1.6 * reach + AFTER * stop.loading_s))
 
@@ -97,7 +97,7 @@ def _restart(axis: Axes, stop: Stop) -> None:
 
 
 def _limits(axis: Axes, trace: StopTrace, begin_s: float, end_s: float) -> None:
-    """Show a span of time, and the forces in it."""
+    """Set the axes to a span of time and its forces."""
     inside = trace.friction_n[(trace.time_s >= begin_s) & (trace.time_s <= end_s)]
     axis.set_xlim(begin_s, end_s)
     if inside.size and np.ptp(inside) > 0:
@@ -120,12 +120,12 @@ def _dwell_blocks(topic: Topic, found: CampaignCharacteristics, shown: list[Dwel
 
 
 def best_of(laws: tuple[DwellLawFit, ...], *, saturates: bool) -> DwellLawFit | None:
-    """Return the best law that saturates, or that does not."""
+    """Return the best law among those that saturate, or among the others."""
     return next((law for law in laws if law.form.saturates == saturates and law.name != "none"), None)
 
 
 def draw_dwell(found: CampaignCharacteristics, shown: list[DwellSeries]) -> Figure:
-    """Increment over duration, one panel a series."""
+    """Draw the increment over duration, one panel for each series."""
     figure, axes = draw.grid(len(shown), 2, 3.2, 0.3)
     for axis, s in zip(axes, shown, strict=True):
         for index, condition in enumerate(s.conditions[:MOST_CONDITIONS]):
@@ -196,7 +196,7 @@ def _relaxation_blocks(topic: Topic, found: CampaignCharacteristics) -> Iterator
 
 
 def draw_relaxation(found: CampaignCharacteristics) -> Figure:
-    """Relaxation and recovery distance against duration."""
+    """Draw relaxation and recovery distance against duration."""
     figure = style.new_figure(2.7)
     left, right = figure.subplots(1, 2)
     right.set_visible(any(s.recovery is not None for s in found.stops))
@@ -229,7 +229,7 @@ def draw_relaxation(found: CampaignCharacteristics) -> Figure:
 
 
 def _medians(speed_m_s: float, released: bool, duration_s: float, group: list[Stop]) -> tuple[object, ...]:
-    """Medians over stops of one duration, way of holding and speed."""
+    """Return medians over stops of equal duration, axis and speed."""
     relaxed = [s.relaxation for s in group if s.relaxation]
     back = [s.recovery for s in group if s.recovery]
     whole = [r for r in back if r.complete]

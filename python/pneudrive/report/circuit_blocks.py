@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.components import Component
 
-MODULE_IN = 0.1  # height of a module on paper
+MODULE_IN = 0.1  # inch, height of a module on paper
 NAME_PT, TEXT_PT = 7.0, 6.0
-LINE = 1.1  # from one line of a label to the next
-WIDE = 10.0  # a symbol of this width has its label above rather than beside it
+LINE = 1.1  # line spacing of a label
+WIDE = 10.0  # a symbol of this width has its label above, not beside
 MOST_VALUES = 2  # in a label
 DIRECTIONS = {"right": (1, 0), "left": (-1, 0), "up": (0, 1), "down": (0, -1)}
 
@@ -49,7 +49,7 @@ class Block:
     directions: Mapping[str, str]  # side on which each port leaves
     symbol: Box
     label: Label
-    box: Box  # of all of it
+    box: Box  # bounding box
     x: int = 0
     y: int = 0
     rank: int = 0
@@ -57,11 +57,11 @@ class Block:
     marks: dict[str, str] = field(default_factory=dict)  # port -> "exhaust" or "shut"
 
     def port(self, name: str) -> Place:
-        """Return where a port is."""
+        """Return the position of a port."""
         return self.x + self.ports[name][0], self.y + self.ports[name][1]
 
     def rectangle(self) -> Box:
-        """Return the rectangle that it takes."""
+        """Return its rectangle."""
         low_x, low_y, high_x, high_y = self.box
         return self.x + low_x, self.y + low_y, self.x + high_x, self.y + high_y
 
@@ -93,7 +93,7 @@ def size(line: int) -> float:
 
 @lru_cache(maxsize=4096)
 def text_width(text: str, points: float) -> float:
-    """Return how wide a text is, in modules."""
+    """Return the width of a text, in modules."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
 
@@ -104,7 +104,7 @@ def text_width(text: str, points: float) -> float:
 
 
 def blocks(circuit: Circuit) -> dict[str, Block]:
-    """Return a block for each component, not placed yet."""
+    """Return a block for each component, without a place."""
     return {name: _block(name, one) for name, one in circuit.components.items()}
 
 
@@ -126,9 +126,9 @@ def _block(name: str, one: Component) -> Block:
 
 
 def _plain(entry: Mapping[str, Any]) -> tuple[list[Any], list[Place]]:
-    """Return a box with the title: what feeds it below, what it feeds above, all else to the right.
+    """Return a box with a title: inlets below, outlets above, other ports to the right.
 
-    What has no gas stands to the right of an actuator: its first port is on the left.
+    A component without gas lies to the right of an actuator: its first port is on the left.
     """
     title = entry["title"].partition(",")[0]
     sides: dict[str, list[str]] = {"down": [], "up": [], "left": [], "right": []}
@@ -200,7 +200,7 @@ def _label(name: str, one: Component, box: Box, taken: set[str]) -> Label:
 
 
 def _values(one: Component) -> Iterator[str]:
-    """Return the first of the values that its kind needs."""
+    """Return the first values that the component's kind requires."""
     given = one.plain()
     shown = 0
     for parameter in one.entry["parameters"]:
@@ -212,7 +212,7 @@ def _values(one: Component) -> Iterator[str]:
 
 
 def _word(key: str) -> str:
-    """Return a key as it is labelled, by the symbols that everybody knows: ``C needle`` for ``needle_conductance``."""
+    """Return a key as a label with common symbols: ``C needle`` for ``needle_conductance``."""
     if key == "critical_pressure_ratio":
         return "b"
     of, is_conductance, _ = key.rpartition("conductance")

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from pneudrive.report.circuit_blocks import Block
     from pneudrive.report.circuit_layout import Net
 
-SPREADS = (1.0, 1.4, 2.0, 3.0, 5.0)  # room between the blocks, tried one after the other until all lines find a way
+SPREADS = (1.0, 1.4, 2.0, 3.0, 5.0)  # room between the blocks: tried in turn until all lines find a way
 EDGE = 2.0  # modules of paper around everything
 TITLE_PT = 9.0
 LEAST_WIDTH = 40.0  # modules, so that the notes below have room
-PEN, THICK = 0.8, 1.6  # points: lines, and what moves
+PEN, THICK = 0.8, 1.6  # points: width of lines, and of moving parts
 ARROW, MARK = 0.45, 0.9  # half width and height of the mark of an exhaust
 SAID = "Symbols after ISO 1219."
 
@@ -37,7 +37,7 @@ def draw_circuit(circuit: Circuit | Drive, path: str | Path | None = None) -> Fi
     Parameters
     ----------
     circuit : Circuit or Drive
-        A component of it stands where its `at` says, in modules of the drawing.
+        A component with `at` is drawn there, in modules of the drawing.
     path : path-like, optional
         Picture to write: .svg, .png or .pdf.
 
@@ -50,7 +50,7 @@ def draw_circuit(circuit: Circuit | Drive, path: str | Path | None = None) -> Fi
     CommandError
         Unknown suffix, or the file cannot be written.
     DescriptionError
-        Two components have been given one place.
+        If two components have one place.
 
     Examples
     --------
@@ -62,7 +62,7 @@ def draw_circuit(circuit: Circuit | Drive, path: str | Path | None = None) -> Fi
 
 
 def arranged(circuit: Circuit) -> tuple[dict[str, Block], list[Net], Routes]:
-    """Place the components and find a way for every line, with more room between them where that is needed."""
+    """Place the components and find a way for every line, with more room between them if necessary."""
     for spread in SPREADS:
         placed, nets = place(circuit, spread)
         try:
@@ -164,7 +164,7 @@ def _stroke(axis: Axes, stroke: Sequence[Any], block: Block) -> None:
 
 
 def _mark(axis: Axes, at: tuple[float, float], direction: tuple[int, int], mark: str) -> None:
-    """Draw that a port is open to the ambient air, or shut."""
+    """Draw the mark of a port that is open to the ambient air, or shut."""
     (x, y), (dx, dy) = at, direction
     if mark == "exhaust":
         base = x + 0.1 * dx, y + 0.1 * dy

@@ -1,4 +1,4 @@
-"""Where the components of a circuit stand in a drawing: supply below, actuators above, in ranks between them."""
+"""Places of the components of a circuit in a drawing: supply below, actuators above, ranks between them."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ class Net(NamedTuple):
 
     pins: tuple[tuple[str, str], ...]  # component, port
     kind: str  # "gas" or "axis"
-    pilots: tuple[tuple[str, str], ...] = ()  # those that feel the pressure alone
+    pilots: tuple[tuple[str, str], ...] = ()  # pilot ports
 
     @staticmethod
     def point(placed: Mapping[str, Block], pin: tuple[str, str]) -> Place:
-        """Return where a port is."""
+        """Return the position of a port."""
         return placed[pin[0]].port(pin[1])
 
     def points(self, placed: Mapping[str, Block]) -> list[Place]:
-        """Return where the ports are."""
+        """Return the positions of the ports."""
         return [self.point(placed, pin) for pin in self.pins]
 
 
@@ -59,7 +59,7 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
     Raises
     ------
     DescriptionError
-        Two components with a place of their own (`at`) lie on each other.
+        If two components with `at` overlap.
     """
     placed = blocks(circuit)
     lines = nets(circuit, placed)
@@ -88,13 +88,13 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
 
 
 def _parts(line: Net, row: Sequence[str], ranks: Mapping[str, int]) -> int:
-    """Return whether a line leaves a row for a higher one: it may need a track of its own there."""
+    """Return 1 if a line leaves a row for a higher one, where it may need its own track; else 0."""
     found = [ranks[name] for name, _ in line.pins if name in ranks]
     return int(bool(found) and min(found) <= ranks[row[0]] < max(found))
 
 
 def _beside(lines: Sequence[Net], circuit: Circuit) -> dict[str, tuple[str, str]]:
-    """Return what moves with an actuator and has no gas: the actuator, and what it stands beside, which that moves."""
+    """Return the components without gas that move with an actuator, each with the component beside it that moves it."""
     has_gas = {name for name in circuit.components if any(p.kind == "gas" for p in circuit.wiring.ports(name))}
     out: dict[str, tuple[str, str]] = {}
     found = {name: name for name in has_gas}
@@ -112,7 +112,7 @@ def _beside(lines: Sequence[Net], circuit: Circuit) -> dict[str, tuple[str, str]
 
 
 def _columns(names: Sequence[str], beside: Mapping[str, tuple[str, str]]) -> list[list[str]]:
-    """Return the blocks beside an actuator in columns: what it moves, what that moves, and so on."""
+    """Return the blocks beside an actuator in columns, by their distance in the chain of motion."""
     columns = [[names[0]]]
     while column := [name for name in names[1:] if beside[name][1] in columns[-1]]:
         columns.append(column)
@@ -120,7 +120,7 @@ def _columns(names: Sequence[str], beside: Mapping[str, tuple[str, str]]) -> lis
 
 
 def _put_beside(names: Sequence[str], beside: Mapping[str, tuple[str, str]], placed: Mapping[str, Block]) -> None:
-    """Stand what an actuator moves to its right, each at the height of what moves it, above what stands there."""
+    """Place the moved components to the right of their actuator, each at the height of the one that moves it."""
     last = placed[names[0]].x + placed[names[0]].box[2]
     for column in _columns(names, beside):
         floor = -math.inf
@@ -138,7 +138,7 @@ def _put_beside(names: Sequence[str], beside: Mapping[str, tuple[str, str]], pla
 def _group_extent(
     names: Sequence[str], beside: Mapping[str, tuple[str, str]], placed: Mapping[str, Block]
 ) -> tuple[float, float]:
-    """Return how far a block reaches to the left and to the right of its origin, with what stands beside it."""
+    """Return the extent of a block to the left and right of its origin, with the blocks beside it."""
     own = placed[names[0]]
     widths = (max(placed[name].box[2] - placed[name].box[0] + 4 for name in c) for c in _columns(names, beside))
     marked = 1.0 if own.marks else 0.0
@@ -146,14 +146,14 @@ def _group_extent(
 
 
 def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
-    """Return how far each component is from the supply; what is behind exhausts lies below, actuators on top."""
+    """Return the distance of each component from the supply; exhaust parts lie below, actuators on top."""
     known: dict[str, int] = {}
     ports = {name: [port for port in wiring.ports(name) if port.kind == "gas"] for name in names}
     first = [name for name in names if _is_supply(ports[name])] or list(names[:1])
     todo = list(first)
     known |= dict.fromkeys(first, 0)
     while len(known) < len(names):
-        for name in todo:  # grows as it is looked at
+        for name in todo:  # grows during the loop
             for port in ports[name]:
                 joint = wiring.at.get(port)
                 for other in joint.ports if joint is not None and not port.exhaust else ():
@@ -171,12 +171,12 @@ def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
 
 
 def _is_supply(ports: Sequence[Port]) -> bool:
-    """Return whether a component with these ports gives gas: a reservoir, a compressor."""
+    """Return whether a component with these ports supplies gas: a reservoir, a compressor."""
     return any(port.holds == "pressure" for port in ports) or (len(ports) == 1 and ports[0].is_single)
 
 
 def _behind(name: str, ports: Mapping[str, Sequence[object]], wiring: Wiring, known: Mapping[str, int]) -> int | None:
-    """Return the rank of what is joined to an exhaust: below the component that has it."""
+    """Return the rank of a component at an exhaust: below the component of the exhaust."""
     for port in ports[name]:
         joint: Joint | None = wiring.at.get(port)  # type: ignore[call-overload]
         for other in joint.ports if joint is not None else ():
@@ -192,7 +192,7 @@ def _order(
     placed: Mapping[str, Block],
     spread: float,
 ) -> None:
-    """Bring blocks near to what they are joined to, row by row, upward and downward."""
+    """Order the blocks of each row near the blocks they are joined to, upward and downward."""
     pulls: dict[str, list[tuple[str, str, str]]] = {}
     for line in lines:
         for name, port in line.pins:
@@ -220,7 +220,7 @@ def _order(
 
 
 def _apart(want: Sequence[float], extents: Sequence[tuple[float, float]], gap: float) -> list[int]:
-    """Return places in this order, nearest to those wanted by least squares, that keep blocks apart."""
+    """Return places in this order that keep blocks apart and lie nearest to the wanted ones (least squares)."""
     offsets = [0.0]
     for (_, right), (left, _) in pairwise(extents):
         offsets.append(offsets[-1] + math.ceil(right - left + gap))
@@ -236,7 +236,7 @@ def _apart(want: Sequence[float], extents: Sequence[tuple[float, float]], gap: f
 
 
 def _fix(circuit: Circuit, placed: Mapping[str, Block]) -> None:
-    """Put components where their description says; others make room."""
+    """Move components to the places in their description; others make room."""
     for name, block in placed.items():
         at = circuit.components[name].at
         if at is not None:
@@ -245,10 +245,8 @@ def _fix(circuit: Circuit, placed: Mapping[str, Block]) -> None:
     for number, block in enumerate(fixed):
         for other in fixed[:number]:
             if _overlap(block, other):
-                remedy = (
-                    f"Give {block.name} another place; {other.name} takes x {_range(other, 0)}, y {_range(other, 1)}."
-                )
-                error = DescriptionError(f"{other.name} and {block.name} lie on each other", remedy=remedy)
+                remedy = f"Move {block.name}; {other.name} takes x {_range(other, 0)}, y {_range(other, 1)}."
+                error = DescriptionError(f"{other.name} and {block.name} overlap", remedy=remedy)
                 error.key = f"components.{block.name}.at"
                 raise error
     standing = list(fixed)

@@ -22,7 +22,7 @@ Step = tuple["Place", "Place"]
 
 
 class NoWayError(Exception):
-    """A line finds no way; with more room between the blocks it does."""
+    """Error: a line finds no way; the drawing is repeated with more room between the blocks."""
 
 
 class Routes:
@@ -37,9 +37,9 @@ class Routes:
     Attributes
     ----------
     lines : list of set
-        For each net its steps.
+        The steps of each net.
     pilots : list of set
-        Those of them that are pilot lines.
+        Those steps that belong to pilot lines.
     """
 
     def __init__(self, placed: Mapping[str, Block], nets: Sequence[Net]) -> None:
@@ -54,7 +54,7 @@ class Routes:
             self._join(number, points[number], {nets[number].point(placed, pin) for pin in nets[number].pilots})
 
     def _join(self, net: int, points: Sequence[Place], pilots: Collection[Place]) -> None:
-        """Join the ports of a net, each to what is joined already, those that feel a pressure last."""
+        """Join the ports of a net one by one, pilot ports last."""
         first = next(point for point in points if point not in pilots)
         tree, left = {first}, [point for point in points if point != first]
         while left:
@@ -109,7 +109,7 @@ class Routes:
         raise NoWayError
 
     def _enter(self, net: int, to: Place, step: Place, goal: Place) -> int | None:
-        """Return what it costs beyond a step to come to a point; None where no line may."""
+        """Return the extra cost of entering a point; None if no line may enter it."""
         low_x, low_y, high_x, high_y = self.bounds
         if not (low_x <= to[0] <= high_x and low_y <= to[1] <= high_y):
             return None
@@ -137,7 +137,7 @@ class Routes:
         return sorted(point for point, number in count.items() if number > 2)
 
     def runs(self, net: int, *, pilots: bool) -> list[Step]:
-        """Return the straight parts of a line, each as long as can be: of its pilot lines, or of all else."""
+        """Return the longest straight parts of a line: of its pilot lines, or of the rest."""
         out = []
         own = self.pilots[net] if pilots else self.lines[net] - self.pilots[net]
         for axis in (0, 1):

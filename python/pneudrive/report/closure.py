@@ -27,7 +27,7 @@ MOST_JOINED = 12  # points beyond which residuals are not joined by lines
 
 
 def section(found: Characterisation) -> Section | None:
-    """Half the sum of both directions' forces against pressure; None where no pressure was changed."""
+    """Return the section on half the sum of both directions' forces against pressure; None at one pressure."""
     if not found.closures:
         return None
     topic, shown = Topic("recordings", "closure"), spread_evenly(found.closures, MOST_GROUPS)
@@ -45,7 +45,7 @@ def _is_one_chamber(closures: Sequence[ClosureFit]) -> bool:
 
 
 def draw(closures: list[ClosureFit]) -> Figure:
-    """All groups in one pair of panels: against pressure, or against the fit where both chambers' pressures changed."""
+    """Draw all groups in two panels: against pressure, or against the fit if both chambers' pressures changed."""
     figure = style.new_figure(4.0)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     one_chamber = _is_one_chamber(closures)
@@ -71,7 +71,7 @@ def draw(closures: list[ClosureFit]) -> Figure:
 
 
 def nominal_force(fit: ClosureFit) -> NDArray[np.float64]:
-    """Force that pressure would need on the nominal area of the one chamber whose pressure changed, +x, N."""
+    """Return the pressure force on the nominal area of the one chamber whose pressure changed, +x, N."""
     side, area = next(iter(fit.nominal_m2.items()))
     return (-area if side == "a" else area) * fit.pressure_pa
 

@@ -1,4 +1,4 @@
-"""What a proposed layout makes of a foreign file, for the eye."""
+"""A figure of how a proposed layout reads a foreign file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TITLE_WIDTH = 95  # characters over one panel
 
 
 def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
-    """Draw the channels as they were understood, strokes shaded, and force against position.
+    """Draw the channels as read, strokes shaded, and force against position.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
     Raises
     ------
     CommandError
-        The picture cannot be written.
+        If the picture cannot be written.
     """
     path = Path(path)
     with style.applied():
@@ -53,7 +53,7 @@ def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
 
 
 def _draw_columns(figure, proposal: Proposal) -> None:  # noqa: ANN001 - matplotlib is imported on use
-    """Draw raw columns, where no recording could be made of them."""
+    """Draw raw columns if they do not make a recording."""
     shown = proposal.columns[:8]
     axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
     roles = {guess.index: guess for guess in proposal.guesses}

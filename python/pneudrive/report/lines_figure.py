@@ -38,13 +38,13 @@ def plot_lines(study: xr.Dataset, path: str | Path | None = None) -> Figure:
     Raises
     ------
     CommandError
-        Unknown suffix, or the file cannot be written.
+        If the suffix is unknown, or the file cannot be written.
     """
     return drawn(lambda: draw(study), path)
 
 
 def draw(study: xr.Dataset) -> Figure:
-    """One panel for each variable, a curve for each bore."""
+    """Draw one panel for each variable, a curve for each bore."""
     figure = style.new_figure(2.9)
     axes = figure.subplots(1, len(_PANELS))
     for axis, (label, factor, name) in zip(axes, _PANELS, strict=True):

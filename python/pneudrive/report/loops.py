@@ -25,7 +25,7 @@ MOST_LARGE = 12  # levels that are named
 
 
 def section(found: Characterisation) -> Section:
-    """One figure for each seal, one panel for each recording and speed level."""
+    """Return the section with a figure for each seal, a panel for each recording and speed class."""
     topic, groups, pictures = Topic("recordings", "loops"), by_seal(found), []
     for seal, results in groups.items():
         pairs = [(r, level) for r in results for level in r.levels]
@@ -42,7 +42,7 @@ def section(found: Characterisation) -> Section:
 
 
 def draw(pairs: list[tuple[RecordingResult, Level]]) -> Figure:
-    """Panels of one seal on shared axes."""
+    """Draw the panels of one seal on shared axes."""
     figure, axes = grid(len(pairs), COLUMNS, 1.75, 0.7, sharex=True, sharey=True)
     handles: list = []
     for axis, (result, level) in zip(axes, pairs, strict=True):

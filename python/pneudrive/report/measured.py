@@ -1,4 +1,4 @@
-"""What was measured: the rig with its signs, sensors, files."""
+"""The section on the measurement: rig with its signs, sensors, files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CHANNELS = {
 
 
 def section(found: Characterisation) -> Section:
-    """Rig, sensors and files."""
+    """Return the section on rig, sensors and files."""
     topic, first = Topic("recordings", "measured"), found.recordings[0]
     strokes = sum(len(r.strokes) for r in found.results)
     counts = {"recordings": plural(len(found.results), "recording"), "seals": plural(len(by_seal(found)), "seal")}
@@ -44,13 +44,13 @@ def section(found: Characterisation) -> Section:
 
 
 def is_open(recording: Recording, side: str) -> bool:
-    """Return whether a chamber was open to ambient: its pressure is exactly that."""
+    """Return whether a chamber was open to ambient: its pressure equals ambient exactly."""
     values = getattr(recording, f"pressure_{side}_pa")
     return bool(np.ptp(values) == 0 and abs(values[0] - recording.ambient_pressure_pa) < 1.0)
 
 
 def draw_rig(recording: Recording) -> Figure:
-    """Sketch of cylinder, piston, force sensor and servo or hand, with signs."""
+    """Draw cylinder, piston, force sensor and servo or hand, with signs."""
     incline = recording.incline_rad
     states = {side: _state(recording, side) for side in "ab"}
     return draw_sketch("recording", ["inclined"] if incline else [], **states, incline=np.degrees(incline))
@@ -63,7 +63,7 @@ def _state(recording: Recording, side: str) -> str:
 
 
 def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
-    """Range of each channel over all recordings, and the accuracy that was stated."""
+    """Return range of each channel over all recordings, and its stated accuracy."""
     for channel, (name, factor, unit) in CHANNELS.items():
         values = [getattr(r, channel) for r in recordings]
         if channel.startswith("pressure"):
@@ -80,7 +80,7 @@ def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
         low, high = min(v.min() for v in values) * factor, max(v.max() for v in values) * factor
         yield name, f"{unit}; standard uncertainty {accuracy}", low, high
     rates = [(r.time_s.size - 1) / (r.time_s[-1] - r.time_s[0]) for r in recordings]
-    yield "sampling", "samples a second, mean of each recording", min(rates), max(rates)
+    yield "sampling", "samples per second, mean of each recording", min(rates), max(rates)
 
 
 def _files(found: Characterisation) -> Iterator[tuple]:

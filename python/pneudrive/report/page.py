@@ -1,4 +1,4 @@
-"""What a report is made of: sections of text, tables and pictures; and how they become files."""
+"""Parts of a report (sections, text, tables, pictures) and the files made of them."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 FIGURES = "figures"
-#: What the page may do: it has style of its own, also inside pictures, and loads or runs nothing.
+#: Permissions of the page: own style, also inside pictures; it loads and runs nothing.
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 
 
 @dataclass(frozen=True)
 class Paragraph:
-    """A paragraph; `kind` is "plain", "note" (what a reader must know), "code" or "holds" / "fails" of a check."""
+    """A paragraph; `kind` is "plain", "note" (a caution), "code", or "holds" / "fails" of a check."""
 
     text: str
     kind: str = "plain"
@@ -40,7 +40,7 @@ class Items:
 
 @dataclass(frozen=True)
 class PageTable:
-    """A table; columns from `numbers_from` on hold numbers and are set to the right."""
+    """A table; columns from `numbers_from` on hold numbers and are right-aligned."""
 
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -50,7 +50,7 @@ class PageTable:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure with its file name (without suffix) and caption; where nothing is said, as synthetic as its section."""
+    """A figure with its file name (without suffix) and caption; `synthetic` defaults to that of its section."""
 
     name: str
     caption: str
@@ -63,7 +63,7 @@ Block: TypeAlias = Paragraph | Items | PageTable | Picture
 
 @dataclass(frozen=True)
 class Section:
-    """One section of the report; where nothing is said, as synthetic as the report."""
+    """A section of the report; `synthetic` defaults to that of the report."""
 
     key: str
     title: str
@@ -72,12 +72,12 @@ class Section:
 
 
 def section(key: str, title: str, *blocks: Block | None, synthetic: bool | None = None) -> Section:
-    """Make a section of the blocks that there are."""
+    """Return a section of the blocks that are not None."""
     return Section(key, title, tuple(block for block in blocks if block is not None), synthetic)
 
 
 def _marked(part: Section, synthetic: bool) -> Section:
-    """Say of a section and of its pictures whether they are synthetic."""
+    """Return a section with `synthetic` filled in, for its pictures too."""
     own = synthetic if part.synthetic is None else part.synthetic
     blocks = (
         replace(block, synthetic=own) if isinstance(block, Picture) and block.synthetic is None else block
@@ -88,7 +88,7 @@ def _marked(part: Section, synthetic: bool) -> Section:
 
 @dataclass
 class Report:
-    """A report: verdict, those of the sections that there are, and the pictures that were written beside it."""
+    """A report: verdict, sections, and the pictures that were written beside it."""
 
     title: str
     verdict: Iterable[str]
@@ -101,18 +101,18 @@ class Report:
         self.sections = [_marked(part, self.synthetic) for part in self.sections if part is not None]
 
     def write(self, folder: str | Path) -> Path:
-        """Write report.html and figures/*.png, *.svg into a folder that is there.
+        """Write report.html and figures/*.png, *.svg into an existing folder.
 
         Raises
         ------
         CommandError
-            The folder cannot be written to.
+            If the folder cannot be written.
         """
         figures = Path(folder) / FIGURES
         try:
             figures.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise CommandError(f"{figures} cannot be made", value=error.strerror) from None
+            raise CommandError(f"{figures} cannot be created", value=error.strerror) from None
         for part in self.sections:
             for block in part.blocks if part is not None else ():
                 if isinstance(block, Picture):
@@ -123,7 +123,7 @@ class Report:
         return target
 
     def html(self, *, linked: bool = True) -> str:
-        """Return the page; it loads nothing from anywhere. `linked`: captions point at the files of the figures."""
+        """Return the page, which loads nothing. `linked`: captions link to the files of the figures."""
         import jinja2
         from markupsafe import Markup
 
@@ -141,16 +141,16 @@ class Report:
 
 
 def _plain(value: object) -> object:
-    """Show signs that would hide or turn a text as escapes; jinja2 calls this before it escapes what is HTML."""
+    """Show characters that hide or reverse a text as escapes; jinja2 calls this before it escapes HTML."""
     return shown(value, len(value)) if type(value) is str else value  # not Markup: pictures are ours
 
 
 def write_picture(picture: Picture, folder: Path) -> str:
-    """Write PNG and SVG; return the SVG as it stands inside a page."""
+    """Write PNG and SVG; return the SVG for use inside a page."""
     style.finish(picture.figure, synthetic=bool(picture.synthetic))
     png = BytesIO()
     picture.figure.savefig(png, format="png", dpi=style.PNG_DPI)
-    picture.figure.set_layout_engine("none")  # laid out once is enough: it is half of the time
+    picture.figure.set_layout_engine("none")  # one layout is enough: it takes half of the time
     with whole(folder / f"{picture.name}.png") as temporary:
         temporary.write_bytes(png.getvalue())
     svg = svg_text(picture.figure)
@@ -167,7 +167,7 @@ def svg_text(figure: Figure) -> str:
 
 
 def inline(svg: str, name: str, description: str) -> str:
-    """Make an SVG fit to stand inside a page beside others: no prologue, names of its own, scaled to the column."""
+    """Return an SVG for use inside a page: no prologue, unique names, scaled to the column."""
     import html
 
     body = svg[svg.index("<svg") :]

@@ -28,12 +28,12 @@ COLUMNS = 3
 MOST_PANELS = 9
 
 
-#: What the band holds, by whether anything was run twice.
+#: Meaning of the band, by whether a run was repeated.
 BAND = {True: "a further run", False: "a further recording of the same run"}
 
 
 def section(found: Characterisation) -> Section | None:
-    """Friction over pressure for each seal; None where all recordings have one pressure."""
+    """Return the section on friction over pressure for each seal; None at one pressure."""
     if len(found.points) < 2 or np.ptp([p.pressure_pa for p in found.points]) < MINIMUM_RANGE_PA:
         return None
     topic, spread = Topic("recordings", "pressure"), found.run_spread
@@ -48,7 +48,7 @@ def section(found: Characterisation) -> Section | None:
 
 
 def panels_of(found: Characterisation) -> dict[str, tuple[list[FrictionPoint], PressureLine | None]]:
-    """Points and line of each panel: one for each line, one for each seal without a line."""
+    """Return points and line of each panel: one for each line, one for each seal without a line."""
     out: dict[str, tuple[list[FrictionPoint], PressureLine | None]] = {}
     for line in found.pressure_lines:
         out[line.seal] = (list(line.points), line)
@@ -61,7 +61,7 @@ def panels_of(found: Characterisation) -> dict[str, tuple[list[FrictionPoint], P
 
 
 def draw(found: Characterisation) -> Figure:
-    """One panel for each seal on shared axes."""
+    """Draw one panel for each seal on shared axes."""
     shown = spread_evenly(list(panels_of(found).items()), MOST_PANELS)
     figure, axes = grid(len(shown), COLUMNS, 2.0, 0.8, alone_in=4.5, sharex=True, sharey=True)
     handles: dict[str, Any] = {}
@@ -82,7 +82,7 @@ def plot_pressure(found: Characterisation, path: str | Path) -> Figure:
     Parameters
     ----------
     found : Characterisation
-        From ``characterise_recordings``, with recordings at two pressures or more.
+        From ``characterise_recordings``, with recordings at two or more pressures.
     path : path-like
         Picture to write: .png, .svg or .pdf.
 
@@ -99,7 +99,7 @@ def plot_pressure(found: Characterisation, path: str | Path) -> Figure:
 
 
 def draw_panel(axis: Axes, points: list[FrictionPoint], line: PressureLine | None) -> dict[str, Any]:
-    """Draw the points of each run, and the line with its band; return what the legend needs."""
+    """Draw the points of each run, and the line with its band; return the legend's handles."""
     handles: dict[str, Any] = {}
     if line is not None:
         bar = line.band_pressure_pa / 1e5

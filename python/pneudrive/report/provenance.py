@@ -1,4 +1,4 @@
-"""Where everything comes from: software, data, sources; what is validated on real data and what is not."""
+"""Provenance: software, data, sources; what is validated on real data and what is not."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PACKAGES = ("numpy", "scipy", "xarray", "polars", "matplotlib")
 
 
 def section(found: Characterisation | None, study: Addition | None) -> Section:
-    """Provenance of everything in the report."""
+    """Return the section on provenance of the report."""
     topic = Topic("recordings", "provenance")
     lines = [] if found is None else [topic.say("synthetic" if found.synthetic else "real")]
     rows = [("pneudrive", __version__), ("Python", platform.python_version())]
@@ -55,7 +55,7 @@ def _notes(topic: Topic, found: Characterisation) -> Iterator[Block]:
 
 
 def source_notes(found: Characterisation) -> list[Path]:
-    """Find files SOURCE.md beside the recordings or one folder above."""
+    """Return the paths of files SOURCE.md beside the recordings or one folder above."""
     notes = []
     for recording in found.recordings:
         if recording.source is None:
@@ -83,7 +83,7 @@ def _keys(found: Characterisation | None, study: Addition | None) -> list[str]:
 
 
 def reference(key: str) -> str | None:
-    """Write one entry of references.bib in a line; None where there is none of that key."""
+    """Return an entry of references.bib in a line; None if the key is unknown."""
     entry = entries().get(key)
     if entry is None:
         return None

@@ -24,7 +24,7 @@ MOST_FIGURES = 3
 
 
 def section(found: Characterisation) -> Section:
-    """One recording of each seal over time, all channels."""
+    """Return the section with one recording of each seal over time, all channels."""
     topic = Topic("recordings", "record")
     chosen = [group[len(group) // 2] for group in by_seal(found).values()][: IN_ONE_FIGURE * MOST_FIGURES]
     parts = [chosen[i : i + IN_ONE_FIGURE] for i in range(0, len(chosen), IN_ONE_FIGURE)]
@@ -37,7 +37,7 @@ def section(found: Characterisation) -> Section:
 
 
 def draw(results: list[RecordingResult]) -> Figure:
-    """Position, pressure and force over time, a column for each recording."""
+    """Draw position, pressure and force over time, a column for each recording."""
     sides = [s for s in ("a", "b") if not all(is_open(r.recording, s) for r in results)] or ["b"]
     rows = 2 + len(sides)
     figure = style.new_figure(1.15 * rows + 0.5)

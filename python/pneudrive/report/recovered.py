@@ -1,4 +1,4 @@
-"""Simulated recordings: what was recovered against what is true."""
+"""Simulated recordings: recovered friction against the ground truth."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SHOWN_ERRORS = 4.0  # standard errors to either side
 
 @dataclass(frozen=True)
 class Recovered:
-    """Friction of simulated recordings against the truth that made them; arrays of one length, SI."""
+    """Friction of simulated recordings and their ground truth; arrays of one length, SI."""
 
     speed_m_s: np.ndarray
     gauge_pa: np.ndarray
@@ -37,17 +37,17 @@ class Recovered:
 
     @property
     def inside(self) -> int:
-        """How many lie within their U (k = 2)."""
+        """Number of values within their U (k = 2)."""
         return int(np.sum(np.abs(self.friction_n - self.true_n) <= self.expanded_n))
 
     @property
     def within_statistics(self) -> int:
-        """How many lie within two statistical standard errors."""
+        """Number of values within two statistical standard errors."""
         return int(np.sum(np.abs(self.friction_n - self.true_n) <= 2 * np.nan_to_num(self.stderr_n)))
 
 
 def recovered(found: Characterisation) -> Recovered | None:
-    """Pair friction with the truth of each simulated recording; None where there is none."""
+    """Return friction with the ground truth of each simulated recording; None without one."""
     rows = []
     for result in found.results:
         truth = result.recording.truth
@@ -62,7 +62,7 @@ def recovered(found: Characterisation) -> Recovered | None:
 
 
 def section(found: Characterisation, fits: Fits) -> Section | None:
-    """Friction and fitted parameters against the truth; None without simulated recordings."""
+    """Return the section on recovered friction and parameters; None without simulated recordings."""
     pairs = recovered(found)
     if pairs is None:
         return None
@@ -79,7 +79,7 @@ def section(found: Characterisation, fits: Fits) -> Section | None:
 
 
 def parameter_rows(found: Characterisation, fits: Fits) -> list[tuple[str, str, str, str, str]]:
-    """List true and recovered value of each parameter of the fit that covers all recordings."""
+    """Return true and recovered value of each parameter of the fit that covers all recordings."""
     fit = next(iter(fits.values()), {}).get("stribeck") if fits else None
     truth = next((r.truth for r in found.recordings if r.truth), None)
     if fit is None or truth is None or truth["law"] != "stribeck":
@@ -103,7 +103,7 @@ def parameter_rows(found: Characterisation, fits: Fits) -> list[tuple[str, str, 
 
 
 def draw(pairs: Recovered) -> Figure:
-    """Curves over speed, and errors with their statistical part."""
+    """Draw curves over speed, and errors with their statistical part."""
     figure = style.new_figure(3.0)
     left, right = figure.subplots(1, 2)
     gauges = np.unique(pairs.gauge_pa.round(-2))
@@ -118,7 +118,7 @@ def draw(pairs: Recovered) -> Figure:
         left.plot(speed, pairs.friction_n[chosen], look.marker, color=look.color, mfc="white", ms=3.2, label=label)
         with np.errstate(divide="ignore", invalid="ignore"):
             error = (pairs.friction_n[chosen] - pairs.true_n[chosen]) / pairs.stderr_n[chosen]
-        error = np.clip(error, -SHOWN_ERRORS, SHOWN_ERRORS)  # one that is further off stands on the frame
+        error = np.clip(error, -SHOWN_ERRORS, SHOWN_ERRORS)  # one further off is drawn on the frame
         right.plot(speed, error, look.marker, color=look.color, mfc="white", ms=3.2)
     right.axhline(0, color=style.BLACK, lw=0.8)
     for axis in (left, right):

@@ -1,4 +1,4 @@
-"""A rig drawn from what it says of itself: axis, force sensor, piston in its barrel, air."""
+"""A drawing of a rig from its identity: axis, force sensor, piston in its barrel, air."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 def rig_diagram(identity: Identity, envelope: Envelope) -> Figure:
-    """Draw a rig with the values that it states.
+    """Draw a rig with its stated values.
 
     Parameters
     ----------
     identity, envelope
-        What the rig tells of itself.
+        Description and limits of the rig.
 
     Returns
     -------

@@ -24,11 +24,11 @@ def draw_sketch(name: str, there: Collection[str] = (), **values: object) -> Fig
     Parameters
     ----------
     name : str
-        In ``sketches.toml``.
+        Name in ``sketches.toml``.
     there : collection of str
-        What there is of that which only some rigs have.
+        Optional parts of the rig that are present.
     **values
-        For the texts.
+        Values for the texts.
 
     Returns
     -------

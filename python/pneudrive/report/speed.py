@@ -1,4 +1,4 @@
-"""Friction against speed, and what the data cannot determine."""
+"""Friction against speed, and parameters that the data cannot determine."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SAME_BAR = 0.05
 
 
 def section(found: Characterisation, fits: Fits) -> Section:
-    """Friction over speed with the fitted law, the fitted parameters, and statements of what is not determined."""
+    """Return the section on friction over speed: fitted law, parameters, and what is not determined."""
     topic, speeds = Topic("recordings", "speed"), np.array([p.speed_m_s for p in found.points])
     ends = {"slow": speeds.min() * 1e3, "fast": speeds.max() * 1e3}
     law = topic.say("with_law") if has_curve(fits) else ""
@@ -62,7 +62,7 @@ def richest(by_law: Mapping[str, FrictionFit]) -> FrictionFit:
 
 
 def undetermined(fits: Fits) -> tuple[tuple[str, str, str, str], ...]:
-    """List group, parameters, reason and remedy of what the richest fit of each group cannot determine."""
+    """Return group, parameters, reason and remedy of what the richest fit of each group cannot determine."""
     rows: dict[tuple[str, str, str], list[str]] = {}
     for group, by_law in fits.items():
         lost: dict[tuple[str, str], list[str]] = {}
@@ -74,7 +74,7 @@ def undetermined(fits: Fits) -> tuple[tuple[str, str, str, str], ...]:
 
 
 def fit_notes(fits: Fits) -> tuple[str, ...]:
-    """Return the notes of the richest fits, each with the groups that it is about."""
+    """Return the notes of the richest fits, each with its groups."""
     notes: dict[str, list[str]] = {}
     for group, by_law in fits.items():
         for note in richest(by_law).notes:
@@ -84,7 +84,7 @@ def fit_notes(fits: Fits) -> tuple[str, ...]:
 
 def _rows(fits: Fits) -> Iterator[tuple[str, ...]]:
     for group, by_law in fits.items():
-        alike: dict[tuple[str, ...], list[str]] = {}  # a law that lost its falling part is the smaller law
+        alike: dict[tuple[str, ...], list[str]] = {}  # a law without its falling part is the smaller law
         for law, fit in by_law.items():
             alike.setdefault(fit.free, []).append(law)
         for laws in alike.values():
@@ -93,7 +93,7 @@ def _rows(fits: Fits) -> Iterator[tuple[str, ...]]:
 
 
 def parameter_rows(fit: FrictionFit) -> list[tuple[str, str, str]]:
-    """Name, estimate with U and statistical interval of each parameter that the data determine."""
+    """Return name, estimate with U and statistical interval of each determined parameter."""
     rows = []
     for name in fit.free:
         if name not in fit.intervals:
@@ -108,7 +108,7 @@ def parameter_rows(fit: FrictionFit) -> list[tuple[str, str, str]]:
 
 @dataclass(frozen=True)
 class Group:
-    """Points that share a look: of one seal, or of one pair of chamber pressures (gauge, Pa)."""
+    """Points with one look: of one seal, or of one pair of chamber pressures (gauge, Pa)."""
 
     label: str
     points: tuple[FrictionPoint, ...]
@@ -117,7 +117,7 @@ class Group:
 
 
 def groups_of(found: Characterisation) -> list[Group]:
-    """Group points by seal where there are several, otherwise by the pressures of both chambers."""
+    """Group points by seal, or by the pressures of both chambers if there is one seal."""
     seals = list(dict.fromkeys(p.seal for p in found.points))
     if len(seals) > 1:
         return [Group(s, tuple(p for p in found.points if p.seal == s), s, None) for s in seals]
@@ -135,7 +135,7 @@ def groups_of(found: Characterisation) -> list[Group]:
 
 
 def _gauges(found: Characterisation) -> dict[tuple[str, float], tuple[float, float]]:
-    """Mean gauge pressures of both chambers by recording and friction, which the rows of a pair share."""
+    """Return mean gauge pressures of both chambers by recording and friction, which the rows of a pair share."""
     curves, ambient = found.friction_map, found.recordings[0].ambient_pressure_pa
     rows: dict[tuple[str, float], list[tuple[float, float]]] = {}
     columns = [curves[name].to_numpy() for name in ("recording", "friction_n", "pressure_a_pa", "pressure_b_pa")]
@@ -162,7 +162,7 @@ def has_curve(fits: Fits) -> bool:
 
 
 def draw(found: Characterisation, fits: Fits) -> Figure:
-    """All points over speed, a look for each seal or pressure, and the fitted law where speed is determined."""
+    """Draw all points over speed, a look for each seal or pressure, and the fitted law if it is determined."""
     figure = style.new_figure(3.6)
     axis = figure.subplots()
     groups = groups_of(found)
@@ -190,7 +190,7 @@ def draw(found: Characterisation, fits: Fits) -> Figure:
 
 
 def _curve(axis: Axes, look: style.Look, group: Group, by_law: Mapping[str, FrictionFit] | None) -> None:
-    """Draw the fitted law at the group's pressures, where the data determine how it depends on speed."""
+    """Draw the fitted law at the group's pressures if the data determine how it depends on speed."""
     fit = (by_law or {}).get("stribeck")
     if fit is None or group.gauges_pa is None or "stribeck_velocity" not in fit.determined:
         return

@@ -40,7 +40,7 @@ class DrawnMotion:
 
 
 def section(found: Characterisation) -> Section | None:
-    """Return what the recordings show, and draw those that stick and slip; None where there is nothing to say."""
+    """Return the section on stick-slip, with pictures; None if there is nothing to report."""
     every = [(r, level, s) for r in found.results for level in r.levels for s in level.stick_slip]
     slipping = [item for item in every if item[2].found and "stick_slip" in item[1].flags]
     if not every or (found.synthetic and not slipping):
@@ -59,7 +59,7 @@ def section(found: Characterisation) -> Section | None:
 
 
 def _nothing(topic: Topic, strokes: str, each: list[StickSlip]) -> str:
-    """Say that no recording sticks and slips, and what could have been seen."""
+    """Return the text that no recording sticks and slips, with the shortest visible period."""
     text = topic.say("nothing", strokes=strokes, finest=float(np.median([s.resolution_s for s in each])))
     jumps = [s for s in each if s.found]
     if jumps:
@@ -84,7 +84,7 @@ def _of_stroke(result: RecordingResult, level: Level, s: StickSlip) -> DrawnMoti
 
 
 def in_time(motions: Sequence[DrawnMotion]) -> Figure:
-    """Speed above position, a column for each motion."""
+    """Draw speed above position, a column for each motion."""
     figure = style.new_figure(3.4)
     grid = figure.subplots(2, len(motions), squeeze=False, sharex="col", sharey="row")
     for (above, below), motion in zip(grid.T, motions, strict=True):
@@ -105,7 +105,7 @@ def in_time(motions: Sequence[DrawnMotion]) -> Figure:
 
 
 def phase_plane(motions: Sequence[DrawnMotion]) -> Figure:
-    """Speed against position less mean motion."""
+    """Draw speed against position less mean motion."""
     figure = style.new_figure(2.6)
     axes = figure.subplots(1, len(motions), squeeze=False, sharey=True)[0]
     for axis, motion in zip(axes, motions, strict=True):

@@ -28,7 +28,7 @@ MOST_NAMED = 10  # peaks
 
 
 def drift(found: Characterisation) -> Section | None:
-    """Friction of each stroke in the order of time; None where no level has three strokes in a direction."""
+    """Return the section on friction stroke by stroke; None if no level has three strokes in a direction."""
     long = [level for level in found.levels if max(v.size for v in level.stroke_friction_n.values()) >= 3]
     if not long:
         return None
@@ -42,7 +42,7 @@ def drift(found: Characterisation) -> Section | None:
 
 
 def _drift_share(level: Level) -> float:
-    """Largest drift over all strokes of a direction, as a share of friction."""
+    """Return the largest drift over all strokes of a direction, as a share of friction."""
     slopes = [abs(s.slope_n) * s.strokes for s in level.spreads.values() if s.has_trend]
     return max(slopes, default=0.0) / max(abs(level.friction_n), 1e-9)
 
@@ -57,7 +57,7 @@ def _drift_row(level: Level) -> tuple[object, ...]:
 
 
 def draw_drift(found: Characterisation) -> Figure:
-    """One panel for each seal."""
+    """Draw one panel for each seal."""
     groups = spread_evenly(list(by_seal(found).items()), MOST_PANELS)
     figure, axes = grid(len(groups), COLUMNS, 2.15, 0.5, alone_in=4.5, sharex=True, sharey=True)
     for axis, (seal, results) in zip(axes, groups, strict=True):
@@ -82,7 +82,7 @@ def draw_drift(found: Characterisation) -> Figure:
 
 
 def _course(level: Level) -> np.ndarray:
-    """Friction of each pair of strokes against the level's mean, %; of as many strokes as both directions have."""
+    """Return the friction of each pair of strokes less the level's mean, %."""
     each = [values for values in level.stroke_friction_n.values() if values.size]
     shortest = min(values.size for values in each)
     return 100 * (np.mean([values[:shortest] for values in each], axis=0) / level.friction_n - 1)
@@ -95,7 +95,7 @@ def _short(result: RecordingResult, level: Level) -> str:
 
 
 def peaks(found: Characterisation) -> Section | None:
-    """Peaks after reversals with what spoils them; None where nothing reversed."""
+    """Return the section on peaks after reversals and their faults; None without reversals."""
     every = [(result, level, peak) for result in found.results for level in result.levels for peak in level.peaks]
     if not every:
         return None
@@ -117,7 +117,7 @@ def peaks(found: Characterisation) -> Section | None:
 
 
 def draw_peaks(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figure:
-    """One reversal in full, and all of them by the number of samples on their rise."""
+    """Draw one reversal in full, and all of them by the number of samples on their rise."""
     figure = style.new_figure(2.8)
     left, right = figure.subplots(1, 2)
     result, level, peak = every[int(np.argsort([p.rise_samples for _, _, p in every])[len(every) // 2])]

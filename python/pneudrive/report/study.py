@@ -1,4 +1,4 @@
-"""What a study adds to the report of recordings."""
+"""Additions of a study to the report of recordings."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Addition:
-    """What a study adds to a report.
+    """The addition of a study to a report.
 
     Attributes
     ----------
     title : str
-        Of a report of the study alone.
+        Title of a report of the study alone.
     verdict : tuple of str
-        Its lines.
+        Lines of the verdict.
     sections : tuple of Section
-        They come behind those of the recordings; one with a key that is there already continues that section.
+        They follow those of the recordings; a section with an existing key continues that section.
     validity : str
-        What is validated on real data and what is not.
+        Text: what is validated on real data and what is not.
     settings : tuple
         Rows of the table of software: name, value.
     sources : tuple
-        Where its values are from.
+        Sources of its values.
     cited, laws : tuple of str
         Keys of references.bib, and friction laws whose sources are named.
     """
@@ -49,8 +49,8 @@ class Addition:
 
 
 class Study(Protocol):
-    """What has something to add to the report of recordings."""
+    """An object that adds to the report of recordings."""
 
     def addition(self, found: Characterisation | None) -> Addition:
-        """Return what it adds to the report of these recordings, or to an empty one."""
+        """Return its addition to the report of these recordings, or to an empty one."""
         ...

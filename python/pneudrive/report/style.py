@@ -1,6 +1,6 @@
-"""How all figures look: one place for fonts, sizes, lines and markers. Made to be read in print, also in grey.
+"""Style of all figures: fonts, sizes, lines and markers, readable in print and in grey.
 
-No figure tells curves apart by colour alone: line style or marker differ too, and the colours differ in lightness.
+Curves never differ by colour alone: line style or marker differ too, and the colours differ in lightness.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH_IN = 7.1  # 180 mm: the text width of a printed page
-PNG_DPI = 300  # what journals ask of a photograph; of lines the SVG beside it is the better file
+PNG_DPI = 300  # as journals require of photographs; the SVG beside it is better for lines
 
 BLACK, BLUE, ORANGE, GREEN, GREY = "#111111", "#1f5f99", "#d97706", "#5b8c5a", "#8c8c8c"
 BAND = "#dfe6ee"  # prediction bands and shaded strokes: light enough to print as a tint
 SHADE = "#ececec"
 
-FONT = "DejaVu Sans"  # comes with matplotlib: the same letters on every machine
+FONT = "DejaVu Sans"  # comes with matplotlib: the same font on every machine
 
 _SETTINGS: dict[str, Any] = {
     "font.family": FONT,
@@ -49,7 +49,7 @@ _SETTINGS: dict[str, Any] = {
     "axes.axisbelow": True,
     "path.simplify_threshold": 0.5,
     "svg.fonttype": "path",
-    "svg.hashsalt": "pneudrive",  # equal data, equal file
+    "svg.hashsalt": "pneudrive",  # equal data give equal files
 }
 
 
@@ -61,7 +61,7 @@ class Look(NamedTuple):
     marker: str
 
 
-#: Told apart by line style and marker as well as by colour.
+#: They differ in line style and marker as well as in colour.
 LOOKS = (
     Look(BLACK, "-", "o"),
     Look(BLUE, "--", "s"),
@@ -79,7 +79,7 @@ def look(index: int) -> Look:
     return LOOKS[index % len(LOOKS)]
 
 
-#: Lightest and darkest of an ordered row of curves: their order shows in grey, too.
+#: Lightest and darkest of an ordered row of curves: their order is visible in grey, too.
 RAMP = ((0.67, 0.79, 0.89), (0.03, 0.13, 0.30))
 
 
@@ -102,11 +102,11 @@ def applied() -> Iterator[None]:
 
 @lru_cache(maxsize=1)
 def _figure_class() -> type[Figure]:
-    """Make the class of figures that a notebook shows where their bare name stands, without pyplot."""
+    """Return a class of figures that a notebook shows without pyplot."""
     from matplotlib.figure import Figure
 
     class Drawn(Figure):
-        """A figure of the report's look."""
+        """A figure in the report's style."""
 
         def _repr_png_(self) -> bytes:
             """Draw it for a notebook."""
@@ -118,12 +118,12 @@ def _figure_class() -> type[Figure]:
 
 
 def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
-    """Return an empty figure of the report's width, which shows itself in a notebook."""
+    """Return an empty figure of the report's width that a notebook shows."""
     return _figure_class()(figsize=(width_in, height_in), layout="constrained")
 
 
 def panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Axes]:  # noqa: ANN401 - of matplotlib
-    """Return `count` axes in a grid of at most `columns`; what is left over of the grid stays empty."""
+    """Return `count` axes in a grid of at most `columns`; the rest of the grid stays empty."""
     columns = max(min(columns, count), 1)
     rows = -(-count // columns)
     grid = figure.subplots(rows, columns, squeeze=False, **shared)
@@ -136,12 +136,12 @@ def panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Axes
     return axes[:count]
 
 
-#: Height of the line above the panels that says that a figure is synthetic, inch.
+#: Height of the line above the panels that marks a figure as synthetic, inch.
 STAMP_IN = 0.17
 
 
 def finish(figure: Figure, *, synthetic: bool) -> None:
-    """Return panels their letters, and say inside the picture where its data are simulated: pictures travel alone."""
+    """Add letters to the panels, and mark simulated data inside the picture, because pictures travel alone."""
     panels_shown = [axis for axis in figure.axes if axis.get_visible() and axis.axison]
     if len(panels_shown) > 1:
         for letter, axis in zip("abcdefghijklmnopqrstuvwxyz", panels_shown, strict=False):
@@ -159,18 +159,18 @@ def finish(figure: Figure, *, synthetic: bool) -> None:
 
 
 def outer_labels(figure: Figure, x: str, y: str) -> None:
-    """Label all panels at once, outside."""
+    """Label only the outer sides of the panels."""
     figure.supxlabel(x, fontsize=_SETTINGS["axes.labelsize"])
     figure.supylabel(y, fontsize=_SETTINGS["axes.labelsize"])
 
 
 def legend_above(figure: Figure, handles: Sequence[Any], columns: int | None = None) -> None:
-    """Put one legend over all panels, where it covers nothing."""
+    """Put one legend above all panels."""
     figure.legend(handles=list(handles), loc="outside upper center", ncols=columns or len(handles))
 
 
 def headroom(axis: Axes, above: float = 0.0, below: float = 0.0) -> None:
-    """Widen the vertical range by shares of itself, so that a legend has a place of its own."""
+    """Widen the vertical range by shares of itself to leave room for a legend."""
     low, high = axis.get_ylim()
     axis.set_ylim(low - below * (high - low), high + above * (high - low))
 
@@ -182,5 +182,5 @@ def logarithmic(axis: Axes) -> None:
 
 
 def thin(values: Any, most: int = 4000) -> slice:  # noqa: ANN401 - any sequence
-    """Return the slice that leaves at most `most` samples of a long record: more than a page can show."""
+    """Return the slice that keeps at most `most` samples of a long record, enough for a page."""
     return slice(None, None, max(len(values) // most, 1))

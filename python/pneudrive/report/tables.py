@@ -1,4 +1,4 @@
-"""Tables of a page, made of records: a column says which field it shows, and how; units come from the field's name."""
+"""Tables of a page, made of records: a column names its field and format; the field's name gives the unit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pneudrive.report.words import chance
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-#: End of a field's name -> SI unit of its value. The longest one that fits counts.
+#: End of a field's name -> SI unit of its value. The longest match counts.
 _ENDINGS = {
     "_m": "m",
     "_m_s": "m/s",
@@ -39,7 +39,7 @@ class PageColumn(NamedTuple):
     Attributes
     ----------
     head : str
-        Its words; the unit is added where the field's name ends in one.
+        Its heading; the unit follows from the end of the field's name.
     field : str
         Of a record (``"stop.speed_m_s"``); "" takes the values of a tuple one after the other.
     form : str
@@ -72,7 +72,7 @@ def table(caption: str, records: Iterable[Any], columns: Sequence[PageColumn], n
         Results, or tuples of as many values as there are columns.
     columns : sequence of PageColumn
     numbers_from : int
-        First column that is set to the right.
+        First column that is right-aligned.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def table(caption: str, records: Iterable[Any], columns: Sequence[PageColumn], n
 
 
 def cell(value: Any, form: str = "") -> str:  # noqa: ANN401 - whatever results hold
-    """Write a value: estimates with their interval, what is not known as a dash."""
+    """Return a value as text: estimates with their interval, a missing value as a dash."""
     if isinstance(value, str):
         return value
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
@@ -105,7 +105,7 @@ def cell(value: Any, form: str = "") -> str:  # noqa: ANN401 - whatever results 
 
 
 def quantity(field: str) -> tuple[float, str]:
-    """Return the unit in which people read a field, with its size in SI, from the name of the field.
+    """Return size in SI and name of the usual unit of a field, from the field's name.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Sections of a page: their words stand in a table of texts, their numbers and pictures come from results."""
+"""Sections of a page: words from a table of texts, numbers and pictures from results."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def texts_of(file: Path) -> dict[str, Any]:
 
 
 class Topic:
-    """One section of a page.
+    """A section of a page.
 
     Parameters
     ----------
     page : str or Path
-        File of its texts: one of the folder ``texts``, without its ending, or one of a study.
+        File of its texts: the name of one in the folder ``texts``, or the path of a study's file.
     key : str
         Topic in the file, and of the section.
     """
@@ -40,7 +40,7 @@ class Topic:
         self.key, self.texts = key, texts_of(file)[key]
 
     def say(self, name: str = "text", /, **values: object) -> str:
-        """Return a text, its places filled."""
+        """Return a text with its values."""
         return self.texts[name].format(**values)
 
     def text(self, name: str = "text", kind: str = "plain", /, **values: object) -> Paragraph:
@@ -48,7 +48,7 @@ class Topic:
         return Paragraph(self.say(name, **values), kind)
 
     def listed(self, items: Iterable[str], name: str = "", kind: str = "plain") -> tuple[Block, ...]:
-        """Return a list of sentences behind a paragraph that leads to it; nothing where there is none."""
+        """Return a paragraph with a list of sentences; nothing without sentences."""
         lines = tuple(items)
         lead = (self.text(name, kind),) if name else ()
         return (*lead, Items(lines)) if lines else ()
@@ -65,6 +65,6 @@ class Topic:
         return table(said.get("caption", "").format(**values), records, columns, said.get("numbers_from", 1))
 
     def section(self, *blocks: Block | None, synthetic: bool | None = None, **values: object) -> Section:
-        """Return the section, of the blocks that there are."""
+        """Return the section of the blocks that are not None."""
         there = tuple(block for block in blocks if block is not None)
         return Section(self.texts.get("key", self.key), self.say("title", **values), there, synthetic)

@@ -40,15 +40,15 @@ def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
     Parameters
     ----------
     run : xarray.Dataset
-        From ``pneudrive.simulate``; variables that are not there are left out. Of a circuit, the first eight of each
-        kind: as many as can be told apart.
+        From ``pneudrive.simulate``; missing variables are left out. Of a circuit, the first eight of each
+        kind: more would not be distinguishable.
     path : path-like, optional
-        Picture to write: .png, .svg, .pdf, or .html (a page with the picture and where it comes from).
+        Picture to write: .png, .svg, .pdf, or .html (a page with the picture and its provenance).
 
     Returns
     -------
     matplotlib.figure.Figure
-        A notebook shows it; elsewhere give a `path`, or ``figure.savefig(...)``.
+        A notebook shows it; elsewhere give a `path`, or use ``figure.savefig(...)``.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
 
 
 def draw(run: xr.Dataset) -> Figure:
-    """One panel for each kind of variable, on one time axis."""
+    """Draw one panel for each kind of variable, on one time axis."""
     shown = _panels(run)
     figure = style.new_figure(1.15 * len(shown) + 0.5)
     axes = figure.subplots(max(len(shown), 1), 1, sharex=True, squeeze=False)[:, 0]
@@ -98,7 +98,7 @@ def draw(run: xr.Dataset) -> Figure:
 
 
 def _panels(run: xr.Dataset) -> list[tuple[str, float, list[tuple[str, dict[str, Any], str]]]]:
-    """Return label, factor and variables (name, look, words) of each panel that has something to show."""
+    """Return label, factor and variables (name, look, words) of each panel with data."""
     panels = []
     for label, factor, last, unit in PANELS:
         wanted = re.compile(rf"{last}(_[ab])?|.+\.{last}")
@@ -116,18 +116,18 @@ def _panels(run: xr.Dataset) -> list[tuple[str, float, list[tuple[str, dict[str,
 
 
 def _words(name: str, last: str) -> str:
-    """Name a curve: the component, or the chamber."""
+    """Return the name of a curve: the component, or the chamber."""
     component, _, variable = name.rpartition(".")
     return component or variable.removeprefix(last).replace("_", "chamber ")
 
 
 def _has_something(run: xr.Dataset, name: str) -> bool:
-    """Return whether a variable is there; the end stops only where one was touched."""
+    """Return whether a variable exists; end stops only if one was touched."""
     return not name.endswith("end_stop_force") or bool((run[name] != 0.0).any())
 
 
 def _write_page(figure: Figure, run: xr.Dataset, target: Path) -> None:
-    """Write a page of its own that loads nothing: the picture, then what made it."""
+    """Write a page that loads nothing: the picture, then its provenance."""
     from pneudrive.report.page import PageTable, Picture, Report, Section, inline, svg_text
 
     told = ("version", "solver", "rtol", "description_hash", "statistics")

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from pneudrive.report.page import Section
 
 STATISTICAL = "spread between strokes"
-MOST_NAMED = 8  # recordings that carry a flag
+MOST_NAMED = 8  # names of recordings with a flag
 
 
 def budget(found: Characterisation) -> Section:
-    """List what each source contributes to friction, of the levels with the smallest and the largest uncertainty."""
+    """Return the section on contributions to friction, at the smallest and the largest uncertainty."""
     topic, levels = Topic("recordings", "budget"), sorted(found.levels, key=lambda level: level.expanded_n)
     shown = levels if len(levels) == 1 else [levels[0], levels[-1]]
     assumed = ", ".join(sorted({e.source for level in levels for e in level.budget if e.basis == "assumed"}))
@@ -47,7 +47,7 @@ def contributions(level: Level) -> dict[str, float]:
 
 
 def draw(levels: list[Level]) -> Figure:
-    """Bars by source, one for each level."""
+    """Draw bars by source, one for each level."""
     parts = [contributions(level) for level in levels]
     sources = sorted({s for p in parts for s in p}, key=lambda s: max(p.get(s, 0.0) for p in parts))
     figure = style.new_figure(0.27 * len(sources) + 1.1)
@@ -83,7 +83,7 @@ def _rows(level: Level) -> Iterator[tuple]:
 
 
 def flags(found: Characterisation) -> Section:
-    """Every flag that was raised, what it means and where."""
+    """Return the section on flags: meaning and place of each."""
     topic, where, samples = Topic("recordings", "flags"), {}, Counter()
     for level in found.levels:
         spoilt = ["breakaway_spoiled"] if level.peaks and all(p.flags for p in level.peaks) else []

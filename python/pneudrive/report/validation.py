@@ -139,7 +139,7 @@ def _whiteness(found: Validation) -> Section:
 
 
 def _identified(drive: Drive) -> Iterator[tuple[str | None, ...]]:
-    """List what was identified, with what noise and what a model that is not exact leave of it."""
+    """Return identified values, with their intervals from noise and from model error."""
     known = values(drive)
     for name, origin in drive.provenance.items():
         mark, si = known[name]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def scale(column: str) -> tuple[float, str]:
-    """Return factor from SI and unit in which people read a column."""
+    """Return factor from SI and usual unit of a column."""
     size, unit = quantity(column)
     return 1.0 / size, unit
 
@@ -35,7 +35,7 @@ def _name(column: str) -> str:
 
 
 def channels(r: RecordResult) -> Figure:
-    """Measured and modelled channels, each over its residual."""
+    """Draw measured and modelled channels, each over its residual."""
     figure = style.new_figure(7.2)
     axes = figure.subplots(6, 1, sharex=True, height_ratios=(2, 1, 2, 1, 2, 1))
     s, part = r.signals, style.thin(r.signals.time_s)
@@ -54,7 +54,7 @@ def channels(r: RecordResult) -> Figure:
 
 
 def correlation(r: RecordResult, window_s: float) -> Figure:
-    """Autocorrelation of the free run's residuals, and residual of each run from a measured state."""
+    """Draw the autocorrelation of the free run's residuals, and the residual of each run from a measured state."""
     figure = style.new_figure(3.6)
     for (column, channel), pair in zip(r.channels.items(), figure.subplots(2, 3).T, strict=True):
         above, below = pair
@@ -71,7 +71,7 @@ def correlation(r: RecordResult, window_s: float) -> Figure:
 
 
 def balance(drive: Drive, signals: Signals, found: Residuals) -> Figure:
-    """Terms of the force balance, and residuals of all three balances."""
+    """Draw terms of the force balance, and residuals of all three balances."""
     figure = style.new_figure(5.2)
     axes = figure.subplots(4, 1, sharex=True, height_ratios=(2, 1, 1, 1))
     part = style.thin(signals.time_s)

@@ -50,7 +50,7 @@ def _rows(found: FrictionValidation) -> Iterator[tuple]:
 
 
 def draw(curves: list[FrictionCurve]) -> Figure:
-    """One panel for each condition."""
+    """Draw one panel for each condition."""
     names = list(dict.fromkeys(c.condition for c in curves))
     figure, axes = grid(len(names), 2, 1.9, 0.6)
     for name, axis in zip(names, axes, strict=True):

@@ -24,7 +24,7 @@ WIDEST_AREA = 0.3  # of the nominal area, from end to end of the interval
 
 
 def verdict(found: Characterisation | None, fits: Fits, study: Study | None = None) -> list[str]:
-    """Return the lines; what the recordings do not show is left out, or said in its line."""
+    """Return the lines of the verdict on recordings and of a study."""
     return lines_of(found, fits, () if study is None else study.addition(found).verdict)
 
 

@@ -1,4 +1,4 @@
-"""Numbers as the report writes them, and the questions that several sections ask."""
+"""Numbers in the report's form, and values that several sections need."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from pneudrive.friction.recording.extract import Level, RecordingResult
     from pneudrive.signals.recording import Recording
 
-MOST_SHOWN = 24  # panels of one kind in a report; a campaign has more recordings than anyone looks at
+MOST_SHOWN = 24  # panels of one kind in a report; a campaign has too many recordings to show all
 
 
 def seal_of(recording: Recording) -> str:
-    """Name of the seal, or the group of recordings that no label tells apart."""
+    """Return the name of the seal, or of the group of recordings without different labels."""
     return recording.labels.get("seal", ALL_RECORDINGS)
 
 
@@ -32,17 +32,17 @@ def by_seal(found: Characterisation) -> dict[str, list[RecordingResult]]:
 
 
 def gauge_bar(level: Level, recording: Recording) -> float:
-    """Gauge pressure of the side that is pressurised more, mean of both directions, bar."""
+    """Return the higher gauge pressure of both chambers, mean of both directions, bar."""
     return level.larger_gauge_pa(recording.ambient_pressure_pa) / 1e5
 
 
 def speed_mm_s(level: Level) -> float:
-    """Mean speed of both directions in the window, mm/s."""
+    """Return the mean speed of both directions in the window, mm/s."""
     return 1e3 * level.speed_m_s
 
 
 def chance(p: float) -> str:
-    """Write the probability of as much by chance.
+    """Return a probability of chance as text.
 
     Examples
     --------
@@ -53,14 +53,14 @@ def chance(p: float) -> str:
 
 
 def spread_evenly(items: Sequence, most: int = MOST_SHOWN) -> list:
-    """At most `most` of the items, evenly over all of them."""
+    """Return at most `most` of the items, evenly spread over all of them."""
     if len(items) <= most:
         return list(items)
     return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, most).astype(int))]
 
 
 def plural(count: int, one: str, many: str = "") -> str:
-    """Write a count with its noun.
+    """Return a count with its noun.
 
     Examples
     --------
@@ -71,7 +71,7 @@ def plural(count: int, one: str, many: str = "") -> str:
 
 
 def sentence(text: str) -> str:
-    """Begin with a capital letter, end with one full stop, and set signs as in print.
+    """Return a text as a sentence: capital letter, one full stop, printed signs.
 
     Examples
     --------

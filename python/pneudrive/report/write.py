@@ -1,4 +1,4 @@
-"""The report of recordings as a whole: which sections there are, in which order, and what a study adds to them."""
+"""The report of recordings: its sections in order, and those of a study."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ def write_report(
     Parameters
     ----------
     found : Characterisation or None
-        Of recordings, real or simulated.
+        Result of recordings, real or simulated.
     fits : mapping
         Group -> law -> FrictionFit; may be empty.
     folder : path-like
         Must be there; figures go into its folder ``figures``.
     reproduction : Reproduction, optional
-        Adds the sections of the source paper; any study that has an `addition` can stand here.
+        Adds the sections of the source paper; any study with an `addition` fits.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def write_report(
 
 
 def sections(found: Characterisation | None, fits: Fits, study: Addition | None) -> list[Section]:
-    """All sections for which there are data, in the report's order."""
+    """Return all sections with data, in the report's order."""
     parts: dict[str, Section] = {}
     for part in (*(_of_recordings(found, fits) if found is not None else ()), *(study.sections if study else ())):
         if part is not None:

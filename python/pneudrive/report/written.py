@@ -1,4 +1,4 @@
-"""Figures as files: a picture is whole or not there, and equal data give equal bytes."""
+"""Figures as files: pictures are written whole or not at all, and equal data give equal bytes."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-#: Endings of a picture's file.
+#: Suffixes of a picture's file.
 PICTURES = (".png", ".svg", ".pdf")
 
 
 def write_picture(figure: Figure, target: Path) -> None:
-    """Write a figure; within `style.applied`, and to a file that `check_target` has accepted.
+    """Write a figure, within `style.applied`, to a file that `check_target` accepted.
 
     Raises
     ------
     CommandError
-        The file cannot be written.
+        If the file cannot be written.
     """
     form = target.suffix.lower()[1:]
     options: dict[str, Any] = {"metadata": {"Date": None}} if form == "svg" else {}
@@ -37,7 +37,7 @@ def drawn(
     suffixes: tuple[str, ...] = PICTURES,
     write: Callable[[Figure, Path], None] = write_picture,
 ) -> Figure:
-    """Draw a figure, and write it where a path is given.
+    """Draw a figure, and write it if a path is given.
 
     Raises
     ------

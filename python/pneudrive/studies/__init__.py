@@ -1,1 +1,1 @@
-"""Studies: each a client of the public interface, as a user would write it."""
+"""Studies, written with the public interface only, like a user's study."""

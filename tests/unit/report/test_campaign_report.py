@@ -86,7 +86,7 @@ def test_campaigns_without_some_parts_are_reported_too(tmp_path):
         if folder is sweeps:
             assert "synthetic" not in text_of(page).lower().replace("friction of", "")
             assert 'id="stops"' not in page
-            assert "cannot be told apart" in page
+            assert "cannot be separated" in page
         else:
             assert 'id="curves"' not in page
             assert "do not carry" in page

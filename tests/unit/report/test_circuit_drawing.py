@@ -288,9 +288,9 @@ def test_a_place_of_ones_own(tmp_path, capsys):
 FAULTS = {
     "together": (
         'kind = "reservoir"\nat = [41, 5]',
-        "mains and tank lie on each other",
+        "mains and tank overlap",
         'kind = "tank"',
-        "another place",
+        "Move tank",
     ),
     "form": ('kind = "reservoir"\nat = "left"', "mains.at: 'left' is no place", "at = ", "at = [12, 0]"),
     "number": ('kind = "reservoir"\nat = [1, "2 m"]', "mains.at: '2 m' is not a number", "at = ", "without unit"),

@@ -1,4 +1,4 @@
-"""The source paper's figures from simulated data, and what they say to every sentence of it that can be checked."""
+"""The source paper's figures from simulated data, and a verdict on each of its sentences that can be checked."""
 
 from __future__ import annotations
 

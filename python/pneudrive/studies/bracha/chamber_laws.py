@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 FULL_STROKE = Path(__file__).with_name("full_stroke.toml")
 ENERGY_BALANCE, AS_PRINTED = "energy-balance", "as-printed"
 TURN_S = 0.6
-#: In which every stroke out of this study ends, s.
+#: Time within which every outward stroke ends, s.
 STROKE_S = 2.0
 SAMPLE_RATE = "10 kHz"
 RTOL = 1e-8
@@ -38,9 +38,9 @@ class ChamberComparison:
     stroke_time_s : dict of float
         First arrival at the far stop by law; NaN where it is not reached.
     energy_residual_j : dict of float
-        Largest energy that chamber a holds without having got it (or the other way round).
+        Largest error of the energy balance of chamber a.
     stroke_work_j : float
-        Supply pressure times swept volume: what the residual is to be compared with.
+        Supply pressure times swept volume, the reference of the residual.
     """
 
     drive: pn.Drive
@@ -50,7 +50,7 @@ class ChamberComparison:
     stroke_work_j: float
 
     def largest_difference(self, name: str) -> float:
-        """Largest difference of one variable between the two laws, in its unit."""
+        """Return the largest difference of one variable between the two laws, in its unit."""
         printed, balanced = (self.runs[law][name].to_numpy() for law in (AS_PRINTED, ENERGY_BALANCE))
         return float(np.abs(printed - balanced).max())
 
@@ -59,7 +59,7 @@ def compare_chamber_laws() -> ChamberComparison:
     """Simulate one stroke out and back at full opening with both chamber laws: the drive of ``full_stroke.toml``."""
     drive = pn.Drive.load(FULL_STROKE)
     runs = {}
-    with warnings.catch_warnings():  # as-printed breaks the energy balance: that is what is shown
+    with warnings.catch_warnings():  # as-printed breaks the energy balance, as intended here
         warnings.simplefilter("ignore", PneudriveWarning)
         for law in (ENERGY_BALANCE, AS_PRINTED):
             described = drive.replace({"cylinder.chamber_law": law})
@@ -97,8 +97,8 @@ def energy_residual(run: xr.Dataset, drive: pn.Drive, *, printed: bool) -> float
 
       residual = U - U_0 - int (h m_dot - p V_dot + Q) dt,    U = p V / (k - 1),    h = k / (k - 1) R T
 
-    An account of a finished trajectory, so it also holds for a law that has no ledger of its own. The wall is that of
-    the law, so that the difference in wall area is not counted as energy from nothing.
+    It is computed from a finished trajectory, so it also applies to a law without a ledger. The wall area is that of
+    the law, so that a difference in wall area does not count as an error.
     """
     c, gas = drive.cylinder, drive.gas
     k, r = gas.heat_capacity_ratio, gas.gas_constant_j_kg_k

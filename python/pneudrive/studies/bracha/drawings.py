@@ -21,13 +21,13 @@ SHOWN_M = 3e-3
 
 
 def rig(data: PaperFigure) -> Figure:
-    """Figures 4 and 7: the rig."""
+    """Draw figures 4 and 7: the rig."""
     assert data.rig is not None
     return rig_diagram(*data.rig)
 
 
 def cycle(data: PaperFigure) -> Figure:
-    """Figure 5: friction after a turn, all of it and its beginning."""
+    """Draw figure 5: friction after a turn, the stroke and its start."""
     figure = style.new_figure(2.7)
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(2, 1))
     c = data.columns
@@ -45,7 +45,7 @@ def cycle(data: PaperFigure) -> Figure:
 
 
 def over_speed(data: PaperFigure) -> Figure:
-    """Figure 6: friction over speed, on the paper's linear axis and on a logarithmic one; below, less the truth."""
+    """Draw figure 6: friction over speed, on linear and logarithmic axes; below, less the ground truth."""
     figure = style.new_figure(4.2)
     axes, below = figure.subplots(2, 2, sharex="col", sharey="row", height_ratios=(2, 1))
     c = data.columns
@@ -74,7 +74,7 @@ def over_speed(data: PaperFigure) -> Figure:
 
 
 def over_pressure(data: PaperFigure) -> Figure:
-    """Figure 8: the sensor's force at each pressure, and which part of it is seal and which is air."""
+    """Draw figure 8: the sensor's force at each pressure, and its parts, seal and air."""
     figure = style.new_figure(3.1)
     left, middle, right = figure.subplots(1, 3, sharey=True)
     c = data.columns
@@ -94,7 +94,7 @@ def over_pressure(data: PaperFigure) -> Figure:
 
 
 def stop(data: PaperFigure) -> Figure:
-    """Figure 9: friction through one stop over time, around the restart over travel, and the peaks over speed."""
+    """Draw figure 9: friction through one stop over time, around the restart over travel, and peaks over speed."""
     figure = style.new_figure(2.9)
     left, middle, right = figure.subplots(1, 3, width_ratios=(1.4, 1, 1))
     middle.sharey(left)
@@ -122,7 +122,7 @@ def stop(data: PaperFigure) -> Figure:
     return figure
 
 
-#: Number -> name of the file and what draws it.
+#: Number -> name of the file, and function that draws it.
 DRAWINGS = {
     4: ("rig", rig),
     5: ("reversal", cycle),

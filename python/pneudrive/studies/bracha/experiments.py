@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pneudrive.campaign.folder import Campaign
     from pneudrive.rig import Envelope
 
-#: Experiment -> (ready protocol, rig as `load_rig` takes it). Which rigs the paper had it does not say: the first one
+#: Experiment -> (ready protocol, rig as `load_rig` takes it). The paper does not describe its rigs: the first one is
 #: without pressure, the second with one pressure for both chambers.
 EXPERIMENTS = {
     "cycle": ("paper-cycle", "open-chambers"),
@@ -26,14 +26,14 @@ FOLDER = "campaigns"
 
 @dataclass(frozen=True)
 class Experiment:
-    """A campaign as it was run.
+    """A finished campaign of the study.
 
     Attributes
     ----------
     name : str
         Key of `EXPERIMENTS`.
     protocol, rig : str
-        What was run on what.
+        Protocol and rig.
     campaign : Campaign
     envelope : Envelope
         Of the rig.
@@ -46,23 +46,23 @@ class Experiment:
     envelope: Envelope
 
     def truth(self) -> list[dict[str, Any]]:
-        """Return what was true of each cycle, in the order in which they were run."""
+        """Return the ground truth of each cycle in running order."""
         return [json.loads(path.read_text("utf-8")) for path in sorted(self.campaign.path.glob("truth/*.json"))]
 
 
 def run_experiments(
     into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | None = None
 ) -> dict[str, Experiment]:
-    """Run the campaigns, each in a process of its own.
+    """Run the campaigns, each in its own process.
 
     Parameters
     ----------
     into : path-like
-        Folder for the campaign folders; what is finished in it is not run again.
+        Folder for the campaign folders; finished cycles are not run again.
     seed : int
-        Of all that is random on the rigs.
+        Seed of the rigs.
     rigs : mapping, optional
-        Experiment -> rig that takes the place of its own.
+        Experiment -> rig instead of its own.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def run_experiments(
     Raises
     ------
     CampaignError, RigError, SimulationError
-        A campaign could not be run.
+        If a campaign fails.
     """
     from pneudrive.signals.pool import in_processes
 
@@ -84,7 +84,7 @@ def run_experiments(
 
 
 def run_experiment(name: str, protocol: str, rig: str, into: str, seed: int) -> list[Experiment]:
-    """Run one campaign; a list of one, as work in processes gives it."""
+    """Run one campaign; return a list of one, as worker processes need."""
     from pneudrive.campaign.options import Options
     from pneudrive.campaign.run import run_campaign
     from pneudrive.rig import load_rig

@@ -1,4 +1,4 @@
-"""A figure of the source paper, made from simulated data, and what the data say to each of the paper's sentences."""
+"""A figure of the source paper, made from simulated data, and verdicts on the paper's sentences about it."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
     from pneudrive.rig import Envelope, Identity
 
-#: The paper's sentences, and what our data show, with places for numbers.
+#: The paper's sentences and our results, with places for numbers.
 TEXTS = Path(__file__).with_name("figures.toml")
-#: End of a quantity's name -> end of the name under which texts have it in the unit that people read, and how often
-#: that unit goes into the SI one. The first one that fits counts.
+#: End of a quantity's name in SI -> end of its name in texts, in the usual unit, and number of those units in one
+#: SI unit. The first match counts.
 READABLE = {
     "_n_pa": ("_n_bar", 1e5),
     "_m_s": ("_mm_s", 1e3),
@@ -31,18 +31,18 @@ READABLE = {
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence of the source paper that simulated data can speak to.
+    """A sentence of the source paper that simulated data can check.
 
     Attributes
     ----------
     place : str
-        Where it stands in the paper [bracha]: ``figure 8``, ``conclusions``, ``equations 2 and 3``.
+        Its place in the paper [bracha]: ``figure 8``, ``conclusions``, ``equations 2 and 3``.
     said : str
-        The paper's words, or its caption; what was left out stands as ``...``.
+        The paper's words, or its caption; ``...`` marks omissions.
     verdict : {"holds", "holds in part", "does not hold"}
-        Of our data. "In part" says in `found` which part does not.
+        Verdict by our data. With "in part", `found` says which part does not hold.
     found : str
-        What our data show, with the numbers that decide.
+        Our result, with the decisive numbers.
     """
 
     place: str
@@ -52,12 +52,12 @@ class Claim:
 
 
 def judge(whole: object, *, part: object) -> str:
-    """Turn two tests into a verdict: of the whole sentence, and of what is left of it where the whole fails."""
+    """Return a verdict from two tests: of the whole sentence, and of its remaining part."""
     return "holds" if whole else "holds in part" if part else "does not hold"
 
 
 def claims_of(topic: str, verdicts: Mapping[str, str], numbers: Mapping[str, Any]) -> tuple[Claim, ...]:
-    """Return the sentences of a topic, each with its verdict and the numbers in its place."""
+    """Return the sentences of a topic with verdicts and numbers."""
     said, shown = texts_of(TEXTS)[topic]["claims"], readable(numbers)
     return tuple(
         Claim(one["place"], one["said"], verdicts[name], one["found"].format(**shown)) for name, one in said.items()
@@ -65,7 +65,7 @@ def claims_of(topic: str, verdicts: Mapping[str, str], numbers: Mapping[str, Any
 
 
 def readable(numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """Add each quantity in the unit in which people read it.
+    """Return the quantities, with each one in its usual unit too.
 
     Examples
     --------
@@ -84,25 +84,25 @@ def readable(numbers: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class PaperFigure:
-    """Data of one figure and what they say to the paper's sentences about it.
+    """Data of one figure, and verdicts on the paper's sentences about it.
 
     Attributes
     ----------
     number : int
-        Of the figure in the source paper [bracha].
+        Number of the figure in the source paper [bracha].
     title : str
     claims : tuple of Claim
         Every sentence of the paper about this figure that can be checked.
     measured : str
-        What the data show, in words.
+        The result in words.
     quantities : dict
-        The numbers behind it, SI.
+        Its numbers, SI.
     columns : dict
-        Name with unit -> array; all of one figure's arrays fit together (curves over pressure are two-dimensional).
+        Name with unit -> array; the arrays of a figure have matching shapes (curves over pressure are 2-D).
     assumed : str
-        What the simulated rig assumed that the paper does not say.
+        Assumptions of the simulated rig beyond the paper.
     rig : (Identity, Envelope) or None
-        Of a figure that shows a rig.
+        For a figure that shows a rig.
     synthetic : bool
         Always true: the paper's own data are not published.
     """
@@ -127,19 +127,19 @@ class PaperFigure:
         rig: tuple[Identity, Envelope] | None = None,
         **more: object,
     ) -> PaperFigure:
-        """Make a figure of its numbers; `more` are numbers for its texts alone."""
+        """Return a figure of these numbers; `more` are numbers for its texts only."""
         texts, numbers = texts_of(TEXTS)[str(number)], {**quantities, **more}
         claims = claims_of(str(number), verdicts, numbers)
         measured = texts["measured"].format(**readable(numbers))
         return cls(number, texts["title"], claims, measured, quantities, columns, texts.get("assumed", ""), rig)
 
     def verdict(self, said: str) -> str:
-        """Return the verdict of the claim whose sentence begins so.
+        """Return the verdict on the sentence with this beginning.
 
         Raises
         ------
         KeyError
-            There is none.
+            If there is none.
         """
         for claim in self.claims:
             if claim.said.startswith(said):

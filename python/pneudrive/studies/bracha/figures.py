@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 def paper_figures(runs: Mapping[str, Experiment], seed: int = 0) -> dict[int, PaperFigure]:
-    """Make all figures of the paper.
+    """Return all figures of the paper.
 
     Parameters
     ----------
     runs : mapping of Experiment
-        What `run_experiments` gave.
+        Result of `run_experiments`.
     seed : int
-        Of the sensors on the drive of figure 1.
+        Seed of the sensors on the drive of figure 1.
 
     Returns
     -------

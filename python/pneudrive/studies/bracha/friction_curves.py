@@ -23,23 +23,23 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Travel after the turn in which the peak has to lie, as a share of the stroke.
+#: Travel after the turn within which the peak must lie, share of the stroke.
 PEAK_WITHIN = 0.02
-#: How much larger than any other peak of the stroke it has to be.
+#: Factor by which it must exceed every other peak of the stroke.
 CLEAR = 2.0
 #: Share of the stroke at either end that is not its steady part.
 ENDS = 0.1
 #: Samples of the paper's moving average.
 AVERAGE = SourcePaper().average_samples
-#: What counts as low speed, and as its opposite, in the checks.
+#: Low speeds end here, and high speeds begin here, in the checks.
 LOW_M_S = 2e-3
-#: Share of neighbouring lines in the order of pressure from which the sentence holds in part.
+#: Least share of neighbouring lines in the order of pressure for "holds in part".
 ORDERED_IN_PART = 0.8
 HIGH_M_S = 20e-3
 
 
 def figure_5(run: Experiment) -> PaperFigure:
-    """Friction over time through one cycle at 2 mm/s: largest right after the turn.
+    """Return friction over time through one cycle at 2 mm/s: largest right after the turn.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def figure_5(run: Experiment) -> PaperFigure:
     rest = raw[(share > ENDS) & (share < 1.0 - ENDS)]
     top = int(np.argmax(smooth))
     excess = float(smooth[top] - rest.mean())
-    # elsewhere noise and unevenness along the barrel make peaks too
+    # noise and the barrel cause peaks elsewhere, too
     elsewhere = float(smooth[share > PEAK_WITHIN].max() - rest.mean())
     travel = float(share[top]) * abs(stroke.to_m - stroke.from_m)
     early = share[top] < PEAK_WITHIN
@@ -90,7 +90,7 @@ def figure_5(run: Experiment) -> PaperFigure:
 
 
 def figure_6(run: Experiment) -> PaperFigure:
-    """Mean friction over speed by the paper's protocol: biggest at the lowest speeds.
+    """Return mean friction over speed by the paper's protocol: largest at the lowest speeds.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def figure_6(run: Experiment) -> PaperFigure:
 
 
 def figure_8(run: Experiment) -> PaperFigure:
-    """Unfiltered friction over speed at 0.1 to 1.5 bar gauge in both chambers: ordered, more like Stribeck's curve.
+    """Return unfiltered friction over speed at 0.1 to 1.5 bar gauge in both chambers.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def figure_8(run: Experiment) -> PaperFigure:
 
 
 def _after_turn(recording: Recording, stroke: Stroke) -> slice:
-    """Take the samples from the moment at which the carriage turns: the rest before the stroke belongs to it."""
+    """Return the samples from the turn of the carriage on, with the rest before the stroke."""
     begin = int(np.searchsorted(recording.time_s, recording.time_s[stroke.start] - stroke.dwell_s))
     return slice(min(begin, stroke.start), stroke.stop)
 
@@ -240,19 +240,19 @@ def _by_pressure(found: CampaignCharacteristics) -> list[AirShare]:
 
 
 def _shares(found: CampaignCharacteristics) -> list[dict[str, Array]]:
-    """Force of sensor, air and seal at the speeds that were measured, by rising pressure."""
+    """Return forces of sensor, air and seal at the measured speeds, by rising pressure."""
     measured = {c.condition: c.measured for c in found.curves if c.direction == BOTH}
     names = ("speed_m_s", "total_n", "air_n", "seal_n")
     return [{name: getattr(s, name)[measured[s.condition]] for name in names} for s in _by_pressure(found)]
 
 
 def _driven(run: Experiment) -> Array:
-    """Return the speed that the axis was told in each cycle, m/s."""
+    """Return the commanded speed of each cycle, m/s."""
     return np.array([max(step["speed_m_s"] for step in truth["steps"] if "speed_m_s" in step) for truth in run.truth()])
 
 
 def _truths(run: Experiment) -> Array:
-    """Mean over both directions of the friction that there truly was, of each cycle."""
+    """Return the true friction of each cycle, mean of both directions, N."""
     name = "friction_mean_n"
     each = [[step[name] for step in truth["steps"] if name in step] for truth in run.truth()]
     return np.asarray(each, dtype=np.float64).mean(axis=1)

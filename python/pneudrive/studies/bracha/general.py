@@ -1,4 +1,4 @@
-"""The source paper on the drive as a whole: its chamber equations, and its conclusions on what acts on the drive."""
+"""The source paper on the drive as a whole: its chamber equations, and its conclusions."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ if TYPE_CHECKING:
     from pneudrive.studies.bracha.chamber_laws import ChamberComparison
     from pneudrive.studies.bracha.figure import PaperFigure
 
-#: Share of the stroke's energy that may be missing where energy is conserved.
+#: Energy error that counts as conserved, share of the stroke's energy.
 CLOSED = 1e-3
-#: What is changed to see the influences that the conclusions name: supply and surroundings by 40 K, argon for air.
+#: Changes that test the influences named in the conclusions: supply and surroundings by 40 K, argon for air.
 WARMER = {"ambient.temperature": "313.15 K"}
 COLDER = {"ambient.temperature": "273.15 K"}
 ARGON = {"gas.heat_capacity_ratio": 1.667, "gas.gas_constant": "208.13 J/(kg K)"}
-#: A valve with half the conductance: the connector that is too small.
+#: Factor of the valve's conductance that stands for a small connector.
 NARROW = 0.5
-#: A reduction of the speed by this share is a significant one.
+#: Share by which a reduction of the speed counts as significant.
 SIGNIFICANT = 0.2
 
 
 def general_claims(chambers: ChamberComparison, figures: Mapping[int, PaperFigure]) -> tuple[Claim, ...]:
-    """Check the sentences that belong to no single figure.
+    """Check the sentences that do not belong to one figure.
 
     Parameters
     ----------
     chambers : ChamberComparison
         Printed equations against the energy balance.
     figures : mapping of PaperFigure
-        By number; 6 and 9 say what speed and a stop do to friction.
+        By number; 6 and 9 give the effects of speed and of a stop on friction.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What the study adds to a report: verdict, sections, provenance."""
+"""Additions of the study to a report: verdict, sections, provenance."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def verdict(
     *,
     alone: bool,
 ) -> Iterator[str]:
-    """Say the results in a few lines, or in one."""
+    """Return the results in a few lines, or in one."""
     topic, pairs = Topic(PAGE, "verdict"), recovered(found)
     first = topic.say("paper", count=count_verdicts(claims))
     truth = topic.say("recovered", inside=pairs.inside, all=pairs.true_n.size) if pairs else ""
@@ -63,7 +63,7 @@ def verdict(
 
 
 def count_verdicts(claims: Sequence[Claim]) -> str:
-    """Return how many sentences hold, hold in part and do not hold.
+    """Return the numbers of sentences that hold, hold in part and do not hold, in words.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def count_verdicts(claims: Sequence[Claim]) -> str:
 
 
 def paper(figures: Mapping[int, PaperFigure], claims: Sequence[Claim]) -> Section:
-    """Table of sentences and verdicts, then figures 4 to 9; 1 to 3 stand in the section on stick-slip."""
+    """Return the section with all verdicts and figures 4 to 9; the section on stick-slip holds 1 to 3."""
     topic, unchecked = Topic(PAGE, "paper"), Topic(TEXTS, "unchecked").texts
     failed = any(c.verdict == "does not hold" for c in claims)
     return topic.section(
@@ -100,7 +100,7 @@ def _picture(topic: Topic, figure: PaperFigure, name: str, drawing: Callable[[Pa
 
 
 def stick_slip(figures: Sequence[PaperFigure]) -> Section | None:
-    """Figures 1 to 3: in numbers, over time and in the phase plane; None where there is none."""
+    """Return the section on figures 1 to 3: numbers, over time, in the phase plane; None without them."""
     if not figures:
         return None
     topic, rows, shown = Topic(PAGE, "stick-slip"), [], []
@@ -120,7 +120,7 @@ def stick_slip(figures: Sequence[PaperFigure]) -> Section | None:
 
 
 def chambers(compared: ChamberComparison) -> Section:
-    """Return what equations (2) and (3) of the paper cost, in numbers and over time."""
+    """Return the section on the errors of equations (2) and (3) of the paper, in numbers and over time."""
     topic, laws = Topic(PAGE, "chambers"), (ENERGY_BALANCE, AS_PRINTED)
     gas = {side: [compared.runs[law][f"temperature_{side}"] for law in laws] for side in "ab"}
     rows = (
@@ -145,7 +145,7 @@ def chambers(compared: ChamberComparison) -> Section:
 
 
 def draw_chambers(compared: ChamberComparison) -> Figure:
-    """Position and its difference, pressures and temperatures over time."""
+    """Draw position and its difference, pressures and temperatures over time."""
     figure = style.new_figure(4.4)
     axes = figure.subplots(3, 2, sharex=True)
     balanced, printed = (compared.runs[law] for law in (ENERGY_BALANCE, AS_PRINTED))
@@ -170,7 +170,7 @@ def draw_chambers(compared: ChamberComparison) -> Figure:
 
 
 def values(rig: RigDescription, rigs: Iterable[RigDescription]) -> Iterator[Block]:
-    """Values of the default rig, then those that the other rigs have beside them or instead; the drives."""
+    """Return the values of the default rig, then those of other rigs that differ, and the drives."""
     topic, base = Topic(PAGE, "provenance"), rig.sources
     for name, sources in {rig.name: base, **{one.name: one.sources for one in rigs}}.items():
         own = sources if sources is base else {k: s for k, s in sources.items() if s != base.get(k)}

@@ -1,4 +1,4 @@
-"""The study as a whole: its campaigns and simulations, and the sentences that they check."""
+"""The whole study: its campaigns and simulations, and the sentences that they check."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ RECOVERY_CYCLES = 3
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What the simulated rig and drive gave.
+    """Results of the simulated rigs and drives.
 
     Attributes
     ----------
     rig : SimulatedRig
-        That made the recordings with known truth.
+        Rig of the recordings with known ground truth.
     figures : dict of PaperFigure
         By number in the source paper.
     rigs : dict
-        Rig -> its description; those of the figures.
+        Rig -> its description, for the figures.
     found : Characterisation
-        Of simulated recordings with known truth.
+        Result of simulated recordings with known ground truth.
     fits : dict
         Group -> law -> fit, of those recordings.
     chambers : ChamberComparison
@@ -56,7 +56,7 @@ class Reproduction:
     claims : tuple of Claim
         Every sentence of the paper that can be checked, with its verdict.
     seed : int
-        Of the simulated sensors.
+        Seed of the simulated sensors.
     """
 
     rig: SimulatedRig
@@ -69,8 +69,8 @@ class Reproduction:
     seed: int
 
     def addition(self, found: Characterisation | None) -> Addition:
-        """Return what the study adds to the report of these recordings, or the whole of one."""
-        own = found is not None and found.synthetic  # such recordings have their own comparison with the truth
+        """Return the study's addition to the report of these recordings, or a whole report."""
+        own = found is not None and found.synthetic  # such recordings have their own comparison with the ground truth
         parts = (
             None if own else recovered.section(self.found, self.fits),
             pages.paper(self.figures, self.claims),
@@ -97,11 +97,11 @@ def reproduce(into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | 
     Parameters
     ----------
     into : path-like
-        Folder for the campaigns; what is finished in it is not run again.
+        Folder for the campaigns; finished cycles are not run again.
     seed : int
         Of all that is random on the rigs.
     rigs : mapping, optional
-        Experiment (`pneudrive.studies.bracha.EXPERIMENTS`) -> rig file that takes the place of its own.
+        Experiment (`pneudrive.studies.bracha.EXPERIMENTS`) -> rig file instead of its own.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def reproduce(into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | 
     Raises
     ------
     CampaignError
-        The folder cannot be used.
+        If the folder cannot be used.
     """
     runs = run_experiments(into, seed, rigs)
     rig = SimulatedRig.default()

@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SLOW_DRIVE = Path(__file__).with_name("slow_drive.toml")
-#: Mean speed of the paper's figure 1, and how near ours has to come.
+#: Mean speed of the paper's figure 1, and tolerance of ours.
 MEAN_SPEED_M_S = 9.34e-3
 SPEED_TOLERANCE_M_S = 0.5e-3
-#: What makes a motion stick-slip: number of periods, peak over mean speed, share of time below 20 % of the mean.
+#: Criteria of stick-slip: number of periods, peak over mean speed, share of time below 20 % of the mean.
 LEAST_PERIODS = 5
 LEAST_PEAK_RATIO = 3.0
 LEAST_STUCK_SHARE = 0.3
 #: Valve openings at which the drive of `slow_drive.toml` reaches that mean speed, found by bisection.
 OPENING = {"lugre": 0.0016, "stribeck": 0.0016}
-#: Opening, in multiples of that, at which the speed is no longer low.
+#: Multiple of that opening at which the speed is no longer low.
 FASTER = 10
 FASTER_S = 6.0
 MIDDLE_M = (0.15, 0.45)  # of the stroke of 0.5 m, so that neither start nor stop counts
@@ -42,7 +42,7 @@ SAMPLE_RATE = "1 kHz"
 #: Sensors of the drive in figure 1 (assumed): position in steps of 5 um, pressures to 10 bar with 16 bits.
 ENCODER = Encoder(5e-6)
 PRESSURE_SENSOR = AnalogSensor(0.0, 1.1e6, 16, noise=200.0)
-#: Half width in samples of the slope that gives a speed from the counted position: 25 ms.
+#: Half width in samples of the slope of the counted position that gives the speed: 25 ms.
 SLOPE_HALF_WIDTH = 12
 
 
@@ -64,12 +64,12 @@ def creep(law: str, opening: float | None = None) -> xr.Dataset:
     law : str
         ``lugre`` or ``stribeck``.
     opening : float, optional
-        Valve command; None takes the one that gives the paper's mean speed.
+        Valve command; None: the command that gives the paper's mean speed.
 
     Returns
     -------
     xarray.Dataset
-        Trajectory from the moment at which the start has died away, its time from zero.
+        Trajectory after the transient of the start; time from zero.
     """
     u = OPENING[law] if opening is None else opening
     run = pn.simulate(slow_drive(law), [(0.0, u)], SKIPPED_S + SHOWN_S, initial=START, sample_rate=SAMPLE_RATE)
@@ -78,7 +78,7 @@ def creep(law: str, opening: float | None = None) -> xr.Dataset:
 
 
 def figure_1(seed: int = 0) -> PaperFigure:
-    """Stick-slip as sensors on a drive would show it: counted position, speed from its slope, noisy pressures."""
+    """Return stick-slip as sensors on a drive show it: counted position, speed from its slope, noisy pressures."""
     run = creep("lugre")
     rng = np.random.default_rng(seed)
     time = run.time.to_numpy()
@@ -117,7 +117,7 @@ def measure_faster() -> StickSlip:
 
 
 def figure_2() -> PaperFigure:
-    """Stick-slip of the same drive simulated with the LuGre law."""
+    """Return stick-slip of the same drive simulated with the LuGre law."""
     columns = _columns(creep("lugre"))
     found = whole_periods(columns)
     verdicts = {
@@ -128,7 +128,7 @@ def figure_2() -> PaperFigure:
 
 
 def figure_3() -> PaperFigure:
-    """Stick-slip of the same drive simulated with Coulomb and Stribeck friction combined, sticking exactly."""
+    """Return stick-slip of the same drive with Coulomb and Stribeck friction combined, sticking exactly."""
     columns = _columns(creep("stribeck"))
     found = whole_periods(columns)
     still = float(np.mean(columns["velocity_m_s"] == 0.0))
@@ -156,7 +156,7 @@ def whole_periods(columns: dict[str, Array]) -> StickSlip:
 
 
 def _onsets(velocity: Array, mean: float) -> list[int]:
-    """First sample of each slip: above the mean after a rest below a fifth of it."""
+    """Return the first sample of each slip: above the mean after a rest below a fifth of it."""
     onsets, rested = [], False
     for i in np.flatnonzero((velocity > mean) | (velocity < STUCK_SHARE * mean)):
         if velocity[i] < STUCK_SHARE * mean:

@@ -1,4 +1,4 @@
-"""Figure 9 of the source paper: what a stop of 15 s in the middle of a stroke does to friction."""
+"""Figure 9 of the source paper: effect of a stop of 15 s in the middle of a stroke on friction."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from pneudrive.studies.bracha.figure import PaperFigure, judge
 if TYPE_CHECKING:
     from pneudrive.studies.bracha.experiments import Experiment
 
-#: Share of running friction from which on a peak counts as a change of the characteristics, and as a high dependence.
+#: Peak, share of running friction, that counts as a change of the characteristics, and as a high dependence.
 CHANGE, HIGH = 0.05, 0.2
-#: A change that is gone after this travel is not a complete one, m (our reading: a tenth of a stroke of 200 mm).
+#: Travel after which a complete change persists, m (our reading: a tenth of a stroke of 200 mm).
 LASTING_M = 20e-3
 
 
 def figure_9(run: Experiment) -> PaperFigure:
-    """Friction around stops of 15 s against strokes without one: it falls while held, peaks at the restart, comes back.
+    """Return friction around stops of 15 s and in strokes without a stop.
 
     Parameters
     ----------
     run : Experiment
-        Stops of 15 s, and strokes without one that say what uninterrupted sliding is.
+        Stops of 15 s, and strokes without a stop for uninterrupted sliding.
 
     Returns
     -------
@@ -37,14 +37,14 @@ def figure_9(run: Experiment) -> PaperFigure:
     Raises
     ------
     CampaignError
-        A stop could not be read.
+        If a stop cannot be read.
     """
     found = pn.characteristics(run.campaign)
     if found.skipped:
         raise CampaignError("a stop could not be read", where=str(run.campaign.path), value=str(found.skipped[0]))
     speeds = np.array(sorted({stop.speed_m_s for stop in found.stops}))
     rested = [[s for s in found.stops if s.speed_m_s == v] for v in speeds]
-    # no peak is an increment of nothing
+    # no peak: zero increment
     means = [mean_estimate(np.nan_to_num([s.increment_n for s in group], posinf=0.0, neginf=0.0)) for group in rested]
     increment = np.array([mean.value for mean in means])
     width = np.array([mean.high for mean in means]) - increment
