@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive import command as commands
-from pneudrive.errors import CommandError, FitError, SimulationError
-from pneudrive.free.parameters import chosen, family_of
+from pneudrive.errors import CommandError, SimulationError
+from pneudrive.free.parameters import family_of, find
 from pneudrive.session import short_name
 from pneudrive.start import is_circuit, ready
 from pneudrive.watch import UNWATCHED
@@ -84,10 +84,7 @@ class Differentiator:
                 "derivatives of a run need a command that is known in advance, not a function of time",
                 remedy='Give steps, "0 s: 0.6, 1 s: -0.6", or pairs.',
             )
-        try:
-            self.parameters = chosen(drive, [names] if isinstance(names, str) else names)
-        except FitError as error:
-            raise CommandError(error.what, value=error.value, rule=error.rule, remedy=error.remedy) from None
+        self.parameters = find(drive, [names] if isinstance(names, str) else names)
         self._family = family_of(drive, self.parameters)
         self._steps = commands.steps(command, None, drive.valve.command)  # pyright: ignore[reportArgumentType]
         _, start = ready(drive, initial)

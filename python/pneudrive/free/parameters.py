@@ -16,7 +16,7 @@ import numpy as np
 from pneudrive.describe.circuit import compiled as compiled_circuit
 from pneudrive.describe.components import STATED, parameter_quantity
 from pneudrive.describe.derived import derived
-from pneudrive.errors import FitError, nearest
+from pneudrive.errors import CommandError, FitError, nearest
 from pneudrive.free import lines
 from pneudrive.start import compiled
 
@@ -104,38 +104,53 @@ def numbers_of(drive: Drive) -> dict[str, Parameter]:
     return found | {one[0]: _of_component(*one) for one in lines.numbers(drive)}
 
 
+def find(drive: Drive, names: Sequence[str]) -> list[Parameter]:
+    """Look numbers of a drive up by their names in the drive file.
+
+    Raises
+    ------
+    CommandError
+        An unknown or repeated name, or a number by which no run has a derivative.
+    """
+    known = numbers_of(drive)
+    for name in names:
+        if name not in known:
+            raise CommandError(
+                f"{name} is no number of this drive",
+                remedy=nearest(name, known) + " What a drive does not describe yet gets a start value there first.",
+            )
+        if known[name].discrete:
+            raise CommandError(
+                f"{name} cannot be free: it acts on the schedule, or is rounded to whole cells",
+                rule="a run has a derivative by what is free",
+            )
+    if len(set(names)) < len(names):
+        raise CommandError("a parameter is named twice", value=", ".join(names))
+    return [known[name] for name in names]
+
+
 def chosen(drive: Drive, free: Sequence[str]) -> list[Parameter]:
-    """Look the free names up.
+    """Look the names of a search up.
 
     Raises
     ------
     FitError
         Unknown or repeated names, or a start at a bound.
     """
-    known = numbers_of(drive)
     if not free:
         raise FitError("nothing is free", remedy='Name what is sought, e.g. free=["friction.coulomb"].')
-    for name in free:
-        if name not in known:
-            raise FitError(
-                f"{name} is no number of this drive",
-                remedy=nearest(name, known) + " What a drive does not describe yet gets a start value there first.",
-            )
-        if known[name].discrete:
-            raise FitError(
-                f"{name} cannot be free: it acts on the schedule, or is rounded to whole cells",
-                rule="a run has a derivative by what is free",
-            )
-    if len(set(free)) < len(free):
-        raise FitError("a parameter is named twice", value=", ".join(free))
-    for p in (known[name] for name in free):
+    try:
+        found = find(drive, free)
+    except CommandError as error:
+        raise FitError(error.what, value=error.value, rule=error.rule, remedy=error.remedy) from None
+    for p in found:
         if not p.lower < p.value < p.upper:
             raise FitError(
                 f"the search for {p.name} cannot start at {p.value:g} {p.unit}",
                 rule=f"between {p.lower:g} and {p.upper:g}, the ends excluded",
                 remedy=f'Give the drive another start: drive.replace({{"{p.name}": ...}}).',
             )
-    return [known[name] for name in free]
+    return found
 
 
 def _leaves(table: Any, path: str) -> Iterator[tuple[str, float]]:  # noqa: ANN401 - a tree of JSON
