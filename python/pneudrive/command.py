@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 Pairs: TypeAlias = Sequence[tuple[float | str, float | str]]
 Steps: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
-#: Whatever `steps` reads.
+#: Forms of a command that `steps` reads.
 Command: TypeAlias = "str | Path | float | Callable[[float], float] | Pairs | np.ndarray"
 _NAMED = re.compile(r"\s*([A-Za-z_][\w-]*)(?:\.command)?\s*:(.*)", re.DOTALL)  # a time begins with a digit
-#: Whatever `plans` reads.
+#: Forms of commands that `plans` reads.
 Commands: TypeAlias = "Command | Mapping[str, Command] | Sequence[str] | None"
 FORMS = 'a number (0.5), "0 s: 0.6, 1 s: -0.6", pairs [(0.0, 0.6), (1.0, -0.6)], a CSV file or a function of time'
 

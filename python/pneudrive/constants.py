@@ -3,7 +3,7 @@
 #: Standard acceleration of gravity, exact by definition [bipm2019].
 STANDARD_GRAVITY_M_S2 = 9.80665
 
-#: Standard atmosphere, exact by definition: the surroundings of drives, recordings and rigs that say nothing of them.
+#: Standard atmosphere, exact by definition: default surroundings of drives, recordings and rigs.
 STANDARD_ATMOSPHERE_PA = 101325.0
 
 #: 0 degrees Celsius, exact by definition [bipm2019].

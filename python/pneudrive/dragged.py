@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: The air around, as a joint.
+#: Joint of the ambient air.
 AMBIENT = "ambient"
-#: Commanded speed below which a motion has ended at rest, m/s: what rounding leaves of a move.
+#: Commanded speed below which a motion has ended at rest, m/s: the remainder of rounding.
 AT_REST_M_S = 1e-9
-#: Columns of a run that are not of the piston, and what the circuit calls them.
+#: Columns of a run that do not belong to the piston, and their names in the circuit.
 _OTHERS = {
     "time_s": "time_s",
     "carriage_position_m": "carriage.position_m",

@@ -18,7 +18,7 @@ _NOT_THE_CALLER = ("pneudrive", "pydantic")
 Wrong = TypeVar("Wrong", bound="PneudriveError")
 MOST_SHOWN = 30  # further errors of one file in a message
 LONGEST_QUOTE, LONGEST_PART = 300, 800  # characters: what a file holds, and what we say about it
-#: Control signs but the end of a line, and signs that turn the direction of text: with them a text says another thing.
+#: Control characters except the end of a line, and characters that reverse the direction of text.
 _HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
 
 

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from pneudrive.describe import Drive
     from pneudrive.describe.circuit import Circuit
 
-#: Keys in references.bib of what this rests on.
+#: Keys of the sources in references.bib.
 SOURCES = ("wmo2008", "sonntag1990")
 #: e_s = A exp(B t/(C + t)), Pa, with t in degC, over water and over ice: A, B, C. Source: [wmo2008], Annex 4.B.
 WATER, ICE = (611.2, 17.62, 243.12), (611.2, 22.46, 272.62)
-#: Below this share above saturation nothing is told: the formula is not better (assumed).
+#: Ratio to saturation below which there is no warning: the accuracy of the formula (assumed).
 SATURATED = 1.01
 
 

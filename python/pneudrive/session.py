@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pneudrive.watch import Flag
 
 _DRIVE_INPUTS = ("command", "load_force_n", "supply_pressure_pa")  # inputs of a linearised drive
-#: What a drive calls inputs of its circuit that are not of the cylinder.
+#: Names in a drive of inputs of its circuit that do not belong to the cylinder.
 _OF_A_DRIVE = {
     "valve.command": "command",
     "supply.pressure_pa": "supply_pressure_pa",

@@ -13,7 +13,7 @@ from html import escape
 from itertools import islice, zip_longest
 from typing import NamedTuple
 
-#: What a glance takes in.
+#: Largest sizes of a card.
 MOST_ROWS, MOST_NOTES, MOST_LETTERS, MOST_ENTRIES = 30, 8, 200, 6
 
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 MOST_SAMPLES = 50_000_000  # rows; such a trajectory takes about 6 GB
 MOST_BUDGET = 10**15
-#: A ledger that closes worse than this and than so many times the tolerance is told (assumed).
+#: Error of a ledger above which there is a warning: absolute, and as a multiple of the tolerance (assumed).
 ENERGY_CLOSES, ENERGY_RTOL = 1e-3, 300.0
 SOLVER = "Rodas5P"
 #: Columns that are given, not solved for.

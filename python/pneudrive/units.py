@@ -441,7 +441,7 @@ def write(value: float, si_unit: str, unit: str | None = None) -> str:
     return f"{value!r} {plain}"
 
 
-#: SI unit -> the unit in which people read it, where that is another.
+#: SI unit -> common unit, where they differ.
 _READABLE = {
     "m": "mm",
     "m^3": "cm3",

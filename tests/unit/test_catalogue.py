@@ -195,7 +195,7 @@ def test_a_part_of_ones_own_takes_the_place_of_another(shelf):
         'title = "x"\n[values]\nkind = { value = "fitting", assumed = "x" }\n'
         'conductance = { value = "1 dm3/(s bar)", assumed = "x" }\n'
     )
-    with pn.catalogue_folders(shelf), pytest.warns(PneudriveWarning, match="smc-sy3000 of .* takes the place of"):
+    with pn.catalogue_folders(shelf), pytest.warns(PneudriveWarning, match="smc-sy3000 of .* replaces"):
         assert catalogue.entry("smc-sy3000").kind == "fitting"
     assert catalogue.entry("smc-sy3000").kind == "valve/proportional-5/3"
 
@@ -250,10 +250,10 @@ def test_a_fault_of_a_part_is_told_with_its_line(shelf, tmp_path, fault):
 USE_FAULTS = {
     "unknown": (("catalogue:smc-sy3000", "catalogue:smc-sy300"), "has no part 'smc-sy300'", 7, "smc-sy3000"),
     "a drive": (("catalogue:smc-sy3000", "catalogue:reference"), "has no part 'reference'", 7, "Known"),
-    "no catalogue": (("catalogue:smc-sy3000", "smc-sy3000"), "is no part of the catalogue", 7, "catalogue:NAME"),
+    "no catalogue": (("catalogue:smc-sy3000", "smc-sy3000"), "is not a part of the catalogue", 7, "catalogue:NAME"),
     "kind": (
         ('moving_mass = "1 kg"', 'kind = "tank"'),
-        "kind = 'tank', and catalogue:ours is a cylinder/rodless",
+        "kind = 'tank', but catalogue:ours is a cylinder/rodless",
         11,
         "out",
     ),

@@ -38,24 +38,24 @@ def line_of(text: str, mark: str) -> int:
 FAULTS = {
     "dangling": (
         changed(('    "valve_l.2 -> fc_lb -> left.b",\n', "")),
-        ("port valve_l.2 leads nowhere", 'copies = ["valve_l"', "joined or plugged", '"valve_l.2 -> fc_lb.1"'),
-        ("port fc_lb.1 leads nowhere", 'copies = ["fc_la"', "joined or plugged", 'plugged = ["fc_lb.1"]'),
-        ("port fc_lb.2 leads nowhere", 'copies = ["fc_la"', "joined or plugged", 'plugged = ["fc_lb.2"]'),
-        ("port left.b leads nowhere", 'copies = ["left"', "joined or plugged", 'plugged = ["left.b"]'),
+        ("port valve_l.2 is not connected", 'copies = ["valve_l"', "joined or plugged", '"valve_l.2 -> fc_lb.1"'),
+        ("port fc_lb.1 is not connected", 'copies = ["fc_la"', "joined or plugged", 'plugged = ["fc_lb.1"]'),
+        ("port fc_lb.2 is not connected", 'copies = ["fc_la"', "joined or plugged", 'plugged = ["fc_lb.2"]'),
+        ("port left.b is not connected", 'copies = ["left"', "joined or plugged", 'plugged = ["left.b"]'),
     ),
     "two sources": (
         changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "second -> mains",'))
         + '[components.second]\nkind = "reservoir"\npressure = "9 bar abs"\n',
         (
-            "mains and second hold the same joint (inlet.1) at 6 bar gauge and 9 bar abs",
+            "mains and second fix the pressure of the same joint (inlet.1) at 6 bar gauge and 9 bar abs",
             '"second -> mains"',
-            "at most one pressure",
+            "at most one fixed pressure",
             "a fitting",
         ),
     ),
     "short circuit": (
         changed(('"mains -> inlet', '"mains -> ambient",\n    "mains -> inlet')),
-        ("mains -> ambient without any restriction", '"mains -> ambient"', "at most one pressure", "a fitting"),
+        ("mains -> ambient without any restriction", '"mains -> ambient"', "at most one fixed pressure", "a fitting"),
     ),
     "a tank at the mains": (
         changed(
@@ -63,12 +63,12 @@ FAULTS = {
             ("[components.inlet]", "[components.inlet]\ncopies = []"),
             ("schema = 1", 'schema = 1\nplugged = ["inlet.1", "inlet.2"]'),
         ),
-        ("mains holds the pressure in tank", '"mains -> tank"', "one volume", "a fitting"),
-        ("inlet.copies = [] is no list of names", "copies = []", "", 'copies = ["left"'),
+        ("mains fixes the pressure in tank", '"mains -> tank"', "one volume", "a fitting"),
+        ("inlet.copies = [] is not a list of names", "copies = []", "", 'copies = ["left"'),
     ),
     "two volumes": (
         changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "tank -> left.a",')),
-        ("tank and left.a are one joint and have a volume each", '"tank -> left.a"', "or one volume", "a fitting"),
+        ("tank and left.a are one joint but have a volume each", '"tank -> left.a"', "or one volume", "a fitting"),
     ),
     "itself": (
         changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "extra.1 -> extra.2",'))
@@ -78,7 +78,12 @@ FAULTS = {
     "no pressure": (
         changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "one -> two -> one.1",'))
         + f'[components.pair]\ncopies = ["one", "two"]\n{FITTING}',
-        ("no volume and no reservoir reaches joint {one.2, two.1}", '"one -> two', "from somewhere", "Join a tank"),
+        (
+            "joint {one.2, two.1} has no path to a volume or a reservoir",
+            '"one -> two',
+            "from a volume or a reservoir",
+            "Join a tank",
+        ),
     ),
     "kind": (
         changed(("fc_la -> left.a", "fc_la -> left.rod")),
@@ -90,13 +95,13 @@ FAULTS = {
             'valve_l.4 is joined twice: by "valve_l.4 -> tank" and by "valve_l.4 -> fc_la -> left.a"',
             '"valve_l.4 -> fc_la',
             "one connection",
-            "at a tank",
+            "a tank",
         ),
     ),
     "copies of one name": (
         changed(('"right"]', '"left", "tank"]')),
-        ('two components are called "left"', 'copies = ["left"', "a name of its own", "Rename"),
-        ('two components are called "tank"', 'copies = ["left"', "a name of its own", "Rename"),
+        ('two components have the name "left"', 'copies = ["left"', "a different name", "Rename"),
+        ('two components have the name "tank"', 'copies = ["left"', "a different name", "Rename"),
         ('there is no component "right"', '"valve_r.4 -> fc_ra', "", ""),
     ),
     "unknown": (
@@ -107,11 +112,11 @@ FAULTS = {
     ),
     "a template": (
         changed(("tank -> valve_l.1", "tank -> valve.1")),
-        ("valve stands for its copies", "tank -> valve.1", "", "Name one of them: valve_l, valve_r"),
+        ("valve is a table of copies", "tank -> valve.1", "", "Name one of them: valve_l, valve_r"),
     ),
     "a component without a port": (
         changed(("tank -> valve_l.1", "tank -> valve_l")),
-        ("valve_l has 5 ports, and the connection names none", '"tank -> valve_l"', "", "valve_l.1, valve_l.4"),
+        ("valve_l has 5 ports, but the connection names none", '"tank -> valve_l"', "", "valve_l.1, valve_l.4"),
     ),
     "units": (
         changed(
@@ -141,7 +146,7 @@ FAULTS = {
         changed(('left.b = "6 bar gauge"', 'left.b = "6 bar"\nright.c = "1 bar abs"'), ('"0 mm"', '"101 mm"')),
         ("left.position = 101 mm lies outside the stroke", "101 mm", "left.stroke = 100 mm", ""),
         ('left.b: pressure "6 bar" does not say', 'left.b = "6 bar"', "absolute", '"6 bar abs"'),
-        ("right.c is no start value", "right.c", "", "right.a.pressure"),
+        ("right.c is not a start value", "right.c", "", "right.a.pressure"),
     ),
     "a key and a table": (
         changed(("dead_volume = {", 'dead_volume_a = "9 cm3"\ndead_volume = {')),
@@ -157,8 +162,8 @@ FAULTS = {
     ),
     "plugs": (
         changed(("[components.mains]", 'plugged = ["valve_l.4", "tank", "x.1"]\n[components.mains]')),
-        ("valve_l.4 is plugged, and joined to valve_l.4, fc_la.1", "plugged", "", "Leave one of the two out"),
-        ('"tank" names no port', "plugged", "a plug shuts a port", ""),
+        ("valve_l.4 is plugged, but also joined to valve_l.4, fc_la.1", "plugged", "", "Remove one of the two"),
+        ('"tank" is not a port', "plugged", "a plug shuts a port", ""),
         ('there is no component "x"', "plugged", "", "Known: ambient"),
     ),
     "tables of a drive": (
@@ -170,13 +175,13 @@ FAULTS = {
             )
         ),
         ('supply.pressure: pressure "3 bar" does not say', '"3 bar"', "absolute", '"3 bar abs"'),
-        ("port supply.1 leads nowhere", "[supply]", "each port is joined", "Join it"),
-        ("[load] belongs to a [cylinder], and there is no [cylinder]", "[load]", "", "[components.NAME]"),
+        ("port supply.1 is not connected", "[supply]", "each port is joined", "Join it"),
+        ("[load] belongs to a [cylinder], but [cylinder] is missing", "[load]", "", "[components.NAME]"),
         ("[tubing] belongs to a [cylinder] behind a [valve]", "[tubing]", "", "Add [valve] and [cylinder]"),
         (
-            'two components are called "supply": [supply] is one already',
+            'two components have the name "supply": [supply] is already one',
             '"silencer"',
-            "name of its own",
+            "a different name",
             "Rename it",
         ),
     ),
@@ -333,7 +338,9 @@ def test_starts_settle_over_what_is_always_open():
     assert start["tank.pressure_pa"] == start["left.b.pressure_pa"] == start["valve_l.2.pressure_pa"] == 701325.0
     assert start["left.a.pressure_pa"] == start["valve_l.4.pressure_pa"] == 101325.0
     assert start["left.position_m"] == 0.0
-    assert "the joint of valve_l.2 has 0.4 cm3, from what is joined there, and no heat exchange" in circuit.assumed()
+    assert (
+        "the joint of valve_l.2 has 0.4 cm3, from the volumes of its ports, and no heat exchange" in circuit.assumed()
+    )
     assert "tank starts at 7.01325 bar abs, as mains has it" in circuit.assumed()
     assert "valve_l.2 starts at 7.01325 bar abs, as left.b does" in circuit.assumed()
     given = circuit.core_initial({"tank": "3 bar abs", "fc_la.1.pressure": "2 bar abs", "left": {"position": "5 mm"}})
@@ -411,7 +418,7 @@ def test_what_lies_behind_a_regulator_starts_at_its_set_pressure():
     assert "tank starts at 7.01325 bar abs, as regulator has it" in circuit.assumed()
     assert start["valve.4.pressure_pa"] == 101325.0
     # Half of a tube of 4 mm and 1 m, and the port of the valve.
-    assert "the joint of valve.4 has 6.48 cm3, from what is joined there, and no heat exchange" in circuit.assumed()
+    assert "the joint of valve.4 has 6.48 cm3, from the volumes of its ports, and no heat exchange" in circuit.assumed()
 
 
 def test_a_number_that_is_zero_is_given():
@@ -444,7 +451,7 @@ def test_the_check_valve_of_a_flow_control_has_the_name_of_before_too():
     one, other = (components.component(CONTROL | own) for own in (now, before))
     assert one == other
     assert other.to_dict()["check_nominal_flow"] == "60 l/min ANR"
-    with pytest.raises(DescriptionError, match="conductance and check_conductance are one number"):
+    with pytest.raises(DescriptionError, match="conductance and check_conductance are the same number"):
         components.component(CONTROL | dict.fromkeys(("conductance", "check_conductance"), "1 dm3/(s bar)"))
 
 
@@ -464,7 +471,7 @@ def test_default_end_stops_are_told_with_what_they_follow_from():
     found = re.search(f"= {number} N/m, .* {number} kg at {number} m/s, .* {number} N, stop within {number} mm", said)
     k, mass, speed, force, depth = map(float, found.groups())
     assert k == pytest.approx((mass * speed**2 + 2.0 * force * 1e-3 * depth) / (1e-3 * depth) ** 2, rel=0.02)
-    beyond = float(re.search(f"holds the piston {number} mm beyond", said)[1])
+    beyond = float(re.search(f"presses the piston {number} mm beyond", said)[1])
     assert beyond == pytest.approx(1e3 * force / k, rel=0.05)
 
 

@@ -41,7 +41,7 @@ def test_restrictions_in_a_row_are_merged_on_request():
 
 
 def test_a_joint_that_is_merged_away_has_no_start():
-    with pytest.raises(DescriptionError, match=r"initial\.inlet\.2|inlet\.2 is no start value"):
+    with pytest.raises(DescriptionError, match=r"initial\.inlet\.2|inlet\.2 is not a start value"):
         pn.Circuit.load(FILE.replace("[initial]", '[initial]\ninlet.2 = "2 bar abs"'))
 
 

@@ -55,7 +55,7 @@ def test_a_load_is_held_until_the_pilot_comes():
     [
         ("valve.4 .. hold.12", "valve.4 -> hold.12", "hold.12 is a pilot port", '"valve.4 .. hold.12"'),
         ("valve.4 -> tank", "valve.4 .. tank", "neither valve.4 nor tank.1 is a pilot port", '"valve.4 -> tank.1"'),
-        ('"valve.4 .. hold.12",', "", "port hold.12 leads nowhere", '"valve.4 .. hold.12"'),
+        ('"valve.4 .. hold.12",', "", "port hold.12 is not connected", '"valve.4 .. hold.12"'),
         ("valve.2 -> hold", "valve.2 .. hold", "and \"..\"", "two connections"),
         ("hold.12", "hold.12 .. tank", "hold.12 is joined twice", "keep one of the lines"),
         ('"valve.4 .. hold.12",\n]', ']\nplugged = ["hold.12"]', "no gas reaches the pilot port hold.12", ".. hold.12"),

@@ -56,10 +56,10 @@ def test_a_lock_starts_as_its_first_command_has_it():
     ("points", "said"),
     [
         ('[{ position = "0 mm", force = "10 N" }]', "press.points: 1 points"),
-        ('[{ position = "9 mm", force = "1 N" }, { position = "8 mm", force = "1 N" }]', "8 mm comes after 9 mm"),
+        ('[{ position = "9 mm", force = "1 N" }, { position = "8 mm", force = "1 N" }]', "8 mm follows 9 mm"),
         ('[{ position = "9 mm" }, { position = "8 mm", force = "1 N" }]', "point 1"),
         ('[{ position = "0 mm", force = 3 }, { position = "8 mm", force = "1 N" }]', "force of point 1: 3 has no unit"),
-        ("3", "is no list of points"),
+        ("3", "is not a list of points"),
     ],
 )
 def test_wrong_points_are_told(points, said):

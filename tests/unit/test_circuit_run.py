@@ -185,7 +185,7 @@ def test_what_is_told_of_commands_and_starts():
         circuit.simulate(1.0, "1 s")
     with pytest.raises(CommandError, match="the initial state is a float"):
         circuit.simulate(None, "1 s", initial=1.0)
-    with pytest.raises(pn.PneudriveError, match=r"tnak is no start value"):
+    with pytest.raises(pn.PneudriveError, match=r"tnak is not a start value"):
         circuit.start("tnak = 3 bar abs")
 
 
@@ -241,7 +241,7 @@ def test_a_cushion_is_given_whole():
     text = AXIS.read_text(encoding="utf-8").replace(', port_volume = "6 cm3" }', " }", 1)
     with pytest.raises(DescriptionError, match=r"axis\.cushion_a_port_volume is missing") as told:
         pn.Circuit.load(text)
-    assert "cushion_a is given whole" in str(told.value)
+    assert "all keys of cushion_a are given" in str(told.value)
 
 
 def test_states_are_named_by_their_component_and_what_they_are():

@@ -87,8 +87,8 @@ def test_what_is_wrong_is_told_with_its_place(folder):
     file.write_text(good)
     for old, new, what in [
         ('conductance = "1 dm3/(s bar)"', 'conductance = "1 bar"', r"path\.conductance"),
-        ("file:formulas/iso6358.toml", "file:formulas/iso.toml", "names a file that is not there"),
-        ("file:formulas/iso6358.toml", "iso", "is no formula of a restriction/formula"),
+        ("file:formulas/iso6358.toml", "file:formulas/iso.toml", "names a file that does not exist"),
+        ("file:formulas/iso6358.toml", "iso", "is not a formula of a restriction/formula"),
         ("file:formulas/iso6358.toml", "file:formulas/hydraulic_brake.toml", "needs mass_flow, in kg/s"),
         ('formula = "file:formulas/iso6358.toml"\n', "", r"path\.formula is missing"),
     ]:

@@ -65,7 +65,7 @@ def test_gas_that_expands_fogs_and_freezes():
     at = int(surplus.argmax())
     assert line.startswith("fog or ice may form in chamber a and in the air that leaves it: ")
     assert f"at {float(run.time[at]):.3g} s and {float(run.pressure_a[at]) / 1e5:.3g} bar abs" in line
-    assert f"the gas has {float(run.temperature_a[at]) - 273.15:.1f} degC, below its frost point" in line
+    assert f"the gas is at {float(run.temperature_a[at]) - 273.15:.1f} degC, below its frost point" in line
     # Dried by adsorption it stays clear as long as the gas is warmer than about -70 degC.
     assert not warned(drive({"gas.dew_point": "-75 degC"}))
 
@@ -111,7 +111,7 @@ def test_a_circuit_tells_of_its_volumes_by_name():
 @pytest.mark.parametrize(
     ("gas", "said"),
     [
-        ({"dew_point": "3 degC"}, r"gas\.dew_point is that at the supply, and there is no reservoir"),
+        ({"dew_point": "3 degC"}, r"gas\.dew_point needs a pressure: the circuit has no reservoir"),
         (
             {"dew_point_pressure": "7 bar abs"},
             r"gas\.dew_point_pressure = 7 bar abs has no effect without gas\.dew_point",

@@ -87,7 +87,7 @@ def test_lines_lie_between_valve_and_cylinder(short):
     assert b["needle_conductance"] == pytest.approx(60 / 6e4 / 7e5 / np.sqrt(1 - ((6 / 7 - 0.3) / 0.7) ** 2))
     assert b["check_conductance"] == pytest.approx(7e-9)
     assert any(
-        line.startswith("flow_control_a.check_conductance = 0.4 dm3/(s bar), the check") for line in drive.assumed()
+        line.startswith("flow_control_a.check_conductance = 0.4 dm3/(s bar), assumed as") for line in drive.assumed()
     )
     assert pn.Drive.model_validate(drive.to_dict()).description_hash == drive.description_hash
     assert pn.Circuit.load(drive.circuit.to_toml()).core_json() == drive.circuit.core_json()
@@ -97,7 +97,7 @@ def test_lines_lie_between_valve_and_cylinder(short):
     assert wider.flow_control["b"] == {"nominal_flow": "60 l/min ANR", "check_kv": 0.2}
     longer = drive.replace({"tubing.a.length": "5 m"})
     assert longer.description_hash != drive.description_hash
-    with pytest.raises(DescriptionError, match=r"a drive with \[tubing\] is simulated, drawn"):
+    with pytest.raises(DescriptionError, match=r"a drive with \[tubing\] can be simulated, drawn"):
         drive.core_json()
 
 
@@ -234,7 +234,7 @@ FAULTS = {
     "a chamber": (("\nb = { nominal", "\nc = { nominal"), "flow_control.c is not a known key", "c = { nominal", "a, b"),
     "one size twice": (
         ("{ conductance", '{ needle_conductance = "1 dm3/(s bar)", conductance'),
-        "are one number",
+        "are the same number",
         "a = { needle",
         "Keep",
     ),

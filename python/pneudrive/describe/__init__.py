@@ -1,4 +1,4 @@
-"""What a drive or a circuit is: quantities with units, checked, from Python or from TOML."""
+"""Descriptions of drives and circuits: quantities with units, checked, from Python or from TOML."""
 
 from __future__ import annotations
 

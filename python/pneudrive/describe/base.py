@@ -1,4 +1,4 @@
-"""What all parts of a description share: typed quantities, and one clear message for whatever is wrong."""
+"""Base of all tables of a description: typed quantities, and one clear message for each error."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class WrongValueError(DescriptionError):
-    """A value that a field refuses; `Described` adds the field's name."""
+    """Invalid value of a field; `Described` adds the field's name."""
 
     def __init__(self, what: str, rule: str | None = None, remedy: str | None = None, sub: str = "") -> None:
         super().__init__(what, rule=rule, remedy=remedy)
@@ -31,23 +31,23 @@ class WrongValueError(DescriptionError):
 
 
 def wrong(key: str, what: str, *, rule: str | None = None, remedy: str | None = None) -> DescriptionError:
-    """Build the error for one key; a loader that knows the file finds the line by ``error.key``."""
+    """Return an error for one key; the reader of the file finds the line by ``error.key``."""
     error = DescriptionError(what, rule=rule, remedy=remedy)
     error.key = key
     return error
 
 
 def within(error: DescriptionError, name: str, above: str = "") -> DescriptionError:
-    """Return what is wrong with a table as errors of the table that holds it under a name.
+    """Return errors of a table as errors of the table that contains it.
 
     Parameters
     ----------
     error : DescriptionError
-        With those that it carries.
+        Error, with those that it carries.
     name : str
-        Key of the table, and how messages call it.
+        Key of the table, and its name in messages.
     above : str
-        What goes before the key alone: a table that messages need not name.
+        Prefix of the key, but not of the message: a table that messages need not name.
     """
     out = []
     for one in error.each():
@@ -65,10 +65,10 @@ class Bounds:
     at_least: float | None = None
     below: float | None = None
     at_most: float | None = None
-    bound: str | None = None  # of `pneudrive.files.bounds`, which users can raise
+    bound: str | None = None  # bound of `pneudrive.files.bounds`, which users can raise
 
     def broken(self, value: float) -> str | None:
-        """Return the rule that `value` breaks, in words, or None."""
+        """Return the violated rule in words, or None for a valid value."""
         if self.above is not None and not value > self.above:
             return f"greater than {self.above:g}"
         if self.at_least is not None and not value >= self.at_least:
@@ -82,7 +82,7 @@ class Bounds:
         return None
 
     def beyond(self, given: object, value: float) -> None:
-        """Refuse a value beyond the named bound, with `WrongValueError`."""
+        """Raise `WrongValueError` for a value beyond the named bound."""
         broken = beyond(self.bound, value) if self.bound else None
         if broken:
             raise WrongValueError(f'"{given}" is out of bounds', *broken)
@@ -96,7 +96,7 @@ class PerChamber(NamedTuple):
 
 
 def quantity(given: object, si_unit: str, bounds: Bounds) -> float:
-    """Convert one given quantity to a checked SI value, or raise `DescriptionError`."""
+    """Convert one quantity to a checked SI value, or raise `DescriptionError`."""
     if not isinstance(given, str | units.UnitFloat):
         raise WrongValueError(f"{given!r} has no unit", rule=units.needed(si_unit))
     value = units.parse(given, si_unit) if isinstance(given, str) else given.si_as(si_unit)
@@ -120,37 +120,37 @@ def number(given: object, bounds: Bounds) -> float:
 
 @dataclass(frozen=True)
 class Mark:
-    """Annotation of a field that is read and written by rules of its own."""
+    """Annotation of a field with its own reader and writer."""
 
-    def read(self, given: Any) -> Any:  # noqa: ANN401 - whatever the field takes and holds
+    def read(self, given: Any) -> Any:  # noqa: ANN401 - any type of the field
         """Convert and check, or raise `DescriptionError`."""
         raise NotImplementedError
 
     def show(self, value: Any) -> Any:  # noqa: ANN401
-        """Write it as users would."""
+        """Write the value as users would."""
         return value
 
     def named(self, value: Any) -> Any:  # noqa: ANN401
-        """Give what is stored as it shows itself: a quantity with its unit."""
+        """Return the stored value in its displayed form: a quantity with its unit."""
         return value
 
     def schema(self) -> dict[str, Any]:
-        """Describe the form in which users write it, as JSON schema."""
+        """Return the JSON schema of the form that users write."""
         return {}
 
     def read_at(self, key: str, given: object) -> Any:  # noqa: ANN401
-        """Convert and check what stands at a dotted key, which errors then name."""
+        """Convert and check the value of a dotted key; errors name the key."""
         try:
             return self.read(given)
         except DescriptionError as error:
             raise wrong(key, f"{key}: {error.what}", rule=error.rule, remedy=error.remedy) from None
 
     def __get_pydantic_core_schema__(self, source: object, handler: object) -> core_schema.CoreSchema:
-        """Validate by `read`; nothing else may touch the value."""
+        """Validate by `read` alone."""
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
-        """Describe the form in which users write it."""
+        """Return the JSON schema of the form that users write."""
         return self.schema()
 
 
@@ -161,11 +161,11 @@ class Quantity(Mark):
     Parameters
     ----------
     si_unit : str
-        What is stored, as in `pneudrive.units.parse`; empty for a pure number.
+        Unit of the stored value, as in `pneudrive.units.parse`; empty for a pure number.
     written : str, optional
-        The unit preferred when the value is written.
+        Preferred unit when the value is written.
     bounds : Bounds
-        In SI.
+        Bounds in SI.
     """
 
     si_unit: str
@@ -177,11 +177,11 @@ class Quantity(Mark):
         return quantity(given, self.si_unit, self.bounds) if self.si_unit else number(given, self.bounds)
 
     def show(self, value: float) -> str | float:
-        """Write it as users would."""
+        """Write the value as users would."""
         return units.write(value, self.si_unit, self.written) if self.si_unit else value
 
-    def named(self, value: Any) -> Any:  # noqa: ANN401 - whatever the field holds
-        """Give what is stored as a quantity that shows its unit; a pure number as it is."""
+    def named(self, value: Any) -> Any:  # noqa: ANN401 - any type of the field
+        """Return the stored value as a quantity that shows its unit; a pure number unchanged."""
         if isinstance(value, float) and self.si_unit:
             return units.UnitFloat(value, self.si_unit, self.written)
         if isinstance(value, tuple):
@@ -190,7 +190,7 @@ class Quantity(Mark):
         return value
 
     def schema(self) -> dict[str, Any]:
-        """Describe the form in which users write it."""
+        """Return the JSON schema of the form that users write."""
         if self.si_unit:
             return {"type": "string", "description": units.kind(self.si_unit), "x-unit": self.si_unit}
         out: dict[str, Any] = {"type": "number"}
@@ -208,7 +208,7 @@ class EachChamber(Quantity):
         if isinstance(given, PerChamber):
             given = {"a": self.show_one(given.a), "b": self.show_one(given.b)}
         if not isinstance(given, dict):
-            raise WrongValueError(f"{given!r} is not given per chamber", remedy="Write { a = ..., b = ... }.")
+            raise WrongValueError(f"{given!r} is not one value for each chamber", remedy="Write { a = ..., b = ... }.")
         for key in given:
             if key not in {"a", "b"}:
                 raise WrongValueError(f"'{key}' is not known here", remedy=nearest(str(key), ["a", "b"]), sub=str(key))
@@ -252,17 +252,17 @@ class StatedPressure(Mark):
             raise WrongValueError(f"{given!r} has no unit", rule=units.needed("Pa"))
         pressure = units.parse_pressure(given)
         if pressure.gauge and not self.gauge_allowed:
-            raise WrongValueError(f'"{given}" counts from itself', remedy='Write "... abs".')
+            raise WrongValueError(f'"{given}" is gauge, but defines the ambient pressure', remedy='Write "... abs".')
         if not pressure.gauge and not pressure.value_pa > 0.0:
             raise WrongValueError(f'"{given}" is out of bounds', rule="an absolute pressure is greater than 0")
         return pressure
 
     def show(self, value: units.Pressure) -> str:
-        """Write it against what it was given."""
+        """Write the pressure, absolute or gauge as it was given."""
         return str(value)
 
     def schema(self) -> dict[str, Any]:
-        """Describe the form in which users write it."""
+        """Return the JSON schema of the form that users write."""
         words = "(abs|gauge)" if self.gauge_allowed else "abs"
         return {"type": "string", "pattern": f"^.+ {words}$", "description": units.kind("Pa"), "x-unit": "Pa"}
 
@@ -283,7 +283,7 @@ _SUFFIX = re.compile(rf"_(?:{'|'.join(_STORED_IN)})$")
 
 
 def key_of(name: str) -> str:
-    """Return the key of the file for the name of a field: that without the unit in which it is stored.
+    """Return the key in the file of a field: its name without the suffix of its unit.
 
     Examples
     --------
@@ -293,15 +293,15 @@ def key_of(name: str) -> str:
     return _SUFFIX.sub("", name)
 
 
-#: pydantic's names of complaints about a type -> what is needed.
+#: pydantic's names of type errors -> needed form.
 _TYPES = {"string_type": "a text in quotes", "bool_type": "true or false", "int_type": "a whole number"}
 
 
 class Described(Shown, BaseModel):
-    """Base of every table of a description: frozen, closed to unknown keys, one message for what is wrong.
+    """Base of every table of a description: frozen, closed to unknown keys, one message for each error.
 
-    A field is stored in SI under a name that says so (``bore_m``); under the key of the file (``bore``) it is the
-    same number as a quantity that shows its unit.
+    A field is stored in SI under a name with its unit (``bore_m``); the key of the file (``bore``) gives the same
+    number as a quantity that shows its unit.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True, alias_generator=key_of)
@@ -309,29 +309,29 @@ class Described(Shown, BaseModel):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:  # noqa: ANN401 - pydantic's own
-        """Give each field its key of the file as a name in Python."""
+        """Add each field's key of the file as an attribute in Python."""
         for name, field in cls.model_fields.items():
             if field.alias and field.alias != name and not hasattr(cls, field.alias):
                 setattr(cls, field.alias, _by_key(name, mark_of(field)))
 
     @model_validator(mode="wrap")
     @classmethod
-    def _one_message(cls, data: Any, handler: Any) -> Any:  # noqa: ANN401 - anything may be given; that is the point
+    def _one_message(cls, data: Any, handler: Any) -> Any:  # noqa: ANN401 - input of any type is checked
         try:
             return handler(data)
         except ValidationError as error:
             raise cls._error(error) from None
 
-    if not TYPE_CHECKING:  # type checkers take the fields for what may be given
+    if not TYPE_CHECKING:  # type checkers see the fields as the arguments
 
         def __init__(self, /, **given: object) -> None:
-            """Check all that is given, then raise one error that tells of everything wrong."""
+            """Check all values, then raise one error that lists all problems."""
             try:
                 super().__init__(**given)
             except ValidationError as error:
                 raise type(self)._error(error) from None
 
-        __init__.__pydantic_base_init__ = True  # tables inside tables are not made by calls
+        __init__.__pydantic_base_init__ = True  # tables inside tables do not call `__init__`
 
         @classmethod
         def model_validate(cls, *given: object, **options: object) -> Described:
@@ -347,14 +347,14 @@ class Described(Shown, BaseModel):
 
     @classmethod
     def keys(cls) -> list[str]:
-        """Names of the keys as users write them."""
+        """Return the keys as users write them."""
         return [field.alias or name for name, field in cls.model_fields.items()]
 
     @classmethod
     def explain(cls, error: ValidationError) -> list[DescriptionError]:
-        """Turn pydantic's complaints into our messages, one for each field.
+        """Convert pydantic's errors to messages, one for each field.
 
-        Unknown keys come first: one that was meant for a missing key stands for both.
+        Unknown keys come first: a misspelt key gives one message, not a second one for the missing key.
         """
         complaints = error.errors(include_url=False)
         complaints.sort(key=lambda c: c["type"] != "extra_forbidden")
@@ -380,7 +380,7 @@ class Described(Shown, BaseModel):
 
     @classmethod
     def _explained(cls, first: Any) -> DescriptionError:  # noqa: ANN401 - pydantic's dictionary
-        """Turn one complaint into our message."""
+        """Convert one of pydantic's errors to a message."""
         key = cls._key(first["loc"])
         if first["type"] == "extra_forbidden":
             name = str(first["loc"][-1])
@@ -404,7 +404,7 @@ class Described(Shown, BaseModel):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
-        """Write defaults as users would write the values."""
+        """Return the JSON schema, with defaults as users would write them."""
         out = handler.resolve_ref_schema(handler(schema))
         for name, field in cls.model_fields.items():
             about = out["properties"].get(field.alias or name, {})
@@ -412,12 +412,12 @@ class Described(Shown, BaseModel):
             if mark is not None and field.default is not None and "default" in about:
                 about["default"] = mark.show(field.default)
             elif not isinstance(field.default, (str, int)):
-                about.pop("default", None)  # an absent table is no value that could be written
+                about.pop("default", None)  # a default that is a table cannot be written
         return out
 
     @classmethod
     def example(cls, alias: str) -> str | None:
-        """Show how a missing key is written."""
+        """Return a remedy that shows how to write a missing key."""
         for name, field in cls.model_fields.items():
             if alias in {name, field.alias}:
                 if field.examples:
@@ -437,11 +437,11 @@ class Described(Shown, BaseModel):
         return field.default if mark is None else mark.show(field.default)
 
     def stored(self) -> dict[str, Any]:
-        """Return what is not absent by the names under which it is stored: SI values, tables as they are."""
+        """Return the fields that are not None, by their names: values in SI, tables unchanged."""
         return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
 
     def to_dict(self) -> dict[str, Any]:
-        """Write the table as plain values, quantities with units; keys that were left to their default are left out."""
+        """Write the table as plain values, quantities with units; keys with their default are left out."""
         out: dict[str, Any] = {}
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
@@ -452,7 +452,7 @@ class Described(Shown, BaseModel):
         return out
 
     def _card(self) -> Card:
-        """Show every key with its value, and which are defaults."""
+        """Return a card of every key with its value, defaults marked."""
         given = self.to_dict()
         rows = [
             (key, inline(given.get(key, _written(value, mark))), "" if key in given else "default")
@@ -462,7 +462,7 @@ class Described(Shown, BaseModel):
         return Card(title, rows=rows)
 
     def _all(self) -> Iterator[tuple[str, Any, Mark | None]]:
-        """Yield key, value and annotation of what is not absent."""
+        """Yield key, value and annotation of each field that is not None."""
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
             if value is not None and value != () and value != {}:
@@ -473,11 +473,11 @@ class Described(Shown, BaseModel):
 
 
 def mark_of(field: FieldInfo) -> Mark | None:
-    """Return the annotation that says how a field is written."""
+    """Return the annotation with the reader and writer of a field."""
     return next((m for m in field.metadata if isinstance(m, Mark)), None)
 
 
-def as_tables(value: Any) -> Any:  # noqa: ANN401 - whatever a field holds
+def as_tables(value: Any) -> Any:  # noqa: ANN401 - any type of a field
     """Write tables, also those in a list or by name, as plain values."""
     if isinstance(value, Described):
         return value.to_dict()
@@ -491,7 +491,7 @@ def as_tables(value: Any) -> Any:  # noqa: ANN401 - whatever a field holds
 
 
 def _placed(error: DescriptionError, place: str) -> DescriptionError:
-    """Return what is wrong with a value, or in a table, as an error that names its key from the top of the file."""
+    """Return an error of a value or a table with the full key from the top of the file."""
     key = error.key or ""
     if not place or (key and key.partition(".")[0] == place.partition(".")[0]):
         return error
@@ -506,7 +506,7 @@ def _by_key(name: str, mark: Mark | None) -> property:
         return value if mark is None else mark.named(value)
 
     unit = f", stored in {mark.si_unit} as `{name}`" if isinstance(mark, Quantity) and mark.si_unit else ""
-    return property(read, doc=f"As the key of the file{unit}.")
+    return property(read, doc=f"Value of the key in the file{unit}.")
 
 
 def _written(value: Any, mark: Mark | None) -> Any:  # noqa: ANN401
@@ -516,7 +516,7 @@ def _written(value: Any, mark: Mark | None) -> Any:  # noqa: ANN401
 
 
 def escaped(line: str) -> str:
-    """Return a line as `str.format` leaves it."""
+    """Escape the braces of a line for `str.format`."""
     return line.replace("{", "{{").replace("}", "}}")
 
 

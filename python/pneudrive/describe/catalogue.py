@@ -1,9 +1,9 @@
-"""The catalogue of parts and drives: every value with its source, or marked as assumed.
+"""Catalogue of parts and drives: every value has a source or is marked as assumed.
 
 A file holds a drive, a part, or several parts as ``[[part]]``. Each value is a table with ``value`` and either
 ``source`` (a key of references.bib, or of ``[sources]`` in the same file) or ``assumed`` (the reason). The values of a
 part are keys of its kind of component; those of a drive are keys of the drive file. A drive names its parts and adds
-what they leave open. What a component is, is found when a part is looked at: drives do without.
+values that the parts lack. The kinds of components are loaded only when a part is used: drives do not need them.
 """
 
 from __future__ import annotations
@@ -29,31 +29,31 @@ FOLDER = Path(__file__).resolve().parent.parent / "data" / "catalogue"
 DRIVE = "drive"
 _KEYS = ("name", "kind", "title", "note", "parts", "values", "printed")
 
-_own: ContextVar[tuple[Path, ...]] = ContextVar("folders of the user's own catalogue", default=())
+_own: ContextVar[tuple[Path, ...]] = ContextVar("folders of the user's catalogue", default=())
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A part or a drive of the catalogue."""
+    """Part or drive of the catalogue."""
 
     name: str
-    kind: str  # "drive", or the kind of component that the part is
+    kind: str  # "drive", or the part's kind of component
     title: str
     values: tuple[Value, ...]
     parts: dict[str, str]  # table -> part, for a drive
     note: str
-    printed: tuple[Value, ...]  # what the source prints and the model does not take
+    printed: tuple[Value, ...]  # data of the source that the model does not use
     path: Path
-    key: str  # where it stands in its file
+    key: str  # key in its file
 
     @property
     def is_drive(self) -> bool:
-        """Whether it is a whole drive."""
+        """Whether the entry is a whole drive."""
         return self.kind == DRIVE
 
     @property
     def open(self) -> list[str]:
-        """Keys that whoever uses the part has to give."""
+        """Keys that a user of the part has to give."""
         from pneudrive.describe.components import component_class, component_kinds, is_needed
 
         entry = component_kinds()[self.kind]
@@ -69,17 +69,17 @@ class Entry:
 
 @contextmanager
 def catalogue_folders(*paths: str | Path) -> Iterator[None]:
-    """Take parts and drives from folders of one's own too, as long as the context lasts.
+    """Add the user's folders to the catalogue while the context lasts.
 
     Parameters
     ----------
     *paths : path-like
-        Folders of TOML files. A later one goes before an earlier one, and all before what is built in.
+        Folders of TOML files. A later one overrides an earlier one, and all override the built-in catalogue.
 
     Raises
     ------
     DescriptionError
-        There is no such folder.
+        A folder does not exist.
 
     Examples
     --------
@@ -103,12 +103,12 @@ def entries() -> dict[str, Entry]:
     Raises
     ------
     DescriptionError
-        An entry is not valid: a value without source and without reason, for instance.
+        An entry is not valid: for instance, a value has neither a source nor a reason.
 
     Warns
     -----
     PneudriveWarning
-        A part or drive of the user has the name of another one, and takes its place.
+        A part or drive of the user replaces another one of the same name.
     """
     found = dict(_built_in())
     for folder in _own.get():
@@ -117,7 +117,7 @@ def entries() -> dict[str, Entry]:
                 before = found.get(own.name)
                 if before is not None:
                     whose = "the built-in catalogue" if before.path.is_relative_to(FOLDER) else str(before.path)
-                    warn(f"{own.name} of {path} takes the place of {own.name} of {whose}")
+                    warn(f"{own.name} of {path} replaces {own.name} of {whose}")
                 found[own.name] = own
     return found
 
@@ -134,7 +134,7 @@ def entry(name: str) -> Entry:
     Raises
     ------
     DescriptionError
-        There is none of that name; the message names the nearest.
+        The catalogue has no entry of this name; the message gives the nearest name.
     """
     known = entries()
     name = name.removeprefix(PREFIX)
@@ -144,7 +144,7 @@ def entry(name: str) -> Entry:
 
 
 def all_values(drive: Entry) -> list[Value]:
-    """Return a drive's values, those of its parts included, with keys of the drive file."""
+    """Return the values of a drive and of its parts, by keys of the drive file."""
     out = {}
     for table, name in drive.parts.items():
         for v in entry(name).values:
@@ -166,15 +166,15 @@ def drive_tables(reference: str) -> dict[str, Any]:
 
 
 def part_table(reference: object) -> dict[str, Any]:
-    """Return the table of a component for ``catalogue:NAME``, each value with where it comes from.
+    """Return the table of a component for ``catalogue:NAME``, each value with its source.
 
     Raises
     ------
     DescriptionError
-        There is no such part, or something in it is wrong.
+        The catalogue has no such part, or the part is not valid.
     """
     if not isinstance(reference, str) or not reference.startswith(PREFIX):
-        raise wrong("use", f"use = {reference!r} is no part of the catalogue", remedy=f'Write use = "{PREFIX}NAME".')
+        raise wrong("use", f"use = {reference!r} is not a part of the catalogue", remedy=f'Write use = "{PREFIX}NAME".')
     name = reference.removeprefix(PREFIX)
     parts = {known: e for known, e in entries().items() if not e.is_drive}
     if name not in parts:
@@ -185,12 +185,12 @@ def part_table(reference: object) -> dict[str, Any]:
 
 
 def check(part: Entry) -> None:
-    """Hold a part against its kind of component, as a component of a circuit is held: keys, units, bounds.
+    """Check a part like a component of a circuit: keys, units, bounds.
 
     Raises
     ------
     DescriptionError
-        With file and line of the part.
+        The part is not valid; the message gives file and line.
     """
     from pneudrive.describe.components import component_class, component_kinds
 
@@ -206,19 +206,19 @@ def check(part: Entry) -> None:
         except DescriptionError as error:
             for one in error.each():
                 one.others = ()
-                if " is missing" not in one.what:  # whoever uses the part gives it
+                if " is missing" not in one.what:  # the user of the part gives it
                     problems.add(one)
     if problems.found:
-        raise _located(list(problems.found.values()), part)
+        raise _add_lines(list(problems.found.values()), part)
 
 
-def _located(errors: list[Any], part: Entry) -> DescriptionError:
-    """Give errors of the values of a part the file and the line where they stand."""
+def _add_lines(errors: list[Any], part: Entry) -> DescriptionError:
+    """Add file and line to errors in the values of a part."""
     text = toml.read(part.path)[1]
     lines = toml.line_numbers(text)
     for error in errors:
         whole = f"{part.key}values.{error.key or ''}"
-        while whole and whole not in lines:  # dead_volume_a stands in dead_volume
+        while whole and whole not in lines:  # dead_volume_a is written in dead_volume
             whole = whole[: max(whole.rfind("."), whole.rfind("_"), 0)]
         error.key = whole or part.key.rstrip(".")
         error.what = f"{part.name}: {error.what}"
@@ -240,7 +240,9 @@ def _read_at(path: Path, _changed: int) -> tuple[Entry, ...]:
         found = [problems.take(_entry, {"name": path.stem} | tables, "", sources, path)]
     elif tables or not isinstance(parts, list):
         key = next(iter(tables), "part")
-        problems.add(wrong(key, f"{key} stands beside [[part]]", rule="a file holds one entry, or [[part]] alone"))
+        problems.add(
+            wrong(key, f"{key} is a key beside [[part]]", rule="a file holds either one entry or only [[part]]")
+        )
         found = []
     else:
         found = [problems.take(_entry, one, f"part.{number}.", sources, path) for number, one in enumerate(parts)]
@@ -289,7 +291,7 @@ def _leaves(table: Any, before: str) -> Iterator[tuple[str, Any]]:  # noqa: ANN4
 
 
 def _source(key: str | None, sources: Mapping[str, Any], where: str) -> str | None:
-    """Return a key of references.bib as it is, and one of the file's own sources in words."""
+    """Return a key of references.bib unchanged, and a source of the file in words."""
     if key is None or key in references():
         return key
     own = sources.get(key)

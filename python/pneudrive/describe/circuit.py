@@ -1,4 +1,4 @@
-"""A circuit: components by name, joined by their ports, from a file or from Python."""
+"""Circuits: components by name, joined by their ports, from a file or from Python."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 class Circuit(Described):
     """A pneumatic circuit: components by name, and connections between their ports.
 
-    Frozen: `replace` makes another one. `connections` are chains, ``"valve.4 -> hose -> cylinder.a"``; a port that
-    leads nowhere on purpose stands in `plugged`; `junctions` says what becomes of joints of two restrictions.
-    `initial` is the start state where a run says nothing else. Tables of a drive file (``supply``, ``valve``,
-    ``cylinder``, ...) stand for the components of these names and their usual joints.
+    Frozen: `replace` makes another one. `connections` are chains, ``"valve.4 -> hose -> cylinder.a"``; `plugged` lists
+    closed ports; `junctions` selects how two restrictions are joined. `initial` is the default start state of a run.
+    Tables of a drive file (``supply``, ``valve``, ``cylinder``, ...) define the components of these names and their
+    usual joints.
 
     Examples
     --------
@@ -72,7 +72,8 @@ class Circuit(Described):
     connections: tuple[str, ...] = ()
     plugged: tuple[str, ...] = ()
     junctions: Literal["volume", "series"] = Field(
-        default="volume", description="Joints of two restrictions: a small volume, or none and the two merged"
+        default="volume",
+        description="Joints of two restrictions: with a small volume, or without one, the two restrictions merged",
     )
     initial: dict[str, Any] = Field(default_factory=dict)
     labels: dict[str, str] = Field(default_factory=dict)
@@ -80,7 +81,7 @@ class Circuit(Described):
     @model_validator(mode="wrap")
     @classmethod
     def _whole(cls, data: Any, handler: Callable[[Any], Circuit]) -> Circuit:  # noqa: ANN401
-        """Look at all of it, then tell of everything that is wrong."""
+        """Check the whole circuit, then raise one error that lists all problems."""
         if not isinstance(data, dict):
             return handler(data)
         problems = Problems()
@@ -102,7 +103,7 @@ class Circuit(Described):
         for one in problems.found.values():
             _relocate(one, short)
         problems.tell()
-        assert whole is not None  # or there was a problem
+        assert whole is not None  # otherwise there was a problem
         vars(whole)["wiring"] = wiring
         try:
             whole.core_initial()
@@ -114,14 +115,14 @@ class Circuit(Described):
 
     @model_validator(mode="after")
     def _dew_point_at_a_pressure(self) -> Circuit:
-        assert self.dew_point_pressure_pa or self.gas.dew_point_k is None  # or it says what is wrong
+        assert self.dew_point_pressure_pa or self.gas.dew_point_k is None  # raises an error where it is wrong
         return self
 
     @property
     def dew_point_pressure_pa(self) -> float | None:
         """Absolute pressure at which the dew point of the gas is given, Pa; None where it has none.
 
-        Where nothing is said the highest pressure of its reservoirs.
+        The default is the highest pressure of the circuit's reservoirs.
         """
         ambient = self.ambient.pressure_pa
         holding = (one for one in self.components.values() if one.entry["ports"][0]["holds"] == "pressure")
@@ -135,17 +136,17 @@ class Circuit(Described):
         Parameters
         ----------
         source : path-like
-            The file, or the text of one: whatever has more than one line.
+            Path of the file, or its text if `source` has more than one line.
 
         Raises
         ------
         DescriptionError
-            Something is wrong; the message names file, line, value, rule and remedy.
+            The file is not valid; the message gives file, line, value, rule and remedy.
 
         Warns
         -----
         PneudriveWarning
-            Gas of a component cannot come or go; a friction table names no law.
+            The gas of a component is connected to no reservoir, or a friction table names no law.
         """
         if isinstance(source, str) and "\n" in source:
             origin, folder, text = "circuit", Path(), source
@@ -165,7 +166,7 @@ class Circuit(Described):
             return cls.model_validate(tables)
 
     def replace(self, changes: dict[str, Any]) -> Circuit:
-        """Return a circuit with some values changed, checked anew.
+        """Return a circuit with some values changed and checked again.
 
         Parameters
         ----------
@@ -186,13 +187,13 @@ class Circuit(Described):
 
     @cached_property
     def wiring(self) -> Wiring:
-        """The joints: which ports share their gas or their motion."""
+        """Joints of the circuit: ports that share their gas or their motion."""
         parts = {name: Part(one.entry, f"components.{name}") for name, one in self.components.items()}
         return Wiring(parts, self.connections, self.plugged, {}, Problems())
 
     @property
     def commandable(self) -> dict[str, Signal | None]:
-        """Components that take a command, each with its electrical input where one is described."""
+        """Components with a command, each with its electrical input where one is described."""
         taking = {
             name for name, one in self.components.items() if any(i["name"] == COMMAND for i in one.entry["inputs"])
         }
@@ -200,7 +201,7 @@ class Circuit(Described):
 
     @property
     def meanings(self) -> dict[str, str]:
-        """What the columns of a run mean, by name."""
+        """Meaning of the columns of a trajectory, by name."""
         return {
             f"{name}.{output['name']}": f"{name}: {output['meaning']}"
             for name, one in self.components.items()
@@ -209,7 +210,7 @@ class Circuit(Described):
 
     @cached_property
     def si_form(self) -> str:
-        """What `core_json` returns, made once."""
+        """Cached result of `core_json`."""
         ambient = self.ambient.core()
         problems = Problems()
         components = [problems.take(self._core_of, name, one) for name, one in self.components.items()]
@@ -226,21 +227,21 @@ class Circuit(Described):
             raise within(error, name, {}) from None
 
     def core_json(self) -> str:
-        """Return the SI form of the description that the core takes."""
+        """Return the description in the core's form, in SI."""
         return self.si_form
 
     @property
     def description_hash(self) -> str:
-        """SHA-256 of what is simulated: name, labels and the start state do not count."""
+        """SHA-256 of the simulated values: name, labels and start state do not count."""
         return hashlib.sha256(self.core_json().encode()).hexdigest()
 
     def core_initial(self, initial: Mapping[str, Any] | None = None) -> dict[str, float]:
-        """Return the SI start state that the core takes; what is given here goes before `self.initial`.
+        """Return the start state in the core's form, in SI; `initial` overrides `self.initial`.
 
         Raises
         ------
         DescriptionError
-            Unknown start value, or one that does not fit; the core refuses the circuit.
+            A start value is unknown or does not fit, or the core rejects the circuit.
         """
         return self._starts(initial)[0]
 
@@ -255,7 +256,7 @@ class Circuit(Described):
         return Starts(names, self.components, self.wiring, self.ambient).values(self.initial, initial or {})
 
     def start(self, initial: Mapping[str, Any] | str | None = None, *, rtol: float = 1e-6) -> Session:
-        """Start the circuit: a session that runs as long as its caller advances it.
+        """Start a session of the circuit, which its caller advances.
 
         Parameters
         ----------
@@ -277,7 +278,7 @@ class Circuit(Described):
         DescriptionError
             The start state does not fit the circuit.
         """
-        # What runs knows what is described, not the other way round: it is found when it is asked for.
+        # Imported here: a session knows descriptions, not the other way round.
         return import_module("pneudrive.start").start(self, initial, rtol)
 
     def simulate(
@@ -298,9 +299,9 @@ class Circuit(Described):
         Parameters
         ----------
         commands : dict, str, number, sequence or None
-            By component: ``{"valve_l": "0 s: 1, 0.5 s: -1", "valve_r": 0.4}``, each as `pneudrive.simulate` takes a
-            command, or texts with the name in front, ``"valve_l: 0 s: 1, 0.5 s: -1"``. Where one component alone
-            takes a command no name is needed. Without a command a valve stays shut.
+            By component: ``{"valve_l": "0 s: 1, 0.5 s: -1", "valve_r": 0.4}``, each in a form of `pneudrive.simulate`,
+            or texts with the name in front, ``"valve_l: 0 s: 1, 0.5 s: -1"``. The name may be left out where only one
+            component has a command. Without a command a valve stays shut.
         duration, sample_rate, rtol, ledger, budget, progress, cancel
             See `pneudrive.simulate`.
         initial : dict or str, optional
@@ -309,7 +310,7 @@ class Circuit(Described):
         Returns
         -------
         xarray.Dataset
-            As from `pneudrive.simulate`; variables are called ``left.position``, ``left.a.pressure``, ...
+            As from `pneudrive.simulate`; names of variables are ``left.position``, ``left.a.pressure``, ...
 
         Raises
         ------
@@ -321,21 +322,21 @@ class Circuit(Described):
         return simulate(self, commands, duration, **options, progress=progress, cancel=cancel)
 
     def sources(self) -> list[str]:
-        """Return values that say where they come from, ``NAME.key = value [source]``."""
+        """Return the values with a source, as ``NAME.key = value [source]``."""
         return [f"{name}.{line} [{source}]" for name, one in self.components.items() for line, source in one.sources()]
 
     @property
     def cited(self) -> list[str]:
-        """Keys of references.bib that its values name as their source."""
+        """Keys of references.bib that are sources of values."""
         keys = {source for one in self.components.values() for _, source in one.sources()}
         return sorted(keys & references().keys())
 
     def assumed(self) -> list[str]:
-        """Return what was assumed because no source backs it."""
+        """Return the assumed values, which have no source."""
         return [line.format(name) for line, name in self.assumptions()]
 
     def assumptions(self) -> list[tuple[str, str]]:
-        """Return what was assumed, with ``{}`` in place of the component or joint that it is of, and its name."""
+        """Return the assumptions as (text, name), with ``{}`` in the text for the name of the component or joint."""
         out: list[tuple[str, str]] = []
         starts, settled = self._starts()
         highest = max((value for name, value in starts.items() if name.endswith(PRESSURE)), default=0.0)
@@ -348,18 +349,18 @@ class Circuit(Described):
                 lines += end_stops.assumed("end_stop_", given, stops[name])
             out += [("{}." + escaped(line), name) for line in lines]
         for name, volume in self.joint_volumes:
-            line = f"the joint of {{}} has {1e6 * volume:.3g} cm3, from what is joined there, and no heat exchange"
+            line = f"the joint of {{}} has {1e6 * volume:.3g} cm3, from the volumes of its ports, and no heat exchange"
             out.append((line, name))
         return out + [(escaped(line), "") for line in settled]
 
     @property
     def joint_volumes(self) -> list[tuple[str, float]]:
-        """Joints of gas whose volume is no component's: a port of each, and what its ports bring, m3."""
+        """Joints of gas without a component that has a volume: one port of each, and the volume of its ports, m3."""
         return compiled(self.core_json()).joint_volumes
 
     @property
     def notes(self) -> list[str]:
-        """What reading it warned of."""
+        """Warnings from reading the circuit."""
         frictions = {name: getattr(one, "friction", None) for name, one in self.components.items()}
         said = [
             f"{name}.friction {friction.note}" for name, friction in frictions.items() if friction and friction.note
@@ -368,7 +369,7 @@ class Circuit(Described):
         return self.wiring.warnings + said + idle
 
     def _card(self) -> Card:
-        """Show a line for each component, and how they are joined."""
+        """Return a card with a line for each component, and the connections."""
         rows = [(name, inline(one.plain())) for name, one in self.components.items()]
         return Card(self.name, rows=rows, notes=[*self.connections, f"assumed: {', '.join(self.assumed())}"])
 
@@ -382,12 +383,12 @@ class Circuit(Described):
 
 @lru_cache(maxsize=64)
 def compiled(core_json: str) -> CoreCircuit:
-    """Return the core's form of a circuit, made once for each description.
+    """Return the core's form of a circuit; each description is compiled once.
 
     Raises
     ------
     DescriptionError
-        The core refuses it.
+        The core rejects the circuit.
     """
     from pneudrive import _core
 
@@ -413,7 +414,7 @@ def _part(table: object, key: str, read: Component | None) -> Part:
 
 
 def _in_file(error: PneudriveError, keys: Mapping[str, str]) -> DescriptionError:
-    """Return an error of a component, which may be a copy, with the key that the file has."""
+    """Return an error of a component, which may be a copy, with its key in the file."""
     key = getattr(error, "key", None) or ""
     table, _, rest = key.partition(".")
     name, dot, inner = rest.partition(".")
@@ -424,13 +425,13 @@ def _in_file(error: PneudriveError, keys: Mapping[str, str]) -> DescriptionError
 
 
 def _relocate(error: Any, short: Short) -> Any:  # noqa: ANN401 - an error
-    """Give an error the key that the short form has."""
+    """Set the key of an error to that of the short form."""
     error.key = short.located(getattr(error, "key", None))
     return error
 
 
 def _completed(data: dict[str, Any], short: Short, problems: Problems) -> dict[str, Any]:
-    """Return a description in which tables of a drive file stand as components and connections."""
+    """Replace the tables of a drive file by components and connections."""
     out = {key: value for key, value in data.items() if key not in TABLES}
     given = out.get("components", {})
     if not short.components or not isinstance(given, dict):
@@ -443,10 +444,10 @@ def _completed(data: dict[str, Any], short: Short, problems: Problems) -> dict[s
             both[name] = both[name] | table  # adds to the short form
             short.places |= {f"components.{name}.{key}": f"components.{name}.{key}" for key in table}
         else:
-            what = f'two components are called "{name}": [{short.places[f"components.{name}"]}] is one already'
+            what = f'two components have the name "{name}": [{short.places[f"components.{name}"]}] is already one'
             remedy = "Rename it, or leave kind out to add keys."
             problems.add(
-                wrong(f"components.{name}.kind", what, rule="a component has a name of its own", remedy=remedy)
+                wrong(f"components.{name}.kind", what, rule="each component has a different name", remedy=remedy)
             )
             short.places[f"components.{name}.kind"] = f"components.{name}.kind"
     connections = out.get("connections", ())
@@ -455,12 +456,12 @@ def _completed(data: dict[str, Any], short: Short, problems: Problems) -> dict[s
     return out | {"components": both}
 
 
-class _Told(dict[str, Any]):
-    """In place of a table that was refused: of it only its copies are left."""
+class _Rejected(dict[str, Any]):
+    """Placeholder for a rejected table; it keeps only the names of its copies."""
 
 
 def _used(given: object, problems: Problems) -> object:
-    """Return the components' tables, those that use a part of the catalogue with its values under their own."""
+    """Return the tables of components, each merged over the part of the catalogue that it uses, if any."""
     if not isinstance(given, dict):
         return given
     out = dict(given)
@@ -472,22 +473,22 @@ def _used(given: object, problems: Problems) -> object:
                 part = catalogue.part_table(table["use"])
                 kind = own.setdefault("kind", part["kind"])
                 if kind != part["kind"]:
-                    what = f"kind = {kind!r}, and {table['use']} is a {part['kind']}"
+                    what = f"kind = {kind!r}, but {table['use']} is a {part['kind']}"
                     raise wrong("kind", what, remedy="Leave kind out.")
                 out[name] = component_class(kind).over(part, own) | copies
             except DescriptionError as error:
                 problems.add(error if error.where else within(error, name, table))
-                out[name] = _Told(copies)
+                out[name] = _Rejected(copies)
     return out
 
 
 def _copied(given: object, problems: Problems) -> tuple[dict[str, Any], dict[str, str], dict[str, list[str]]]:
-    """Return each component's table and where it stands, by name; and the tables that stand for copies."""
+    """Return the table and the key of each component, by name, and the names of copies by their table."""
     tables: dict[str, Any] = {}
     keys: dict[str, str] = {}
     templates: dict[str, list[str]] = {}
     if not isinstance(given, dict) or not given:
-        what = "a circuit has no components" if not given else f"components = {given!r} is not a table"
+        what = "the circuit has no components" if not given else f"components = {given!r} is not a table"
         problems.add(wrong("components", what, remedy="Write [components.NAME]."))
     given = given if isinstance(given, dict) else {}
     for name, table in given.items():
@@ -496,7 +497,7 @@ def _copied(given: object, problems: Problems) -> tuple[dict[str, Any], dict[str
             copies = table["copies"]
             table = type(table)((key, value) for key, value in table.items() if key != "copies")  # noqa: PLW2901
             if not isinstance(copies, list | tuple) or not copies or not all(isinstance(one, str) for one in copies):
-                what = f"{name}.copies = {copies!r} is no list of names"
+                what = f"{name}.copies = {copies!r} is not a list of names"
                 problems.add(wrong(f"{key}.copies", what, remedy='Write copies = ["left", "right"].'))
                 copies = [name]
             elif name not in copies:
@@ -504,22 +505,24 @@ def _copied(given: object, problems: Problems) -> tuple[dict[str, Any], dict[str
         for number, own in enumerate(copies):
             here = f"{key}.copies.{number}" if len(copies) > 1 or own != name else key
             if own in tables or (own != name and own in given):
-                rule = "a component has a name of its own"
-                problems.add(wrong(here, f'two components are called "{own}"', rule=rule, remedy="Rename one of them."))
+                rule = "each component has a different name"
+                problems.add(
+                    wrong(here, f'two components have the name "{own}"', rule=rule, remedy="Rename one of them.")
+                )
             elif own == AMBIENT or not _NAME.fullmatch(str(own)):
                 rule = 'letters, digits, "_" and "-", a letter first; not ambient'
-                problems.add(wrong(here, f'"{own}" is no name for a component', rule=rule))
+                problems.add(wrong(here, f'"{own}" is not valid as the name of a component', rule=rule))
             if own not in tables and (own == name or own not in given):
                 tables[own], keys[own] = table, here
     return tables, keys, templates
 
 
 def _component(key: str, table: object, problems: Problems) -> Component | None:
-    """Read one component; what is wrong with a table that has copies is told once."""
+    """Read one component; errors of a table with copies are reported once."""
     if isinstance(table, Component):
         return table
     name = key.split(".")[1]
-    if isinstance(table, _Told):
+    if isinstance(table, _Rejected):
         return None
     if not isinstance(table, dict):
         problems.add(wrong(key, f"components.{name} = {table!r} is not a table"))

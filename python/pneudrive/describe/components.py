@@ -1,4 +1,4 @@
-"""The components of circuits as the core lists them, and the table by which a user describes one."""
+"""Components of circuits as the core lists them, and the table in which a user describes one."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ from pneudrive.errors import DescriptionError, nearest, together
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-#: Unit of a parameter that is a pressure which says ``abs`` or ``gauge``; a difference has the plain unit.
+#: Unit of an absolute or gauge pressure in the core's list; a pressure difference has the plain unit.
 STATED = "Pa abs"
-#: Input of a component that takes a command in -1 .. 1.
+#: Input of a component for a command in -1 .. 1.
 COMMAND = "command"
-#: What a flow path needs beside its size, where that may be given in other ways than by its conductance.
-#: A place in a drawing is not farther away than this, in modules.
+#: Largest coordinate of a place in a drawing, in modules.
 MOST_MODULES = 1000.0
+#: Other parameters of a flow path whose size may be given in other ways than by its conductance.
 _FLOW = ("critical_pressure_ratio", "subsonic_index")
 
 
 @lru_cache(maxsize=1)
 def component_kinds() -> MappingProxyType[str, dict[str, Any]]:
-    """Return what the core knows of each kind of component, by name.
+    """Return the core's entry of each kind of component, by name.
 
     Each is a dict with title, doc, sources, ports, parameters, choices, friction, inputs and outputs.
     """
@@ -55,9 +55,9 @@ def component_kinds() -> MappingProxyType[str, dict[str, Any]]:
 
 
 def is_needed(parameter: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> bool:
-    """Whether a description has to give a parameter: it has no default, and follows from nothing else.
+    """Return whether a description has to give a parameter: no default, and not derived from others.
 
-    Some are needed unless something else is given, or chosen; without `given` those are not.
+    Some parameters are needed unless another key or choice is given; without `given` they count as not needed.
     """
     if parameter["within"] or not _is_bare(parameter):
         return False
@@ -68,7 +68,7 @@ def is_needed(parameter: Mapping[str, Any], given: Mapping[str, Any] | None = No
 
 
 def acts(parameter: Mapping[str, Any], given: Mapping[str, Any]) -> bool:
-    """Whether a parameter has any effect beside these numbers and choices."""
+    """Return whether a parameter has an effect with these numbers and choices."""
     key, equals, option = parameter["only"].partition(" = ")
     return not key or (given.get(key) == option if equals else bool(given.get(key)))
 
@@ -78,7 +78,7 @@ def _is_bare(parameter: Mapping[str, Any]) -> bool:
 
 
 def flow_keys(entry: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """Return the keys in which the size of a flow path may be given, where a parameter is one; else its own alone."""
+    """Return the alternative keys of a flow path's size; for any other parameter its own key."""
     keys = {p["key"] for p in entry["parameters"]}
     if key.endswith("conductance") and keys.issuperset(_FLOW):
         return tuple(key.removesuffix("conductance") + name for name in valve_flow.FLOW_KEYS)
@@ -87,29 +87,29 @@ def flow_keys(entry: Mapping[str, Any], key: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class _OnPaper(Quantity):
-    """Annotation of a field that takes a place in a drawing."""
+    """Annotation of a field for a place in a drawing."""
 
     def read(self, given: object) -> tuple[float, float] | None:  # type: ignore[override]
         """Check the form."""
         if given is None:
             return None
         if not isinstance(given, list | tuple) or len(given) != 2:
-            raise WrongValueError(f"{given!r} is no place", remedy="Write at = [12, 0].")
+            raise WrongValueError(f"{given!r} is not a place in a drawing", remedy="Write at = [12, 0].")
         x, y = (number(one, Bounds(at_least=-MOST_MODULES, at_most=MOST_MODULES)) for one in given)
         return x, y
 
     def show(self, value: tuple[float, float]) -> list[float]:  # type: ignore[override]
-        """Write it."""
+        """Write the place."""
         return list(value)
 
     def schema(self) -> dict[str, Any]:
-        """Describe the form."""
+        """Return the JSON schema."""
         return {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
 
 
 @dataclass(frozen=True)
 class _Number(Quantity):
-    """Annotation of a field that takes a pure number, or a share in per cent, "0.4 %"."""
+    """Annotation of a field for a pure number, or a share in per cent, "0.4 %"."""
 
     def read(self, given: object) -> float:
         """Convert and check."""
@@ -128,16 +128,16 @@ class _Number(Quantity):
 
 @dataclass(frozen=True)
 class _Points(Quantity):
-    """Annotation of a field that takes points, a list of tables, and stores them as rows in SI.
+    """Annotation of a field for points: a list of tables, stored as rows in SI.
 
     Parameters
     ----------
     columns : tuple
-        Key of each column and how its values are written; those of the first rise.
+        Key and annotation of each column; values of the first column rise.
     defaults : tuple
-        What a point has that leaves a column out; None where it has to have it.
+        Default of each column; None where a point has to give it.
     most : int
-        The most points that there may be.
+        Largest number of points.
     """
 
     columns: tuple[tuple[str, Quantity], ...] = ()
@@ -146,21 +146,21 @@ class _Points(Quantity):
 
     @property
     def needed(self) -> list[str]:
-        """Columns that a point has to have."""
+        """Columns that a point has to give."""
         return [key for (key, _), default in zip(self.columns, self.defaults, strict=True) if default is None]
 
     def read(self, given: object) -> tuple[tuple[float, ...], ...]:  # type: ignore[override]
-        """Convert and check all of them."""
+        """Convert and check all points."""
         example = "{ " + ", ".join(f"{key} = ..." for key, _ in self.columns) + " }"
         if not isinstance(given, list | tuple) or not all(isinstance(one, dict) for one in given):
-            raise WrongValueError(f"{given!r} is no list of points", remedy=f"Write [{example}, {example}].")
+            raise WrongValueError(f"{given!r} is not a list of points", remedy=f"Write [{example}, {example}].")
         if not 2 <= len(given) <= self.most:
             raise WrongValueError(f"{len(given)} points", rule=f"2 to {self.most} points")
         rows = tuple(self._row(dict(one), number, example) for number, one in enumerate(given, start=1))
         key, first = self.columns[0]
         for before, after in pairwise(rows):
             if after[0] <= before[0]:
-                what = f"{key} = {first.show(after[0])} comes after {first.show(before[0])}"
+                what = f"{key} = {first.show(after[0])} follows {first.show(before[0])}"
                 raise WrongValueError(what, rule=f"{key} rises from point to point")
         return rows
 
@@ -174,7 +174,7 @@ class _Points(Quantity):
         )
 
     def show(self, value: Sequence[Sequence[float]]) -> list[dict[str, str | float]]:  # type: ignore[override]
-        """Write them as users would."""
+        """Write the points as users would."""
         columns = list(zip(self.columns, self.defaults, strict=True))
         return [
             {key: mark.show(one) for ((key, mark), default), one in zip(columns, row, strict=True) if one != default}
@@ -182,7 +182,7 @@ class _Points(Quantity):
         ]
 
     def schema(self) -> dict[str, Any]:
-        """Describe the list."""
+        """Return the JSON schema of the list."""
         columns = {key: mark.schema() for key, mark in self.columns}
         point = {"type": "object", "properties": columns, "required": self.needed, "additionalProperties": False}
         return {"type": "array", "items": point, "minItems": 2, "maxItems": self.most}
@@ -196,16 +196,16 @@ def _read(mark: Quantity, given: object, name: str) -> float:
 
 
 class Component(Described):
-    """One component of a circuit.
+    """Component of a circuit.
 
-    Its class is made of what the core lists of its kind: a number is stored in SI under a name that says so, and is
-    read as a quantity under its key.
+    Its class is made from the core's entry of its kind: a number is stored in SI under a name with its unit, and its
+    key reads it as a quantity.
     """
 
     model_config = ConfigDict(alias_generator=None)
     entry: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     fields: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key of a number -> name of its field
-    renamed: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key in files of before -> key
+    renamed: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key in older files -> key
     kind: str
     at: Annotated[tuple[float, float] | None, _OnPaper("")] = Field(
         default=None, description="Place in a drawing, [x, y] in modules"
@@ -214,7 +214,7 @@ class Component(Described):
     @model_validator(mode="wrap")
     @classmethod
     def _with_origins(cls, data: Any, handler: Any) -> Any:  # noqa: ANN401
-        """Take the values, and keep beside them where they come from."""
+        """Validate the values, and keep their origins."""
         if not isinstance(data, dict):
             return handler(data)
         plain, origins = sourced.parted(cls.flat(data))
@@ -224,17 +224,17 @@ class Component(Described):
 
     @cached_property
     def origins(self) -> Mapping[str, sourced.Value]:
-        """Its values that say where they come from; two components are equal whatever is said of their values."""
+        """Values with their origin; origins do not count when components are compared."""
         return {}
 
     @classmethod
     def flat(cls, table: Mapping[str, Any]) -> dict[str, Any]:
-        """Take ``end_stop = { stiffness = ... }`` for ``end_stop_stiffness = ...``, with what is said of it."""
+        """Convert ``end_stop = { stiffness = ... }`` to ``end_stop_stiffness = ...``, and keep the origin."""
         out: dict[str, Any] = {}
         keys: list[str] = []
         for old, key in cls.renamed.items():
             if old in table and key in table:
-                raise wrong(old, f"{old} and {key} are one number", remedy=f"Keep {key}.")
+                raise wrong(old, f"{old} and {key} are the same number", remedy=f"Keep {key}.")
         for written, given in table.items():
             key = cls.renamed.get(written, written)
             origin = given if sourced.has_origin(given) else None
@@ -254,9 +254,9 @@ class Component(Described):
 
     @classmethod
     def over(cls, base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-        """Put keys of a user over those of a part, each with what is said of it.
+        """Merge keys of a user over those of a part, each with its origin.
 
-        Another size of a flow path, or another law of friction, takes the place of the part's.
+        Another size of a flow path, or another friction law, replaces that of the part.
         """
         out, own = cls.flat(base), cls.flat(own)
         for key, given in own.items():
@@ -284,7 +284,7 @@ class Component(Described):
                 valve_flow.size_given(given, keys, "")
             elif needed and not is_given:
                 key = parameter["key"]
-                raise wrong(key, f"{key} is missing", rule=f"it is {_unless(parameter)}")
+                raise wrong(key, f"{key} is missing", rule=f"{key} is {_unless(parameter)}")
         return self
 
     @model_validator(mode="after")
@@ -292,11 +292,11 @@ class Component(Described):
         for parameter in self.entry["parameters"]:
             key, table = parameter["key"], parameter["within"]
             if table and _is_bare(parameter) and self._has(parameter) and getattr(self, self.fields[key]) is None:
-                raise wrong(key, f"{key} is missing", rule=f"{table} is given whole, or left out")
+                raise wrong(key, f"{key} is missing", rule=f"all keys of {table} are given, or none")
         return self
 
     def _has(self, parameter: Mapping[str, Any]) -> bool:
-        """Whether the table that a parameter belongs to is given, or the parameter belongs to none."""
+        """Return whether a parameter's table is given; True for a parameter without a table."""
         table = parameter["within"]
         own = (p["key"] for p in self.entry["parameters"] if p["within"] == table)
         return not table or any(self.fields[key] in self.model_fields_set for key in own)
@@ -309,7 +309,7 @@ class Component(Described):
         return {} if key is None else {key: getattr(self, key)}
 
     def _acting(self) -> Iterator[tuple[Mapping[str, Any], bool]]:
-        """Give each parameter of the tables that are there, and whether it has any effect."""
+        """Yield each parameter of the given tables, and whether it has an effect."""
         beside = {key: getattr(self, field) for key, field in self.fields.items()} | self._choices()
         for parameter in filter(self._has, self.entry["parameters"]):
             yield parameter, acts(parameter, beside)
@@ -318,7 +318,7 @@ class Component(Described):
         return [getattr(self, self.fields[key]) for key in keys]
 
     def numbers(self, ambient_pa: float) -> dict[str, float]:
-        """Return the parameters that are known, in SI by their keys; pressures become absolute."""
+        """Return the known parameters by their keys, in SI, pressures absolute."""
         out = {}
         for key in (p["key"] for p in self.entry["parameters"] if self._has(p)):
             sizes = self._values(flow_keys(self.entry, key))
@@ -335,16 +335,16 @@ class Component(Described):
 
     @classmethod
     def same_size(cls, key: str) -> list[str]:
-        """Return the other keys in which the size of a flow path may be given, where a key is one."""
+        """Return the alternative keys of a flow path's size; empty for any other key."""
         groups = (flow_keys(cls.entry, parameter["key"]) for parameter in cls.entry["parameters"])
         return [other for keys in groups if key in keys for other in keys if other != key]
 
     def pressures(self) -> list[units.Pressure]:
-        """Return the pressures that it states against vacuum or ambient."""
+        """Return the pressures, absolute or gauge as stated."""
         return [value for field in self.fields.values() if isinstance(value := getattr(self, field), units.Pressure)]
 
     def core(self, ambient_pa: float) -> dict[str, Any]:
-        """Return the SI form of the component that the core takes."""
+        """Return the component in the core's form, in SI."""
         friction = getattr(self, "friction", None)
         formula = getattr(self, "formula", None)
         points = next(iter(self._points().values()), None)
@@ -358,21 +358,21 @@ class Component(Described):
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Write the table, values with where they come from where that is known."""
+        """Write the table, values with their origin where it is known."""
         return sourced.put_back(self.plain(), self.origins)
 
     def plain(self) -> dict[str, Any]:
-        """Write the table with its values alone."""
+        """Write the table with its values only."""
         return super().to_dict()
 
     def sources(self) -> Iterator[tuple[str, str]]:
-        """Give ``key = value`` and the source of each value that has one."""
+        """Yield ``key = value`` and the source of each value that has one."""
         for key, value in self.origins.items():
             if value.source is not None:
                 yield f"{key} = {inline(value.value)}", value.source
 
     def assumed(self) -> Iterator[str]:
-        """Give what was assumed because no source backs it, as ``key = value``."""
+        """Yield the assumed values, which have no source, as ``key = value``."""
         for key, value in self.origins.items():
             if value.assumed is not None:
                 yield f"{key} = {inline(value.value)}, {value.assumed}"
@@ -388,14 +388,14 @@ class Component(Described):
 
     @property
     def idle(self) -> Iterator[str]:
-        """What is given and has no effect, and why."""
+        """Given keys without an effect, each with the reason."""
         for parameter, has_effect in self._acting():
             if not has_effect and self.fields[parameter["key"]] in self.model_fields_set:
                 key, _, option = parameter["only"].partition(" = ")
                 yield f"{parameter['key']} has no effect without {f'{key} = {option!r}' if option else key}"
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Keep it as its table: its class is made anew."""
+        """Pickle the component as its table: its class is made again on loading."""
         return component, (self.to_dict(),)
 
 
@@ -405,7 +405,7 @@ def component(table: Mapping[str, Any]) -> Component:
     Raises
     ------
     DescriptionError
-        Unknown kind, or something in the table is wrong.
+        The kind is unknown, or the table is not valid.
 
     Examples
     --------
@@ -422,7 +422,7 @@ def component(table: Mapping[str, Any]) -> Component:
         formula = formula_of(table.get("formula"), kinds[kind])
         taken = next((key for key in formula.parameters if hasattr(Component, key)), None)
         if taken:
-            what = f'the parameter "{taken}" of formula "{formula.name}" has a name that is taken'
+            what = f'the name of parameter "{taken}" of formula "{formula.name}" is already in use'
             raise wrong(f"formula.parameters.{taken}", what, remedy="Choose another one.")
         return cast("Component", _class_with(formula).model_validate({**table, "formula": formula}))
     return cast("Component", component_class(kind).model_validate(dict(table)))
@@ -431,7 +431,7 @@ def component(table: Mapping[str, Any]) -> Component:
 def within(
     error: DescriptionError, name: str, table: Mapping[str, Any], above: str = "components."
 ) -> DescriptionError:
-    """Return what is wrong with a table as an error of the file that has it under a name, below another table."""
+    """Return errors of a component's table with their full keys in the file."""
     out = []
     for one in error.each():
         key = getattr(one, "key", None) or ""
@@ -441,7 +441,7 @@ def within(
 
 
 def _nested(key: str, table: Mapping[str, Any]) -> str:
-    """Return a key that `Component` wrote flat as it stands in the tables inside a table, or by its name of before."""
+    """Return the key as the user wrote it: nested in inner tables, or under its older name."""
     kind = table.get("kind")
     before = component_class(kind).renamed if isinstance(kind, str) and kind in component_kinds() else {}
     key = next((old for old, new in before.items() if new == key and old in table), key)
@@ -453,7 +453,7 @@ def _nested(key: str, table: Mapping[str, Any]) -> str:
 
 
 def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
-    """Return the keys of a kind as a table for people: key, what it takes, its default and where from, its meaning."""
+    """Return the keys of a kind as rows of text: key, unit or form, default with its origin, meaning."""
     kind = component_class(entry["kind"])
     out = []
     for parameter in entry["parameters"]:
@@ -468,12 +468,12 @@ def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
         assumed = f" (assumed: {parameter['assumed']})" if parameter["assumed"] else ""
         only, was = parameter["only"], parameter["was"]
         meaning = parameter["meaning"] + (f"; acts only with {only}" if only else "")
-        out.append((key, takes, default + assumed, meaning + (f"; in files of before `{was}`" if was else "")))
-        out += [(other, _SIZES[_last(other)].written or "", "", f"In place of {key}") for other in keys[1:]]
+        out.append((key, takes, default + assumed, meaning + (f"; in older files `{was}`" if was else "")))
+        out += [(other, _SIZES[_last(other)].written or "", "", f"Alternative to {key}") for other in keys[1:]]
     for choice in entry["choices"]:
         out.append((choice["name"], " | ".join(choice["options"]), choice["default"], choice["meaning"]))
     if entry["formula"]:
-        meaning = f"Its formula, which gives {entry['formula']['output']}; its parameters are keys beside it"
+        meaning = f"Formula of {entry['formula']['output']}; its parameters are further keys of the component"
         out.append(("formula", '"file:NAME.toml" or a table', "needed", meaning))
     if entry["points"]:
         columns = entry["points"]["columns"]
@@ -492,13 +492,13 @@ def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
 
 
 def _unless(parameter: Mapping[str, Any]) -> str:
-    """Say when a parameter is needed, where that depends; else nothing."""
+    """Return the condition under which a parameter is needed; empty without a condition."""
     unless = parameter["unless"]
     return unless and f"needed unless {unless}{'' if ' = ' in unless else ' is given'}"
 
 
 def _mark(parameter: Mapping[str, Any]) -> Quantity | StatedPressure:
-    """Return how a parameter is written."""
+    """Return the annotation of a parameter."""
     if parameter["unit"] == STATED:
         return StatedPressure()
     mark = parameter_quantity(parameter)
@@ -511,13 +511,13 @@ def _last(key: str) -> str:
 
 @lru_cache(maxsize=256)
 def component_class(kind: str) -> type[Component]:
-    """Make the class of a kind of component."""
+    """Return the class of a kind of component."""
     return _class_of(component_kinds()[kind])
 
 
 @lru_cache(maxsize=256)
 def _class_with(formula: ComponentFormula) -> type[Component]:
-    """Make the class of a component with a formula."""
+    """Return the class of a component with a formula."""
     return _class_of(formula.entry)
 
 
@@ -539,7 +539,7 @@ def _class_of(entry: Mapping[str, Any]) -> type[Component]:
             _add(fields, names, key, Annotated[kind_of | None, mark], default, parameter["meaning"])
         for size in sizes[1:]:
             mark = _SIZES[_last(size)]
-            _add(fields, names, size, Annotated[float | None, mark], None, f"In place of {key}")
+            _add(fields, names, size, Annotated[float | None, mark], None, f"Alternative to {key}")
     for choice in entry["choices"]:
         options = Literal[tuple(choice["options"])]  # type: ignore[valid-type]
         if set(choice["options"]) == {"yes", "no"}:
@@ -561,7 +561,7 @@ def _class_of(entry: Mapping[str, Any]) -> type[Component]:
         else:
             fields[key] = (Annotated[rows_of, mark], Field(description=meaning))
     if any(one["name"] == COMMAND for one in entry["inputs"]):
-        meaning = "Range of the electrical input where commands are given in V or mA"
+        meaning = "Range of the electrical input, for commands in V or mA"
         fields[COMMAND] = (Annotated[Signal | None, SignalRange("")], Field(default=None, description=meaning))
     name = re.sub(r"\W+", " ", kind).title().replace(" ", "")
     made = create_model(name, __base__=Component, __doc__=entry["doc"], __module__=__name__, **fields)
@@ -575,7 +575,7 @@ def _class_of(entry: Mapping[str, Any]) -> type[Component]:
     return made
 
 
-#: Other sizes of a flow path than its conductance, by the last word of their key.
+#: Alternative sizes of a flow path beside its conductance, by the last word of their key.
 _SIZES: dict[str, Quantity] = {
     "flow": Quantity("m^3/s ANR", "l/min ANR", Bounds(above=0.0)),
     "kv": FlowCoefficient("", "Kv", Bounds(above=0.0)),
@@ -584,19 +584,19 @@ _SIZES: dict[str, Quantity] = {
 
 
 def _yes_or_no(given: object) -> object:
-    """Take true and false, as TOML has them, for yes and no."""
+    """Convert true and false of TOML to yes and no."""
     return {True: "yes", False: "no"}[given] if isinstance(given, bool) else given
 
 
 def _add(fields: dict[str, Any], names: dict[str, str], key: str, kind: Any, default: object, meaning: str) -> None:  # noqa: ANN401 - an annotation
-    """Add the field of a number, which is stored under a name with its unit."""
+    """Add the field of a number, under a name with its unit."""
     mark = next(mark for mark in get_args(kind) if isinstance(mark, Quantity | StatedPressure))
     names[key] = _field_name(key, mark)
     fields[names[key]] = (kind, Field(default=default, alias=key, description=meaning))
 
 
 def _field_name(key: str, mark: Quantity | StatedPressure) -> str:
-    """Return the name under which a number is stored: it ends with its unit.
+    """Return the field name of a number: its key and its unit.
 
     Examples
     --------

@@ -1,8 +1,8 @@
-"""Connections between the components of a circuit: chains of ports become joints, and what is wrong with them is told.
+"""Connections between the components of a circuit: chains of ports become joints, and errors in them are reported.
 
-`a -> b -> c` enters a component of two ports by its first and leaves it by its second, exhausts and ports that may stay
-free apart; any other port is named. `a.4 .. b.12` is a pilot line: port 12 of b feels the pressure there, and no gas
-passes it.
+`a -> b -> c` enters a component of two ports by its first and leaves it by its second; exhausts and optional ports do
+not count, and any other port is named. `a.4 .. b.12` is a pilot line: the pressure of a.4 acts on port 12 of b, without
+flow.
 """
 
 from __future__ import annotations
@@ -22,42 +22,42 @@ if TYPE_CHECKING:
 ARROW = "->"
 PILOT_LINE = ".."
 AMBIENT = "ambient"
-MOST_NAMED = 5  # components of an island
+MOST_NAMED = 5  # components of an isolated group in a message
 
 
 class Part(NamedTuple):
-    """What is known of a component before its circuit is checked."""
+    """Data of a component before its circuit is checked."""
 
-    entry: Mapping[str, Any] | None  # what the core lists of its kind, where that is known
-    key: str  # where it stands in the file
-    pressure: str = ""  # of a reservoir, as messages show it
+    entry: Mapping[str, Any] | None  # entry of its kind in the core, if the kind is known
+    key: str  # key in the file
+    pressure: str = ""  # pressure of a reservoir, for messages
 
 
 class Port(NamedTuple):
-    """A port of a component of a circuit."""
+    """Port of a component of a circuit."""
 
     component: str
     name: str
-    kind: str  # "gas", "axis", or "pilot": it feels the pressure of gas that does not pass it
-    #: "volume": gas with a state of its own; "pressure": constant; "set": kept; "motion": an axis that moves as
-    #: commanded; "": a restriction, another axis
+    kind: str  # "gas", "axis", or "pilot": senses a pressure without flow
+    #: "volume": gas with its own state; "pressure": constant pressure; "set": regulated pressure; "motion": an axis
+    #: with commanded motion; "": a restriction, another axis
     holds: str
     exhaust: bool
     optional: bool
 
     @property
     def id(self) -> str:
-        """As users write it."""
+        """Port as users write it: component and name."""
         return f"{self.component}.{self.name}"
 
     @property
     def is_single(self) -> bool:
-        """Whether one connection may name it, as a hole takes one fitting; pilot lines do not count."""
+        """Whether only one connection may name the port, as a hole takes one fitting; pilot lines do not count."""
         return self.kind == "gas" and self.holds in ("", "set")
 
     @property
     def is_pilot(self) -> bool:
-        """Whether a pilot line alone may join it."""
+        """Whether only a pilot line may join the port."""
         return self.kind == "pilot"
 
 
@@ -66,8 +66,8 @@ class Joint:
     """Ports that share their gas or their motion, in the order in which connections name them."""
 
     ports: list[Port] = field(default_factory=list)
-    ambient: bool = False  # open to the air around
-    key: str = ""  # of the connection that made it
+    ambient: bool = False  # open to the ambient air
+    key: str = ""  # key of the connection that made it
     is_refused: bool = False
 
     def __str__(self) -> str:
@@ -75,35 +75,35 @@ class Joint:
 
     @property
     def holders(self) -> list[Port]:
-        """Ports behind which the pressure is constant."""
+        """Ports with a constant pressure behind them."""
         return [port for port in self.ports if port.holds == "pressure"]
 
     @property
     def is_constant(self) -> bool:
-        """Whether its pressure is given from outside."""
+        """Whether the pressure of the joint is fixed from outside."""
         return self.ambient or bool(self.holders)
 
     @property
     def volumes(self) -> list[Port]:
-        """Ports behind which there is a volume."""
+        """Ports with a volume behind them."""
         return [port for port in self.ports if port.holds == "volume"]
 
 
 class Wiring:
-    """The joints of a circuit.
+    """Joints of a circuit.
 
     Parameters
     ----------
     parts : mapping
-        Name of a component -> what is known of it.
+        Name of a component -> its data.
     connections : sequence of str
         Chains such as ``"valve.4 -> hose -> cylinder.a"``.
     plugged : sequence of str
-        Ports that lead nowhere on purpose.
+        Closed ports.
     templates : mapping
-        Name of a table that stands for its copies -> their names.
+        Name of a table with copies -> names of the copies.
     problems : Problems
-        Takes what is wrong.
+        Gathers the errors.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class Wiring:
     at : dict
         Port -> its joint.
     warnings : list of str
-        Gas that cannot come or go.
+        Components whose gas reaches no reservoir.
     """
 
     def __init__(
@@ -126,13 +126,13 @@ class Wiring:
         self.warnings: list[str] = []
         self.joints: list[Joint] = []
         self.at: dict[Port, Joint] = {}
-        self.named: dict[Port, str] = {}  # connection that names a port
-        self.meant: set[Port] = set()  # ports that a connection is about, also where that is wrong
+        self.named: dict[Port, str] = {}  # port -> connection that names it
+        self.meant: set[Port] = set()  # ports that a connection names, even if it is wrong
         before = len(problems.found)
         for number, chain in enumerate(connections):
             self._chain(chain, f"connections.{number}")
         plugs = {self._plug(text, f"plugged.{number}"): f"plugged.{number}" for number, text in enumerate(plugged)}
-        if len(problems.found) == before:  # else nobody knows which ports were meant
+        if len(problems.found) == before:  # otherwise the meant ports are unknown
             self._rest({port: key for port, key in plugs.items() if port is not None})
         self._check()
 
@@ -143,7 +143,7 @@ class Wiring:
         return [Port(component, *one) for one in about]
 
     def core(self) -> list[list[str]]:
-        """Return the joints as the core takes them."""
+        """Return the joints in the core's form."""
         out = []
         for joint in self.joints:
             ports = [port.id for port in joint.ports]
@@ -151,9 +151,9 @@ class Wiring:
         return out
 
     def across(self, joint: Joint, only: Iterable[str] | None = None) -> Iterator[Joint]:
-        """Give the joints that share a component with a joint whose gas passes between them.
+        """Yield the joints that exchange gas with a joint through one component.
 
-        `only` names the components through which it may; all where nothing is said.
+        `only` names the components to follow; the default is all.
         """
         for port in joint.ports:
             if port.is_single and (only is None or port.component in only):
@@ -164,15 +164,15 @@ class Wiring:
     # --- reading -----------------------------------------------------------------------------
 
     def _chain(self, chain: object, key: str) -> None:
-        """Join what one connection names."""
+        """Join the ports of one connection."""
         with self.problems.caught():
             if not isinstance(chain, str):
                 raise wrong(key, f"connection {chain!r} is not a text", remedy='Write "supply -> valve.1".')
             words = [word.strip() for word in chain.split(ARROW)]
             if len(words) > 1 and PILOT_LINE in chain:
-                rule = "a pilot line is a connection of its own"
+                rule = "a connection is either a chain or a pilot line"
                 raise wrong(
-                    key, f'"{chain}" has "{ARROW}" and "{PILOT_LINE}"', rule=rule, remedy="Write two connections."
+                    key, f'"{chain}" has both "{ARROW}" and "{PILOT_LINE}"', rule=rule, remedy="Write two connections."
                 )
             is_line = PILOT_LINE in chain
             if is_line:
@@ -193,7 +193,7 @@ class Wiring:
                         self._join(one, other, chain, key)
 
     def _element(self, word: str, key: str, *, first: bool, last: bool) -> tuple[Port | str | None, Port | str | None]:
-        """Return the port by which a chain enters an element and that by which it leaves; None where nobody knows."""
+        """Return the ports by which a chain enters and leaves an element; None where they are unknown."""
         if word == AMBIENT:
             return AMBIENT, AMBIENT
         name, dot, port = word.partition(".")
@@ -207,18 +207,18 @@ class Wiring:
         through = [one for one in ports if not (one.exhaust or one.optional or one.is_pilot)]
         if len(through) == 1:
             out = [one for one in ports if one.exhaust]
-            if not (first or last) and through[0].is_single and len(out) == 1:  # a silencer on the way to the air
+            if not (first or last) and through[0].is_single and len(out) == 1:  # a silencer before the ambient air
                 return through[0], out[0]
             return through[0], through[0]
         if len(through) == 2 and all(one.is_single or one.kind == "axis" for one in through):
             return (None if first else through[0]), (None if last else through[1])
         listed = ", ".join(one.id for one in ports)
-        raise wrong(key, f"{name} has {len(ports)} ports, and the connection names none", remedy=f"Name one: {listed}.")
+        raise wrong(key, f"{name} has {len(ports)} ports, but the connection names none", remedy=f"Name one: {listed}.")
 
     def _known(self, name: str, word: str, key: str) -> None:
         if name in self.templates:
             copies = ", ".join(self.templates[name])
-            raise wrong(key, f"{name} stands for its copies", remedy=f"Name one of them: {copies}.")
+            raise wrong(key, f"{name} is a table of copies, not a component", remedy=f"Name one of them: {copies}.")
         if name not in self.parts:
             known = [*self.parts, AMBIENT]
             raise wrong(key, f'there is no component "{name}"', remedy=nearest(name, known))
@@ -234,16 +234,16 @@ class Wiring:
 
     @staticmethod
     def _pilots(one: Port | str, other: Port | str, key: str, *, is_line: bool) -> None:
-        """Refuse gas that would pass a pilot port, and a pilot line without one."""
+        """Raise an error for gas through a pilot port, and for a pilot line without a pilot port."""
         pilots = [port.id for port in (one, other) if isinstance(port, Port) and port.is_pilot]
         ends = [port if isinstance(port, str) else port.id for port in (one, other)]
         if pilots and not is_line:
-            rule = "a pilot port feels a pressure, and no gas passes it"
+            rule = "a pilot port senses a pressure without flow"
             remedy = f'Join it with a pilot line: "{ends[0]} {PILOT_LINE} {ends[1]}".'
             raise wrong(key, f"{pilots[0]} is a pilot port", rule=rule, remedy=remedy)
         if is_line and not pilots:
             rule = "a pilot line ends at a pilot port"
-            remedy = f'Gas passes "{ends[0]} {ARROW} {ends[1]}".'
+            remedy = f'For a flow of gas write "{ends[0]} {ARROW} {ends[1]}".'
             raise wrong(key, f"neither {ends[0]} nor {ends[1]} is a pilot port", rule=rule, remedy=remedy)
 
     def _join(self, one: Port | str, other: Port | str, chain: str, key: str) -> None:
@@ -260,9 +260,9 @@ class Wiring:
         for port in ports:
             if (port.is_pilot if is_line else port.is_single) and port in self.named:
                 what = f'{port.id} is joined twice: by "{self.named[port]}" and by "{chain}"'
-                remedy = "Branch where there is room for gas: at a tank, a chamber or a reservoir."
+                remedy = "Branch at a component with a volume: a tank, a chamber or a reservoir."
                 if is_line:
-                    remedy = "A pilot port feels one pressure: keep one of the lines."
+                    remedy = "A pilot port senses one pressure: keep one of the lines."
                 raise wrong(key, what, rule="a port takes one connection", remedy=remedy)
         for port in ports:
             if port.is_pilot or not is_line:
@@ -280,7 +280,7 @@ class Wiring:
             self._one_state(kept, key)
 
     def _one_state(self, joint: Joint, key: str) -> None:
-        """Refuse the connection by which a joint has its pressure, or its volume, from two ports; once."""
+        """Raise an error, once, for the connection that gives a joint two pressures or two volumes."""
         held = [port.component for port in joint.holders] + [AMBIENT] * joint.ambient
         full = [port.component if len(self.ports(port.component)) == 1 else port.id for port in joint.volumes]
         what = ""
@@ -289,20 +289,20 @@ class Wiring:
         elif len(held) > 1:
             rest = ", ".join(port.id for port in joint.ports if port not in joint.holders)
             at = " and ".join(filter(None, (self.parts[name].pressure for name in held)))
-            what = f"{' and '.join(held)} hold the same joint{rest and f' ({rest})'}{at and f' at {at}'}"
+            what = f"{' and '.join(held)} fix the pressure of the same joint{rest and f' ({rest})'}{at and f' at {at}'}"
         elif held and full:
-            what = f"{held[0]} holds the pressure in {full[0]}: nothing lies between them"
+            what = f"{held[0]} fixes the pressure in {full[0]}: no component lies between them"
         elif len(full) > 1:
-            what = f"{' and '.join(full)} are one joint and have a volume each"
+            what = f"{' and '.join(full)} are one joint but have a volume each"
         if not what or joint.is_refused:
             return
         joint.is_refused = True
-        remedy = "Put what lies between them there: a fitting, a valve, a flow control."
-        rule = "a joint has at most one pressure that is given, or one volume"
+        remedy = "Put a component between them: a fitting, a valve, a flow control."
+        rule = "a joint has at most one fixed pressure or one volume"
         raise wrong(key, what, rule=rule, remedy=remedy)
 
     def _joint(self, port: Port | str, key: str) -> Joint:
-        """Return the joint of a port, a new one where it is in none; the air around is one at each place."""
+        """Return the joint of a port, or a new one; each connection to ambient air is a new joint."""
         found = self.at.get(port) if isinstance(port, Port) else None
         if found is None:
             found = Joint([port] if isinstance(port, Port) else [], ambient=port == AMBIENT, key=key)
@@ -317,16 +317,16 @@ class Wiring:
             name, dot, port = str(text).partition(".")
             self._known(name, str(text), key)
             if not dot:
-                raise wrong(key, f'"{text}" names no port', rule="a plug shuts a port", remedy='Write "valve.2".')
+                raise wrong(key, f'"{text}" is not a port', rule="a plug shuts a port", remedy='Write "valve.2".')
             found = self._port(name, port, key) if self.parts[name].entry is not None else None
             if found is not None and found in self.at:
-                what = f"{text} is plugged, and joined to {self.at[found]}"
-                raise wrong(key, what, remedy="Leave one of the two out.")
+                what = f"{text} is plugged, but also joined to {self.at[found]}"
+                raise wrong(key, what, remedy="Remove one of the two.")
             return found
         return None
 
     def _rest(self, plugged: Mapping[Port, str]) -> None:
-        """Shut what is plugged and open exhausts to the air around; another port that leads nowhere is an error."""
+        """Close plugged ports and open exhausts to the ambient air; any other unconnected port is an error."""
         for port, key in plugged.items():
             self._joint(port, key)
         taken = self.meant | set(self.at)
@@ -342,8 +342,8 @@ class Wiring:
                 rule = "each port is joined or plugged"
                 remedy = f'{joined}, or write plugged = ["{port.id}"].'
                 if port.is_pilot:
-                    rule, remedy = "a pilot port feels a pressure", f'Write "valve.4 {PILOT_LINE} {port.id}".'
-                self.problems.add(wrong(key, f"port {port.id} leads nowhere", rule=rule, remedy=remedy))
+                    rule, remedy = "a pilot port senses a pressure", f'Write "valve.4 {PILOT_LINE} {port.id}".'
+                self.problems.add(wrong(key, f"port {port.id} is not connected", rule=rule, remedy=remedy))
 
     def _check(self) -> None:
         for name in self.parts:
@@ -357,12 +357,12 @@ class Wiring:
             if not joint.ambient and all(port.is_pilot for port in joint.ports):
                 what = f"no gas reaches the pilot port {joint}"
                 remedy = f'Write "valve.4 {PILOT_LINE} {joint.ports[0].id}", or join it to ambient.'
-                self.problems.add(wrong(joint.key, what, rule="a pilot port feels the pressure of gas", remedy=remedy))
+                self.problems.add(wrong(joint.key, what, rule="a pilot port senses the pressure of gas", remedy=remedy))
         if not self.problems.found:
             self._islands()
 
     def _islands(self) -> None:
-        """Tell of gas that no reservoir reaches; a joint without any volume must be reached."""
+        """Warn of gas without a path to a reservoir; for a joint without any volume this is an error."""
         for group in self._groups():
             if any(joint.is_constant for joint in group):
                 continue
@@ -377,18 +377,20 @@ class Wiring:
                     f"{listed} {'is' if one else 'are'} not connected to any reservoir: {gas} cannot come or go"
                 )
             else:
-                what = f"no volume and no reservoir reaches joint {{{group[0]}}}"
+                what = f"joint {{{group[0]}}} has no path to a volume or a reservoir"
                 remedy = "Join a tank, a chamber, a reservoir or ambient to it."
                 self.problems.add(
-                    wrong(group[0].key, what, rule="each joint gets its gas from somewhere", remedy=remedy)
+                    wrong(
+                        group[0].key, what, rule="each joint gets its gas from a volume or a reservoir", remedy=remedy
+                    )
                 )
 
     def _groups(self) -> Iterator[list[Joint]]:
-        """Give the joints of gas in groups between which none passes."""
+        """Yield groups of joints without flow between the groups."""
         left = [joint for joint in self.joints if any(port.kind == "gas" for port in joint.ports)]
         while left:
             group = [left[0]]
-            for joint in group:  # grows as it is looked at
+            for joint in group:  # grows during the loop
                 group += [other for other in dict.fromkeys(self.across(joint)) if other not in group]
             left = [joint for joint in left if joint not in group]
             yield group

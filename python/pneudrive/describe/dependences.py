@@ -1,4 +1,4 @@
-"""What acts on a friction law: pressure, age, relaxation, position, direction, side load, temperature, wear."""
+"""Friction modifiers: pressure, age, relaxation, position, direction, side load, temperature, wear."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from pneudrive.describe.base import (
 _NOT_NEGATIVE = Bounds(at_least=0.0)
 _POSITIVE = Bounds(above=0.0)
 Duration = Annotated[float, Quantity("s", "s", _POSITIVE)]
-#: more would describe the noise of a recording
+#: largest number of harmonics; more would describe the noise of a recording
 MOST_HARMONICS = 4
-#: each costs time at every evaluation
+#: largest number of points; each costs time at every evaluation
 MOST_POINTS = 50
 
 
 class Acting(Described):
-    """A table of what acts on a law."""
+    """Table of a friction modifier."""
 
     def core(self) -> dict[str, Any]:
-        """Return the table as the core takes it: SI values, one for each chamber and each entry of a list."""
+        """Return the table in the core's form: SI values, one for each chamber and each entry of a list."""
         out: dict[str, Any] = {}
         for name, field in type(self).model_fields.items():
             value, key = getattr(self, name), field.alias or name
@@ -70,8 +70,8 @@ class Dwell(Acting):
     @model_validator(mode="after")
     def _exponent_of_saturating_alone(self) -> Dwell:
         if "exponent" in self.model_fields_set and self.growth != "saturating":
-            what = f'friction.dwell.exponent has no meaning with growth = "{self.growth}"'
-            raise wrong("friction.dwell.exponent", what, remedy='It belongs to growth = "saturating".')
+            what = f'friction.dwell.exponent has no effect with growth = "{self.growth}"'
+            raise wrong("friction.dwell.exponent", what, remedy='Remove it, or choose growth = "saturating".')
         return self
 
 
@@ -94,7 +94,7 @@ class Harmonic(Acting):
 
 
 class PositionPoint(Acting):
-    """A factor on friction at a position of the stroke, as it was measured."""
+    """Measured factor on friction at a position of the stroke."""
 
     table_name: ClassVar[str] = "friction.position.table"
     position_m: Position
@@ -102,9 +102,9 @@ class PositionPoint(Acting):
 
 
 class PositionDependence(Acting):
-    """Friction along the stroke, with any law: both levels times [1 + slope (x - reference) + harmonics] and a table.
+    """Friction along the stroke, with any law: amplitudes times [1 + slope (x - reference) + harmonics] and a table.
 
-    Between its points the table is a monotone cubic; beyond them the factor of the nearest one holds.
+    The table is a monotone cubic between its points, and constant beyond them.
     """
 
     table_name: ClassVar[str] = "friction.position"
@@ -120,8 +120,8 @@ class PositionDependence(Acting):
             raise wrong(key, f"{key} has {len(self.harmonics)} entries", rule=f"at most {MOST_HARMONICS}")
         total = sum(abs(wave.amplitude) for wave in self.harmonics)
         if total >= 1.0:
-            what = f"the amplitudes of {key} add up to {total:g}: friction would change its sign"
-            raise wrong(key, what, rule="they add up to less than 1")
+            what = f"the amplitudes of {key} add up to {total:g}, so that friction would change its sign"
+            raise wrong(key, what, rule="the sum of the amplitudes is less than 1")
         return self
 
     @model_validator(mode="after")
@@ -132,18 +132,18 @@ class PositionDependence(Acting):
         for before, after in pairwise(self.points):
             if after.position_m <= before.position_m:
                 after_mm, before_mm = 1e3 * after.position_m, 1e3 * before.position_m
-                what = f"{key}: the position {after_mm:g} mm comes after {before_mm:g} mm"
+                what = f"{key}: the position {after_mm:g} mm follows {before_mm:g} mm"
                 raise wrong(key, what, rule="positions rise")
         return self
 
     def core(self) -> dict[str, Any]:
-        """Return the table as the core takes it."""
+        """Return the table in the core's form."""
         out = super().core()
         return out if self.points else {key: value for key, value in out.items() if key != "table"}
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
-        """Hold the harmonics in place: the friction table is no definition that could be referred to."""
+        """Return the JSON schema with the harmonics inline, as nothing can refer to the friction table."""
         out = super().__get_pydantic_json_schema__(schema, handler)
         one = Harmonic.model_json_schema(by_alias=True)
         out["properties"]["harmonics"] = {"type": "array", "items": one, "maxItems": MOST_HARMONICS}
@@ -153,7 +153,7 @@ class PositionDependence(Acting):
 
 
 class DirectionDependence(Acting):
-    """Friction that differs with the direction, with any law: factors on both levels for v > 0 and v < 0."""
+    """Friction that differs with the direction, with any law: factors on the amplitudes for v > 0 and v < 0."""
 
     table_name: ClassVar[str] = "friction.direction"
     positive: Annotated[float, Quantity("", bounds=_POSITIVE)] = 1.0
@@ -169,7 +169,7 @@ class SideLoad(Acting):
 
 
 class TemperatureDependence(Acting):
-    """Friction that depends on the temperature of the contact, which its own heat warms, with any law."""
+    """Friction that depends on the temperature of the contact, including its own heat, with any law."""
 
     table_name: ClassVar[str] = "friction.temperature"
     reference_k: Temperature
@@ -189,7 +189,7 @@ class Wear(Acting):
     slid_m: Annotated[float, Quantity("m", "m", _NOT_NEGATIVE)] = 0.0
 
 
-#: What can act on a law, by the key in its table; relaxation needs a law of bristles.
+#: Friction modifiers by their keys; relaxation needs a law with bristles.
 DEPENDENCES: dict[str, type[Described]] = {
     "pressure": SealPressure,
     "dwell": Dwell,

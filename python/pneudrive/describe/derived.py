@@ -1,6 +1,6 @@
-"""Values of a drive that follow from others of its values as long as nobody gives them: derived defaults.
+"""Derived defaults: values of a drive that follow from other values where they are not given.
 
-Whoever changes a value (a search, a fit that is applied) has to take along what follows from it.
+A caller that changes a value (a search, applying a fit) has to update the values derived from it.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Derived:
-    """A value that follows from others.
+    """Value derived from others.
 
     Attributes
     ----------
     name : str
-        As in the drive file.
+        Name in the drive file.
     path : str
-        In the core's form of the drive.
+        Path in the core's form of the drive.
     sources : tuple of str
-        Paths of what it follows from, which may be derived themselves.
+        Paths of its sources, which may be derived themselves.
     value : callable
-        Of the sources' values, SI.
+        Function of the sources' values, SI.
     digits : int or None
-        To which a description rounds it.
+        Digits to which a description rounds it.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Derived:
 
 
 def derived(drive: Drive) -> list[Derived]:
-    """Return what follows from other values of a drive, each after what it follows from.
+    """Return the derived values of a drive, each after its sources.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A drive: its description, from a file, from the catalogue or from Python, and the form in which the core takes it."""
+"""Drives: description from a file, from the catalogue or from Python, and its form in the core."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
     from pneudrive.session import Session
 
-# Defaults that no datasheet backs: a result that rests on one says so.
+# Defaults without a source: results that use them say so.
 _ASSUMED = {"cylinder": ("heat_transfer",), "valve": ("subsonic_index", "linear_above")}
 
 
@@ -44,10 +44,10 @@ class _FileOrTable(classmethod):
 
 
 class Drive(Described):
-    """A pneumatic drive: supply, valve, cylinder with friction, load.
+    """Pneumatic drive: supply, valve, cylinder with friction, load.
 
-    Frozen: `replace` makes another one. Every value has two names: that of the drive file, which shows its unit
-    (``drive.cylinder.bore``), and the plain SI number (``drive.cylinder.bore_m``).
+    Frozen: `replace` makes another one. Every value has two names: the key of the drive file, which shows its unit
+    (``drive.cylinder.bore``), and the name of the plain SI number (``drive.cylinder.bore_m``).
 
     Examples
     --------
@@ -74,21 +74,21 @@ class Drive(Described):
     @classmethod
     def _no_circuit(cls, data: Any) -> Any:  # noqa: ANN401
         if isinstance(data, dict) and "components" in data:
-            remedy = "pn.Circuit.load and pneudrive simulate take it."
-            raise wrong("components", "[components] describes a circuit, and a drive is needed", remedy=remedy)
+            remedy = "Read it by pn.Circuit.load, or run it by pneudrive simulate."
+            raise wrong("components", "[components] describes a circuit, but a drive is needed", remedy=remedy)
         return data
 
     @model_validator(mode="after")
     def _lines_fit(self) -> Drive:
         if self.has_lines:
-            assert self.circuit  # or it says what is wrong
+            assert self.circuit  # raises an error where it is wrong
         return self
 
     @model_validator(mode="after")
     def _supply_is_absolute(self) -> Drive:
         if not self.supply_pressure_pa > 0.0:
             raise wrong("supply.pressure", "supply.pressure is below vacuum", rule="gauge + ambient > 0")
-        assert self.dew_point_pressure_pa or self.gas.dew_point_k is None  # or it says what is wrong
+        assert self.dew_point_pressure_pa or self.gas.dew_point_k is None  # raises an error where it is wrong
         return self
 
     @model_validator(mode="after")
@@ -108,7 +108,7 @@ class Drive(Described):
         Raises
         ------
         DescriptionError
-            Something is wrong; the message names file, line, value, rule and remedy.
+            The file is not valid; the message gives file, line, value, rule and remedy.
         """
         if str(source).startswith(catalogue.PREFIX):
             return cls._from_catalogue(str(source), {})
@@ -136,13 +136,13 @@ class Drive(Described):
         return made
 
     def replace(self, changes: dict[str, Any]) -> Drive:
-        """Return a drive with some values changed, checked anew.
+        """Return a drive with some values changed and checked again.
 
         Parameters
         ----------
         changes : dict
             Dotted keys of the drive file, each with a quantity or a table: ``{"friction.coulomb": "31 N"}``. The
-            provenance of a value that changes goes; ``"provenance"`` with a table adds new ones.
+            provenance of a changed value is dropped; ``"provenance"`` with a table adds new ones.
 
         Examples
         --------
@@ -172,46 +172,46 @@ class Drive(Described):
 
     @cached_property
     def origins(self) -> tuple[Value, ...]:
-        """Values of the catalogue, with where they come from; two drives are equal whatever is said of their values."""
+        """Values of the catalogue with their origin; origins do not count when drives are compared."""
         return ()
 
     @property
     def has_lines(self) -> bool:
-        """Whether something lies between valve and cylinder: tubes, flow controls."""
+        """Whether tubes or flow controls lie between valve and cylinder."""
         return bool(self.tubing or self.flow_control)
 
     @cached_property
     def circuit(self) -> Circuit:
-        """The drive as a circuit of components, whose short form it is."""
+        """The drive as a circuit of components."""
         from pneudrive.describe.circuit import Circuit
 
         tables = self.to_dict()
         about = {key: tables[key] for key in ("gas", "ambient", "labels") if key in tables}
         parts = {key: tables[key] for key in TABLES if key in tables}
-        # The friction as it is: one of a file of laws has no text that says all of it.
+        # Friction is passed as an object: a custom law from a file has no complete text.
         return Circuit.model_validate({"name": self.name} | about | parts | {"friction": self.friction})
 
     @cached_property
     def si_form(self) -> str:
-        """What `core_json` returns, made once."""
+        """Cached result of `core_json`."""
         return json.dumps(self._core(), sort_keys=True)
 
     def core_json(self) -> str:
-        """Return the SI form of the description that the core takes.
+        """Return the description in the core's form, in SI.
 
         Raises
         ------
         DescriptionError
-            Tubes or flow controls lie between valve and cylinder: what asks for this form does without.
+            Tubes or flow controls lie between valve and cylinder; callers of this form do not support them.
         """
         if self.has_lines:
             key = "tubing" if self.tubing else "flow_control"
-            what = f"a drive with [{key}] is simulated, drawn, and started as a session; this takes drives without"
-            raise wrong(key, what, remedy=f"Leave [{key}] out here, or describe its volume by cylinder.dead_volume.")
+            what = f"a drive with [{key}] can be simulated, drawn and started as a session, but not used here"
+            raise wrong(key, what, remedy=f"Remove [{key}], or describe its volume by cylinder.dead_volume.")
         return self.si_form
 
     def model_copy(self, *, update: Any = None, deep: bool = False) -> Drive:  # noqa: ANN401 - pydantic's signature
-        """Copy without what is cached, which `update` may have made wrong."""
+        """Copy the drive without its cached values, which `update` may have made wrong."""
         copy = super().model_copy(update=update, deep=deep)
         for cached in ("si_form", "circuit", "all_assumptions"):
             vars(copy).pop(cached, None)
@@ -219,7 +219,7 @@ class Drive(Described):
 
     @property
     def description_hash(self) -> str:
-        """SHA-256 of what is simulated: name and labels do not count."""
+        """SHA-256 of the simulated values: name and labels do not count."""
         if self.has_lines:
             return self.circuit.description_hash
         return hashlib.sha256(self.core_json().encode()).hexdigest()
@@ -243,7 +243,7 @@ class Drive(Described):
         }
 
     def circuit_initial(self, initial: Initial | None) -> dict[str, float]:
-        """Return the SI start state of the drive's circuit; tubes start at the pressure of their chamber.
+        """Return the start state of the drive's circuit in SI; tubes start at the pressure of their chamber.
 
         Raises
         ------
@@ -260,7 +260,7 @@ class Drive(Described):
         return self.circuit.core_initial({names[k]: v for k, v in given.items() if names[k] in known})
 
     def core_initial(self, initial: Initial | None) -> dict[str, float]:
-        """Return the SI start state that the core takes; pressures become absolute here.
+        """Return the start state in the core's form, in SI, pressures absolute.
 
         Raises
         ------
@@ -289,7 +289,7 @@ class Drive(Described):
         return state
 
     def start(self, initial: Initial | Mapping[str, object] | str | None = None, *, rtol: float = 1e-6) -> Session:
-        """Start the drive: a session that runs as long as its caller advances it.
+        """Start a session of the drive, which its caller advances.
 
         Parameters
         ----------
@@ -318,12 +318,12 @@ class Drive(Described):
         >>> session.read("velocity_m_s") > 0.5
         True
         """
-        # What runs knows what is described, not the other way round: it is found when it is asked for.
+        # Imported here: a session knows descriptions, not the other way round.
         return import_module("pneudrive.start").start(self, initial, rtol)
 
     @property
     def end_stop(self) -> dict[str, float]:
-        """The end stops in SI by the names of `EndStop`: as given, or as they follow from the drive."""
+        """End stops in SI by the names of `EndStop`: as given, or derived from the drive."""
         return dict(zip(EndStop.model_fields, self._compiled().end_stop, strict=True))
 
     def _compiled(self) -> CoreDrive:
@@ -335,25 +335,25 @@ class Drive(Described):
             raise DescriptionError(str(error)) from None
 
     def sources(self) -> list[str]:
-        """Return values of the catalogue that have a source, ``key = value [source]``."""
+        """Return the values of the catalogue with a source, as ``key = value [source]``."""
         return [f"{v.key} = {inline(v.value)} [{v.source}]" for v in self.origins if v.source is not None]
 
     @property
     def cited(self) -> list[str]:
-        """Keys of references.bib that its values of the catalogue name as their source."""
+        """Keys of references.bib that are sources of values from the catalogue."""
         return sorted({v.source for v in self.origins if v.source is not None} & references().keys())
 
     def assumed(self) -> list[str]:
-        """Return what was assumed because the description says nothing and no source backs it, as ``key = value``."""
+        """Return the assumed values as ``key = value``: neither given nor backed by a source."""
         return [line.format(name) for line, name in self.assumptions()]
 
     def assumptions(self) -> list[tuple[str, str]]:
-        """Return what was assumed as `Circuit.assumptions` does: where lines make a circuit of it, that has names."""
+        """Return the assumptions in the form of `Circuit.assumptions`; a drive with lines has names of components."""
         return list(self.all_assumptions)
 
     @cached_property
     def all_assumptions(self) -> list[tuple[str, str]]:
-        """What `assumptions` returns, made once."""
+        """Cached result of `assumptions`."""
         out = [f"{v.key} = {inline(v.value)}, {v.assumed}" for v in self.origins if v.assumed is not None]
         if self.has_lines:
             return [(escaped(line), "") for line in out] + self.circuit.assumptions()
@@ -370,11 +370,11 @@ class Drive(Described):
 
     @property
     def notes(self) -> list[str]:
-        """What reading it warned of: a friction table without a law."""
+        """Warnings from reading the drive: a friction table without a law."""
         return [f"friction {self.friction.note}"] if self.friction.note else []
 
     def _card(self) -> Card:
-        """Show a line for each table, with what was given."""
+        """Return a card with a line for each table and its given values."""
         tables = {key: inline(value) for key, value in self.to_dict().items() if isinstance(value, dict)}
         origins = tables.pop("provenance", "")
         notes = [f"identified, with interval and source: {', '.join(self.provenance)}"] if origins else []
@@ -387,9 +387,9 @@ class Drive(Described):
 
 
 def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """Put changes over a base, table by table.
+    """Merge changes over a base, table by table.
 
-    What excludes another key removes it: another size of the valve, another friction law with parameters of its own.
+    A change removes keys that it excludes: another size of the valve, the parameters of another friction law.
     """
     tables = {
         key: value for key, value in changes.items() if isinstance(value, dict) and isinstance(base.get(key), dict)
@@ -399,7 +399,7 @@ def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
 
 
 def _kept(table: str, old: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
-    """Return what a table keeps beside what a user gives of it."""
+    """Return the values of a table that a user's changes keep."""
     gone: set[str] = set()
     if table == "valve" and set(FLOW_KEYS) & set(own):
         gone = set(FLOW_KEYS)
@@ -417,7 +417,7 @@ def _kept(table: str, old: dict[str, Any], own: dict[str, Any]) -> dict[str, Any
 
 
 def _untouched(values: Iterable[Value], changes: Mapping[str, Any]) -> tuple[Value, ...]:
-    """Return values of the catalogue that a user's own tables leave alone."""
+    """Return the values of the catalogue that a user's tables do not change."""
 
     def is_touched(key: str) -> bool:
         at: Any = changes

@@ -1,4 +1,4 @@
-"""The formula of a component: a mass flow or a force with parameters of its own, from a file or from Python."""
+"""Formula of a component: a mass flow or a force with its own parameters, from a file or from Python."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ GUIDE = "own-component.md"
 
 
 class ComponentFormula(written.Written):
-    """A formula that is the equation of a component.
+    """Formula that is the equation of a component.
 
-    Frozen. Formulas are text in SI; ``pneudrive components KIND`` lists the names that they find, and
+    Frozen. Formulas are text in SI; ``pneudrive components KIND`` lists the available names, and
     `docs/guide/own-component.md` has examples.
 
     Parameters
     ----------
     kind : str
-        The kind of component: "restriction/formula" or "force/formula".
+        Kind of component: "restriction/formula" or "force/formula".
     name : str
-        How messages call it.
+        Name in messages.
     output : str
-        The formula of what its kind asks for: a mass flow, kg/s, or a force, N.
+        Formula of the kind's output: a mass flow, kg/s, or a force, N.
     parameters, let, title, source
-        As those of `pneudrive.FrictionLaw`.
+        As in `pneudrive.FrictionLaw`.
 
     Raises
     ------
     DescriptionError
-        With the place: syntax, unknown names, units, what could divide by zero.
+        Wrong syntax, unknown names, wrong units or a possible division by zero; the message gives the place.
 
     Examples
     --------
@@ -56,12 +56,12 @@ class ComponentFormula(written.Written):
 
     @classmethod
     def load(cls, path: str | Path, entry: Mapping[str, Any]) -> ComponentFormula:
-        """Read the formula of a component from a TOML file; `entry` is what the core lists of the component's kind.
+        """Read the formula of a component from a TOML file; `entry` is the core's entry of the component's kind.
 
         Raises
         ------
         DescriptionError
-            Something is wrong; the message names file, line, formula and column.
+            The file is not valid; the message gives file, line, formula and column.
         """
         return written.load(partial(cls.of, entry=entry), path, GUIDE)
 
@@ -72,7 +72,7 @@ class ComponentFormula(written.Written):
         Raises
         ------
         DescriptionError
-            As `load`, without the file.
+            As for `load`, without the file.
         """
         wanted = entry["formula"]["output"]
         own = cls.from_tables(tables, (wanted,), entry["formula"]["unit"])
@@ -80,11 +80,11 @@ class ComponentFormula(written.Written):
 
     @cached_property
     def entry(self) -> dict[str, Any]:
-        """The component as `component_kinds` lists those of the core, with the parameters of the formula."""
+        """Entry of the component in the form of `component_kinds`, with the parameters of the formula."""
         return _entry(self.kind, json.dumps(self.core()))
 
     def core(self) -> dict[str, Any]:
-        """Return the formula as the core takes it, SI throughout."""
+        """Return the formula in the core's form, in SI."""
         return super().core() | {"output": self.output}
 
     def to_dict(self) -> dict[str, Any]:
@@ -95,18 +95,18 @@ class ComponentFormula(written.Written):
 
 
 def formula_of(given: object, entry: Mapping[str, Any], folder: Path | None = None) -> ComponentFormula:
-    """Return the formula that a component of a kind is given: itself, its tables, or ``file:NAME.toml``.
+    """Return the formula of a component from a formula, its tables, or ``file:NAME.toml``.
 
     Raises
     ------
     DescriptionError
-        It is none, or something in it is wrong.
+        The value has none of these forms, or the formula is not valid.
     """
     if isinstance(given, ComponentFormula) and given.kind == entry["kind"]:
         return given
     found = written.written_as(given, "formula", partial(ComponentFormula.of, entry=entry), GUIDE, folder)
     if found is None:
-        what = "formula is missing" if given is None else f"formula = {given!r} is no formula of a {entry['kind']}"
+        what = "formula is missing" if given is None else f"formula = {given!r} is not a formula of a {entry['kind']}"
         raise wrong("formula", what, remedy='Write formula = "file:NAME.toml", or a table [components.NAME.formula].')
     return found
 

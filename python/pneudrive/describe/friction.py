@@ -1,4 +1,4 @@
-"""The friction table. Which laws there are and what parameters they take is known to the core alone."""
+"""Friction table of a drive; the laws and their parameters come from the core."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def friction_laws() -> MappingProxyType[str, dict[str, Any]]:
 
 
 def has_bristles(law: str) -> bool:
-    """Say whether a law is one of elastic bristles, which can relax."""
+    """Return whether a law has elastic bristles, which can relax."""
     return friction_laws()[law]["bristles"]
 
 
@@ -52,24 +52,24 @@ StribeckShape = Literal["gaussian", "exponential", "lorentzian", "free"]
 
 
 def has_stribeck_curve(law: str) -> bool:
-    """Say whether a law has a Stribeck curve, whose shape can be chosen."""
+    """Return whether a law has a Stribeck curve, whose shape can be chosen."""
     return any(p["key"] == "stribeck_exponent" for p in friction_laws()[law]["parameters"])
 
 
-#: How the state of a contact of rate and state evolves: with time and slip, or with slip alone.
+#: Evolution of the state in rate-and-state friction: with time and slip, or only with slip.
 Evolution = Literal["ageing", "slip"]
 
-#: elements of a law that a description may list
+#: largest number of elements of law gms
 MOST_ELEMENTS = 10
-#: how far from 1 the sum of their shares may be: that of numbers rounded to four digits
+#: tolerance of the sum of their shares: rounding to four digits
 SHARES_WITHIN = 1e-3
 
-#: What a description chooses of a law, beside its parameters and what acts on it.
+#: Choices of a law, beside its parameters and modifiers.
 CHOICES = ("stribeck_shape", "elements", "evolution")
 
 
 def _keys(law: str, entry: Mapping[str, Any]) -> list[str]:
-    """Return the keys that a friction table with this law may have."""
+    """Return the valid keys of a friction table with this law."""
     parameters = [p["key"] for p in entry["parameters"]]
     has = {
         "stribeck_shape": law in friction_laws() and has_stribeck_curve(law),
@@ -81,24 +81,24 @@ def _keys(law: str, entry: Mapping[str, Any]) -> list[str]:
 
 
 class SlipElement(Acting):
-    """One spring with slider of law ``gms``: its stiffness, and its share of the friction level."""
+    """Spring with slider of law ``gms``: its stiffness, and its share of the friction force."""
 
     table_name: ClassVar[str] = "friction.elements"
     stiffness_n_m: Annotated[float, Quantity("N/m", "N/m", Bounds(above=0.0))]
     share: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=1.0))]
 
 
-#: The law of a friction table that names none: presliding, breakaway and stick-slip without drift.
+#: Law of a friction table without a law: presliding, breakaway and stick-slip without drift.
 DEFAULT_LAW = "elasto-plastic"
-#: Assumed where no law is named: breakaway after 0.1 mm, bristles with a damping of 1 ms of their stiffness, which
-#: fades at half of the velocity up to which the law is sure to be passive.
+#: Assumed for a table without a law: breakaway after 0.1 mm; a bristle damping of 1 ms times the stiffness, which
+#: fades at half of the velocity up to which the law is proven passive.
 _BREAKAWAY_DISPLACEMENT_M = 1e-4
 _DAMPING_TIME_S = 1e-3
 _STRIBECK_VELOCITY_M_S = 0.02
 _PASSIVE_SHARE = 0.5
 
 
-#: What is assumed where no law is named -> what it follows from, and how.
+#: Assumed parameter of a table without a law -> its sources, and its value as a function of them.
 _FOLLOWS: dict[str, tuple[tuple[str, ...], Callable[..., float]]] = {
     "bristle_stiffness": (("breakaway",), lambda breakaway: breakaway / _BREAKAWAY_DISPLACEMENT_M),
     "bristle_damping": (("bristle_stiffness",), lambda stiffness: stiffness * _DAMPING_TIME_S),
@@ -119,7 +119,7 @@ def _as_assumed(value: float) -> float:
 
 
 def _following(known: Mapping[str, float]) -> dict[str, float]:
-    """Complete what is known by what follows from it."""
+    """Add derived values to the known ones."""
     out = dict(known)
     for key, (sources, value) in _FOLLOWS.items():
         if key not in out and (key != "damping_fade_velocity" or out["bristle_damping"] > 0.0):
@@ -128,9 +128,9 @@ def _following(known: Mapping[str, float]) -> dict[str, float]:
 
 
 def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callable[..., float]]]:
-    """Say which parameters have the value that is assumed where nobody gives it, from what, and how it follows.
+    """Return the parameters with their assumed value, with sources and rule of each.
 
-    The value tells, so that it is known of a file, too, in which assumed values are written.
+    Values are compared, so that this also works for a file in which assumed values are written.
     """
     if friction.law != DEFAULT_LAW:
         return {}
@@ -147,54 +147,54 @@ def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callabl
 
 
 def assumed_with(friction: Friction, changed: Mapping[str, float]) -> dict[str, float]:
-    """Return what parameters that are assumed become when others change."""
+    """Return the new values of assumed parameters after a change of others."""
     rules = assumed_from(friction)
-    if not rules:  # a law of other parameters, too
+    if not rules:  # includes laws with other parameters
         return {}
     given = {key: value for key, value in friction.parameters.items() if key not in rules} | dict(changed)
     return {key: _as_assumed(value) for key, value in _following(given).items() if key in rules and key not in changed}
 
 
 def by_default(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Complete a friction table that names no law: `DEFAULT_LAW`, and values that nobody knows from a datasheet.
+    """Complete a friction table without a law: `DEFAULT_LAW`, and assumed values that datasheets do not give.
 
     Parameters
     ----------
     data : dict
-        The table as users write it; it holds at least `coulomb` and `breakaway`.
+        Table as users write it, with at least `coulomb` and `breakaway`.
 
     Returns
     -------
     tuple of dict
-        The same with law, stribeck_velocity, bristle_stiffness, bristle_damping and damping_fade_velocity; and what of
-        it was assumed.
+        The table with law, stribeck_velocity, bristle_stiffness, bristle_damping and damping_fade_velocity; and its
+        assumed entries.
 
     Warns
     -----
     PneudriveWarning
-        Which values were assumed.
+        Lists the assumed values.
     """
     quantities = parameter_quantities(friction_laws()[DEFAULT_LAW])
     law: dict[str, Any] = {"law": DEFAULT_LAW}
     out = law | data
     if any(data.get(key) is None for key in ("coulomb", "breakaway")):
-        return out, law  # what is missing is said as for any law
+        return out, law  # missing keys are reported as for any law
     try:
         known = {key: quantities[key].read(data[key]) for key in ("coulomb", "breakaway", *_FOLLOWS) if key in data}
     except DescriptionError:
-        return out, law  # and so is what is wrong
+        return out, law  # so are wrong values
     assumed = {"stribeck_velocity": _STRIBECK_VELOCITY_M_S} | _following(known)
     rounded = {key: _as_assumed(value) for key, value in assumed.items() if key not in data}
     shown = {key: quantities[key].show(value) for key, value in rounded.items()}
     listed = ", ".join(f'{key} = "{value}"' for key, value in shown.items())
-    with_these = f" with assumed values: {listed}. Replace those that matter by measured ones" if listed else ""
+    with_these = f" with assumed values: {listed}. Replace important ones by measured values" if listed else ""
     warn(f'the friction table names no law, so law = "{DEFAULT_LAW}" is used{with_these}.')
     return out | shown, law | shown
 
 
 @dataclass(frozen=True)
 class Parameters(Mapping[str, float]):
-    """Name -> SI value, frozen as the description that holds it."""
+    """Name -> SI value, frozen like its description."""
 
     pairs: tuple[tuple[str, float], ...] = ()
 
@@ -212,13 +212,13 @@ class Parameters(Mapping[str, float]):
 
 
 class Friction(Described):
-    """A friction law with its parameters, and what acts on it.
+    """Friction law with its parameters and modifiers.
 
-    They are given as keys of their own, ``Friction(law="stribeck", coulomb="30 N", ...)``, and read by the same names:
-    ``friction.coulomb`` shows ``30 N``. `parameters` holds their plain SI values, defaults of the law included. `law`
-    is a name of the core's, a `FrictionLaw`, or ``file:my_law.toml``; `formula` is then the law itself. Without a law
-    it is `DEFAULT_LAW`, and what it takes beside the Coulomb and the breakaway force is assumed, with a
-    `PneudriveWarning` that says so; `assumed` lists it.
+    Parameters are keys, ``Friction(law="stribeck", coulomb="30 N", ...)``, and attributes: ``friction.coulomb`` shows
+    ``30 N``. `parameters` holds their plain SI values, including defaults of the law. `law` is a law of the core, a
+    `FrictionLaw`, or ``file:my_law.toml``; for the last two `formula` is the law itself. Without a law, `DEFAULT_LAW`
+    is used and its parameters other than Coulomb and breakaway force are assumed, with a `PneudriveWarning`; `assumed`
+    lists them.
     """
 
     table_name: ClassVar[str] = "friction"
@@ -253,7 +253,7 @@ class Friction(Described):
         if own is not None:
             name = own.name
         elif not isinstance(name, str) or name not in laws:
-            remedy = f'{nearest(str(name), laws)} A law of your own is "{FILE_PREFIX}NAME.toml".'
+            remedy = f'{nearest(str(name), laws)} A custom law is "{FILE_PREFIX}NAME.toml".'
             raise wrong("friction.law", f'friction.law = "{name}" is not known', remedy=remedy)
         entry = laws[name] if own is None else own.entry
         parameters = {p["key"]: p for p in entry["parameters"]}
@@ -295,14 +295,14 @@ class Friction(Described):
 
     @cached_property
     def assumed(self) -> tuple[tuple[str, str], ...]:
-        """What a table without a law left open, as (key, value); equality does not ask for it."""
+        """Assumed entries of a table without a law, as (key, value); they do not count in comparisons."""
         return ()
 
     @property
     def note(self) -> str:
-        """What reading a table without a law warned of, to follow the table's name; empty where a law is named."""
+        """Warning on a table without a law, to follow the table's name; empty for a table with a law."""
         listed = ", ".join(f"{key} = {value}" for key, value in self.assumed)
-        return f"names no law, so what it leaves open is assumed: {listed}" if listed else ""
+        return f"names no law; assumed: {listed}" if listed else ""
 
     @model_validator(mode="after")
     def _levels(self) -> Friction:
@@ -318,12 +318,12 @@ class Friction(Described):
     @model_validator(mode="after")
     def _shape(self) -> Friction:
         if self.stribeck_shape is not None and (self.formula is not None or not has_stribeck_curve(self.law)):
-            what = f'friction.stribeck_shape needs a Stribeck curve, and law "{self.law}" has none'
+            what = f'friction.stribeck_shape needs a Stribeck curve, but law "{self.law}" has none'
             laws = ", ".join(name for name in friction_laws() if has_stribeck_curve(name))
-            raise wrong("friction.stribeck_shape", what, remedy=f"Laws with one: {laws}.")
+            raise wrong("friction.stribeck_shape", what, remedy=f"Laws with a Stribeck curve: {laws}.")
         if self.stribeck_shape not in (None, "free") and "stribeck_exponent" in self.given:
-            what = f'friction.stribeck_exponent has no meaning with stribeck_shape = "{self.stribeck_shape}"'
-            raise wrong("friction.stribeck_exponent", what, remedy='It belongs to stribeck_shape = "free".')
+            what = f'friction.stribeck_exponent has no effect with stribeck_shape = "{self.stribeck_shape}"'
+            raise wrong("friction.stribeck_exponent", what, remedy='Remove it, or choose stribeck_shape = "free".')
         return self
 
     @model_validator(mode="after")
@@ -336,14 +336,14 @@ class Friction(Described):
                 raise wrong(stiffness, what, remedy=f"{units.needed('N/m')}, or {key} = [{{ stiffness, share }}, ...].")
             return self
         if not has_elements:
-            raise wrong(key, f'{key} belongs to law "gms"; law "{self.law}" has none')
+            raise wrong(key, f'{key} belongs to law "gms"; law "{self.law}" has no elements')
         if "bristle_stiffness" in self.given:
-            raise wrong(stiffness, f"{stiffness} is that of {key}", remedy="Give one of the two.")
+            raise wrong(stiffness, f"{stiffness} already follows from {key}", remedy="Give one of the two.")
         if not 2 <= len(self.elements) <= MOST_ELEMENTS:
             raise wrong(key, f"{key} has {len(self.elements)} entries", rule=f"2 to {MOST_ELEMENTS}")
         total = sum(element.share for element in self.elements)
         if abs(total - 1.0) > SHARES_WITHIN:
-            raise wrong(key, f"the shares of {key} add up to {total:g}", rule="they add up to 1")
+            raise wrong(key, f"the shares of {key} add up to {total:g}", rule="the sum of the shares is 1")
         return self
 
     @model_validator(mode="after")
@@ -356,13 +356,13 @@ class Friction(Described):
     @model_validator(mode="after")
     def _bristles_relax(self) -> Friction:
         if self.relaxation is not None and not self.entry["bristles"]:
-            what = f'friction.relaxation needs elastic bristles, and law "{self.law}" has none'
+            what = f'friction.relaxation needs elastic bristles, but law "{self.law}" has none'
             laws = ", ".join(name for name in friction_laws() if has_bristles(name))
-            raise wrong("friction.relaxation", what, remedy=f"Laws of bristles: {laws}.")
+            raise wrong("friction.relaxation", what, remedy=f"Laws with bristles: {laws}.")
         return self
 
     def __getattr__(self, name: str) -> units.UnitFloat | float:
-        """Give a parameter of the law by its key, as a quantity that shows its unit."""
+        """Return a parameter of the law by its key, as a quantity that shows its unit."""
         parameters = self.__dict__.get("parameters", {})
         if name in parameters:
             return parameter_quantities(self.entry)[name].named(parameters[name])
@@ -377,15 +377,15 @@ class Friction(Described):
 
     @property
     def entry(self) -> dict[str, Any]:
-        """The law as `friction_laws` lists it: title, source, states, parameters; also where it is one's own."""
+        """Entry of the law in the form of `friction_laws`, also for a custom law: title, source, states, parameters."""
         return friction_laws()[self.law] if self.formula is None else self.formula.entry
 
     def _dependences(self) -> dict[str, Any]:
-        """Return what acts on the law, by key."""
+        """Return the modifiers of the law by key."""
         return {key: value for key in DEPENDENCES if (value := getattr(self, key)) is not None}
 
     def core(self) -> dict[str, Any]:
-        """Return the SI form that the core takes: law, parameters, pressure, and what else acts on the law."""
+        """Return the table in the core's form, in SI: law, parameters, pressure and other modifiers."""
         tables = {key: value.core() for key, value in self._dependences().items()}
         law = {"law": self.law, "parameters": dict(self.parameters), "pressure": None}
         formula = {} if self.formula is None else {"formula": self.formula.core()}
@@ -393,7 +393,7 @@ class Friction(Described):
         return law | formula | self._words() | elements | tables
 
     def _words(self) -> dict[str, str]:
-        """Return the choices that are a word, by key."""
+        """Return the choices by key."""
         return {key: value for key in ("stribeck_shape", "evolution") if (value := getattr(self, key)) is not None}
 
     def to_dict(self) -> dict[str, Any]:
@@ -407,7 +407,7 @@ class Friction(Described):
         return out | {key: value.to_dict() for key, value in self._dependences().items()}
 
     def _all(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
-        """Yield the law, its parameters, then what acts on it."""
+        """Yield the law, its parameters, then its modifiers."""
         marks = parameter_quantities(self.entry)
         yield "law", self.law, None
         yield from ((key, value, None) for key, value in self._words().items())
@@ -418,7 +418,7 @@ class Friction(Described):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
-        """One alternative for each law of the core."""
+        """Return the JSON schema: one alternative for each law of the core."""
         tables = {key: about.model_json_schema(by_alias=True) for key, about in DEPENDENCES.items()}
         alternatives = []
         for name, law in friction_laws().items():
@@ -448,15 +448,15 @@ class Friction(Described):
 
 
 def _default_schema(alternatives: list[dict[str, Any]]) -> dict[str, Any]:
-    """Describe a table that names no law."""
+    """Return the JSON schema of a table without a law."""
     (default,) = (one for one in alternatives if one["properties"]["law"]["const"] == DEFAULT_LAW)
     properties = {key: value for key, value in default["properties"].items() if key != "law"}
-    title = f'No law named: "{DEFAULT_LAW}", what is not given is assumed'
+    title = f'Without law: "{DEFAULT_LAW}" with assumed values for missing keys'
     return default | {"title": title, "properties": properties, "required": ["coulomb", "breakaway"]}
 
 
 def _own_law_schema(tables: dict[str, Any]) -> dict[str, Any]:
-    """Describe a law of one's own, whose parameters are known to its file alone."""
+    """Return the JSON schema of a custom law, whose parameters only its file lists."""
     law = {"anyOf": [{"type": "string", "pattern": f"^{FILE_PREFIX}"}, {"type": "object", "required": ["name"]}]}
-    title = "A law of your own, as formulas"
+    title = "A custom law, as formulas"
     return {"type": "object", "title": title, "properties": {"law": law, **tables}, "required": ["law"]}

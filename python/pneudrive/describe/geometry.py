@@ -1,4 +1,4 @@
-"""Piston areas of the kinds of cylinder, and the table of a file that gives them."""
+"""Piston areas of the kinds of cylinder, and the tables that describe them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def piston_areas(kind: str, bore_m: float, rod_diameter_m: float = 0.0) -> tuple
     kind : str
         One of `KINDS`; the rod of a ``single-rod`` cylinder is in chamber b.
     bore_m, rod_diameter_m : float
-        m; the rod does not count where there is none.
+        Diameters, m; a kind without a rod ignores the rod diameter.
 
     Examples
     --------
@@ -34,7 +34,7 @@ def piston_areas(kind: str, bore_m: float, rod_diameter_m: float = 0.0) -> tuple
 
 
 def check_rod(table: str, kind: str, bore_m: float, rod_diameter_m: float | None) -> None:
-    """Refuse a rod that there is not, that is missing, or that leaves no piston.
+    """Check the rod: none for a rodless cylinder, otherwise given and smaller than the bore.
 
     Raises
     ------
@@ -43,10 +43,10 @@ def check_rod(table: str, kind: str, bore_m: float, rod_diameter_m: float | None
     key = f"{table}.rod_diameter"
     if kind == "rodless":
         if rod_diameter_m is not None:
-            what = f'{key} is given, but {table}.kind = "rodless" has no rod'
-            raise wrong(key, what, remedy="Leave it out, or change kind.")
+            what = f'{key} is given, but a cylinder with {table}.kind = "rodless" has no rod'
+            raise wrong(key, what, remedy="Remove it, or change kind.")
     elif rod_diameter_m is None:
-        what = f'{key} is missing: {table}.kind = "{kind}" has a rod'
+        what = f'{key} is missing: a cylinder with {table}.kind = "{kind}" has a rod'
         raise wrong(key, what, remedy='Add rod_diameter = "... mm".')
     elif not rod_diameter_m < bore_m:
         rod, bore = (units.write(d, "m", "mm") for d in (rod_diameter_m, bore_m))
@@ -55,7 +55,7 @@ def check_rod(table: str, kind: str, bore_m: float, rod_diameter_m: float | None
 
 
 class PistonTable(Described):
-    """A table that gives the areas of a piston once: by its bore, or as they are where it is not round."""
+    """Table with the areas of a piston: by its bore, or directly for a piston that is not round."""
 
     kind: Literal["rodless", "through-rod", "single-rod"] = "rodless"
     bore_m: MaybeLength = None
@@ -69,7 +69,7 @@ class PistonTable(Described):
         Raises
         ------
         DescriptionError
-            They are not given, or more than once.
+            The areas are missing, or given more than once.
         """
         a, b, bore, rod, table = self.area_a_m2, self.area_b_m2, self.bore_m, self.rod_diameter_m, self.table_name
         if bore is not None and (a, b) == (None, None):
@@ -77,5 +77,7 @@ class PistonTable(Described):
             return piston_areas(self.kind, bore, rod or 0.0)
         if a is None or b is None or (bore, rod) != (None, None):
             rule = "either bore, or area_a and area_b"
-            raise wrong(table, f"[{table}] does not give the areas once", rule=rule, remedy='bore = "25 mm"')
+            raise wrong(
+                table, f"[{table}] gives no piston areas, or more than once", rule=rule, remedy='bore = "25 mm"'
+            )
         return a, b

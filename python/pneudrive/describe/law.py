@@ -1,4 +1,4 @@
-"""A friction law of one's own: formulas with parameters and states, from a file or from Python."""
+"""Custom friction laws: formulas with parameters and states, from a file or from Python."""
 
 from __future__ import annotations
 
@@ -20,40 +20,40 @@ if TYPE_CHECKING:
 LEVELS = ("coulomb", "breakaway", "viscous")
 OUTPUTS = ("force", "energy", "slip", "steady")
 GUIDE = "own-law.md"
-# what a state's name in a trajectory ends with, and a scale that fits a friction law
+# unit of a state -> suffix of its name in a trajectory, and a usual scale
 _STATE_UNITS = {"m": ("_m", "1e-3 m"), "m/s": ("_m_s", None), "N": ("_n", None), "s": ("_s", None), "": ("", None)}
-#: Keys of the friction table that no parameter can have.
+#: Keys of the friction table that cannot be names of parameters.
 _TAKEN = ("law", "stribeck_shape", "elements", "evolution", *DEPENDENCES)
 
 
 class WrittenState(written.WrittenParameter):
-    """A state of a friction law: beside its unit the formula of its rate, its usual size, its name in a trajectory."""
+    """State of a friction law: unit, formula of its rate, usual size, name in a trajectory."""
 
     name: Annotated[str | None, Reads(str)] = None
     scale: Any = None
     rate: str
 
     def core(self) -> dict[str, Any]:
-        """Return it as the core takes it, without its key."""
+        """Return the state in the core's form, without its key."""
         out = super().core()
         usual = _STATE_UNITS.get(self.unit, ("", None))[1]
         if self.scale is None and usual is None:
-            remedy = "Give its usual size: an error of rtol times this does not matter."
+            remedy = "Give the usual size of the state: the solver tolerates an error of rtol times scale."
             raise wrong("scale", "scale is missing", remedy=remedy)
         scale = 1e-3 if self.scale is None else self.number("scale", self.scale)
         return {"unit": out["unit"], "bounds": out["bounds"], "scale": scale, "rate": self.rate}
 
 
 class FrictionLaw(written.Written):
-    """A friction law written as formulas.
+    """Friction law written as formulas.
 
-    Frozen. Formulas are text in SI; names in them are parameters, states, what `let` gives, and ``v`` (velocity),
+    Frozen. Formulas are text in SI; names in them are parameters, states, names of `let`, and ``v`` (velocity),
     ``x`` (position), ``pressure_a``, ``pressure_b`` (gauge), ``pi``. `docs/guide/own-law.md` has the whole grammar.
 
     Parameters
     ----------
     name : str
-        How results call it; no name of a law that pneudrive has.
+        Name in results; not the name of a built-in law.
     force : str
         Friction force, N, positive where it opposes v > 0; the rate of state ``z`` is ``z_rate``.
     parameters : dict
@@ -62,21 +62,21 @@ class FrictionLaw(written.Written):
     states : dict
         Name -> ``{"unit": "m", "scale": "1 mm", "rate": "v - ..."}``; they start at 0.
     let : dict
-        Name -> formula, in their order.
+        Name -> formula, evaluated in this order.
     levels : dict
-        Which parameters are ``coulomb``, ``breakaway`` and ``viscous``, on which pressure, direction, dwell and so on
-        act; parameters of these names where nothing is said.
+        Names of the parameters that are ``coulomb``, ``breakaway`` and ``viscous``, on which modifiers act; the
+        default is the parameters of these names.
     energy, slip, steady : str, optional
-        Energy stored in the states, J; rate at which the contact slips for good, m/s; force in steady sliding, N.
+        Energy stored in the states, J; rate of irreversible slip, m/s; force in steady sliding, N.
     odd : bool
-        Claims that the force turns its sign with v and all states; checked.
+        Claims that the force changes its sign with v and all states; checked.
     title, source : str
-        What it is, and where it is from: a key of references.bib or free text.
+        Title, and source: a key of references.bib or free text.
 
     Raises
     ------
     DescriptionError
-        With the place: syntax, unknown names, units, what could divide by zero.
+        Wrong syntax, unknown names, wrong units or a possible division by zero; the message gives the place.
 
     Examples
     --------
@@ -106,7 +106,7 @@ class FrictionLaw(written.Written):
         Raises
         ------
         DescriptionError
-            Something is wrong; the message names file, line, formula and column.
+            The file is not valid; the message gives file, line, formula and column.
         """
         return written.load(cls.of, path, GUIDE)
 
@@ -117,12 +117,12 @@ class FrictionLaw(written.Written):
         Raises
         ------
         DescriptionError
-            As `load`, without the file.
+            As for `load`, without the file.
         """
         return cls.model_validate(cls.from_tables(tables, OUTPUTS, "N"))
 
     def check_names(self) -> None:
-        """Refuse parameters and levels that a friction table could not have."""
+        """Check that parameters and levels are possible in a friction table."""
         for key in _TAKEN:
             if key in self.parameters:
                 what = f'"{key}" is a key of the friction table of a drive'
@@ -137,11 +137,11 @@ class FrictionLaw(written.Written):
 
     @cached_property
     def entry(self) -> dict[str, Any]:
-        """The law as `friction_laws` lists those of the core: name, title, parameters, states, bristles."""
+        """Entry of the law in the form of `friction_laws`: name, title, parameters, states, bristles."""
         return _entry(json.dumps(self.core()))
 
     def core(self) -> dict[str, Any]:
-        """Return the law as the core takes it, SI throughout."""
+        """Return the law in the core's form, in SI."""
         named = {level: level for level in LEVELS if level in self.parameters} if not self.levels else self.levels
         states = []
         for key, about in self.states.items():
@@ -165,14 +165,14 @@ class FrictionLaw(written.Written):
 
 
 def law_of(given: object, folder: Path | None = None) -> FrictionLaw | None:
-    """Return the law that ``friction.law`` means where it is one's own, or None where it is a name of the core's.
+    """Return the custom law of ``friction.law``, or None for the name of a built-in law.
 
     Parameters
     ----------
     given : FrictionLaw, dict or str
         A law, its tables, or ``file:NAME.toml``.
     folder : Path, optional
-        What the file's name counts from: the drive file's folder; here where nothing is said.
+        Folder to which the file's name is relative, that of the drive file; the default is the working folder.
     """
     if isinstance(given, FrictionLaw):
         return given

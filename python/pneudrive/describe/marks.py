@@ -1,4 +1,4 @@
-"""How values of files are written that are no plain quantities: whole numbers, shares, ranges, and other forms."""
+"""Annotations of fields that are not plain quantities: whole numbers, shares, ranges and other forms."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Reads(Mark):
-    """Annotation of a field that a function reads."""
+    """Annotation of a field with a reader function."""
 
     how: Callable[[Any], Any]
 
-    def read(self, given: Any) -> Any:  # noqa: ANN401 - whatever the function gives
+    def read(self, given: Any) -> Any:  # noqa: ANN401 - result of the function
         """Convert and check."""
         return self.how(given)
 
 
 @dataclass(frozen=True)
 class Choice(Mark):
-    """Annotation of a field that takes one of some words."""
+    """Annotation of a field for one of some words."""
 
     choices: tuple[str, ...]
 
     def read(self, given: object) -> str:
-        """Check."""
+        """Check the word."""
         if given not in self.choices:
             raise WrongValueError(f"{given!r} is not known", remedy=nearest(str(given), self.choices))
         return str(given)
@@ -39,7 +39,7 @@ class Choice(Mark):
 
 @dataclass(frozen=True)
 class Whole(Quantity):
-    """Annotation of a field that takes a whole number."""
+    """Annotation of a field for a whole number."""
 
     si_unit: str = ""
     at_least: int = 1
@@ -55,13 +55,13 @@ class Whole(Quantity):
         return given
 
     def schema(self) -> dict[str, Any]:
-        """Describe the form in which users write it."""
+        """Return the JSON schema of the form that users write."""
         return {"type": "integer", "minimum": self.at_least}
 
 
 @dataclass(frozen=True)
 class Percent(Quantity):
-    """Annotation of a field that takes a share as ``"5 %"`` and stores 0.05; bounds are in per cent."""
+    """Annotation of a field for a share, written ``"5 %"`` and stored as 0.05; bounds are in per cent."""
 
     si_unit: str = "%"
 
@@ -76,36 +76,36 @@ class Percent(Quantity):
         return share
 
     def show(self, value: float) -> str:
-        """Write it as users would."""
+        """Write the value as users would."""
         return units.write_share(value)
 
     def schema(self) -> dict[str, Any]:
-        """Describe the form in which users write it."""
+        """Return the JSON schema of the form that users write."""
         return {"type": "string", "pattern": "^.+ %$", "x-unit": "%"}
 
 
 @dataclass(frozen=True)
 class Between(Quantity):
-    """Annotation of a field that takes a range, ``"15 degC .. 30 degC"``; stores (low, high)."""
+    """Annotation of a field for a range, ``"15 degC .. 30 degC"``, stored as (low, high)."""
 
     def read(self, given: object) -> tuple[float, float]:  # type: ignore[override]
         """Convert and check."""
         if not isinstance(given, str):
-            raise WrongValueError(f"{given!r} is no range", rule=units.needed(self.si_unit))
+            raise WrongValueError(f"{given!r} is not a range", rule=units.needed(self.si_unit))
         return units.parse_range(given, self.si_unit)
 
     def show(self, value: tuple[float, float]) -> str:  # type: ignore[override]
-        """Write it as users would."""
+        """Write the value as users would."""
         return " .. ".join(units.write(end, self.si_unit, self.written) for end in value)
 
     def schema(self) -> dict[str, Any]:
-        """Describe the form in which users write it."""
+        """Return the JSON schema of the form that users write."""
         return {"type": "string", "pattern": r"^.+ \.\. .+$", "x-unit": self.si_unit}
 
 
 @dataclass(frozen=True)
 class PressureBetween(StatedPressure):
-    """Annotation of a field that takes a range of pressures, ``"0 bar gauge .. 10 bar gauge"``; stores both ends."""
+    """Annotation of a field for a range of pressures, ``"0 bar gauge .. 10 bar gauge"``, stored as both ends."""
 
     def read(self, given: object) -> tuple[units.Pressure, units.Pressure]:  # type: ignore[override]
         """Convert and check."""
@@ -118,10 +118,10 @@ class PressureBetween(StatedPressure):
         return low, high
 
     def show(self, value: tuple[units.Pressure, units.Pressure]) -> str:  # type: ignore[override]
-        """Write it as users would."""
+        """Write the value as users would."""
         return f"{value[0]} .. {value[1]}"
 
 
 def absolute(ends: tuple[units.Pressure, units.Pressure], ambient_pa: float) -> tuple[float, float]:
-    """Return both ends of a range of pressures, absolute."""
+    """Return both ends of a range of pressures, absolute, Pa."""
     return ends[0].absolute_pa(ambient_pa), ends[1].absolute_pa(ambient_pa)

@@ -1,4 +1,4 @@
-"""Parameters as the core lists them, with unit and bounds, and how users write them."""
+"""Annotations for the parameters that the core lists, with unit and bounds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def parameter_quantity(parameter: Mapping[str, Any]) -> Quantity:
-    """Make the checked quantity of one parameter: its unit in SI, the unit in which people write it, its bounds."""
+    """Return the annotation of one parameter: SI unit, preferred unit, bounds."""
     si_unit = units.si_name(parameter["unit"])
     written = units.readable(si_unit)[1]
     low, high = parameter["lower"], parameter["upper"]
@@ -25,5 +25,5 @@ def parameter_quantity(parameter: Mapping[str, Any]) -> Quantity:
 
 
 def parameter_quantities(entry: Mapping[str, Any]) -> dict[str, Quantity]:
-    """Return the checked quantity of each parameter of a law or a component as the core lists it, by its key."""
+    """Return the annotation of each parameter of a law or a component by its key."""
     return {p["key"]: parameter_quantity(p) for p in entry["parameters"]}

@@ -1,4 +1,4 @@
-"""The tables of a drive description, one class each. Stored values are SI and carry the unit in their name."""
+"""Tables of a drive description, one class each. Stored values are in SI, with the unit in their name."""
 
 from __future__ import annotations
 
@@ -62,12 +62,12 @@ VIRIAL: dict[str, tuple[float, float, float]] = {
 
 
 class Gas(Described):
-    """The gas in the drive: by its name or by its numbers; dry air where nothing is said.
+    """Gas in the drive, by name or by numbers; the default is dry air.
 
-    `model` says whether it is ideal, or departs from that by its second virial coefficient.
+    `model` is "ideal", or "virial" with the second virial coefficient.
 
-    `dew_point` is the pressure dew point of what is supplied, below 0 degC its frost point, at `dew_point_pressure`:
-    that of the supply where nothing is said. It moves nothing; a run then tells where water may condense or freeze.
+    `dew_point` is the pressure dew point of the supplied gas, below 0 degC its frost point, at `dew_point_pressure`, by
+    default the supply pressure. It does not change the simulation; a run warns where water may condense or freeze.
     """
 
     table_name: ClassVar[str] = "gas"
@@ -91,23 +91,23 @@ class Gas(Described):
     def _one_gas(self) -> Gas:
         if self.model == "virial" and self.name not in VIRIAL:
             what = f'gas.model = "virial" has no coefficient for {self.name or "a gas given by numbers"}'
-            raise wrong("gas.model", what, rule=f"known for {', '.join(VIRIAL)}", remedy='Leave it at "ideal".')
+            raise wrong("gas.model", what, rule=f"known for {', '.join(VIRIAL)}", remedy='Use gas.model = "ideal".')
         if self.name is None:
             return self
         numbers = {"heat_capacity_ratio": self.heat_capacity_ratio, "gas_constant": self.gas_constant_j_kg_k}
         for (key, value), known in zip(numbers.items(), GASES[self.name], strict=True):
             if value != known:
-                what = f'gas.{key} = {value:g} is not that of gas.name = "{self.name}", {known:g}'
+                what = f'gas.{key} = {value:g} differs from {known:g} of gas.name = "{self.name}"'
                 raise wrong(f"gas.{key}", what, rule="a gas is given by name or by numbers", remedy="Keep one of them.")
         if self.name == "carbon-dioxide" and self.model == "ideal":
             warn(
-                "carbon dioxide as an ideal gas: its pressure comes out 3.7 % too high at 7 bar and 20 degC, "
-                '5.3 % at 10 bar; gas.model = "virial" has that in it'
+                "carbon dioxide as an ideal gas: its pressure is 3.7 % too high at 7 bar and 20 degC, "
+                '5.3 % at 10 bar; gas.model = "virial" corrects this'
             )
         return self
 
     def core(self) -> dict[str, Any]:
-        """Return the SI form of the gas that the core takes."""
+        """Return the gas in the core's form, in SI."""
         out = {"heat_capacity_ratio": self.heat_capacity_ratio, "gas_constant_j_kg_k": self.gas_constant_j_kg_k}
         if self.model == "ideal" or self.name is None:
             return out
@@ -116,12 +116,12 @@ class Gas(Described):
         return out | {"virial": {"a_m3_kg": a * per_kg, "b_m3_kg": b * per_kg, "c_k": c}}
 
     def dew_point_pressure_pa(self, ambient_pa: float, supply_pa: float | None) -> float | None:
-        """Return the absolute pressure, Pa, at which its dew point is given; None where it has none.
+        """Return the absolute pressure of the dew point, Pa; None without a dew point.
 
         Raises
         ------
         DescriptionError
-            The pressure is not given, or no pressure above vacuum.
+            The pressure is missing or below vacuum.
         """
         key, stated = "gas.dew_point_pressure", self.dew_point_pressure
         if self.dew_point_k is None:
@@ -131,16 +131,14 @@ class Gas(Described):
         pressure = supply_pa if stated is None else stated.absolute_pa(ambient_pa)
         if pressure is None:
             remedy = 'Add dew_point_pressure = "7 bar abs" to [gas]: the pressure at the dryer.'
-            raise wrong(
-                "gas.dew_point", "gas.dew_point is that at the supply, and there is no reservoir", remedy=remedy
-            )
+            raise wrong("gas.dew_point", "gas.dew_point needs a pressure: the circuit has no reservoir", remedy=remedy)
         if not pressure > 0.0:
             raise wrong(key, f"{key} = {stated} is below vacuum", rule="gauge + ambient > 0")
         return pressure
 
 
 class Ambient(Described):
-    """The air around the drive, into which it exhausts; the standard atmosphere where nothing is said."""
+    """Ambient air, into which the drive exhausts; the default is the standard atmosphere."""
 
     table_name: ClassVar[str] = "ambient"
     pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
@@ -154,19 +152,19 @@ class Ambient(Described):
         return self.pressure.value_pa
 
     def core(self) -> dict[str, float]:
-        """Return the SI form that the core takes."""
+        """Return the table in the core's form, in SI."""
         return {"pressure_pa": self.pressure_pa, "temperature_k": self.temperature_k}
 
 
 class Supply(Described):
-    """The supply at the valve's inlet; its temperature is the ambient one where nothing is said."""
+    """Supply at the valve's inlet; its default temperature is ambient."""
 
     table_name: ClassVar[str] = "supply"
     pressure: Annotated[units.Pressure, StatedPressure()]
     temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None
 
     def core(self, ambient: Ambient) -> dict[str, float]:
-        """Return the SI form that the core takes; what is not given is as the air around."""
+        """Return the table in the core's form, in SI; missing values are ambient."""
         temperature = ambient.temperature_k if self.temperature_k is None else self.temperature_k
         return {"pressure_pa": self.pressure.absolute_pa(ambient.pressure_pa), "temperature_k": temperature}
 
@@ -175,7 +173,7 @@ class EndStop(Described):
     """Contact with the end cover.
 
     force = stiffness * depth + damping * min(depth / damping_depth, 1) * closing speed, never pulling.
-    What is not given follows from the drive (docs/theory/end_stops.md): so stiff that a sensible drive never reaches a
+    Missing values follow from the drive (docs/theory/end_stops.md): stiff enough that a sensible drive never reaches a
     cover; `Drive.end_stop` has the values.
     """
 
@@ -186,7 +184,7 @@ class EndStop(Described):
 
 
 class Cylinder(Described):
-    """A double-acting cylinder. x grows towards the end of chamber b; chamber a grows with x.
+    """Double-acting cylinder; x grows towards the end of chamber b, and chamber a grows with x.
 
     `leakage` is the sonic conductance of the gap past the piston, between the chambers; its critical pressure ratio
     is assumed to be 0.2.
@@ -223,7 +221,7 @@ class Cylinder(Described):
         return self
 
     def core(self, ambient_k: float) -> dict[str, Any]:
-        """Return the SI form that the core takes; drives without a leak are as they were before there were leaks."""
+        """Return the table in the core's form, in SI; without leakage its key is left out."""
         out: dict[str, Any] = {"rod_diameter_m": 0.0, "wall_temperature_k": ambient_k} | self.stored()
         a, b = out.pop("dead_volume_m3")
         out |= {"dead_volume_a_m3": a, "dead_volume_b_m3": b, "end_stop": self.end_stop.stored()}
@@ -245,7 +243,7 @@ class Cylinder(Described):
 
 
 class FlowCoefficient(Quantity):
-    """A flow coefficient: a pure number, or a number with its own name as unit ("0.9 Cv")."""
+    """Annotation of a flow coefficient: a pure number, or a number with its name as unit ("0.9 Cv")."""
 
     def read(self, given: object) -> float:
         """Convert and check."""
@@ -260,19 +258,19 @@ class FlowCoefficient(Quantity):
         return super().read(given)
 
     def schema(self) -> dict[str, Any]:
-        """Describe both forms."""
+        """Return the JSON schema of both forms."""
         own = "Kv|m3/h" if self.written == "Kv" else "Cv"
         number = super().schema()
         return {"anyOf": [number, {"type": "string", "pattern": rf"^\S+\s+({own})$"}]}
 
 
 class Valve(Described):
-    """A 5/3 proportional valve.
+    """Proportional 5/3 valve.
 
-    A command u > 0 opens supply -> a and b -> exhaust with the fraction u of the conductance, u < 0 the mirror.
-    `command` is the range of its electrical input where commands are given in V or mA: its ends are u = -1 and u = 1.
-    Its size is given in exactly one way: conductance C (ISO 6358), nominal_flow (6 to 5 bar gauge), kv or cv
-    (`pneudrive.describe.valve_flow` says what each conversion assumes).
+    A command u > 0 opens supply -> a and b -> exhaust with the fraction u of the conductance, u < 0 supply -> b and
+    a -> exhaust. `command` is the range of the electrical input, for commands in V or mA; its ends are u = -1 and 1.
+    The size is given in exactly one way: conductance C (ISO 6358), nominal_flow (6 to 5 bar gauge), kv or cv
+    (`pneudrive.describe.valve_flow` states the assumptions of each conversion).
     """
 
     table_name: ClassVar[str] = "valve"
@@ -302,7 +300,7 @@ class Valve(Described):
 
     @property
     def conductance(self) -> units.UnitFloat:
-        """Sonic conductance C for air at full opening, whichever size was given."""
+        """Sonic conductance C for air at full opening, converted from the given size."""
         return units.UnitFloat(self.conductance_m3_s_pa, "m^3/(s Pa)", "dm3/(s bar)")
 
     @property
@@ -312,7 +310,7 @@ class Valve(Described):
 
 
 class Spring(Described):
-    """A linear spring between load and ground; it pushes in +x below its rest position."""
+    """Linear spring between load and ground; it pushes in +x below its rest position."""
 
     table_name: ClassVar[str] = "load.spring"
     stiffness_n_m: Stiffness
@@ -320,7 +318,7 @@ class Spring(Described):
 
 
 class Load(Described):
-    """What the piston carries beside its own moving mass; `force` acts in +x."""
+    """Load of the piston, beside its own moving mass; `force` acts in +x."""
 
     table_name: ClassVar[str] = "load"
     mass_kg: Annotated[float, Quantity("kg", "kg", NOT_NEGATIVE)] = 0.0
@@ -337,10 +335,10 @@ class Load(Described):
 
 
 class Initial(Described):
-    """The state at the start.
+    """State at the start of a run.
 
-    Where nothing is said: mid stroke, at rest, ambient pressure and temperature, bristles undeflected, a fresh
-    contact. `contact_age` is the time for which the contact has stood, for friction that remembers it.
+    Defaults: mid stroke, at rest, ambient pressure and temperature, bristles undeflected, a fresh contact.
+    `contact_age` is the age of the contact, for friction that grows with it.
     """
 
     table_name: ClassVar[str] = "initial"

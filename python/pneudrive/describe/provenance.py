@@ -1,4 +1,4 @@
-"""Where values of a drive come from: the interval of each identified one and the recordings behind it."""
+"""Provenance of values of a drive: the interval of each identified value, and its recordings."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ from pneudrive.errors import DescriptionError, nearest
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-#: Of a value that is written with all its digits and read again.
+#: Relative error of a value that is written with all its digits and read again.
 ROUNDING = 1e-9
 
 
 class Interval(NamedTuple):
-    """Lower and upper bound as written: quantities, or ``-inf`` and ``inf`` where nothing bounds them."""
+    """Lower and upper bound as written: quantities, or ``-inf`` and ``inf`` for open ends."""
 
     low: str
     high: str
 
 
 class _Ends(Quantity):
-    """Annotation of a field that takes two texts."""
+    """Annotation of a field for two texts."""
 
     def read(self, given: object) -> Interval:  # type: ignore[override]
-        """Check the form alone: the unit is that of the value."""
+        """Check only the form: the unit depends on the value."""
         pair = isinstance(given, list | tuple) and len(given) == 2
         if not pair or not all(isinstance(end, str | int | float) and not isinstance(end, bool) for end in given):  # type: ignore[union-attr]
             raise WrongValueError(f"{given!r} is not an interval", remedy='Write interval = ["29.1 N", "31.2 N"].')
         return Interval(*(str(end) for end in given))  # type: ignore[union-attr]
 
     def show(self, value: Interval) -> list[str]:  # type: ignore[override]
-        """Write both."""
+        """Write both ends."""
         return list(value)
 
     def schema(self) -> dict[str, Any]:
@@ -54,10 +54,10 @@ class _Ends(Quantity):
 
 
 class Origin(Described):
-    """Where one value comes from.
+    """Origin of one value.
 
-    `interval` holds two quantities, `confidence` the probability that it is meant to cover the truth with, `source` the
-    recordings, `fit` the hash of what was fitted, `model_error` the floor for model error where one is known.
+    `interval` holds two quantities, `confidence` its coverage probability, `source` the recordings, `fit` the hash of
+    the fit, `model_error` the lower limit of the model error, if known.
     """
 
     table_name: ClassVar[str] = "provenance"
@@ -68,7 +68,7 @@ class Origin(Described):
     model_error: str | float = ""
 
     def bounds_si(self, mark: Quantity | StatedPressure | None) -> tuple[float, float]:
-        """Return the interval in SI, pressures as they are written."""
+        """Return the interval in SI, pressures absolute or gauge as written."""
         return _end(self.interval.low, mark), _end(self.interval.high, mark)
 
 
@@ -84,14 +84,14 @@ def _end(text: str, mark: Quantity | StatedPressure | None) -> float:
 
 
 class GivenNumber(NamedTuple):
-    """A number of a description: its annotation and the number in SI."""
+    """Number of a description: its annotation and its value in SI."""
 
     mark: Quantity | StatedPressure | None
     si: float
 
 
 def values(drive: Described) -> dict[str, GivenNumber]:
-    """Every number that a drive gives, by its dotted name in the drive file.
+    """Return every number that a drive gives, by its dotted name in the drive file.
 
     Examples
     --------
@@ -103,7 +103,7 @@ def values(drive: Described) -> dict[str, GivenNumber]:
 
 
 def marks(drive: Described) -> dict[str, Quantity | StatedPressure | None]:
-    """How every number is written that a drive gives, or could give: another size of its valve, a wall temperature."""
+    """Return the annotation of every number that a drive gives or could give, such as another size of its valve."""
     out: dict[str, Quantity | StatedPressure | None] = {}
     for table, field in type(drive).model_fields.items():
         part = getattr(drive, table)
@@ -137,7 +137,7 @@ def _walk(part: Described, path: str) -> Iterator[tuple[str, GivenNumber]]:
 
 
 def check(drive: Described, origins: Mapping[str, Origin]) -> None:
-    """Refuse the origin of a value that there is not, or that lies outside its interval: it was changed by hand.
+    """Raise an error for the origin of an unknown value, or of a value outside its interval: it was changed by hand.
 
     Raises
     ------
@@ -161,13 +161,13 @@ def check(drive: Described, origins: Mapping[str, Origin]) -> None:
             raise wrong(
                 full,
                 f"{key} lies outside its interval {origin.interval.low} .. {origin.interval.high}",
-                rule="an interval holds the value that it is of",
-                remedy=f'If {key} was changed by hand, take [provenance."{key}"] out.',
+                rule="an interval contains its value",
+                remedy=f'If {key} was changed by hand, remove [provenance."{key}"].',
             )
 
 
 def kept(before: Described, after: Described, origins: Mapping[str, Origin]) -> dict[str, Any]:
-    """Return those of the origins whose values are the same in both drives, as plain tables."""
+    """Return the origins of values that are equal in both drives, as plain tables."""
     old, new = values(before), values(after)
     return {
         key: origin.to_dict()

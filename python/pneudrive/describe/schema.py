@@ -1,4 +1,4 @@
-"""The JSON schemas of the drive file and of the circuit file."""
+"""JSON schemas of the drive file and of the circuit file."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ _COPIES = {"type": "array", "items": {"type": "string"}, "minItems": 1}
 def drive_schema() -> dict[str, Any]:
     """Return the JSON schema (draft 2020-12) of a drive file.
 
-    Where a file starts from a drive of the catalogue (``drive = "catalogue:NAME"``), no table is required.
+    No table is required in a file with ``drive = "catalogue:NAME"``.
     """
     schema = Drive.model_json_schema(by_alias=True)
     required = schema.pop("required")
     schema["properties"]["drive"] = {
         "type": "string",
         "pattern": "^catalogue:.+$",
-        "description": "Drive of the catalogue to start from; what the file gives replaces its values.",
+        "description": "Drive of the catalogue to start from; values of the file replace its values.",
     }
-    model = {"enum": list(TUBES), "default": "steady", "description": "How the tube is modelled; or kind"}
+    model = {"enum": list(TUBES), "default": "steady", "description": "Model of the tube; alternative to kind"}
     for table, kind in (("tubing", "tube"), ("flow_control", "flow-control")):
         schema["properties"][table] = _for_each_chamber(kind, {"model": model} if kind == "tube" else {})
     whole = {"required": required, "properties": {"drive": False}}
@@ -46,7 +46,7 @@ def circuit_schema() -> dict[str, Any]:
         one = made.model_json_schema(by_alias=True)
         one["properties"] |= {old: one["properties"][key] | {"deprecated": True} for old, key in made.renamed.items()}
         definitions |= one.pop("$defs", {})
-        if entry["formula"]:  # its parameters are keys, too
+        if entry["formula"]:  # parameters of the formula are keys, too
             one["properties"]["formula"] = {"anyOf": [{"type": "string", "pattern": "^file:.+$"}, {"type": "object"}]}
             one["additionalProperties"] = {"type": ["string", "number", "object"]}
         whole = _with_tables(one)
@@ -62,14 +62,14 @@ def circuit_schema() -> dict[str, Any]:
         "minProperties": 1,
     }
     for table in TABLES:
-        schema["properties"][table] = {"type": "object", "description": f"As [{table}] of a drive file"}
+        schema["properties"][table] = {"type": "object", "description": f"Same as [{table}] of a drive file"}
     required = [key for key in schema.pop("required", []) if key != "components"]
     schema |= {"required": required} if required else {}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
 def _for_each_chamber(kind: str, more: dict[str, Any]) -> dict[str, Any]:
-    """Describe a table of lines: one for each chamber. A size of a flow control alone is that of its needle."""
+    """Return the schema of a table of lines for each chamber; a flow control's size without prefix is its needle's."""
     own = component_class(kind).model_json_schema(by_alias=True)["properties"]
     keys = {key: form for key, form in own.items() if key != "kind"}
     keys |= {key.removeprefix("needle_"): form for key, form in keys.items() if key.startswith("needle_")}
@@ -78,7 +78,7 @@ def _for_each_chamber(kind: str, more: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_origin(form: dict[str, Any]) -> dict[str, Any]:
-    """Let a value stand with where it comes from; a choice and a table are described as they are."""
+    """Allow a value with its origin; choices and tables stay unchanged."""
     if "x-unit" not in form and form.get("type") != "number" and "anyOf" not in form:
         return form
     said = {key: {"type": "string"} for key in ("source", "assumed", "note")}
@@ -92,9 +92,9 @@ def _with_origin(form: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_tables(component: dict[str, Any]) -> dict[str, Any]:
-    """Let ``end_stop_stiffness`` and its like stand in a table ``end_stop``, too."""
+    """Allow ``end_stop_stiffness`` and similar keys in a table ``end_stop``, too."""
     properties, required = dict(component["properties"]), component.get("required", [])
-    parted: dict[tuple[str, ...], str] = {}  # keys that a table may hold -> its name, the longest one
+    parted: dict[tuple[str, ...], str] = {}  # keys of a possible inner table -> its longest name
     for key in component["properties"]:
         for end, sign in enumerate(key):
             same = tuple(other for other in component["properties"] if other.startswith(key[: end + 1]))

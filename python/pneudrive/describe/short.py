@@ -1,8 +1,8 @@
-"""The short form of a circuit: the tables of a drive file as components with their usual joints.
+"""Short form of a circuit: the tables of a drive file as components with their usual joints.
 
 ``[supply]``, ``[valve]`` and ``[cylinder]`` are components of these names, ``[friction]`` belongs to the cylinder,
-``[load]`` moves with it; ``[tubing]`` and ``[flow_control]`` lie between valve and cylinder, for each chamber. All keys
-are renamed, none is computed.
+``[load]`` moves with it; ``[tubing]`` and ``[flow_control]`` lie between valve and cylinder, for each chamber. Keys
+are only renamed; no value is computed.
 """
 
 from __future__ import annotations
@@ -25,30 +25,30 @@ if TYPE_CHECKING:
 TABLES = ("supply", "valve", "cylinder", "friction", "load", "tubing", "flow_control")
 #: Chamber -> port of the valve that feeds it while the piston moves towards +x, or -x.
 CHAMBERS = {"a": "4", "b": "2"}
-#: Before the size of a flow control's needle and of its check valve; in the short form a size without is the needle's.
+#: Prefixes of the sizes of a flow control's needle and check valve; in the short form, none means the needle.
 _NEEDLE, _CHECK = "needle_", "check_"
-_SAME = "the check valve is taken as large as the needle"
+_SAME = "assumed as large as that of the needle"
 
 
 @dataclass
 class Short:
-    """Components that tables of a drive file stand for.
+    """Components that the tables of a drive file describe.
 
     Parameters
     ----------
     components : dict
-        Their tables by name.
+        Tables of components by name.
     places : dict
-        Key of a circuit file -> where that stands in the short form; the longest that fits holds.
+        Key of a circuit file -> its key in the short form; the longest match counts.
     """
 
     components: dict[str, dict[str, Any]] = field(default_factory=dict)
     places: dict[str, str] = field(default_factory=dict)
     chains: list[str] = field(default_factory=list)
-    given: int = 0  # connections of the user, before the usual ones
+    given: int = 0  # number of the user's connections, which precede the usual ones
 
     def located(self, key: str | None) -> str | None:
-        """Return where a key of a circuit file stands in this file."""
+        """Return the key of the short form for a key of a circuit file."""
         for known in sorted(self.places, key=len, reverse=True):
             if key is not None and (key == known or key.startswith(f"{known}.")):
                 return f"{self.places[known]}{key[len(known) :]}"
@@ -57,7 +57,7 @@ class Short:
 
 
 def expanded(data: Mapping[str, Any], problems: Problems) -> Short:
-    """Return the components of the tables of a drive file, and the joints that `connections` leaves to them."""
+    """Return the components of the tables of a drive file, and the usual joints that `connections` leaves open."""
     short = Short()
     given = _tables(data, problems)
     if "supply" in given:
@@ -83,7 +83,7 @@ def expanded(data: Mapping[str, Any], problems: Problems) -> Short:
 
 
 def _tables(data: Mapping[str, Any], problems: Problems) -> dict[str, Any]:
-    """Return the tables of a drive file that are there and have what they belong to."""
+    """Return the given tables of a drive file, without tables whose [cylinder] or [valve] is missing."""
     given = {key: data[key] for key in TABLES if key in data}
     for key, table in list(given.items()):
         if hasattr(table, "to_dict") and key != "friction":
@@ -96,14 +96,14 @@ def _tables(data: Mapping[str, Any], problems: Problems) -> dict[str, Any]:
         if key in given and missing:
             what = f"[{key}] belongs to a [cylinder]" + (" behind a [valve]" if key in _LINES else "")
             rest = " and ".join(f"[{one}]" for one in missing)
-            remedy = f"Add {rest}, or describe what it means as [components.NAME]."
-            problems.add(wrong(key, f"{what}, and there is no {rest}", remedy=remedy))
+            remedy = f"Add {rest}, or write it as [components.NAME]."
+            problems.add(wrong(key, f"{what}, but {rest} is missing", remedy=remedy))
             del given[key]
     return given
 
 
 def _add_line(short: Short, key: str, chamber: str, table: object) -> None:
-    """Add the component of a table of lines that lies before a chamber."""
+    """Add the component of a line before a chamber."""
     part, kind, renamed = _LINES[key]
     where = f"{key}.{chamber}"
     if chamber not in CHAMBERS:
@@ -113,7 +113,7 @@ def _add_line(short: Short, key: str, chamber: str, table: object) -> None:
         raise wrong(where, f"{where} = {table!r} is not a table", remedy="Write { ... }.")
     if key == "flow_control":
         for size in (size for size in FLOW_KEYS if size in table and f"{_NEEDLE}{size}" in table):
-            what = f"{where}.{size} and {where}.{_NEEDLE}{size} are one number"
+            what = f"{where}.{size} and {where}.{_NEEDLE}{size} are the same number"
             raise wrong(f"{where}.{size}", what, remedy=f"Keep {_NEEDLE}{size}.")
     name = f"{part}_{chamber}"
     try:
@@ -131,14 +131,14 @@ def _add(short: Short, name: str, place: str, table: dict[str, Any]) -> None:
 
 
 def _of_kind(table: Mapping[str, Any], family: str) -> dict[str, Any]:
-    """Return the table with the kind of the component: ``rodless`` of a cylinder is ``cylinder/rodless``."""
+    """Return the table with the kind of the component: ``rodless`` becomes ``cylinder/rodless``."""
     kind = table.get("kind")
     is_short = isinstance(kind, str) and not kind.startswith(f"{family}/")
     return dict(table) | ({"kind": f"{family}/{kind}"} if is_short else {})
 
 
 def _flow_control(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the table of a flow control: its check valve is as large as its needle where nothing is said."""
+    """Return the table of a flow control; the default size of its check valve is that of its needle."""
     out = {f"{_NEEDLE}{key}" if key in FLOW_KEYS else key: given for key, given in table.items()}
     needle = {size: out[f"{_NEEDLE}{size}"] for size in FLOW_KEYS if f"{_NEEDLE}{size}" in out}
     if not any(f"{_CHECK}{size}" in out for size in FLOW_KEYS):
@@ -148,19 +148,19 @@ def _flow_control(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def beside_control(old: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a flow control keeps beside keys of a user: another size of a way through it takes its place."""
+    """Return the keys that a flow control keeps: a user's size of a flow path replaces its old size."""
     given = {_path(key) for key in own} - {""}
     return {key: value for key, value in old.items() if _path(key) not in given}
 
 
 def _path(key: str) -> str:
-    """Return which way through a flow control a key is the size of; nothing where it is none."""
+    """Return the flow path, needle or check valve, whose size a key is; empty for another key."""
     size = key.removeprefix(_NEEDLE).removeprefix(_CHECK)
     return "" if size not in FLOW_KEYS else _CHECK if key.startswith(_CHECK) else _NEEDLE
 
 
 def _tube(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the table of a tube, whose kind may be given as a model."""
+    """Return the table of a tube, with its kind from the key `model`."""
     out = dict(table)
     if "model" in out:
         model = out.pop("model")
@@ -175,7 +175,7 @@ def _tube(table: Mapping[str, Any]) -> dict[str, Any]:
 _ENDS = ["valve", "cylinder"]
 #: Kind of a tube by its `model`.
 TUBES = {"auto": "tube/auto", "steady": "tube", "lumped": "tube/lumped", "distributed": "tube/distributed"}
-#: Table of lines -> name of its components, their kind, and how its keys become theirs; in the order from the valve.
+#: Table of lines -> name of its components, their kind, conversion of its keys; in the order from the valve.
 _LINES: dict[str, tuple[str, str, Any]] = {
     "tubing": ("tube", "tube", _tube),
     "flow_control": ("flow_control", "flow-control", _flow_control),
@@ -183,7 +183,7 @@ _LINES: dict[str, tuple[str, str, Any]] = {
 
 
 def _join(short: Short, data: Mapping[str, Any]) -> None:
-    """Add the usual joints, but those of ports that `connections` or `plugged` name."""
+    """Add the usual joints, except for ports that `connections` or `plugged` name."""
     lists = [data.get(key) for key in ("connections", "plugged")]
     words = {word.strip() for text in _texts(lists) for word in text.split(ARROW)}
     named = words | {word.partition(".")[0] for word in words if "." in word}
@@ -207,6 +207,6 @@ def _texts(lists: Sequence[Any]) -> Iterator[str]:
 
 
 def _has_ports(table: Mapping[str, Any], *names: str) -> bool:
-    """Whether a valve has ports of these names; one of the catalogue, whose kind is not known here, has."""
+    """Return whether a valve has ports of these names; True for a valve of the catalogue, of unknown kind here."""
     entry = component_kinds().get(table.get("kind", ""))
     return entry is None or set(names) <= {port["name"] for port in entry["ports"]}

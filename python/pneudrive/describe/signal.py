@@ -1,4 +1,4 @@
-"""The electrical signal that commands a valve: which voltage or current means which opening."""
+"""Electrical input of a valve: conversion of a voltage or current to an opening."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pneudrive import units
 from pneudrive.describe.base import Quantity, WrongValueError
 from pneudrive.errors import CommandError, DescriptionError
 
-# SI unit -> unit in which it is written
+# SI unit -> preferred unit
 _WRITTEN = {"V": "V", "A": "mA"}
 _FORM = '"0 V .. 10 V" or "4 mA .. 20 mA"'
 
@@ -17,7 +17,7 @@ _FORM = '"0 V .. 10 V" or "4 mA .. 20 mA"'
 class Signal(NamedTuple):
     """Range of a valve's electrical input, V or A.
 
-    Its lower end opens b fully to the supply (u = -1), its upper end a (u = 1); the valve is shut half-way.
+    The lower end opens b fully to the supply (u = -1), the upper end a (u = 1); the valve is shut in the middle.
     """
 
     low: float
@@ -34,7 +34,7 @@ class Signal(NamedTuple):
         Raises
         ------
         CommandError
-            It is another quantity, or lies outside the range.
+            The text is another quantity, or outside the range.
 
         Examples
         --------
@@ -52,7 +52,7 @@ class Signal(NamedTuple):
 
 @dataclass(frozen=True)
 class SignalRange(Quantity):
-    """Annotation of a field that takes a range of voltage or current and stores a `Signal`."""
+    """Annotation of a field for a range of voltage or current, stored as a `Signal`."""
 
     def read(self, given: object) -> Signal:  # type: ignore[override]
         """Read ``"0 V .. 10 V"``."""
@@ -68,11 +68,11 @@ class SignalRange(Quantity):
             raise WrongValueError(what, error.rule, f"Write {_FORM}.") from None
 
     def show(self, value: Signal) -> str:  # type: ignore[override]
-        """Write it as users would."""
+        """Write the range as users would."""
         return str(value)
 
     def schema(self) -> dict[str, Any]:
-        """Describe the form in which users write it."""
+        """Return the JSON schema of the form that users write."""
         return {
             "type": "string",
             "pattern": r"^.+\.\..+$",

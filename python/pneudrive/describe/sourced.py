@@ -1,4 +1,4 @@
-"""A value that says where it comes from: ``{ value = "25 mm", source = "..." }``, or ``assumed`` and why."""
+"""Values with their origin: ``{ value = "25 mm", source = "..." }``, or ``assumed = "reason"``."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _KEYS = ("value", "source", "assumed", "note")
 
 @dataclass(frozen=True)
 class Value:
-    """One value and where it comes from.
+    """Value with its origin.
 
     Parameters
     ----------
     key : str
-        Dotted key of the table that it is of.
+        Dotted key in its table.
     value : object
-        As it stands in a description.
+        Value as written in a description.
     source : str or None
         Key of references.bib, or the source in words.
     assumed : str or None
-        Why it is assumed, where it has no source.
+        Reason for an assumed value, which has no source.
     note : str
-        How the value comes from the source, where it is not printed there as it is.
+        Derivation of the value, where the source does not print it directly.
     """
 
     key: str
@@ -41,20 +41,20 @@ class Value:
 
     @property
     def origin(self) -> dict[str, str]:
-        """What is said of the value, as a table."""
+        """Origin of the value as a table."""
         said = {"source": self.source, "assumed": self.assumed, "note": self.note}
         return {key: text for key, text in said.items() if text}
 
     @property
     def said(self) -> str:
-        """What is said of the value, in words."""
+        """Origin of the value in words."""
         if self.source is None:
             return f"assumed: {self.assumed}"
         return f"[{self.source}]" + (f" {self.note}" if self.note else "")
 
 
 def has_origin(given: Any) -> TypeIs[dict[str, Any]]:  # noqa: ANN401
-    """Whether a table is a value that says where it comes from."""
+    """Return whether a table is a value with its origin."""
     return isinstance(given, dict) and "value" in given and set(given) <= set(_KEYS)
 
 
@@ -64,19 +64,21 @@ def read(key: str, given: object) -> Value:
     Raises
     ------
     DescriptionError
-        It has neither a source nor a reason, or both.
+        The value has neither a source nor a reason, or both.
     """
     table = given if isinstance(given, dict) else {}
     origins = [word for word in ("source", "assumed") if word in table]
     if not has_origin(given) or len(origins) != 1 or not all(isinstance(table.get(w, ""), str) for w in _KEYS[1:]):
         how = "both a source and a reason" if len(origins) == 2 else "neither a source nor a reason"
         remedy = 'Write { value = ..., source = "..." } or { value = ..., assumed = "why" }.'
-        raise wrong(key, f"{key} has {how}", rule="value, and source or assumed; note where it helps", remedy=remedy)
+        raise wrong(
+            key, f"{key} has {how}", rule="keys: value, one of source and assumed, optionally note", remedy=remedy
+        )
     return Value(key, table["value"], table.get("source"), table.get("assumed"), table.get("note", ""))
 
 
 def parted(table: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Value]]:
-    """Return a table with plain values, and those of its values that say where they come from by dotted key.
+    """Split a table into plain values, and values with their origin by dotted key.
 
     Raises
     ------
@@ -108,7 +110,7 @@ def _plain(given: Any) -> Any:  # noqa: ANN401 - any kind of value
 
 
 def put_back(table: dict[str, Any], origins: Mapping[str, Value]) -> dict[str, Any]:
-    """Write values of a table with where they come from; those that the table has no more are left out."""
+    """Add origins to the values of a table; origins of values that the table lacks are dropped."""
     for dotted, value in origins.items():
         *path, last = dotted.split(".")
         at: Any = table

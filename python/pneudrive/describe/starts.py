@@ -1,4 +1,4 @@
-"""The state in which a circuit starts: what is given of it, and what the rest follows from."""
+"""Start state of a circuit: given values, and derived values for the rest."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.parts import Ambient
 
 PRESSURE, TEMPERATURE, POSITION, VELOCITY = "pressure_pa", "temperature_k", "position_m", "velocity_m_s"
-#: Start values by the last part of their name in the core: their key, and how they are written.
+#: Last part of a start value's name in the core -> its key and its annotation.
 _MARKS: dict[str, tuple[str, Quantity | StatedPressure]] = {
     PRESSURE: ("pressure", StatedPressure()),
     TEMPERATURE: ("temperature", Quantity("K", "K", Bounds(above=0.0))),
@@ -27,12 +27,12 @@ _MARKS: dict[str, tuple[str, Quantity | StatedPressure]] = {
 
 
 class Starts:
-    """The start values of a circuit.
+    """Start values of a circuit.
 
     Parameters
     ----------
     names : sequence of str
-        As the core has them: ``left.position_m``, ``left.a.pressure_pa``, ``tank.pressure_pa``.
+        Names in the core: ``left.position_m``, ``left.a.pressure_pa``, ``tank.pressure_pa``.
     components : mapping
     wiring : Wiring
     ambient : Ambient
@@ -42,8 +42,8 @@ class Starts:
         self, names: Sequence[str], components: Mapping[str, Component], wiring: Wiring, ambient: Ambient
     ) -> None:
         self.names, self.components, self.wiring, self.ambient = names, components, wiring, ambient
-        self.places: dict[str, Joint] = {}  # what a start of gas belongs to -> its joint
-        self.keys = {_key(name): name for name in names}  # as users write them
+        self.places: dict[str, Joint] = {}  # port or component with gas -> its joint
+        self.keys = {_key(name): name for name in names}  # key as users write it -> name in the core
         for name in names:
             of, _, last = name.rpartition(".")
             if last == PRESSURE:
@@ -51,7 +51,7 @@ class Starts:
                 self._place(of)
 
     def _place(self, of: str) -> None:
-        """Find the joint to whose gas a start belongs, which may be named by each of its ports."""
+        """Find the joint of a start value of gas, and add the names of all ports of the joint."""
         for port, joint in self.wiring.at.items():
             if of == port.id or (of == port.component and port.holds == "volume"):
                 self.places[of] = joint
@@ -62,17 +62,17 @@ class Starts:
                 return
 
     def values(self, *given: Mapping[str, Any]) -> tuple[dict[str, float], list[str]]:
-        """Return all start values in SI, and what of them was assumed.
+        """Return all start values in SI, and notes on the assumed ones.
 
         Parameters
         ----------
         *given : mapping
-            Tables as users write them, nested or with dotted keys; a later one replaces values of an earlier one.
+            Tables as users write them, nested or with dotted keys; a later one overrides an earlier one.
 
         Raises
         ------
         DescriptionError
-            An unknown key, or a value that does not fit.
+            A key is unknown, or a value does not fit.
         """
         known: dict[str, float] = {}
         problems = Problems()
@@ -81,7 +81,7 @@ class Starts:
                 name = self.keys.get(key)
                 if name is None:
                     own = [_key(one) for one in self.names]
-                    raise wrong(f"initial.{key}", f"{key} is no start value", remedy=nearest(key, own))
+                    raise wrong(f"initial.{key}", f"{key} is not a start value", remedy=nearest(key, own))
                 known[name] = self._read(key, name, value)
         problems.tell()
         notes: list[str] = []
@@ -117,15 +117,15 @@ class Starts:
         return getattr(self.components.get(of), "stroke_m", None)
 
     def _otherwise(self, of: str, last: str) -> float:
-        """Mid stroke, at rest, ambient temperature, a fresh contact."""
+        """Return the default: mid stroke, at rest, ambient temperature, a fresh contact."""
         if last == TEMPERATURE:
             return self.ambient.temperature_k
         return 0.5 * (self._stroke(of) or 0.0) if last == POSITION else 0.0
 
     def _moved(self, of: str, last: str, known: Mapping[str, float]) -> float:
-        """Return position or velocity of a mass: one without a stroke goes along with what it is coupled to."""
+        """Return position or velocity of a mass: one without a stroke moves with the mass to which it is coupled."""
         found = [of]
-        for name in found:  # grows as it is looked at
+        for name in found:  # grows during the loop
             if f"{name}.{last}" in known:
                 return known[f"{name}.{last}"]
             if self._stroke(name) is not None and f"{name}.{last}" in self.names:
@@ -136,9 +136,9 @@ class Starts:
         return self._otherwise(of, last)
 
     def _pressure(self, of: str, known: Mapping[str, float], notes: list[str]) -> float:
-        """Return the pressure to which gas has settled: the one given or held nearest by, over what is always open."""
+        """Return the settled pressure of gas: the nearest given or constant one along paths that are always open."""
         if of not in self.places:
-            notes = []  # of a cell within a component: what is said of the joint holds for it
+            notes = []  # of a cell within a component: the note of the joint covers it
         starts = {joint: name for name, joint in self.places.items() if f"{name}.{PRESSURE}" in known}
         held: Port | None = None
         for joint in self._reached(self.places.get(of) or self._before(of)):
@@ -155,30 +155,30 @@ class Starts:
         return value
 
     def _before(self, cell: str) -> Joint | None:
-        """Return the joint at the first port of the component that a cell lies within, if gas can always pass to it."""
+        """Return the joint at the first port of a cell's component, if the path to the cell is always open."""
         own = cell.rpartition(".")[0]
         if own not in self.components or not self.components[own].entry["open"]:
             return None
         return next((joint for port, joint in self.wiring.at.items() if port.component == own), None)
 
     def _reached(self, first: Joint | None) -> Iterator[Joint]:
-        """Give the joints to which gas can always pass, nearest first; it goes up to constant pressure, not past."""
+        """Yield the joints along paths that are always open, nearest first, up to constant pressures."""
         always = {name for name, one in self.components.items() if one.entry["open"]}
         found = [] if first is None else [first]
-        for joint in found:  # grows as it is looked at
+        for joint in found:  # grows during the loop
             yield joint
             if not joint.is_constant:
                 found += [other for other in dict.fromkeys(self.wiring.across(joint, always)) if other not in found]
 
 
 def _key(name: str) -> str:
-    """Return a start value's name without the unit, as users write it."""
+    """Return the key of a start value, without its unit."""
     of, _, last = name.rpartition(".")
     return f"{of}.{_written(last)[0]}"
 
 
 def _written(last: str) -> tuple[str, Quantity | StatedPressure]:
-    """Return the key and the annotation of a start value; what is not listed is a pure number."""
+    """Return the key and the annotation of a start value; the default is a pure number."""
     return _MARKS.get(last, (last, Quantity("")))
 
 

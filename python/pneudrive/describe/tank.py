@@ -1,6 +1,6 @@
-"""A tank: a volume without a piston, on a line, perhaps through a tube, and with a leak.
+"""Tanks: a fixed volume on a line, optionally through a tube, with a leak.
 
-Leak-down, discharge and charging tests have it.
+Leak-down, discharge and charging tests use it.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from pneudrive.describe.components import Component, component, within
 from pneudrive.describe.parts import NOT_NEGATIVE, Ambient, Gas
 from pneudrive.errors import DescriptionError
 
-#: The kind of component that the tube of a tank is.
+#: Kind of component of a tank's tube.
 TUBE = "tube/distributed"
 _TEMPERATURE = Quantity("K", "K", Bounds(above=0.0))
 
 
 class FixedVolume(Described):
-    """The volume, and what passes its wall.
+    """Fixed volume with the heat transfer and leakage of its wall.
 
-    Heat passes the whole wall at `heat_transfer` times the difference of temperatures: 0 is adiabatic, much is
-    isothermal. `leakage` is the sonic conductance of the leak into the ambient air; its critical pressure ratio is
-    assumed to be 0.2. Wall, and gas at the start of a recording, have the ambient temperature where nothing is said.
+    The heat flow through the whole wall is `heat_transfer` times the difference of temperatures: 0 is adiabatic, a
+    large value isothermal. `leakage` is the sonic conductance of the leak into the ambient air; its critical pressure
+    ratio is assumed to be 0.2. The wall, and the gas at the start of a recording, are ambient by default.
     """
 
     table: ClassVar[str] = "volume"
@@ -40,9 +40,9 @@ class FixedVolume(Described):
 
 
 class Line(Described):
-    """What joins the volume to gas of constant pressure: a nozzle, a tube, a valve, by its conductance (ISO 6358).
+    """Flow path between the volume and gas of constant pressure: a nozzle, a tube, a valve (ISO 6358).
 
-    `pressure` and `temperature` are those on its other side; ambient where nothing is said.
+    `pressure` and `temperature` are those on the far side; the default is ambient.
     """
 
     table: ClassVar[str] = "line"
@@ -63,7 +63,7 @@ class Line(Described):
 
 
 def _tube(table: object) -> object:
-    """Read the table of the tube as that of a component with waves."""
+    """Read the table of the tube as a component with waves."""
     if not isinstance(table, dict):
         return table
     if table.get("kind", TUBE) != TUBE:
@@ -75,7 +75,7 @@ def _tube(table: object) -> object:
 
 
 class Tank(Described):
-    """A fixed volume on a line, or shut where there is no line; a tube may lie between line and volume.
+    """Fixed volume on a line, or shut without a line; a tube may lie between line and volume.
 
     Examples
     --------
@@ -96,7 +96,9 @@ class Tank(Described):
     @model_validator(mode="after")
     def _tube_on_a_line(self) -> Tank:
         if self.tube is not None and self.line is None:
-            raise wrong("tube", "the tube leads nowhere", rule="a tube lies between [line] and [volume]")
+            raise wrong(
+                "tube", "the tube is not connected: [line] is missing", rule="a tube lies between [line] and [volume]"
+            )
         return self
 
     @classmethod
@@ -106,7 +108,7 @@ class Tank(Described):
         Raises
         ------
         DescriptionError
-            Something is wrong; the message names file, line, value, rule and remedy.
+            The file is not valid; the message gives file, line, value, rule and remedy.
         """
         tables, text = toml.read(source)
         with toml.locating(source, text):
@@ -114,11 +116,11 @@ class Tank(Described):
 
     @classmethod
     def is_file(cls, source: str | Path) -> bool:
-        """Whether a file describes a tank rather than a drive: it has a table [volume]."""
+        """Return whether a file describes a tank rather than a drive: it has a table [volume]."""
         return toml.has(source, "volume")
 
     def replace(self, changes: dict[str, Any]) -> Tank:
-        """Return a tank with some values changed, checked anew: ``{"line.conductance": "2 dm3/(s bar)"}``."""
+        """Return a tank with some values changed and checked again: ``{"line.conductance": "2 dm3/(s bar)"}``."""
         tables = self.to_dict()
         for key, value in changes.items():
             toml.put(tables, key, value)
@@ -131,7 +133,7 @@ class Tank(Described):
         return self.core_form()["volume"]["wall_temperature_k"] if said is None else said
 
     def core_form(self) -> dict[str, Any]:
-        """Return the SI form of the description that the core takes."""
+        """Return the description in the core's form, in SI."""
         ambient, line = self.ambient.core(), self.line
         volume = {"wall_temperature_k": ambient["temperature_k"]} | self.volume.stored()
         volume.pop("start_temperature_k", None)

@@ -1,4 +1,4 @@
-"""TOML as users write it: where a key stands, what is wrong with a file, and how a table is written back."""
+"""TOML files of users: reading with the lines of keys, errors with file and line, and writing."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 _HEADER = re.compile(r"\s*\[\[?\s*([^\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _KEY = r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'"""
 _ASSIGNMENT = re.compile(rf"\s*((?:{_KEY})(?:\s*\.\s*(?:{_KEY}))*)\s*=\s*(.*)$")
-LONGEST_LINE = 10_000  # of a line no more is looked at for keys
+LONGEST_LINE = 10_000  # characters of a line in which keys are looked for
 _INLINE = re.compile(rf"(?:^|[{{,])\s*({_KEY})\s*=")
-_TEXTS = re.compile(r""""(?:\\.|[^"\\])*"|'[^']*'|(?P<end>[#\]{])""")  # the texts of an array, up to what is none
+_TEXTS = re.compile(r""""(?:\\.|[^"\\])*"|'[^']*'|(?P<end>[#\]{])""")  # the leading texts of an array
 
 
 def read(
@@ -40,11 +40,11 @@ def read(
     Parameters
     ----------
     path : path-like
-        The file.
+        Path of the file.
     kind : type of PneudriveError
-        What to raise.
+        Class of the errors.
     start : str
-        What to do about an empty file.
+        Remedy for an empty file.
 
     Returns
     -------
@@ -54,7 +54,7 @@ def read(
     Raises
     ------
     PneudriveError
-        The file is not there, not readable, empty, binary or not TOML; the message names file and line.
+        The file does not exist, or is not readable, empty, binary or not TOML; the message gives file and line.
     """
     path = Path(path)
     if not exists(path):
@@ -66,12 +66,12 @@ def read(
 
 
 def parse(text: str, origin: str, kind: type[PneudriveError] = DescriptionError) -> dict[str, Any]:
-    """Read TOML text; `origin` is what a message calls it.
+    """Read TOML text; `origin` is its name in messages.
 
     Raises
     ------
     PneudriveError
-        It is not TOML, or nested too deep; the message names the line.
+        The text is not TOML, or nested too deep; the message gives the line.
     """
     check_nesting(text, origin, kind)
     try:
@@ -88,14 +88,14 @@ def _is_dict(value: object) -> bool:
 
 
 def is_table(value: object) -> bool:
-    """Tell a table of keys from a value, which may be a table that says its source."""
+    """Return whether a value is a table of keys, not a value with its source."""
     return isinstance(value, dict) and not {"value", "source"} & set(value)
 
 
 def merge(
     base: Mapping[str, Any], changes: Mapping[str, Any], is_inner: Callable[[object], bool] = _is_dict
 ) -> dict[str, Any]:
-    """Put changes over a base, table by table; what is no inner table takes the place of the whole old value.
+    """Merge changes over a base, table by table; a change that is not a table replaces the old value.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def merge(
 
 
 def put(tables: dict[str, Any], key: str, value: object) -> None:
-    """Put a value at a dotted key into tables, which are made where they are missing."""
+    """Set the value of a dotted key; missing tables are created."""
     *path, last = key.split(".")
     for table in path:
         tables = tables.setdefault(table, {})
@@ -118,7 +118,7 @@ def put(tables: dict[str, Any], key: str, value: object) -> None:
 
 
 def nested(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
-    """Return the tables of values by dotted keys.
+    """Return nested tables from values by dotted keys.
 
     Examples
     --------
@@ -132,7 +132,7 @@ def nested(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def has(source: str | Path, key: str) -> bool:
-    """Whether a file has a key at the top; what cannot be read has none, and whoever reads it next says why."""
+    """Return whether a file has a top-level key; False for an unreadable file, whose reader will report it."""
     if not exists(Path(source)):
         return False
     try:
@@ -143,7 +143,7 @@ def has(source: str | Path, key: str) -> bool:
 
 @contextmanager
 def locating(path: str | Path, text: str, kind: type[PneudriveError] = DescriptionError) -> Iterator[None]:
-    """Give what is wrong with a file its lines, as errors of a kind; `located` says how."""
+    """Add lines of a file to the errors raised in the block, as errors of a kind; see `located`."""
     try:
         yield
     except DescriptionError as error:
@@ -152,16 +152,16 @@ def locating(path: str | Path, text: str, kind: type[PneudriveError] = Descripti
 
 
 def located(error: DescriptionError, path: str | Path, text: str) -> DescriptionError:
-    """Add file, line and, where no value is shown yet, the line's text to an error that knows its key.
+    """Add file, line and, if the error shows no value, the line's text to an error with a key.
 
-    Other errors that it carries are located too; all are put in the order of their lines.
+    The errors that it carries get their lines too; all are sorted by line.
     """
     found = [_located(one, path, text) for one in error.each() if isinstance(one, DescriptionError)]
     return together([one for _, one in sorted(found, key=lambda pair: pair[0])])
 
 
 def _located(error: DescriptionError, path: str | Path, text: str) -> tuple[int, DescriptionError]:
-    if error.where:  # in another file
+    if error.where:  # already located in another file
         return 0, error
     line = line_of(text, error.key) if error.key else None
     value = _line(text, line) if line and error.value is None else error.value
@@ -174,7 +174,7 @@ def _located(error: DescriptionError, path: str | Path, text: str) -> tuple[int,
 def line_of(text: str, key: str) -> int | None:
     r"""Return the line (from 1) on which a dotted key is given, or that of its nearest table.
 
-    An entry of a list of texts is asked for by its number, from 0.
+    The key of an entry of a list of texts ends with its number, from 0.
 
     Examples
     --------
@@ -194,8 +194,8 @@ def line_numbers(text: str) -> dict[str, int]:
     lines: dict[str, int] = {}
     counts: dict[str, int] = {}
     table = ""
-    fence = None  # inside a multi-line string nothing is a key
-    texts: tuple[str, int] | None = None  # list of texts that goes on, and how many of them there were
+    fence = None  # a multi-line string contains no keys
+    texts: tuple[str, int] | None = None  # name of an open list of texts, and the number of its texts so far
     for number, whole in enumerate(text.splitlines(), start=1):
         line = whole[:LONGEST_LINE]
         if fence is not None:
@@ -219,7 +219,7 @@ def line_numbers(text: str) -> dict[str, int]:
 
 
 def _table(header: str, *, is_one_of_many: bool, counts: dict[str, int]) -> str:
-    """Return the name of a table; one of many has its number behind it."""
+    """Return the name of a table; in an array of tables with its number."""
     table = _dotted(header)
     if not is_one_of_many:
         return table
@@ -228,7 +228,7 @@ def _table(header: str, *, is_one_of_many: bool, counts: dict[str, int]) -> str:
 
 
 def _texts(line: str, name: str, count: int, number: int, lines: dict[str, int]) -> tuple[str, int] | None:
-    """Note the line of each text of a list on a line; return name and count where the list goes on behind it."""
+    """Store the line of each text of a list; return name and count if the list continues on the next line."""
     for found in _TEXTS.finditer(line):
         if found["end"]:
             return (name, count) if found["end"] == "#" else None
@@ -238,7 +238,7 @@ def _texts(line: str, name: str, count: int, number: int, lines: dict[str, int])
 
 
 def write(tables: dict[str, Any]) -> str:
-    """Write plain values and nested tables as TOML; small tables of plain values inside a table go on one line.
+    """Write plain values and nested tables as TOML; a small inner table of plain values takes one line.
 
     Examples
     --------
@@ -259,7 +259,7 @@ def write(tables: dict[str, Any]) -> str:
 
 
 def tables_of(name: str, table: dict[str, Any]) -> list[str]:
-    """Write a table, and those in it that are too deep for a line as tables of their own."""
+    """Write a table, and its inner tables that do not fit on a line as separate tables."""
     deep = {key: value for key, value in table.items() if _depth(value) > 2}
     body = [f"{key_text(key)} = {value_text(value)}" for key, value in table.items() if key not in deep]
     blocks = ["\n".join([f"[{name}]", *body])]
@@ -283,7 +283,7 @@ def value_text(value: object) -> str:
     if isinstance(value, Integral):
         return str(int(value))
     if isinstance(value, Real):
-        return repr(float(value))  # all digits; nan, inf and -inf as TOML writes them
+        return repr(float(value))  # repr: all digits, and nan, inf and -inf as in TOML
     if isinstance(value, str):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"')
         escaped = re.sub(r"[\x00-\x1f\x7f]", lambda m: f"\\u{ord(m[0]):04x}", escaped)
@@ -292,7 +292,7 @@ def value_text(value: object) -> str:
         return "{ " + ", ".join(f"{key_text(k)} = {value_text(v)}" for k, v in value.items()) + " }"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(value_text(v) for v in value) + "]"
-    msg = f"{type(value).__name__} has no form in TOML"
+    msg = f"a {type(value).__name__} cannot be written as TOML"
     raise TypeError(msg)
 
 
@@ -311,7 +311,7 @@ def _line(text: str, number: int) -> str:
 
 
 def _syntax(message: str, text: str) -> tuple[str, int]:
-    """Split the parser's complaint into what and line; at the end of the document it names no line."""
+    """Split the parser's error into text and line; an error at the end of the document has no line."""
     place = re.search(r"\s*\(at (?:line (\d+), column \d+|end of document)\)", message)
     line = int(place[1]) if place and place[1] else len(text.splitlines())
     what = re.sub(r"\s*\(at [^)]*\)", "", message)
@@ -319,9 +319,9 @@ def _syntax(message: str, text: str) -> tuple[str, int]:
 
 
 def beside(path: Path) -> str:
-    """Name the files beside a missing one, which is usually mistyped."""
+    """Return a remedy for a missing file, usually a typing error: the TOML files in its folder."""
     folder = path.parent
     if not folder.is_dir():
-        return f"The folder {folder} is not there either."
+        return f"The folder {folder} does not exist either."
     found = sorted(p.name for p in folder.glob("*.toml"))[:6]
     return f"TOML files in {folder}: {', '.join(found)}." if found else f"There is no TOML file in {folder}."

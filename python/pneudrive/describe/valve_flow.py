@@ -1,7 +1,7 @@
-"""The sonic conductance of a valve from what its datasheet gives.
+"""Sonic conductance of a valve from the data of its datasheet.
 
-ISO 6358 describes a flow path by C and b; datasheets also give a nominal flow, Kv or Cv. The flow law itself is the
-core's. Each function says what it assumes, and `docs/guide/valve-flow.md` how far that carries.
+ISO 6358 describes a flow path by C and b; datasheets also give a nominal flow, Kv or Cv. The core has the flow
+law itself. Each function states its assumptions, and `docs/guide/valve-flow.md` their accuracy.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 
 WATER_DENSITY_KG_M3 = 1000.0  # in the definition of Kv [iec60534-1]
 BAR_PA = 1.0e5
-# Kv of a path with Cv = 1: one US gallon a minute at one pound per square inch, in cubic metres an hour at one bar
+# Kv of a path with Cv = 1: one US gallon per minute at 1 psi, in m3/h at 1 bar
 KV_PER_CV = 3.785411784e-3 * 60.0 * math.sqrt(BAR_PA / 6894.757293168361)
 
 
 def openings(command: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Share of the full conductance that each edge of a proportional valve has open, shape (n, 4).
+    """Return the open share of the full conductance of each edge of a proportional valve, shape (n, 4).
 
-    The edges are those of the core: supply to a, a to exhaust, supply to b, b to exhaust.
+    Columns are the edges: supply to a, a to exhaust, supply to b, b to exhaust.
     """
     extend, retract = np.maximum(command, 0.0), np.maximum(-command, 0.0)
     return np.column_stack([extend, retract, retract, extend])
@@ -44,9 +44,9 @@ def openings(command: NDArray[np.float64]) -> NDArray[np.float64]:
 def conductance_from_nominal_flow(flow_m3_s_anr: float, b: float, m: float) -> float:
     """Return C in m3/(s Pa) from the flow at 6 bar gauge before and 5 bar gauge behind the valve, at 20 degC.
 
-    q = C p1 [1 - ((r - b)/(1 - b))^2]^m with p1 = 7 bar, r = 6/7: gauge counts from the 100 kPa of the reference
-    atmosphere, as the flow itself does [iso6358-2013, iso8778-2003]. Catalogues that print C, b and the nominal flow
-    agree to the litre [smc-eus11-83].
+    q = C p1 [1 - ((r - b)/(1 - b))^2]^m with p1 = 7 bar, r = 6/7: gauge pressure and flow both refer to the 100 kPa of
+    the reference atmosphere [iso6358-2013, iso8778-2003]. Catalogues that print C, b and the nominal flow agree to the
+    litre [smc-eus11-83].
     """
     upstream, downstream = 6.0 * BAR_PA + ANR_PRESSURE_PA, 5.0 * BAR_PA + ANR_PRESSURE_PA
     return flow_m3_s_anr / (upstream * _core.flow_ratio(downstream / upstream, b, m))
@@ -65,33 +65,33 @@ def conductance_from_kv(kv_m3_h: float) -> float:
 
 
 def conductance_from_cv(cv: float) -> float:
-    """Return C in m3/(s Pa) from Cv, the flow of water in US gallons a minute at 1 psi.
+    """Return C in m3/(s Pa) from Cv, the flow of water in US gallons per minute at 1 psi.
 
-    Assumes what `conductance_from_kv` does.
+    Assumptions as in `conductance_from_kv`.
     """
     return conductance_from_kv(cv * KV_PER_CV)
 
 
-#: In which a flow path's size may be given, each instead of the others.
+#: Alternative keys of a flow path's size.
 FLOW_KEYS = ("conductance", "nominal_flow", "kv", "cv")
 
 
 def size_given(sizes: Sequence[float | None], keys: Sequence[str], of: str) -> None:
-    """Refuse a flow path whose size is given not once.
+    """Check that the size of a flow path is given exactly once.
 
     Parameters
     ----------
     sizes : sequence of float or None
-        By `FLOW_KEYS`.
+        Sizes in the order of `FLOW_KEYS`.
     keys : sequence of str
         Their keys in the table.
     of : str
-        Where the table stands, with a dot where that is somewhere.
+        Prefix of the keys: the table and a dot, or empty.
 
     Raises
     ------
     DescriptionError
-        It is not given, or more than once.
+        The size is missing, or given more than once.
     """
     given = [key for key, value in zip(keys, sizes, strict=True) if value is not None]
     if not given:
@@ -102,7 +102,7 @@ def size_given(sizes: Sequence[float | None], keys: Sequence[str], of: str) -> N
 
 
 def conductance_of(sizes: Sequence[float | None], b: float, m: float) -> float:
-    """Return C in m3/(s Pa), whichever size is given; `sizes` are by `FLOW_KEYS`."""
+    """Return C in m3/(s Pa) from the given size; `sizes` are in the order of `FLOW_KEYS`."""
     c, flow, kv, cv = sizes
     if c is not None:
         return c

@@ -1,6 +1,6 @@
-"""What is written as formulas: parameters and steps of a friction law or a component, from a file or from Python.
+"""Friction laws and components written as formulas, from a file or from Python: their parameters and steps.
 
-Formulas are read, checked and run by the core; nothing here looks into them.
+The core reads, checks and runs the formulas.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pneudrive.references import entries
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-#: How a file names formulas in a file of their own, relative to itself.
+#: Prefix of the name of a file with formulas, relative to the file that names it.
 FILE_PREFIX = "file:"
 _SIDES = ("above", "at_least", "below", "at_most")
 
@@ -31,12 +31,14 @@ Made = TypeVar("Made", bound="Written")
 
 def _unit(given: object) -> str:
     if not isinstance(given, str):
-        raise WrongValueError(f"{given!r} is no unit", remedy='Write an SI unit, unit = "N", or "-" for a pure number.')
+        raise WrongValueError(
+            f"{given!r} is not a unit", remedy='Write an SI unit, unit = "N", or "-" for a pure number.'
+        )
     return units.si_name(given)
 
 
 class WrittenParameter(Described):
-    """A parameter of formulas: its unit, its bounds and its default, in that unit or as quantities."""
+    """Parameter of formulas: unit, bounds and default, in that unit or as quantities."""
 
     unit: Annotated[str, Reads(_unit)] = Field(examples=["N"])
     above: Any = None
@@ -47,7 +49,7 @@ class WrittenParameter(Described):
     meaning: Annotated[str, Reads(str)] = ""
 
     def number(self, key: str, given: object) -> float | None:
-        """Return what is given under a key in SI."""
+        """Return the value of a key in SI."""
         if given is None:
             return None
         if isinstance(given, bool) or not isinstance(given, int | float | str):
@@ -55,17 +57,17 @@ class WrittenParameter(Described):
         return Quantity(self.unit).read_at(key, given) if isinstance(given, str) else float(given)
 
     def core(self) -> dict[str, Any]:
-        """Return it as the core takes it, without its name."""
+        """Return the parameter in the core's form, without its name."""
         for one, other in (_SIDES[:2], _SIDES[2:]):
             if getattr(self, one) is not None and getattr(self, other) is not None:
-                raise wrong(other, f"both {one} and {other} are given", rule="one for each side")
+                raise wrong(other, f"both {one} and {other} are given", rule="at most one lower and one upper bound")
         bounds = {side: bound for side in _SIDES if (bound := self.number(side, getattr(self, side))) is not None}
         out = {"unit": self.unit or "-", "bounds": bounds}
         return out | {"meaning": self.meaning, "default": self.number("default", self.usual)}
 
 
 def core_of(table: str, key: str, about: object, kind: type[WrittenParameter] = WrittenParameter) -> dict[str, Any]:
-    """Return a parameter or state of formulas, an entry of a table, as the core takes it."""
+    """Return a parameter or state, an entry of a table, in the core's form."""
     try:
         return {"key": key} | kind.model_validate(about).core()
     except DescriptionError as error:
@@ -73,7 +75,7 @@ def core_of(table: str, key: str, about: object, kind: type[WrittenParameter] = 
 
 
 class Written(Described):
-    """What friction laws and components that are written as formulas have in common."""
+    """Base of friction laws and components that are written as formulas."""
 
     called: ClassVar[str]
     plain_tables: ClassVar[tuple[str, ...]] = ("parameters", "let")
@@ -94,29 +96,29 @@ class Written(Described):
         return self
 
     def check_names(self) -> None:
-        """Refuse names that are taken, before the core looks at formulas."""
+        """Raise an error for names already in use, before the core reads the formulas."""
 
     @classmethod
     def from_tables(cls, tables: Mapping[str, Any], outputs: tuple[str, ...], unit: str) -> dict[str, Any]:
-        """Return the tables of a file with the keys of [output] beside them; the first of the outputs is needed.
+        """Return the tables of a file, with the keys of [output] at the top level; the first output is needed.
 
         Raises
         ------
         DescriptionError
-            A key stands outside the table that it belongs to, is not known, or is missing.
+            A key is outside its table, unknown or missing.
         """
         output, needed = _table(tables, "output"), outputs[0]
         known = ["output", *(key for key in cls.keys() if key not in (*outputs, "kind"))]  # noqa: SIM118 - a method
         for key in tables:
             if key in outputs:
-                raise wrong(key, f"{key} stands outside its table", remedy=f"Write it under [output]: {key} = ...")
+                raise wrong(key, f"{key} is outside its table", remedy=f"Write it under [output]: {key} = ...")
             if key not in known:
                 what = f"{key} is not a known key of a {cls.called}"
                 raise wrong(key, what, remedy=nearest(key, known))
         misplaced = next((key for key in outputs if key in _table(tables, "let")), None)
         if misplaced:
-            remedy = "Write [output] above it: a key belongs to the last table."
-            raise wrong(f"let.{misplaced}", f"{misplaced} stands under [let]", remedy=remedy)
+            remedy = "Write [output] above it: a key belongs to the table above it."
+            raise wrong(f"let.{misplaced}", f"{misplaced} is a key under [let]", remedy=remedy)
         for key in output:
             if key not in outputs:
                 rule = f"it needs {needed}, in {unit}"
@@ -133,11 +135,11 @@ class Written(Described):
 
     @cached_property
     def entry(self) -> dict[str, Any]:
-        """What the core lists of it: name, title, parameters."""
+        """Entry in the core's form: name, title, parameters."""
         raise NotImplementedError
 
     def core(self) -> dict[str, Any]:
-        """Return the formulas as the core takes them, SI throughout."""
+        """Return the formulas in the core's form, in SI."""
         return {
             "name": self.name,
             "title": self.title,
@@ -147,13 +149,13 @@ class Written(Described):
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the tables of the file, but the output."""
+        """Return the tables of the file except [output]."""
         out: dict[str, Any] = {"name": self.name}
         out |= {key: value for key in ("title", "source") if (value := getattr(self, key))}
         return out | {key: dict(value) for key in self.plain_tables if (value := getattr(self, key))}
 
     def __hash__(self) -> int:
-        """Formulas of the same text are equal."""
+        """Return the hash of the text: formulas of equal text are equal."""
         return hash(json.dumps(self.core()))
 
 
@@ -165,14 +167,14 @@ def _table(tables: Mapping[str, Any], key: str) -> dict[str, Any]:
 
 
 def load(of: Callable[[dict[str, Any]], Made], path: str | Path, guide: str) -> Made:
-    """Read formulas from a TOML file; `of` makes them of its tables.
+    """Read formulas from a TOML file; `of` makes the object from its tables.
 
     Raises
     ------
     DescriptionError
-        Something is wrong; the message names file, line, formula and column.
+        The file is not valid; the message gives file, line, formula and column.
     """
-    tables, text = toml.read(path, start=f"docs/guide/{guide} shows one to start from.")
+    tables, text = toml.read(path, start=f"docs/guide/{guide} shows an example.")
     with toml.locating(path, text):
         return of(tables)
 
@@ -180,12 +182,12 @@ def load(of: Callable[[dict[str, Any]], Made], path: str | Path, guide: str) -> 
 def written_as(
     given: object, slot: str, of: Callable[[dict[str, Any]], Made], guide: str, folder: Path | None = None
 ) -> Made | None:
-    """Return the formulas that a key means: their tables, or ``file:NAME.toml``; None where it is neither.
+    """Return the formulas of a key from their tables or ``file:NAME.toml``; None for another value.
 
     Raises
     ------
     DescriptionError
-        Something in them is wrong.
+        The formulas are not valid.
     """
     if isinstance(given, dict):
         try:
@@ -199,37 +201,37 @@ def written_as(
 
 
 def read_file(table: object, slot: str, key: str, make: Callable[[str, Path], Written | None], path: Path) -> None:
-    """Put formulas in place of the name of their file, which counts from the folder of the file that names it.
+    """Replace the name of a file by its formulas; the name is relative to the folder of the file that contains it.
 
     Parameters
     ----------
     table : object
-        The table as it was read.
+        Table as read.
     slot : str
-        Its key that names the file.
+        Key of the table that names the file.
     key : str
-        Where the table stands in the file.
+        Key of the table in its file.
     make : callable
-        Of the name and the folder.
+        Function of the name and the folder.
     path : Path
-        The file that has the table.
+        File that contains the table.
 
     Raises
     ------
     DescriptionError
-        There is no such file, or something in it is wrong.
+        The file does not exist or is not valid.
     """
     name = table.get(slot) if isinstance(table, dict) else None
     if not (isinstance(table, dict) and isinstance(name, str) and name.startswith(FILE_PREFIX)):
         return
     file = path.parent / name.removeprefix(FILE_PREFIX).strip()
     if not file.is_file():
-        raise wrong(f"{key}.{slot}", f"{key}.{slot} names a file that is not there: {file}", remedy=toml.beside(file))
+        raise wrong(f"{key}.{slot}", f"{key}.{slot} names a file that does not exist: {file}", remedy=toml.beside(file))
     table[slot] = make(name, path.parent)
 
 
 def refused(error: ValueError, outputs: tuple[str, ...]) -> DescriptionError:
-    """Return what the core says of formulas as an error with its key; `outputs` stand under [output]."""
+    """Return the core's error in formulas as an error with its key; `outputs` are keys of [output]."""
     if len(error.args) != 8:
         return DescriptionError(str(error))
     what, key, formula, line, column, shown, caret, remedy = error.args

@@ -292,7 +292,7 @@ FAULTS = {
         'kind = "tank"',
         "Move tank",
     ),
-    "form": ('kind = "reservoir"\nat = "left"', "mains.at: 'left' is no place", "at = ", "at = [12, 0]"),
+    "form": ('kind = "reservoir"\nat = "left"', "mains.at: 'left' is not a place", "at = ", "at = [12, 0]"),
     "number": ('kind = "reservoir"\nat = [1, "2 m"]', "mains.at: '2 m' is not a number", "at = ", "without unit"),
     "far": ('kind = "reservoir"\nat = [1, 1e9]', "mains.at: 1000000000.0 is out of bounds", "at = ", "not more"),
 }
