@@ -27,6 +27,22 @@ SPEEDS_M_S = (1e-3, 450e-3)
 GAUGE_PA = (0.1e5, 1.5e5)
 BAR_SECONDS, BAR_GIB = 20.0, 4.0
 
+LAYOUT = f"""
+format = "parquet"
+
+[columns]
+cycle = {{ column = "cycle" }}
+time = {{ column = "time_s", unit = "s" }}
+position = {{ column = "position_m", unit = "m" }}
+force = {{ column = "force_n", unit = "N", positive = "+x" }}
+pressure_a = {{ column = "pressure_a_pa", unit = "Pa abs" }}
+pressure_b = {{ column = "pressure_b_pa", unit = "Pa abs" }}
+
+[geometry]
+kind = "rodless"
+bore = "{BORE_M * 1e3:g} mm"
+"""
+
 MEASURED = """
 import json, resource, sys, threading, time
 from pathlib import Path
@@ -119,8 +135,6 @@ def recovered(map_path: Path, speeds: int, pressures: int) -> dict[str, float]:
 
 def main() -> None:
     """Make, measure, compare, print."""
-    from pneudrive.friction.recording.summaries import CAMPAIGN_LAYOUT
-
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--speeds", type=int, default=500)
     parser.add_argument("--pressures", type=int, default=15)
@@ -130,7 +144,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(dir=options.folder) as scratch:
         folder = options.folder if options.keep and options.folder else Path(scratch)
         campaign, layout, out = (folder / name for name in ("campaign.parquet", "layout.toml", "map.parquet"))
-        layout.write_text(CAMPAIGN_LAYOUT.format(kind="rodless", bore=f"{BORE_M * 1e3:g} mm"))
+        layout.write_text(LAYOUT)
         start = time.perf_counter()
         samples = make_campaign(campaign, options.speeds, options.pressures)
         size = campaign.stat().st_size / 2**30

@@ -31,7 +31,7 @@ __all__ = [
     "write_characteristics",
 ]
 
-# Modules that the reference lists below this name, and where they lie in `pneudrive.friction.campaign`.
+# Modules that earlier versions listed below this name, and where they lie in `pneudrive.friction.campaign`.
 _LISTED = {
     **{name: name for name in ("basics", "files", "result")},
     **{name: name for name in ("compare", "compare.comparison", "compare.curves", "stops", "stops.stop")},
