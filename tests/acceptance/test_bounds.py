@@ -87,7 +87,7 @@ FOLDERS = {
     "the rig is a list": ("rig.json", "[1]", "not a JSON object"),
     "the head is empty": ("campaign.json", "", "not JSON"),
     "the head is deep": ("campaign.json", BRACKETS, "nested deeper"),
-    "the head is a folder": ("campaign.json", None, "a folder stands where a file is needed"),
+    "the head is a folder": ("campaign.json", None, "this is a folder, but a file is needed"),
 }
 
 

@@ -179,7 +179,7 @@ def test_files_that_are_none(tmp_path, content, what):
         path.write_bytes(content)
     with pytest.raises(DescriptionError, match=what):
         pn.Drive.load(path)
-    with pytest.raises(DescriptionError, match="a folder stands where a file is needed"):
+    with pytest.raises(DescriptionError, match="this is a folder, but a file is needed"):
         pn.Drive.load(tmp_path)
 
 

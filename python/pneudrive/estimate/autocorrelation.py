@@ -1,4 +1,4 @@
-"""Standard error of a mean whose values know their neighbours."""
+"""Standard error of the mean of autocorrelated values."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: Values beyond which the autocorrelation is taken from means of neighbours: lags in between are then not needed.
+#: Number of values above which the autocorrelation is computed from means of neighbours, with fewer lags.
 MOST_VALUES = 400
 
 
 def stderr_of_mean(values: NDArray[np.float64]) -> float:
     """Estimate the standard error of the mean of a series, shape (n,), in the order of time or position.
 
-    The autocorrelation is summed until it first falls below zero. As the mean itself was taken out of the series,
-    its power is too small by the same sum, which is put right.
+    The autocorrelation is summed until it first falls below zero. Subtracting the mean of the series makes its variance
+    too small by the same sum, which is corrected.
 
     Returns
     -------
     float
-        0 where fewer than four values are given, or all are equal.
+        Standard error; 0 for fewer than four values, or equal values.
     """
     series = np.asarray(values, dtype=float)
     return float(stderrs_of_means(series[np.isfinite(series)][None, :])[0])
 
 
 def stderrs_of_means(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Estimate what `stderr_of_mean` does for many series of one length, shape (m, n), all finite."""
-    if rows.shape[1] > MOST_VALUES:  # means of neighbours keep what matters: the slow part
+    """Estimate `stderr_of_mean` for many series of one length, shape (m, n), all finite."""
+    if rows.shape[1] > MOST_VALUES:  # means of neighbours keep the slow part, which dominates
         each = rows.shape[1] // MOST_VALUES
         count = rows.shape[1] // each
         rows = rows[:, : each * count].reshape(-1, count, each).mean(axis=2)

@@ -1,13 +1,13 @@
-"""Optimal designs over a list of points that could be measured.
+"""Optimal designs over a list of candidate points.
 
-A candidate is a gradient g of its expected value by the parameters, divided by its standard deviation: measured once it
-adds g g' to the information. A nonlinear law has other gradients at other parameters, so there is one set for each
+A candidate is a gradient g of its expected value by the parameters, divided by its standard deviation: one measurement
+adds g g' to the information. The gradients of a nonlinear law depend on its parameters, so there is one set for each
 draw d of a prior, and criteria are means over the draws:
 
     D   mean of ln det M_d                the volume of the confidence region
     I   mean of trace(M_d^-1 W_d)         the variance of the prediction, averaged over a range
 
-A weighting of the candidates is D-optimal just where mean g' M^-1 g <= p at every candidate, p parameters, with
+A weighting of the candidates is D-optimal if and only if mean g' M^-1 g <= p at every candidate, p parameters, with
 equality at its support [fedorov1972].
 """
 
@@ -23,26 +23,26 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Repeats of all points that are tried where time is given.
+#: Numbers of repeats that are tried for a budget of time.
 MOST_REPEATS = 12
-#: Information added along each parameter so that a first point can be chosen, relative to that of all candidates.
+#: Information added along each parameter before the first choice, relative to that of all candidates.
 RIDGE = 1e-9
-#: Passes of exchanges; each improves the criterion, and three to six reach the end.
+#: Largest number of passes of exchanges; three to six usually suffice.
 MOST_PASSES = 40
-#: Gains below this are rounding.
+#: Smallest gain above rounding.
 LEAST_GAIN = 1e-10
 
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """Points that could be measured.
+    """Candidate points of a design.
 
     Attributes
     ----------
     gradients : ndarray, shape (d, c, p)
-        Of each draw and candidate, over the standard deviation of the measured value.
+        Gradients of each draw and candidate, divided by the standard deviation of the measured value.
     known : ndarray, shape (d, p, p)
-        Information that is there already.
+        Information from earlier measurements.
     region : ndarray, shape (d, p, p) or None
         Mean of g g' over the range of prediction, in units of the value squared; needed for I.
     """
@@ -53,12 +53,12 @@ class DesignSpace:
 
     @property
     def scale(self) -> Array:
-        """Size of each parameter's column, shape (p,): the algorithms work on columns of size one."""
+        """Size of each parameter's column, shape (p,); the algorithms work on columns of size one."""
         size = np.sqrt(np.mean(self.gradients**2, axis=(0, 1)))
         return np.where(size > 0.0, size, 1.0)
 
     def scaled(self) -> DesignSpace:
-        """Return the same candidates with columns of size one, and a ridge that makes every matrix regular."""
+        """Return the candidates with columns of size one, and a ridge that makes every matrix regular."""
         s = self.scale
         known = self.known / np.outer(s, s) + RIDGE * self.gradients.shape[1] * np.eye(s.size)
         region = None if self.region is None else self.region / np.outer(s, s)
@@ -66,20 +66,20 @@ class DesignSpace:
 
 
 def information(candidates: DesignSpace, counts: Array) -> Array:
-    """Information of each draw with `counts` (c,) measurements of each candidate, shape (d, p, p)."""
+    """Return the information of each draw with `counts` (c,) measurements of each candidate, shape (d, p, p)."""
     g = candidates.gradients
     return candidates.known + np.einsum("c,dci,dcj->dij", counts, g, g)
 
 
 def prediction_variance(candidates: DesignSpace, matrix: Array) -> Array:
-    """Mean over the draws of g' M^-1 g at each candidate, shape (c,)."""
+    """Return the mean over the draws of g' M^-1 g at each candidate, shape (c,)."""
     g = candidates.gradients
     solved = np.linalg.solve(matrix, np.swapaxes(g, 1, 2))
     return np.mean(np.einsum("dci,dic->dc", g, solved), axis=0)
 
 
 def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> NDArray[np.int64]:
-    """Choose `count` measurements, repeats allowed: the best one each time, then exchanges as long as they improve.
+    """Choose `count` measurements, repeats allowed: greedily, then by exchanges as long as they improve.
 
     Returns
     -------
@@ -108,16 +108,16 @@ def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> NDArr
 def within_budget(
     candidates: DesignSpace, cost: Array, budget: float, criterion: str = "D"
 ) -> tuple[NDArray[np.int64], int]:
-    """Choose measurements one after the other by gain for their cost (c,), as long as the budget lasts.
+    """Choose measurements in the order of their gain over their cost (c,), within the budget.
 
-    Each is chosen once and all are repeated alike, as a protocol runs them; the number of repeats is the best one.
+    Each is chosen once, and all are repeated equally often, as in a protocol; the number of repeats is optimised.
 
     Returns
     -------
     ndarray of int, shape (count,)
         Indices of candidates, sorted.
     int
-        Repeats of each.
+        Repeats of each measurement.
     """
     scaled = candidates.scaled()
     best, most = (np.zeros(0, dtype=np.int64), 1), -np.inf
@@ -138,7 +138,7 @@ def within_budget(
 
 
 def _criterion(candidates: DesignSpace, matrix: Array, criterion: str) -> float:
-    """Give what is to be large: the mean of ln det M, or minus that of trace(M^-1 W)."""
+    """Return the criterion to maximise: the mean of ln det M, or minus that of trace(M^-1 W)."""
     if criterion == "D":
         return float(np.mean(np.linalg.slogdet(matrix)[1]))
     assert candidates.region is not None
@@ -151,7 +151,7 @@ def _outer(candidates: DesignSpace, index: int) -> Array:
 
 
 def _gain(candidates: DesignSpace, matrix: Array, criterion: str) -> Array:
-    """Give what measuring each candidate once more adds to the criterion, shape (c,)."""
+    """Return the gain of the criterion from one more measurement of each candidate, shape (c,)."""
     g = candidates.gradients
     solved = np.linalg.solve(matrix, np.swapaxes(g, 1, 2))  # (d, p, c)
     leverage = np.einsum("dci,dic->dc", g, solved)

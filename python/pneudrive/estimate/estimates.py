@@ -1,4 +1,4 @@
-"""An estimate with its interval, and what can be done with one."""
+"""Estimates with their intervals."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-CONFIDENCE = 0.95  # of every interval
+CONFIDENCE = 0.95  # confidence of every interval
 #: Two-sided quantile of the normal distribution at this confidence.
 NORMAL_95 = 1.959963984540054
-CHANCE = 0.05  # probability below which an effect is said to be beyond chance
-MOST_FREEDOM = 1e6  # beyond which Student's t is the normal distribution
-CHANGED_SHARE = 0.05  # of its mean: what differs by less was held, and nothing is said to depend on it (assumed)
+CHANCE = 0.05  # p below which an effect counts as beyond chance
+MOST_FREEDOM = 1e6  # degrees of freedom above which Student's t counts as normal
+CHANGED_SHARE = 0.05  # share of its mean; a quantity that varies by less counts as held constant (assumed)
 SURE = 3.0  # standard errors of one value
 
 
 def student(dof: float, confidence: float = CONFIDENCE) -> float:
-    """Two-sided quantile of Student's t, 95 % if nothing else is said.
+    """Return the two-sided quantile of Student's t, by default 95 %.
 
-    The normal one where nothing is left to estimate the scale from.
+    Without degrees of freedom, the quantile of the normal distribution.
 
     Examples
     --------
@@ -39,17 +39,17 @@ def student(dof: float, confidence: float = CONFIDENCE) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with its 95 % interval.
+    """Value with its 95 % interval.
 
     Attributes
     ----------
     value, low, high, stderr : float
-        NaN where the data do not carry it.
+        NaN where the data do not determine it.
     unit : str
     degrees_of_freedom : float
-        Of Student's t behind the interval.
+        Degrees of freedom of Student's t of the interval.
     p : float
-        Probability of a value as far from zero by chance; NaN where zero is no question.
+        Probability of a value as far from zero by chance; NaN where the test has no meaning.
     """
 
     value: float
@@ -62,7 +62,7 @@ class Estimate:
 
     @classmethod
     def of(cls, value: float, stderr: float, degrees_of_freedom: float, unit: str = "N") -> Estimate:
-        """Give a value the interval of Student's t and the probability that it is zero.
+        """Return an estimate with the interval of Student's t and the p-value of zero.
 
         Examples
         --------
@@ -76,21 +76,21 @@ class Estimate:
 
     @property
     def verdict(self) -> str:
-        """Whether it differs from zero beyond chance, in words."""
+        """Statement whether the value differs from zero beyond chance."""
         return f"{'beyond' if self.p < CHANCE else 'not beyond'} chance (p = {self.p:.2g})"
 
     @property
     def differs(self) -> bool:
-        """Whether the interval leaves zero out."""
+        """Whether the interval excludes zero."""
         return self.low > 0.0 or self.high < 0.0
 
     def scaled(self, factor: float, unit: str | None = None) -> Estimate:
-        """Multiply by a positive number."""
+        """Return the estimate multiplied by a positive number."""
         ends = {name: getattr(self, name) * factor for name in ("value", "low", "high", "stderr")}
         return replace(self, **ends, unit=self.unit if unit is None else unit)
 
     def widened(self, u: float) -> Estimate:
-        """Add a systematic standard uncertainty."""
+        """Return the estimate with a systematic standard uncertainty added."""
         if u == 0.0:
             return self
         below, above = (
@@ -101,14 +101,14 @@ class Estimate:
         return replace(self, low=self.value - below, high=self.value + above, stderr=stderr, p=p)
 
     def __sub__(self, other: Estimate) -> Estimate:
-        """Subtract an independent one, with Welch's degrees of freedom."""
+        """Subtract an independent estimate, with Welch's degrees of freedom."""
         variance = self.stderr**2 + other.stderr**2
         shares = [e.stderr**4 / e.degrees_of_freedom for e in (self, other) if e.degrees_of_freedom > 0]
         freedom = float(variance**2 / max(sum(shares), 1e-300)) if shares else float("inf")
         return Estimate.of(self.value - other.value, float(np.sqrt(variance)), freedom, self.unit)
 
     def __format__(self, spec: str) -> str:
-        """Write value, unit and interval, each number by the same specification.
+        """Format value, unit and interval, each number by the same specification.
 
         Examples
         --------
@@ -120,7 +120,7 @@ class Estimate:
 
 
 def _chance(value: float, stderr: float, freedom: float) -> float:
-    """Give the probability of a value as far from zero by chance."""
+    """Return the probability of a value as far from zero by chance."""
     from scipy.special import stdtr
 
     if not stderr > 0.0:
@@ -153,7 +153,7 @@ def mean_estimate(values: NDArray[np.float64], unit: str = "N") -> Estimate:
 
 @dataclass(frozen=True)
 class FTest:
-    """An F-test: statistic, degrees of freedom of numerator and denominator, probability by chance."""
+    """Result of an F-test: statistic, degrees of freedom of numerator and denominator, p-value."""
 
     f: float
     numerator: float
@@ -162,17 +162,16 @@ class FTest:
 
 
 def changed(values: NDArray[np.float64], stderr: float = 0.0) -> bool:
-    """Whether a quantity took different values: by a share of its mean that matters, and beyond its own scatter.
+    """Return whether a quantity was varied: by a relevant share of its mean, and beyond its scatter.
 
-    Before a sentence says that one thing rises with another, both have to have changed: correlations of what was
-    held are those of noise.
+    One quantity can be said to rise with another only if both were varied: otherwise their correlation is noise.
 
     Parameters
     ----------
     values
         Shape (n,).
     stderr
-        Standard error of one of them.
+        Standard error of one value.
 
     Examples
     --------
@@ -184,11 +183,11 @@ def changed(values: NDArray[np.float64], stderr: float = 0.0) -> bool:
 
 
 def robust_deviation(residual: NDArray[np.float64]) -> float:
-    """Return the standard deviation of normal residuals by their median absolute value: few outliers do not count."""
+    """Return the standard deviation of normal residuals from their median absolute value, robust to outliers."""
     return float(np.median(np.abs(residual))) / 0.6745
 
 
 def intervals_of_draws(names: Sequence[str], draws: NDArray[np.float64]) -> dict[str, tuple[float, float]]:
-    """95 % interval of each column of `draws`, shape (m, p), by the quantiles of its values: name -> (lower, upper)."""
+    """Return the 95 % interval of each column of `draws`, shape (m, p), from its quantiles: name -> (lower, upper)."""
     low, high = np.quantile(draws, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)], axis=0)
     return {name: (float(a), float(b)) for name, a, b in zip(names, low, high, strict=True)}

@@ -1,4 +1,4 @@
-"""Values that are the same but for chance."""
+"""Groups of values that are equal except for noise."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def levels(values: NDArray[np.float64], reach: float) -> NDArray[np.int64]:
-    """Give the number of the level that each value lies on; a level holds those within `reach` of its least one.
+    """Return the level number of each value; a level holds the values within `reach` of its smallest one.
 
     Examples
     --------
@@ -28,7 +28,7 @@ def levels(values: NDArray[np.float64], reach: float) -> NDArray[np.int64]:
 
 
 def means(group: NDArray[np.int64], *columns: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Give the mean of each column over each group; every group has members.
+    """Return the mean of each column over each group; every group has members.
 
     Examples
     --------
@@ -40,7 +40,7 @@ def means(group: NDArray[np.int64], *columns: NDArray[np.float64]) -> list[NDArr
 
 
 def cells(*columns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Give the number of each combination that occurs, from columns of shape (n,).
+    """Return the number of each row's combination of values, from columns of shape (n,).
 
     Examples
     --------

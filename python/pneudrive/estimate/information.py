@@ -1,4 +1,4 @@
-"""What derivatives say of the values they belong to: covariance, and directions without information [bates1988]."""
+"""Information of least-squares problems: covariance, and directions without information [bates1988]."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Singular values of the scaled Jacobian below this share of the largest are directions without information.
+#: Share of the largest singular value of the scaled Jacobian below which a direction has no information.
 SINGULAR_SHARE = 1e-4
-#: Share of such a direction from which a coordinate takes part in it.
+#: Component of such a direction from which a coordinate counts as part of it.
 TAKES_PART = 0.3
 
 
 def covariance_of(jacobian: Array, variance: float = 1.0) -> Array:
-    """Covariance of the coordinates of a least-squares problem; directions without information are left out.
+    """Return the covariance of the coordinates of a least-squares problem, without directions that lack information.
 
     Parameters
     ----------
     jacobian : ndarray, shape (n, p)
         Derivatives of the residuals.
     variance : float
-        Of one residual.
+        Variance of one residual.
 
     Examples
     --------
@@ -40,13 +40,13 @@ def covariance_of(jacobian: Array, variance: float = 1.0) -> Array:
 
 
 def shift_of(jacobian: Array, residual: Array) -> Array:
-    """Change of the coordinates with the residuals, shape (p,), along the directions that carry information."""
+    """Return the change of the coordinates with the residuals, shape (p,), along directions with information."""
     size = _sizes(jacobian)
     return np.linalg.pinv(jacobian / size, rcond=SINGULAR_SHARE) @ residual / size
 
 
 def weak_coordinates(jacobian: Array) -> NDArray[np.bool_]:
-    """Return which coordinates have no effect, or take part in a direction without information.
+    """Return a mask of coordinates without effect, or with a part in a direction without information.
 
     Examples
     --------

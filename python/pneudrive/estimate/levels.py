@@ -11,17 +11,17 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Speeds closer than this share count as one level when levels are counted.
+#: Relative difference below which two speeds count as one level.
 SAME_SPEED = 0.05
 
 
 def distinct(values: Array, share: float = SAME_SPEED) -> int:
-    """Count the levels among `values`."""
+    """Return the number of levels among `values`."""
     return len(distinct_levels(values, share))
 
 
 def distinct_levels(values: Array, share: float = SAME_SPEED) -> list[tuple[float, float]]:
-    """Give the lowest and highest of each level's `values`; what is closer than `share` of the larger is one level."""
+    """Return the lowest and highest value of each level; values closer than `share` of the larger form one level."""
     levels: list[tuple[float, float]] = []
     for value in np.sort(np.abs(values)).tolist():
         if not levels or value - levels[-1][0] > share * value:

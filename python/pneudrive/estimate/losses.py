@@ -1,4 +1,4 @@
-"""Losses of a robust estimate: what a residual u, in standard deviations, counts."""
+"""Losses of robust estimates: weight of a residual u, in standard deviations."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Loss:
-    """A loss rho(u) with its derivatives.
+    """Loss rho(u) with its derivatives.
 
     Attributes
     ----------
     tuning : float
-        Residual, in standard deviations, from which the loss departs from a square.
+        Residual, in standard deviations, above which the loss is no longer a square.
     psi, slope, rho : callable
-        First and second derivative of rho, and rho itself, of residuals u (n,).
+        First and second derivative of rho, and rho itself, as functions of residuals u (n,).
     scipy : str or callable
-        The same for ``scipy.optimize.least_squares``, of z = (u/tuning)^2.
+        The loss for ``scipy.optimize.least_squares``, as a function of z = (u/tuning)^2.
     """
 
     tuning: float
@@ -35,10 +35,10 @@ class Loss:
     scipy: str | Callable[[Array], Array]
 
 
-#: Huber's tuning constant: 99 % efficiency on normal errors. The usual 1.345 (95 %) buys a little more resistance with
-#: intervals that hold the truth 1 % less often on a dozen levels [huber2009].
+#: Huber's tuning constant: 99 % efficiency on normal errors. The usual 1.345 (95 %) is slightly more robust, but its
+#: intervals on a dozen levels cover the true value 1 % less often [huber2009].
 HUBER_K = 2.0
-#: The other two have the same efficiency as Huber's on normal errors (a test integrates it).
+#: Tuning constants with the efficiency of Huber's loss on normal errors (a test integrates it).
 SOFT_K, TUKEY_K = 2.7012, 6.9924
 
 

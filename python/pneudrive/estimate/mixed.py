@@ -1,12 +1,12 @@
-"""Linear models with several sources of chance at once: restricted likelihood, and what its own uncertainty adds.
+"""Linear mixed models: restricted likelihood, with the uncertainty of the standard deviations.
 
     y = X b + sum_i g_i + e,   g_i ~ N(0, s_i^2 K_i),   e ~ N(0, W)
 
-y are the results of cycles; X b what is looked for; each K_i says how a source of chance (a block, a day, the drift,
-the cycle itself, the deviation of a curve from a line) is shared between cycles; W is the known noise within cycles.
-The standard deviations s_i are found by restricted maximum likelihood [patterson1971] with a weak prior, and then not
-taken as known: every result is averaged over points spread about their estimate, weighted by their probability, so
-that an interval from few cycles is as wide as it has to be [rue2009].
+y are the results of cycles, X b the wanted fixed effects; each K_i describes how a random effect (a block, a day, the
+drift, the cycle itself, the deviation of a curve from a line) is shared between cycles; W is the known noise within
+cycles. The standard deviations s_i are found by restricted maximum likelihood [patterson1971] with a weak prior. As
+they are uncertain, every result is averaged over points about their estimate, weighted by probability, so that
+intervals from few cycles are wide enough [rue2009].
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Of the largest standard deviation that data allow and the smallest that matters, as factors of a component's scale.
+#: Bounds of a standard deviation, as factors of its component's scale.
 REACH = (1e-4, 1e2)
-#: Part of the noise that is added to every variance so that equal cycles never make the equations singular.
+#: Share of the noise added to every variance, so that equal cycles do not make the equations singular.
 JITTER = 1e-10
-#: Step in the logarithm of a standard deviation by which the curvature of the likelihood is taken.
+#: Step of the logarithm of a standard deviation for the curvature of the likelihood.
 STEP = 0.05
-#: Cycles beyond which the standard deviations are found from every k-th cycle; results still use all of them.
+#: Number of cycles above which the standard deviations are fitted to every k-th cycle; results still use all cycles.
 MOST_FOR_SEARCH = 500
 
 
 @dataclass(frozen=True, eq=False)
 class RandomEffect:
-    """A source of chance.
+    """Random effect of a mixed model.
 
     Attributes
     ----------
@@ -45,9 +45,9 @@ class RandomEffect:
     kernel : ndarray, shape (n, n) or (n,)
         Covariance between the observations at standard deviation 1; one-dimensional: diagonal.
     scale : float
-        Standard deviation of which the prior says that it is not much larger: a half-Cauchy scale [gelman2006].
+        Scale of the half-Cauchy prior of the standard deviation [gelman2006].
     power : float
-        With which the prior's density falls towards a standard deviation of zero, which 0 leaves possible [chung2013].
+        Power of the prior's density near a standard deviation of zero; 0 allows zero [chung2013].
     """
 
     name: str
@@ -58,13 +58,13 @@ class RandomEffect:
 
 @dataclass(frozen=True, eq=False)
 class MixedModel:
-    """Observations and the model that they are held against.
+    """Observations and their linear model with random effects.
 
     Attributes
     ----------
     y : ndarray, shape (n,)
     x : ndarray, shape (n, p)
-        Of full column rank.
+        Fixed effects, of full column rank.
     noise : ndarray, shape (n,)
         Known variance of each observation.
     components : tuple of RandomEffect
@@ -76,7 +76,7 @@ class MixedModel:
     components: tuple[RandomEffect, ...]
 
     def fit(self) -> MixedFit:
-        """Find the standard deviations and the points that stand for their uncertainty."""
+        """Fit the standard deviations, and the points that represent their uncertainty."""
         scales = np.array([c.scale for c in self.components])
         if not self.components:
             state = _State.of(self, scales)
@@ -87,9 +87,9 @@ class MixedModel:
         return MixedFit(self, np.exp(best), weights, tuple(_State.of(self, np.exp(p)) for p in points))
 
     def most_probable(self, start: Array | None = None) -> tuple[Array, float]:
-        """Find the most probable standard deviations alone, from some near them; and how improbable the data are.
+        """Find only the most probable standard deviations, from a near start, and the cost of the data.
 
-        The second is the negative logarithm of the probability, less what it is for all models of as many data.
+        The cost is the negative logarithm of the probability, without its constant for this number of data.
         """
         scales = np.array([c.scale for c in self.components])
         few = self._few()
@@ -97,14 +97,14 @@ class MixedModel:
         return np.exp(best), _cost(few, best, scales)[0]
 
     def left_out(self, sd: Array) -> tuple[Array, Array]:
-        """Hold each observation against what all others say of it, at these standard deviations.
+        """Compare each observation with its prediction from all others, at these standard deviations.
 
         Returns
         -------
         ndarray, shape (n,)
             Observation less its prediction from the others.
         ndarray, shape (n,)
-            Standard deviation of that.
+            Standard deviation of the difference.
         """
         from scipy.linalg import cho_solve
 
@@ -112,19 +112,19 @@ class MixedModel:
         inverse = cho_solve((state.lower, True), np.eye(self.y.size), check_finite=False)
         vx = inverse @ self.x
         diagonal = np.diag(inverse) - np.einsum("ij,jk,ik->i", vx, state.beta_covariance, vx)
-        # Zero where a column of x belongs to one observation alone: nothing else says anything of it.
+        # Zero where a column of x belongs to a single observation: the others do not predict it.
         known = diagonal > JITTER * np.diag(inverse)
         return np.where(known, state.solved, 0.0) / np.where(known, diagonal, 1.0), np.where(
             known, 1.0 / np.sqrt(np.where(known, diagonal, 1.0)), np.inf
         )
 
     def _few(self) -> MixedModel:
-        """Take every k-th observation where there are very many."""
+        """Return the model with every k-th observation if there are very many."""
         n = self.y.size
         return self if n <= MOST_FOR_SEARCH else self._part(np.arange(0, n, -(-n // MOST_FOR_SEARCH)))
 
     def _part(self, rows: NDArray[np.intp]) -> MixedModel:
-        """Take some observations; columns that these do not determine are left out."""
+        """Return the model of some observations, without columns that these do not determine."""
         x = self.x[rows]
         x = x[:, independent(x)]
         parts = tuple(
@@ -136,7 +136,7 @@ class MixedModel:
         return MixedModel(self.y[rows], x, self.noise[rows], parts)
 
     def covariance(self, sd: Array) -> Array:
-        """Covariance of the observations at these standard deviations, shape (n, n)."""
+        """Return the covariance of the observations at these standard deviations, shape (n, n)."""
         n = self.y.size
         diagonal = self.noise.copy()
         total = np.zeros((n, n))
@@ -152,7 +152,7 @@ class MixedModel:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """The model at one set of standard deviations, solved."""
+    """Solution of the model at one set of standard deviations."""
 
     sd: Array
     solved: Array  # V^-1 (y - X b)
@@ -183,27 +183,27 @@ class _State:
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """Means and variances of linear functions of the model, shape (m,); `freedom` as of Student's t."""
+    """Means and variances of linear functions of the model, shape (m,); `freedom` of Student's t."""
 
     mean: Array
     variance: Array
     freedom: Array
 
     def half_width(self) -> Array:
-        """Half of the 95 % interval."""
+        """Half width of the 95 % interval."""
         from scipy.special import stdtrit
 
         return np.asarray(stdtrit(self.freedom, 0.975), dtype=float) * np.sqrt(self.variance)
 
     def estimates(self, unit: str = "N") -> list[Estimate]:
-        """Give each with its interval and the probability that it is zero."""
+        """Return each as an estimate with its interval and the p-value of zero."""
         every = zip(self.mean.tolist(), np.sqrt(self.variance).tolist(), self.freedom.tolist(), strict=True)
         return [Estimate.of(value, stderr, freedom, unit) for value, stderr, freedom in every]
 
 
 @dataclass(frozen=True, eq=False)
 class MixedFit:
-    """A fitted model.
+    """Fitted mixed model.
 
     Attributes
     ----------
@@ -228,8 +228,8 @@ class MixedFit:
         ----------
         x : ndarray, shape (m, p)
         kernels : dict
-            Name -> covariance of g_i* with the observations' g_i at standard deviation 1, shape (m, n). Components
-            that are left out have no part in what is predicted, names that the model does not have neither.
+            Name -> covariance of g_i* with the observations' g_i at standard deviation 1, shape (m, n). Missing
+            components and unknown names do not contribute to the prediction.
         prior : dict
             Name -> variance of g_i* at standard deviation 1, shape (m,).
         """
@@ -254,18 +254,18 @@ class MixedFit:
         return _mixed(np.array(means), np.array(variances), self.weights)
 
     def averaged(self, *others: MixedFit, odds: Sequence[float] = ()) -> tuple[MixedFit, Array]:
-        """Average with fits of the same observations that differ in kernels or noise, each by how likely it is.
+        """Average with fits of the same observations by other kernels or noise, weighted by probability.
 
         Parameters
         ----------
         *others : MixedFit
         odds : sequence of float, optional
-            How probable each of the others is over this one, before the data are seen; even where none are given.
+            Prior odds of each of the others over this fit; 1 by default.
 
         Returns
         -------
         MixedFit
-            Its most probable standard deviations are those of the likeliest fit.
+            Averaged fit, with the most probable standard deviations of the likeliest fit.
         ndarray
             Weight of each of the others.
         """
@@ -279,13 +279,13 @@ class MixedFit:
         return replace(every[int(np.argmax(log))], weights=weights, states=states), share[1:]
 
     def contrast(self, row: Array, unit: str = "N") -> Estimate:
-        """Estimate a linear function of b with its interval and the probability that it is zero."""
+        """Estimate a linear function of b with its interval and the p-value of zero."""
         return self.predict(np.atleast_2d(row)).estimates(unit)[0]
 
     def f_test(self, rows: Array, extra: float = 0.0) -> FTest:
         """Test that several linear functions of b, shape (q, p), are all zero (Wald's test, approximate F).
 
-        The first of them is more uncertain, by the variance `extra`, than chance makes it.
+        `extra` is an additional variance of the first of them, beyond the random effects.
         """
         from scipy.special import fdtrc
 
@@ -294,13 +294,13 @@ class MixedFit:
         covariance = np.average([rows @ s.beta_covariance @ rows.T for s in self.states], axis=0, weights=self.weights)
         covariance[0, 0] += extra
         freedom = float(1.0 / np.mean(1.0 / self.predict(rows).freedom))
-        # The mixture's mean covariance is that of Student's t, larger than its scale by freedom / (freedom - 2).
+        # Covariance of Student's t is its squared scale times freedom / (freedom - 2).
         shrink = freedom / (freedom - 2.0) if freedom > 4.0 else 1.0
         f = shrink * float(mean @ np.linalg.solve(covariance, mean)) / q
         return FTest(f, q, freedom, float(fdtrc(q, freedom, f)))
 
     def most_probable_sd(self, name: str) -> float:
-        """Most probable standard deviation of a random effect; 0 where the model does not have it."""
+        """Return the most probable standard deviation of a random effect; 0 for an effect that the model lacks."""
         names = [c.name for c in self.model.components]
         return float(self.sd[names.index(name)]) if name in names else 0.0
 
@@ -321,16 +321,16 @@ class MixedFit:
 
 @dataclass(frozen=True, eq=False)
 class Functionals:
-    """Linear functions of a fitted model, m of them.
+    """Linear functions of a fitted model, m in number.
 
     Attributes
     ----------
     fit : MixedFit
     fixed : ndarray, shape (m, p)
     cross : dict
-        Random effect -> covariance with the observations', shape (m, n).
+        Random effect -> covariance with that of the observations, shape (m, n).
     own : dict
-        Random effect -> covariance among themselves, shape (m, m).
+        Random effect -> covariance of the functions, shape (m, m).
     """
 
     fit: MixedFit
@@ -339,26 +339,26 @@ class Functionals:
     own: dict[str, Array]
 
     def combine(self, rows: Array) -> Functionals:
-        """Linear combinations, rows of shape (r, m)."""
+        """Return linear combinations of the functions, rows of shape (r, m)."""
         cross = {name: rows @ part for name, part in self.cross.items()}
         own = {name: rows @ part @ rows.T for name, part in self.own.items()}
         return Functionals(self.fit, rows @ self.fixed, cross, own)
 
     def mean(self) -> Functionals:
-        """Mean of all."""
+        """Return the mean of all functions."""
         return self.combine(np.full((1, len(self.fixed)), 1.0 / len(self.fixed)))
 
     def predict(self) -> Predicted:
-        """Predict each."""
+        """Predict each function."""
         return self.fit.predict(self.fixed, self.cross, {name: np.diag(part) for name, part in self.own.items()})
 
     def estimates(self, unit: str = "N") -> list[Estimate]:
-        """Each with its interval and the probability of zero."""
+        """Estimate each function with its interval and the p-value of zero."""
         return self.predict().estimates(unit)
 
 
 def _mixed(means: Array, variances: Array, weights: Array) -> Predicted:
-    """Average over the points, shape (q, m) to (m,); variances that scatter over them are those of a Student's t."""
+    """Average over the points, shape (q, m) to (m,); scatter of the variances gives the freedom of Student's t."""
     mean = weights @ means
     within = weights @ variances
     scatter = weights @ (variances - within) ** 2
@@ -369,7 +369,7 @@ def _mixed(means: Array, variances: Array, weights: Array) -> Predicted:
 
 
 def independent(x: Array, tolerance: float = 1e-9) -> NDArray[np.intp]:
-    """Columns that stay when each that is a sum of earlier ones is left out."""
+    """Return the columns that are not linear combinations of earlier ones."""
     kept: list[int] = []
     basis = np.zeros((x.shape[0], 0))
     for k in range(x.shape[1]):
@@ -387,7 +387,7 @@ def independent(x: Array, tolerance: float = 1e-9) -> NDArray[np.intp]:
 
 
 def _cost(model: MixedModel, log_sd: Array, scales: Array) -> tuple[float, Array]:
-    """Negative log posterior of the log standard deviations and its gradient."""
+    """Return the negative log posterior of the log standard deviations and its gradient."""
     from scipy.linalg import cho_solve
 
     sd = np.exp(log_sd)
@@ -410,7 +410,7 @@ def _cost(model: MixedModel, log_sd: Array, scales: Array) -> tuple[float, Array
 
 
 def _search(model: MixedModel, start: Array, scales: Array) -> Array:
-    """Most probable log standard deviations."""
+    """Return the most probable log standard deviations."""
     from scipy.optimize import fmin_l_bfgs_b
 
     bounds = [(np.log(REACH[0] * s), np.log(REACH[1] * s)) for s in scales]
@@ -418,7 +418,7 @@ def _search(model: MixedModel, start: Array, scales: Array) -> Array:
 
 
 def _points(model: MixedModel, best: Array, scales: Array) -> tuple[list[Array], Array]:
-    """Points about the best, on the axes of the likelihood's curvature, weighted by their probability.
+    """Return points about the optimum, on the axes of the likelihood's curvature, weighted by their probability.
 
     The rule of 2 d + 1 points integrates cubics under a normal distribution exactly; the true probability over the
     normal one corrects for its skew.
@@ -441,6 +441,6 @@ def _points(model: MixedModel, best: Array, scales: Array) -> tuple[list[Array],
     costs = np.array([_cost(model, p, scales)[0] for p in points])
     normal = np.concatenate([[0.0], np.full(2 * d, 0.5 * reach**2)])
     share = np.concatenate([[1.0 / (d + 1.0)], np.full(2 * d, 0.5 / (d + 1.0))])
-    # A point far more probable than the normal distribution says must not take over.
+    # Limits the weight of a point that is far more probable than under the normal distribution.
     weights = share * np.exp(np.clip(normal - (costs - costs[0]), -50.0, 3.0))
     return points, weights / weights.sum()

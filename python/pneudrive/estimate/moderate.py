@@ -1,4 +1,4 @@
-"""Variances that come from few repetitions, made dependable."""
+"""Moderated variances: empirical-Bayes estimates from few repetitions."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Speed levels for each coefficient of the trend of variance over speed.
+#: Speed levels needed for each coefficient of the trend of variance over speed.
 ROWS_PER_TREND = 4
 
 
 def moderate(variance: Array, dof: Array, speed: Array) -> Array:
     """Shrink variances that come from few repetitions towards their trend over speed.
 
-    A weight 1/s^2 from three strokes can be wrong by a factor of ten; the empirical-Bayes estimate
-    (d0 s0^2 + d s^2) / (d0 + d) is not, with d0 and s0 from the spread of log s^2 about its trend [smyth2004].
+    A weight 1/s^2 from three strokes can be wrong by a factor of ten. The empirical-Bayes estimate
+    (d0 s0^2 + d s^2) / (d0 + d) avoids this, with d0 and s0 from the spread of log s^2 about its trend [smyth2004].
 
     Parameters
     ----------
     variance, dof : ndarray, shape (n,)
-        Variances (> 0) and the degrees of freedom behind each (inf: exact, left alone).
+        Variances (> 0) and their degrees of freedom (inf: exact, unchanged).
     speed : ndarray, shape (n,)
-        Speeds (> 0); the trend is a constant, a line or a parabola in log speed, as the data ask for.
+        Speeds (> 0); the trend is a constant, a line or a parabola in log speed, chosen by AICc.
 
     Returns
     -------

@@ -1,7 +1,7 @@
-"""Least squares of laws that are linear but for a shape: all shapes of a grid at once, and intervals by their profile.
+"""Least squares of laws that are linear except for shape parameters: grid of shapes, and intervals by profile.
 
-At each shape the best coefficients follow in one step, so that the profile over the shape needs no repeated fits, and
-an interval is open where the data set no bound.
+At each shape a linear fit gives the best coefficients, so that the profile over the shape needs no repeated fits; an
+interval is open where the data set no bound.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Columns whose singular value is below this share of the largest carry nothing.
+#: Share of the largest singular value below which a direction is left out.
 NEGLIGIBLE = 1e-10
 
 
@@ -35,7 +35,7 @@ class Scan:
         Sum of squared whitened residuals.
     coefficient : ndarray, shape (g, p)
     covariance : ndarray, shape (g, p, p)
-        Of the coefficients, for unit variance.
+        Covariance of the coefficients, for unit variance.
     """
 
     shape: Array
@@ -49,19 +49,19 @@ class Scan:
         return int(np.argmin(self.cost))
 
     def scale(self, freedom: float, least: float = 0.0) -> float:
-        """Variance of the whitened residuals, no smaller than `least`."""
+        """Return the variance of the whitened residuals, not below `least`."""
         return max(float(self.cost[self.best]) / freedom, least)
 
     def rise(self, freedom: float, least: float = 0.0) -> float:
-        """Rise of the cost at the ends of the 95 % interval of one quantity."""
+        """Return the rise of the cost at the ends of the 95 % interval of one quantity."""
         return self.scale(freedom, least) * student(freedom) ** 2
 
     def inside(self, rise: float) -> NDArray[np.intp]:
-        """Shapes whose cost is above the least one by no more than `rise`."""
+        """Return a mask of the shapes whose cost exceeds the smallest one by at most `rise`."""
         return np.flatnonzero(self.cost <= self.cost[self.best] + rise)
 
     def interval(self, rows: Array, rise: float) -> tuple[float, float]:
-        """Give the ends of a linear function of the coefficients over all shapes that the data allow.
+        """Return the interval of a linear function of the coefficients over all shapes within `rise`.
 
         Parameters
         ----------
@@ -77,7 +77,7 @@ class Scan:
         return float((value - reach).min()), float((value + reach).max())
 
     def shape_interval(self, k: int, rise: float, sought: tuple[float, float]) -> tuple[float, float]:
-        """Give the ends of a number of the shape; 0 or inf where they reach the end of what was sought."""
+        """Return the interval of a shape parameter; an end is 0 or inf where it reaches the end of the grid."""
         allowed = self.shape[self.inside(rise), k]
         low, high = float(allowed.min()), float(allowed.max())
         return (
@@ -109,7 +109,7 @@ def scan(shape: Array, designs: Array, values: Array) -> Scan:
     size = np.linalg.norm(designs, axis=1, keepdims=True)
     size[size == 0.0] = 1.0
     scaled = designs / size
-    q, r = np.linalg.qr(scaled)  # the singular values of r are those of the design, and r is small
+    q, r = np.linalg.qr(scaled)  # r has the singular values of the design, and is small
     inverse = np.linalg.pinv(r, rcond=NEGLIGIBLE)
     found = (inverse @ (q.swapaxes(1, 2) @ values)[:, :, None])[:, :, 0]
     rest = values - np.einsum("gnp,gp->gn", scaled, found)
@@ -119,17 +119,17 @@ def scan(shape: Array, designs: Array, values: Array) -> Scan:
 
 
 def refined(at: Callable[[Array], Scan], coarse: Array, count: int, rise: Callable[[Scan], float]) -> Scan:
-    """Scan over a first number of the shape, then over `count` of them where the first scan allows them.
+    """Scan a first shape parameter, then `count` values of it in the range that the first scan allows.
 
     Parameters
     ----------
     at : callable
-        Numbers -> scan of shapes that begin with them.
+        Values of the parameter -> scan of shapes with these values.
     coarse : ndarray
-        Ascending, in logarithmic steps.
+        First values, ascending, in logarithmic steps.
     count : int
     rise : callable
-        Scan -> rise of the cost that is allowed.
+        Scan -> allowed rise of the cost.
     """
     first = at(coarse)
     allowed = np.searchsorted(coarse, first.shape[first.inside(rise(first)), 0])
@@ -138,7 +138,7 @@ def refined(at: Callable[[Array], Scan], coarse: Array, count: int, rise: Callab
 
 
 def corrected_criterion(deviance: float, parameters: int, n: int) -> float:
-    """Give Akaike's criterion corrected for few data [burnham2002]; inf where data do not outnumber parameters.
+    """Return Akaike's criterion corrected for few data [burnham2002]; inf for too few data.
 
     Examples
     --------

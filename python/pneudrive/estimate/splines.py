@@ -1,4 +1,4 @@
-"""Covariances of smooth functions, for random effects of mixed models; shape (m, n) between m and n places."""
+"""Covariances of smooth functions, for random effects of mixed models; shape (m, n) between m and n points."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 
 
 def integrated_wiener(s: Array, t: Array) -> Array:
-    """Covariance of an integrated Wiener process with variance 1 at 1: its estimate is the cubic spline [wahba1983].
+    """Return the covariance of an integrated Wiener process with variance 1 at 1.
+
+    Its estimate is the cubic spline [wahba1983].
 
     Examples
     --------
@@ -26,7 +28,7 @@ def integrated_wiener(s: Array, t: Array) -> Array:
 
 
 def matern(s: Array, t: Array, reach: float) -> Array:
-    """Covariance of a function that is smooth over `reach` and forgets itself beyond (Matern 3/2).
+    """Return the covariance of a function that is smooth over `reach` and uncorrelated far beyond (Matern 3/2).
 
     Examples
     --------
@@ -38,13 +40,13 @@ def matern(s: Array, t: Array, reach: float) -> Array:
 
 
 def gaussian(s: Array, t: Array, reach: float) -> Array:
-    """Covariance of a function that keeps its direction over `reach`."""
+    """Return the squared-exponential covariance, of a very smooth function with correlation length `reach`."""
     away = (s[:, None] - t[None, :]) / reach
     return np.exp(-0.5 * away * away)
 
 
 def centred_walk(order: Array) -> Array:
-    """Covariance of a random walk over the observations' order, less its mean over them, shape (n, n)."""
+    """Return the covariance of a random walk over the observations' order, minus its mean, shape (n, n)."""
     walk = np.minimum(order[:, None], order[None, :])
     walk = walk - walk.mean(axis=0, keepdims=True)
     return walk - walk.mean(axis=1, keepdims=True)

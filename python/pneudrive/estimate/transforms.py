@@ -1,12 +1,12 @@
-"""Between values within bounds and coordinates without any, in which a search may step freely.
+"""Transforms between bounded values and the unbounded coordinates of a search.
 
     signed                x = size q
     above a bound         x = lower + exp(q)
     between two bounds    x = lower + (upper - lower) / (1 + exp(-q))
     an excess             x = base + exp(q), base another value or a number
 
-The Jacobians are exact. Intervals to first order are taken on the scale of the coordinate: of a positive value on that
-of its logarithm, of one between two bounds on that of the logarithm of its odds [bates1988].
+The Jacobians are exact. First-order intervals are computed on the scale of the coordinate: the logarithm of a positive
+value, the logit of a value between two bounds [bates1988].
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Share of the room between two bounds that a coordinate keeps from each.
+#: Smallest distance from a bound, as a share of the range between two bounds.
 MARGIN = 1e-6
-#: Exponents of the factors of an interval stay below this.
+#: Largest exponent of the factors of an interval.
 MOST_EXPONENT = 700.0
 
 
 class Transforms:
-    """Coordinates of p values.
+    """Transform between p values and their coordinates.
 
     Parameters
     ----------
     lower, upper : array_like, shape (p,)
-        Open bounds; a value without a lower one is signed.
+        Open bounds; a value without a lower bound is signed.
     size : array_like, shape (p,)
-        Size of a usual change of a signed value.
+        Usual change of a signed value.
     excess : int, optional
         Value whose excess over another one is positive.
     over : int or float
-        That other one: its place, or a number that stays.
+        The other value: its index, or a constant.
     least_excess : float
-        Share of that other one to which an excess is raised that is not positive.
+        Smallest excess, as a share of the other value; a smaller one is raised to it.
 
     Examples
     --------
@@ -114,14 +114,14 @@ class Transforms:
 
 
 def intervals(values: Array, reach: Array, lower: ArrayLike, upper: ArrayLike = np.inf) -> tuple[Array, Array]:
-    """Return the ends of intervals to first order on the scales of the coordinates, shape (p,) each.
+    """Return first-order intervals on the scales of the coordinates, shape (p,) for each end.
 
     Parameters
     ----------
     values, reach : ndarray, shape (p,)
-        Values within their bounds, and half the widths of their intervals to first order.
+        Values within their bounds, and half widths of their first-order intervals.
     lower, upper : array_like, shape (p,)
-        Bounds, as of `Transforms`.
+        Bounds, as for `Transforms`.
 
     Examples
     --------

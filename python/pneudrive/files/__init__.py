@@ -1,8 +1,8 @@
-"""Files from outside: one place that opens them, one table of bounds, one list of what may go wrong.
+"""Files from outside: one place that opens them, one table of bounds, one set of error messages.
 
-- `bounds`: how large, deep and long what a user gives may be.
+- `bounds`: largest size, depth and length of input.
 - `content`: bytes and text of a file, JSON, the nesting of JSON and TOML.
-- `tables`: columns of Parquet, netCDF, TDMS, MF4 and MAT files; what a library written in C reads is read by
-  `reader_process`, so that a damaged file never ends this process.
+- `tables`: columns of Parquet, netCDF, TDMS, MF4 and MAT files; `reader_process` calls libraries written
+  in C, so that a damaged file never ends this process.
 - `seal`: Parquet files that carry the SHA-256 of their own bytes.
 """

@@ -1,4 +1,4 @@
-"""How much a user may give: sizes, depths and counts, each with its reason, in one table."""
+"""Bounds of input: sizes, depths and counts, each with its reason, in one table."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ VARIABLE = "PNEUDRIVE_BOUNDS"
 
 @dataclass(frozen=True)
 class Bound:
-    """Most of something.
+    """Largest allowed amount of one kind of input.
 
     Attributes
     ----------
     value : float
     unit : str
-        What is counted.
+        Unit of the amount.
     reason : str
-        Why an honest user stays below it.
+        Why ordinary use stays below the bound.
     raised : bool
-        Whether the user may raise it.
+        Whether the user may raise the bound.
     """
 
     value: float
@@ -37,27 +37,27 @@ class Bound:
 
 
 BOUNDS: dict[str, Bound] = {
-    "text_bytes": Bound(16e6, "bytes", "a description, a protocol or a fit of 1 MB is a large one"),
-    "nesting": Bound(64, "levels", "no file that pneudrive reads is deeper than 8", raised=False),
+    "text_bytes": Bound(16e6, "bytes", "descriptions, protocols and fits are far below 1 MB"),
+    "nesting": Bound(64, "levels", "files of pneudrive are at most 8 levels deep", raised=False),
     "file_bytes": Bound(1e11, "bytes", "1e9 samples of 12 channels of 8 bytes"),
     "unpacked_ratio": Bound(200, "times the packed size", "measured columns shrink to a third or a twentieth"),
     "unpacked_bytes": Bound(1e10, "bytes", "1e8 rows of 100 characters"),
     "line_bytes": Bound(1e6, "bytes", "a row of 50,000 columns"),
     "count": Bound(1e4, "", "10,000 levels, repeats or strokes take a rig months"),
     "cycles": Bound(1e6, "cycles", "a rig runs 1,000 cycles a day"),
-    "samples": Bound(2e8, "samples", "a recording of 1e8 samples is a long one"),
+    "samples": Bound(2e8, "samples", "recordings are below 1e8 samples"),
     "seconds": Bound(3.2e7, "s", "one year"),
     "reader_seconds": Bound(60, "s and 1 s for every 10 MB", "libraries read 30 to 1000 MB in a second"),
 }
 
 
 def bound(name: str) -> float:
-    """Return a bound, as the table or the environment variable ``PNEUDRIVE_BOUNDS`` says.
+    """Return a bound from the table, or from the environment variable ``PNEUDRIVE_BOUNDS``.
 
     Raises
     ------
     CommandError
-        The variable has an unknown name, a value that is no number, or a bound that is fixed.
+        The variable has an unknown name, a value that is not a number, or a bound that cannot be raised.
 
     Examples
     --------
@@ -74,7 +74,9 @@ def _raised(text: str) -> dict[str, float]:
         name, _, value = (part.strip() for part in entry.partition("="))
         names = [n for n, b in BOUNDS.items() if b.raised]
         if name not in names:
-            raise CommandError(f"{VARIABLE}: no bound '{name}' can be raised", value=text, remedy=nearest(name, names))
+            raise CommandError(
+                f"{VARIABLE}: bound '{name}' is unknown or cannot be raised", value=text, remedy=nearest(name, names)
+            )
         try:
             out[name] = float(value)
         except ValueError:
@@ -85,23 +87,23 @@ def _raised(text: str) -> dict[str, float]:
 
 
 def within(name: str, value: float, what: str, kind: type[PneudriveError], where: str | None = None) -> None:
-    """Refuse what is beyond a bound.
+    """Raise an error for a value beyond a bound.
 
     Parameters
     ----------
     name : str
-        Of the bound.
+        Name of the bound.
     value : float
-        What the user gave; NaN is refused.
+        Value of the user; NaN is always beyond.
     what : str
-        What is wrong, for the message.
+        First sentence of the message.
     kind : type of PneudriveError
     where : str, optional
 
     Raises
     ------
     PneudriveError
-        Of `kind`, with the bound, its reason and how it is raised.
+        An error of `kind`, with the bound, its reason and how to raise it.
     """
     broken = beyond(name, value)
     if broken:
@@ -109,16 +111,16 @@ def within(name: str, value: float, what: str, kind: type[PneudriveError], where
 
 
 def beyond(name: str, value: float) -> tuple[str, str | None] | None:
-    """Return rule and remedy where a value is beyond a bound, None where it is not."""
+    """Return rule and remedy for a value beyond a bound, None for a valid value."""
     most, entry = bound(name), BOUNDS[name]
     if value <= most:
         return None
     raised = f'{VARIABLE}="{name}={_more(value, most):.3g}"'
-    remedy = f"Where it is right, raise the bound: {raised}." if entry.raised else None
+    remedy = f"If the value is right, raise the bound: {raised}." if entry.raised else None
     return f"at most {most:,.15g} {entry.unit} ({name}: {entry.reason})".replace("  ", " "), remedy
 
 
 def _more(value: float, most: float) -> float:
-    """Give a bound that would do, in round figures."""
+    """Return a sufficient bound, rounded."""
     wanted = max(value, most) if value < float("inf") else 10 * most
     return float(f"{1.5 * wanted:.0e}")

@@ -1,4 +1,4 @@
-"""How a process of our own is started: it imports what this one would, and nothing from the folder it runs in."""
+"""Start of child processes with the import path of this one, without the current folder."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ _START = (
 
 
 def command(module: str, *arguments: str) -> list[str]:
-    """Give the command that runs ``main`` of a module of ours in a process of its own.
+    """Return the command that runs ``main`` of a module of pneudrive in a child process.
 
-    ``python -m`` would put the current folder first in the search path: a file there that is called numpy.py would run.
+    ``python -m`` would put the current folder first in the search path: a file numpy.py in it would run.
     """
     return [sys.executable, "-I", "-c", _START, json.dumps([p for p in sys.path if p]), module, *arguments]

@@ -1,4 +1,4 @@
-"""Bytes and text of a file, and JSON: each with its bounds and with one clear message where it is wrong."""
+"""Bytes and text of a file, and JSON, each with bounds and one clear message for each error."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from pneudrive.errors import PneudriveError
 
-#: Texts and comments of TOML and texts of JSON, in which no sign has a meaning; then the signs that nest.
-#: A text without its end goes to the end of the line, or of the file: nothing is looked at twice.
+#: Texts and comments of TOML and texts of JSON, which are skipped; then the nesting characters.
+#: An unclosed text ends at the end of the line or of the file, so that each character is read once.
 _TOKENS = re.compile(
     r'''"""(?:\\.|[^\\])*?(?:"""|\Z)|"(?:\\.|[^"\\\n])*"?'''
     r"""|'''.*?(?:'''|\Z)|'[^'\n]*'?|\#[^\n]*|[\[\]{}.=,\n]""",
@@ -33,16 +33,16 @@ def read_bytes(path: Path, kind: type[PneudriveError], most: str = "text_bytes",
     ----------
     path : Path
     kind : type of PneudriveError
-        What to raise.
+        Class of the errors.
     most : str
-        The bound of its size.
+        Name of the bound of its size.
     folder : str, optional
-        What to do where the path is a folder.
+        Remedy if the path is a folder.
 
     Raises
     ------
     PneudriveError
-        There is no such file, it is a folder, a pipe or a device, may not be read, or is too large.
+        The file does not exist, is a folder, a pipe or a device, is not readable, or is too large.
     """
     try:
         size = check_file(path, kind, most, folder)
@@ -51,24 +51,24 @@ def read_bytes(path: Path, kind: type[PneudriveError], most: str = "text_bytes",
     except OSError as error:
         raise unreadable(path, error, kind) from None
     if len(data) > size:
-        raise kind("the file grows while it is read", where=str(path), remedy="Copy it, then read the copy.")
+        raise kind("the file grew while it was read", where=str(path), remedy="Copy it, then read the copy.")
     return data
 
 
 def check_file(path: Path, kind: type[PneudriveError], most: str = "file_bytes", folder: str | None = None) -> int:
-    """Refuse what is no file or too large, before anything is read; return the size in bytes.
+    """Check that a path is a file and not too large, before it is read; return its size in bytes.
 
     Raises
     ------
     PneudriveError
-        As `read_bytes`.
+        As for `read_bytes`.
     """
     try:
         about = path.stat()
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise unreadable(path, error, kind) from None
     if stat.S_ISDIR(about.st_mode):
-        raise kind("a folder stands where a file is needed", where=str(path), remedy=folder or "Name a file inside it.")
+        raise kind("this is a folder, but a file is needed", where=str(path), remedy=folder or "Name a file inside it.")
     if not stat.S_ISREG(about.st_mode):
         raise kind("this is a pipe or a device, not a file", where=str(path), remedy="Write it to a file first.")
     within(most, about.st_size, f"the file has {about.st_size:,} bytes", kind, str(path))
@@ -76,30 +76,30 @@ def check_file(path: Path, kind: type[PneudriveError], most: str = "file_bytes",
 
 
 def exists(path: Path) -> bool:
-    """Whether anything has this name; a name that the system does not take is none."""
+    """Return whether a file or folder has this name; False for an invalid name."""
     try:
         return path.exists()
-    except (OSError, ValueError):  # longer than names can be; a null character
+    except (OSError, ValueError):  # name too long; a null character
         return False
 
 
 def unreadable(path: Path, error: OSError | ValueError, kind: type[PneudriveError]) -> PneudriveError:
-    """Make the message of what the operating system refuses."""
+    """Return the error for an exception of the operating system."""
     if isinstance(error, FileNotFoundError):
         return kind("there is no such file", where=str(path))
     if isinstance(error, PermissionError):
-        return kind("the file may not be read", where=str(path))
+        return kind("the file is not readable: permission denied", where=str(path))
     reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return kind(f"the file cannot be read: {reason}", where=str(path))
 
 
 def text_of(data: bytes, where: str, kind: type[PneudriveError]) -> str:
-    """Give the text of a file in UTF-8, without the mark that Windows puts in front.
+    """Return the text of a file in UTF-8, without a byte order mark.
 
     Raises
     ------
     PneudriveError
-        It is binary, or in another encoding; the message names the line.
+        The file is binary, or in another encoding; the message gives the line.
     """
     if b"\0" in data:
         raise kind("the file is binary, not text", where=where, rule="text in UTF-8")
@@ -115,25 +115,25 @@ def read_text(path: Path, kind: type[PneudriveError], most: str = "text_bytes", 
     return text_of(read_bytes(path, kind, most, folder), str(path), kind)
 
 
-def read_json(path: Path, kind: type[PneudriveError]) -> Any:  # noqa: ANN401 - whatever the file holds
+def read_json(path: Path, kind: type[PneudriveError]) -> Any:  # noqa: ANN401 - any content
     """Read a JSON file; see `read_text` and `parse_json`."""
     return parse_json(read_text(path, kind), str(path), kind)
 
 
-def parse_json(text: str, where: str, kind: type[PneudriveError]) -> Any:  # noqa: ANN401 - whatever it holds
+def parse_json(text: str, where: str, kind: type[PneudriveError]) -> Any:  # noqa: ANN401 - any content
     """Read JSON.
 
     Raises
     ------
     PneudriveError
-        It is not JSON, nested too deep, or too long.
+        The text is not JSON, nested too deep, or too long.
     """
     within("text_bytes", len(text), f"the text has {len(text):,} characters", kind, where)
     if text.count("[") + text.count("{") > bound("nesting"):
         _check_depth(_depths(_JSON_TOKENS.finditer(text)), kind, where)
     from pydantic_core import from_json
 
-    with contextlib.suppress(ValueError):  # it is faster, and refuses a little more: the other one decides
+    with contextlib.suppress(ValueError):  # faster, but a little stricter: on an error the other parser decides
         return from_json(text)
     try:
         return json.loads(text)
@@ -142,7 +142,7 @@ def parse_json(text: str, where: str, kind: type[PneudriveError]) -> Any:  # noq
 
 
 def check_nesting(text: str, where: str, kind: type[PneudriveError]) -> None:
-    """Refuse TOML whose brackets nest too deep or whose keys have too many parts, before it is parsed.
+    """Check the nesting of brackets and the parts of keys in TOML, before it is parsed.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def check_nesting(text: str, where: str, kind: type[PneudriveError]) -> None:
 
 
 def _depths(tokens: Iterable[re.Match[str]]) -> Iterable[tuple[int, int]]:
-    """Give depth and place of each sign: open brackets, and the parts of the key before it."""
+    """Yield depth and place of each character: open brackets, and parts of the key before it."""
     brackets = parts = 0
     for token in tokens:
         sign = token[0]
@@ -176,7 +176,7 @@ def _check_depth(depths: Iterable[tuple[int, int]], kind: type[PneudriveError], 
 
 
 def check_depth(value: object, where: str, kind: type[PneudriveError]) -> None:
-    """Refuse parsed tables and lists that nest too deep: keys with many parts multiply with brackets.
+    """Check the nesting of parsed tables and lists: keys with many parts multiply with brackets.
 
     Raises
     ------

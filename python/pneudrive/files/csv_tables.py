@@ -1,4 +1,4 @@
-"""CSV as pneudrive writes it itself: names in the first line, commas, points. Foreign CSV goes through a layout."""
+"""CSV files written by pneudrive: names in the first line, commas, decimal points. Foreign CSV needs a layout."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ LONGEST_HEADER = 1_000_000  # bytes of the first line: 50,000 names
 
 
 def csv_names(path: Path, kind: type[PneudriveError]) -> list[str]:
-    """Give the fields of a file's first line; of a file that is no text, whatever it holds.
+    """Return the fields of a file's first line; a binary file gives arbitrary fields.
 
     Raises
     ------
     PneudriveError
-        There is no such file, or it is too large.
+        The file does not exist or is too large.
     """
     check_file(path, kind)
     try:
@@ -52,7 +52,7 @@ def read_csv(
     Raises
     ------
     PneudriveError
-        No such file or column, or fields that are not of the column's type.
+        The file or a column does not exist, or fields are not of the column's type.
     """
     import polars as pl
 

@@ -1,4 +1,4 @@
-"""How each binary format is opened by its library: in the reader process, or here where a seal holds."""
+"""Reading of binary formats by their libraries: in the reader process, or here for a file with a valid checksum."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-UNIT_OF = "unit of "  # before a column's name: the text of the file's metadata that says the column's unit
-OF_FILE = "the file of this row"  # a column that is added
+UNIT_OF = "unit of "  # prefix of a column's name: key of its unit in the file's metadata
+OF_FILE = "the file of this row"  # name of an added column
 CLASSIC_NETCDF = b"CDF"  # first bytes of netCDF 3
 
 Rows = tuple[int, int]
@@ -35,14 +35,14 @@ class Opened:
     Attributes
     ----------
     names : callable
-        Gives the names of the columns.
+        Returns the names of the columns.
     get : callable
-        ``get(names, dates, rows)`` reads some of them; where `dates` holds a name it gives texts or NumPy's
-        ``datetime64`` for it, if it can. Rows (first, behind the last) None: all.
+        ``get(names, dates, rows)`` reads some columns; a name in `dates` gives texts or NumPy's ``datetime64``, if
+        possible. `rows` is (first, one behind the last), or None for all.
     count : callable
-        Gives the rows of the table; None where the format has no tables.
+        Returns the number of rows; None for a format without tables.
     metadata : dict
-        Texts that the file carries.
+        Texts in the file's metadata.
     close : callable
     """
 
@@ -54,14 +54,14 @@ class Opened:
 
 
 def parquet_metadata(path: Path) -> dict[str, str]:
-    """Read the texts that a Parquet file carries."""
+    """Read the texts in the metadata of a Parquet file."""
     import polars as pl
 
     return pl.read_parquet_metadata(path)
 
 
 def open_parquet(path: Path) -> Opened:
-    """Open a Parquet file; who asks for its metadata alone waits for nothing else."""
+    """Open a Parquet file; its columns are read only on request."""
     import polars as pl
 
     @cache
@@ -80,20 +80,20 @@ def open_parquet(path: Path) -> Opened:
 
 
 def read_parquets(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str, NDArray[Any]]]:
-    """Read columns of several Parquet files at once, of each those that it has.
+    """Read columns of several Parquet files at once; columns that a file lacks are left out.
 
-    A query costs more than the columns of a small file: files whose columns are the same are one query.
+    A query costs more than the columns of a small file: files with the same columns are read by one query.
 
     Parameters
     ----------
     paths : sequence of Path
-        No file twice.
+        Files, each once.
     wanted : sequence of str
     """
     import polars as pl
 
     if len(paths) > 1:
-        with contextlib.suppress(pl.exceptions.PolarsError):  # their columns differ: one by one
+        with contextlib.suppress(pl.exceptions.PolarsError):  # different columns: one by one
             alike = _read_alike(paths, wanted)
             if alike is not None:
                 return alike
@@ -106,9 +106,9 @@ def read_parquets(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str
 
 
 def _read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str, NDArray[Any]]] | None:
-    """Read files of the same columns, all of `wanted` among them; None where a value is missing.
+    """Read files with the same columns, including all of `wanted`; None if a value is missing.
 
-    Whole numbers of which some are missing become floats, those of the other files must not.
+    Integers with missing values become floats; those of the other files must not.
     """
     import polars as pl
 
@@ -116,7 +116,7 @@ def _read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str, 
     if any(frame[name].null_count() for name in wanted):
         return None
     stretches = frame[OF_FILE].rle().struct.unnest()
-    rows = dict(zip(stretches["value"], stretches["len"], strict=True))  # a file without rows is not among them
+    rows = dict(zip(stretches["value"], stretches["len"], strict=True))  # a file without rows does not appear
     columns = {name: frame[name].to_numpy() for name in wanted}
     ends = np.cumsum([0, *(rows.get(str(path), 0) for path in paths)]).tolist()
     return [{name: column[begin:end] for name, column in columns.items()} for begin, end in pairwise(ends)]
@@ -150,7 +150,7 @@ def open_netcdf(path: Path) -> Opened:
 def open_tdms(path: Path) -> Opened:
     """Open a TDMS file; channels are named ``group/channel``.
 
-    A waveform has no channel of times: ``time`` is then what its properties say, s from its start.
+    A waveform has no channel of times: ``time`` is then computed from its properties, s from its start.
     """
     nptdms = _optional("nptdms", "tdms")
     data = nptdms.TdmsFile.read(path)
@@ -164,7 +164,7 @@ def open_tdms(path: Path) -> Opened:
         if timed and "time" in wanted:
             clocks = [name for name in found if name in clocked]
             if not clocks:
-                raise RecordingError("no channel that is read has a time of its own")
+                raise RecordingError("no channel that is read has times")
             channel = channels[clocks[0]]
             step, start = channel.properties["wf_increment"], channel.properties.get("wf_start_offset", 0.0)
             found["time"] = (start + np.arange(len(channel)) * step)[part]
@@ -176,9 +176,9 @@ def open_tdms(path: Path) -> Opened:
 
 
 def open_mf4(path: Path) -> Opened:
-    """Open an MDF file. All channels are brought to the time base of the first one wanted, which is ``time``, s.
+    """Open an MDF file; channels are interpolated to the times of the first wanted one, which are ``time``, s.
 
-    A name that several channel groups have is written ``number of the group/name``.
+    A name in several channel groups is written ``number of the group/name``.
     """
     asammdf = _optional("asammdf", "mf4")
     with ExitStack() as stack:
@@ -209,7 +209,7 @@ def open_mat(path: Path) -> Opened:
     pymatreader = _optional("pymatreader", "mat")
     flat: dict[str, NDArray[Any]] = {}
 
-    def collect(prefix: str, value: Any) -> None:  # noqa: ANN401 - whatever the file holds
+    def collect(prefix: str, value: Any) -> None:  # noqa: ANN401 - any content
         if isinstance(value, dict):
             for key, inner in value.items():
                 collect(f"{prefix}.{key}" if prefix else str(key), inner)
@@ -225,7 +225,7 @@ def open_mat(path: Path) -> Opened:
     return Opened(lambda: list(flat), get, _no_tables, {}, flat.clear)
 
 
-#: Format of the layout file -> how it is opened, and what people call it.
+#: Format in the layout file -> its name in messages, and its opener.
 OPENERS: dict[str, tuple[str, Callable[[Path], Opened]]] = {
     "parquet": ("Parquet", open_parquet),
     "netcdf": ("netCDF", open_netcdf),
@@ -236,11 +236,11 @@ OPENERS: dict[str, tuple[str, Callable[[Path], Opened]]] = {
 
 
 def _no_tables() -> None:
-    """Channels of these formats may differ in length."""
+    """Return None: channels of these formats may differ in length."""
 
 
 def _on(base: NDArray[np.float64], times: NDArray[np.float64], values: NDArray[Any]) -> NDArray[Any]:
-    """Bring a channel to other times; one that has them already, and one that is no row of numbers, stays as it is."""
+    """Interpolate a channel to other times; a channel with the same times, or not a series of numbers, is unchanged."""
     if values.ndim != 1 or values.dtype.kind not in "iuf" or np.array_equal(base, times):
         return values
     return np.interp(base, times, values.astype(np.float64))

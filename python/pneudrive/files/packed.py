@@ -1,4 +1,4 @@
-"""Plain and compressed text, piece by piece: what unpacks to too much is refused before it fills the memory."""
+"""Plain and compressed text, piece by piece; a file that unpacks to too much is rejected before it fills the memory."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ if TYPE_CHECKING:
 
     from pneudrive.errors import PneudriveError
 
-#: Suffix of a file -> what unpacks it.
+#: Suffix of a file -> its unpacking function.
 COMPRESSIONS: dict[str, Callable[[Path], object]] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
 PIECE = 1 << 22
-SMALL_BYTES = 1 << 26  # below this no ratio of sizes is looked at
+SMALL_BYTES = 1 << 26  # bytes below which the ratio of sizes is not checked
 
 
 def pieces(path: Path, kind: type[PneudriveError], folder: str | None = None, size: int = PIECE) -> Iterator[bytes]:
-    """Give the bytes of a file one after the other, unpacked where its suffix says that it is packed.
+    """Yield the bytes of a file in pieces, unpacked according to its suffix.
 
     Parameters
     ----------
     path : Path
     kind : type of PneudriveError
     folder : str, optional
-        What to do where the path is a folder.
+        Remedy if the path is a folder.
     size : int
-        Most bytes of a piece.
+        Largest number of bytes of a piece.
 
     Raises
     ------
     PneudriveError
-        There is no such file, it is no plain file, too large (also unpacked), damaged or cut off.
+        The file does not exist, is not a plain file, too large (also unpacked), damaged or cut off.
     """
     there = check_file(path, kind, folder=folder)
     packed = path.suffix in COMPRESSIONS and there > 0
@@ -50,18 +50,18 @@ def pieces(path: Path, kind: type[PneudriveError], folder: str | None = None, si
                 if packed:
                     check_unpacked(total, there, kind, str(path))
                 else:
-                    within("file_bytes", total, "the file grows while it is read", kind, str(path))
+                    within("file_bytes", total, "the file grew while it was read", kind, str(path))
                 yield piece
     except (EOFError, zlib.error, lzma.LZMAError, gzip.BadGzipFile) as error:
         raise kind(f"the file cannot be decompressed: {error}", where=str(path)) from None
-    except OSError as error:  # bz2 says so what is wrong with the content
+    except OSError as error:  # how bz2 reports damaged content
         if error.errno is None:
             raise kind(f"the file cannot be decompressed: {error}", where=str(path)) from None
         raise unreadable(path, error, kind) from None
 
 
 def check_unpacked(size: int, packed: int, kind: type[PneudriveError], where: str | None = None) -> None:
-    """Refuse what unpacks to too much, whatever packed it.
+    """Raise an error for a file that unpacks to too many bytes.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""The process in which libraries written in C read files: requests come as JSON on a socket, answers go as memory.
+"""Process in which libraries written in C read files: requests are JSON on a socket, answers are shared memory.
 
-It is started by `pneudrive.files.tables`. An answer is a file descriptor: length of a JSON text, the text, then the
-arrays as they are in memory. What a damaged file does to a library (an exception, a crash, a loop without end) ends
-here: an exception becomes the answer, a crash or the alarm ends this process, and whoever asked starts another one.
+`pneudrive.files.tables` starts it. An answer is a file descriptor: length of a JSON text, the text, then the arrays as
+in memory. Effects of a damaged file on a library (an exception, a crash, an endless loop) end here: an exception
+becomes the answer, a crash or the alarm ends this process, and the client starts another one.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ LONGEST_REASON = 200
 
 
 class _Files:
-    """The file that was opened last: its columns are asked for right after its names."""
+    """Cache of the last opened file: a request for columns follows one for names."""
 
     def __init__(self) -> None:
         self._key: object = None
         self._opened: Opened | None = None
 
     def open(self, form: str, path: str) -> Opened:
-        """Open a file, or give the open one."""
+        """Open a file, or return the open one."""
         about = Path(path).stat()
         key = (form, path, about.st_mtime_ns, about.st_size, about.st_ino)
         if self._opened is None or key != self._key:
@@ -51,14 +51,14 @@ class _Files:
         return self._opened
 
     def close(self) -> None:
-        """Close it."""
+        """Close the open file."""
         opened, self._opened = self._opened, None
         if opened is not None:
             opened.close()
 
 
 def answer(request: dict[str, Any], path: str, files: _Files) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Do what is asked of a file; what goes wrong in a library is an answer too."""
+    """Answer a request for a file; an exception of a library becomes an answer too."""
     form = request["form"]
     try:
         opened = files.open(form, path)
@@ -79,7 +79,7 @@ def answer(request: dict[str, Any], path: str, files: _Files) -> tuple[dict[str,
         return {}, columns
     except PneudriveError as error:
         return {"error": {key: getattr(error, key) for key in FIELDS}}, {}
-    except BaseException as error:  # libraries raise whatever they like; a panic of Rust is a BaseException
+    except BaseException as error:  # libraries raise any exception; a panic of Rust is a BaseException
         if isinstance(error, (KeyboardInterrupt, SystemExit)):
             raise
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
@@ -91,7 +91,7 @@ def answer(request: dict[str, Any], path: str, files: _Files) -> tuple[dict[str,
 
 
 def _alike(request: dict[str, Any]) -> list[dict[str, NDArray[Any]]] | None:
-    """Read several Parquet files with one query; None where that is not possible: one by one shows which it is."""
+    """Read several Parquet files with one query; None on an error, as reading one by one shows the file at fault."""
     if request["ask"] != "some columns" or len(request["paths"]) < 2:
         return None
     try:
@@ -103,7 +103,7 @@ def _alike(request: dict[str, Any]) -> list[dict[str, NDArray[Any]]] | None:
 
 
 def answers(request: dict[str, Any], files: _Files) -> tuple[list[dict[str, Any]], list[NDArray[Any]]]:
-    """Answer for each file; the arrays of all of them go together, each told with its place."""
+    """Answer for each file; the arrays of all files go together, each with its offset."""
     each, arrays = [], []
     end = 0
     alike = _alike(request)
@@ -123,7 +123,7 @@ def answers(request: dict[str, Any], files: _Files) -> tuple[list[dict[str, Any]
 
 
 def send(connection: socket.socket, each: list[dict[str, Any]], arrays: list[NDArray[Any]]) -> None:
-    """Send the answers: memory that the other process maps."""
+    """Send the answers as memory that the other process maps."""
     text = json.dumps({"each": each}).encode()
     head = -(-(8 + len(text)) // ALIGNED) * ALIGNED
     descriptor = _memory()
@@ -142,7 +142,7 @@ def _write_all(descriptor: int, data: memoryview) -> None:
 
 
 def _memory() -> int:
-    """Make a file without a name: in memory where the system can do that."""
+    """Make a file without a name, in memory if the system supports it."""
     if hasattr(os, "memfd_create"):
         return os.memfd_create("pneudrive")
     with tempfile.TemporaryFile() as file:
@@ -156,12 +156,12 @@ def _requests(connection: socket.socket) -> Iterator[dict[str, Any]]:
 
 
 def main() -> None:
-    """Answer until the other side is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that asked
+    """Answer requests until the other side closes the socket."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the client handles Ctrl-C
     warnings.simplefilter("ignore")
     connection = socket.socket(fileno=int(sys.argv[1]))
     files = _Files()
     for request in _requests(connection):
-        signal.alarm(request["seconds"])  # its default ends the process, whatever a library is doing
+        signal.alarm(request["seconds"])  # the default handler ends the process, even inside a library
         send(connection, *answers(request, files))
         signal.alarm(0)

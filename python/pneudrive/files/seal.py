@@ -1,4 +1,4 @@
-"""Parquet files that carry the SHA-256 of their own bytes: whoever reads one knows whether it is as it was written."""
+"""Parquet files with a checksum, the SHA-256 of their own bytes, so that a reader detects any change."""
 
 from __future__ import annotations
 
@@ -14,40 +14,40 @@ if TYPE_CHECKING:
 
     import polars as pl
 
-#: Key of the Parquet metadata under which a file carries the SHA-256 of its own bytes.
+#: Key of the checksum in the Parquet metadata: SHA-256 of the file's own bytes.
 SEAL = "pneudrive-seal"
 BLANK = "0" * 64
 PARQUET = b"PAR1"
-MAPPED = 1 << 20  # bytes from which a file is mapped: reading a smaller one takes less
+MAPPED = 1 << 20  # bytes from which a file is mapped: a smaller one is read faster
 TAIL = 8  # length of the footer and the mark of the format
 
 Bytes = bytes | mmap.mmap
 
 
 def sealed_parquet(frame: pl.DataFrame, metadata: dict[str, str]) -> bytes:
-    """Give the bytes of a Parquet file with its seal."""
+    """Return the bytes of a Parquet file with its checksum."""
     with io.BytesIO() as memory:
         frame.write_parquet(memory, metadata={**metadata, SEAL: BLANK})
         parquet = memory.getvalue()
     footer = _footer(parquet)
     at = None if footer is None else _seal_at(parquet, footer)
-    assert at is not None, "the file was written without a blank seal"
+    assert at is not None, "the file was written without room for a checksum"
     return parquet[:at] + hashlib.sha256(parquet).hexdigest().encode() + parquet[at + len(BLANK) :]
 
 
 def damage(parquet: Bytes) -> str | None:
-    """Say what is wrong with the bytes of a Parquet file, before anything tries to make sense of them.
+    """Return the damage of a Parquet file's bytes in words, before a library parses them.
 
     Returns
     -------
     str or None
-        None where nothing is wrong, as far as can be told: without a seal only the ends of the file are looked at.
+        None if no damage is found; without a checksum only the ends of the file are checked.
     """
     return _look(parquet)[0]
 
 
 def _look(parquet: Bytes) -> tuple[str | None, bool]:
-    """Say what is wrong, see `damage`, and whether there is a seal that holds."""
+    """Return the damage, see `damage`, and whether the checksum is valid."""
     if not len(parquet):
         return "the file is empty", False
     if parquet[:4] != PARQUET or len(parquet) < 12:
@@ -58,27 +58,27 @@ def _look(parquet: Bytes) -> tuple[str | None, bool]:
     at = _seal_at(parquet, footer)
     if at is None:
         with_seal = parquet.find(SEAL.encode(), footer) >= 0
-        return ("the file is damaged: its seal cannot be read" if with_seal else None), False
+        return ("the file is damaged: its checksum cannot be read" if with_seal else None), False
     total = hashlib.sha256(memoryview(parquet)[:at])
     total.update(BLANK.encode())
     total.update(memoryview(parquet)[at + len(BLANK) :])
     if total.hexdigest().encode() != parquet[at : at + len(BLANK)]:
-        return "the file is damaged: its bytes do not have the SHA-256 that they had when it was written", False
+        return "the file is damaged: its bytes do not match its checksum (SHA-256)", False
     return None, True
 
 
 @dataclass(frozen=True)
 class Looked:
-    """What was found of a Parquet file.
+    """Result of the check of a Parquet file.
 
     Attributes
     ----------
     wrong : str or None
-        What is wrong with it, see `damage`.
+        Its damage, see `damage`.
     own : bool
-        Whether it has a seal that holds.
+        Whether it has a valid checksum.
     end : bytes
-        Its footer with what stands around it, for `footer_text`; empty where the file is large.
+        End of the file with the footer, for `footer_text`; empty for a large file.
     """
 
     wrong: str | None
@@ -87,23 +87,23 @@ class Looked:
 
 
 def footer_text(parquet: Bytes, key: str) -> str | None:
-    """Find a text that a file carries, by its bytes or their end, without a library that reads all of them.
+    """Find a text of the metadata in a file's bytes or their end, without a library.
 
-    Whether the rest of the footer makes sense is not asked: a seal says so, or who reads the columns finds it.
+    The rest of the footer is not checked: the checksum covers it, or reading the columns will fail.
 
     Returns
     -------
     str or None
-        None where it is not there exactly once.
+        None unless the key occurs exactly once.
     """
     footer = _footer(parquet)
-    mark = b"\x18" + bytes([len(key)]) + key.encode() + b"\x18"  # a text as key, another one follows
+    mark = b"\x18" + bytes([len(key)]) + key.encode() + b"\x18"  # a pair of texts: key and value
     at = -1 if footer is None else parquet.find(mark, footer)
     if at < 0 or parquet.find(mark, at + 1) >= 0:
         return None
     at += len(mark)
     length = shift = 0
-    while parquet[at] & 0x80:  # seven bits of the length in each byte, the lowest first
+    while parquet[at] & 0x80:  # length: seven bits in each byte, the lowest first
         length |= (parquet[at] & 0x7F) << shift
         at, shift = at + 1, shift + 7
     length |= parquet[at] << shift
@@ -117,17 +117,17 @@ def footer_text(parquet: Bytes, key: str) -> str | None:
 
 
 def look(path: Path, size: int) -> Looked:
-    """Look at a Parquet file of so many bytes before anything tries to make sense of it.
+    """Check a Parquet file of `size` bytes before a library parses it.
 
     Raises
     ------
     OSError
-        It cannot be read.
+        The file cannot be read.
     """
     if size >= MAPPED:
         with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
             return Looked(*_look(data))
-    # A campaign has 20,000 of them: an object for each file would take twice as long as reading it.
+    # A campaign has 20,000 files: an object for each would double the time of reading.
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
     try:
         parquet = os.read(descriptor, size)
@@ -138,13 +138,13 @@ def look(path: Path, size: int) -> Looked:
 
 
 def _footer(parquet: Bytes) -> int | None:
-    """Give the place where the footer begins."""
+    """Return the offset of the footer."""
     length = int.from_bytes(parquet[-TAIL:-4], "little")
     return None if length > len(parquet) - TAIL - 4 else len(parquet) - TAIL - length
 
 
 def _seal_at(parquet: Bytes, footer: int) -> int | None:
-    """Find the 64 characters of the seal in the footer: the key, then type and length of the text (compact Thrift)."""
+    """Find the 64 characters of the checksum in the footer, after its key, type and length (compact Thrift)."""
     mark = SEAL.encode() + b"\x18" + bytes([len(BLANK)])
     at = parquet.rfind(mark, footer)
     return None if at < 0 or at + len(mark) + len(BLANK) > len(parquet) else at + len(mark)

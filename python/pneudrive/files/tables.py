@@ -1,9 +1,9 @@
-"""Columns of a binary file, through one kept process that may crash instead of this one.
+"""Columns of a binary file, read by one kept process that may crash instead of this one.
 
-A Parquet file that carries a seal which holds (`pneudrive.files.seal`: campaigns, maps and trajectories of ours) has
-the bytes that polars wrote, and is read here. Everything else is read in `reader_process`. Measured on two cores: the
-first file costs the start of a process and the import of its library (0.2 to 0.6 s), each further message 0.3 ms and
-the copy of the columns into memory that both processes see; so many small files are one message.
+A Parquet file with a valid checksum (`pneudrive.files.seal`: campaigns, maps and trajectories of pneudrive) has the
+bytes that polars wrote, and is read here. All others are read in `reader_process`. Measured on two cores: the first
+file costs the start of a process and the import of its library (0.2 to 0.6 s), each further message 0.3 ms and the
+copy of the columns into shared memory; so many small files are one message.
 """
 
 from __future__ import annotations
@@ -38,20 +38,20 @@ if TYPE_CHECKING:
 
     Answer = tuple[dict[str, Any], memoryview]
 
-#: Format of the layout file -> what people call it.
+#: Format in the layout file -> its name in messages.
 FORMATS = {form: name for form, (name, _) in formats.OPENERS.items()}
-#: Files, and bytes of files, that are read at a time where there are many.
+#: Largest number of files, and of their bytes, in one batch.
 MOST_FILES, MOST_BYTES = 100, 1 << 25
-#: Files that are looked at in one go, by how many threads: a disk has several to read, each processor some to check.
+#: Files checked in one batch, and number of threads: keeps the disk and each processor busy.
 LOOKED_AT, LOOKERS = 20, 4
-ALIGNED = 64  # bytes: where the arrays of an answer begin
+ALIGNED = 64  # bytes; offset of the arrays of an answer
 BYTES_PER_SECOND = 1e7
-ALARM = -14  # status of a process that its alarm ended
+ALARM = -14  # exit status of a process ended by its alarm
 
 
 @dataclass(frozen=True)
 class Table:
-    """A file of columns.
+    """File of columns.
 
     Attributes
     ----------
@@ -59,13 +59,13 @@ class Table:
     form : str
         Key of `FORMATS`.
     metadata : dict
-        Texts that the file carries.
+        Texts in the file's metadata.
     own : Opened or None
-        What reads it in this process: a Parquet file of ours whose seal holds.
+        The file opened in this process: a Parquet file with a valid checksum.
     kind : type of PneudriveError
-        What is raised.
+        Class of the errors.
     told : tuple of str
-        Names of the columns, as the reader process told them.
+        Names of the columns from the reader process.
     """
 
     path: Path
@@ -90,14 +90,14 @@ class Table:
         wanted : iterable of str
             Some of `names`; each is read once.
         rows : (int, int), optional
-            First row and the one behind the last; None: all.
+            First row and one behind the last; None: all.
         dates : frozenset of str
-            Columns for which dates are wanted: texts or NumPy's ``datetime64``, where the file says so.
+            Columns to read as dates: texts or NumPy's ``datetime64``, if the file has them.
 
         Returns
         -------
         dict
-            Name -> array: numbers, dates, or texts (object), as the file holds them.
+            Name -> array of numbers, dates, or texts (object).
 
         Raises
         ------
@@ -112,12 +112,12 @@ class Table:
         return {name: columns[name] for name in names if name in columns}
 
     def count(self) -> int | None:
-        """Give the number of rows; None where channels may differ in length.
+        """Return the number of rows; None where channels may differ in length.
 
         Raises
         ------
         RecordingError
-            As `get`.
+            As for `get`.
         """
         if self.own is not None:
             return self.own.count()
@@ -133,12 +133,12 @@ def open_table(path: Path, form: str, kind: type[PneudriveError] = RecordingErro
     form : str
         Key of `FORMATS`.
     kind : type of PneudriveError
-        What to raise.
+        Class of the errors.
 
     Raises
     ------
     RecordingError
-        There is no such file, it is damaged, too large, not of this format, or its library is not there.
+        The file does not exist, is damaged, too large or not of this format, or its library is not installed.
     """
     if form == "parquet" and _look(path, kind).own:
         opened = formats.open_parquet(path)
@@ -148,20 +148,20 @@ def open_table(path: Path, form: str, kind: type[PneudriveError] = RecordingErro
 
 
 def read_texts(paths: Iterable[Path], key: str, kind: type[PneudriveError]) -> Iterator[Text | PneudriveError]:
-    """Read a text that many Parquet files carry.
+    """Read one text of the metadata of many Parquet files.
 
     Parameters
     ----------
     paths : iterable of Path
     key : str
-        Under which their metadata hold it.
+        Key of the text in the metadata.
     kind : type of PneudriveError
 
     Yields
     ------
     Text or PneudriveError
-        For each file in turn; the error, of `kind`, is what `open_table` would raise. Of a file without a seal, only
-        its ends and the text are looked at, where the text is found there: who reads its columns finds the rest.
+        For each file in order; an error, of `kind`, is that of `open_table`. For a file without a checksum, only its
+        ends and the text are checked, if the text is found there: reading its columns checks the rest.
     """
     request = {"ask": "metadata", "form": "parquet"}
 
@@ -185,7 +185,7 @@ def read_texts(paths: Iterable[Path], key: str, kind: type[PneudriveError]) -> I
 def read_columns(
     paths: Iterable[Path], wanted: Sequence[str], kind: type[PneudriveError]
 ) -> Iterator[dict[str, NDArray[Any]] | PneudriveError]:
-    """Read columns of many Parquet files, of each those of `wanted` that it has; see `read_texts`."""
+    """Read columns of many Parquet files; columns that a file lacks are left out; see `read_texts`."""
     request = {"ask": "some columns", "form": "parquet", "wanted": list(wanted), "rows": None, "dates": []}
     for some in _batches(paths, kind):
         others = _ask_foreign(some, request, kind)
@@ -202,7 +202,7 @@ def read_columns(
 
 @dataclass(frozen=True)
 class Text:
-    """A text that a Parquet file carries, if it does; ``sealed``: the bytes of the file are those that were written."""
+    """Text of a Parquet file's metadata, or None; ``sealed``: the file has a valid checksum."""
 
     text: str | None
     sealed: bool
@@ -210,7 +210,7 @@ class Text:
 
 @dataclass(frozen=True)
 class _File:
-    """A Parquet file of a batch: it cannot be read, or is one of ours, or somebody else's."""
+    """Parquet file of a batch: unreadable, with a valid checksum, or foreign."""
 
     path: Path
     size: int
@@ -224,7 +224,7 @@ class _File:
 
 
 def _batches(paths: Iterable[Path], kind: type[PneudriveError]) -> Iterator[list[_File]]:
-    """Look at files, so many at a time that neither a message nor what they hold is large."""
+    """Check files in batches, limited in number and bytes."""
     batch: list[_File] = []
     size = 0
     rest = iter(paths)
@@ -250,19 +250,19 @@ def _looked(path: Path, kind: type[PneudriveError]) -> _File:
 def _ask_foreign(
     some: Sequence[_File], request: dict[str, Any], kind: type[PneudriveError]
 ) -> Iterator[Answer | PneudriveError]:
-    """Ask the reader process for the files of a batch that are somebody else's."""
+    """Request the foreign files of a batch from the reader process."""
     foreign = [one for one in some if one.foreign]
     size = sum(one.size for one in foreign)
     return iter(list(_reader.ask_each([one.path for one in foreign], size, request, kind)))
 
 
 def _look(path: Path, kind: type[PneudriveError]) -> _File:
-    """Look at a Parquet file.
+    """Check a Parquet file.
 
     Raises
     ------
     PneudriveError
-        Of `kind`: there is no such file, it is damaged, too large, or no Parquet file.
+        An error of `kind`: the file does not exist, is damaged, too large, or not a Parquet file.
     """
     size = check_file(path, kind)
     try:
@@ -277,7 +277,7 @@ def _look(path: Path, kind: type[PneudriveError]) -> _File:
 def _read_own(
     paths: Sequence[Path], wanted: Sequence[str], kind: type[PneudriveError]
 ) -> list[dict[str, NDArray[Any]] | PneudriveError]:
-    """Read columns of sealed files; one that was taken away meanwhile gives its error."""
+    """Read columns of files with a valid checksum; a file deleted meanwhile gives an error."""
     try:
         return list(formats.read_parquets(paths, wanted))
     except OSError as error:
@@ -302,7 +302,7 @@ def _column(told: dict[str, Any], memory: memoryview) -> NDArray[Any]:
 
 
 class _Reader:
-    """The kept process, one request at a time."""
+    """Client of the kept reader process, one request at a time."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -311,12 +311,12 @@ class _Reader:
         self._owner = 0
 
     def ask(self, path: Path, request: dict[str, Any], kind: type[PneudriveError]) -> Answer:
-        """Send a request and map the answer.
+        """Send a request, and map the answer.
 
         Raises
         ------
         PneudriveError
-            Of `kind`: what the library said, or that it crashed, or took too long.
+            An error of `kind`: the library reported an error, crashed, or took too long.
         """
         (answer,) = self.ask_each([path], check_file(path, kind), request, kind)
         if isinstance(answer, PneudriveError):
@@ -326,7 +326,7 @@ class _Reader:
     def ask_each(
         self, paths: Sequence[Path], size: int, request: dict[str, Any], kind: type[PneudriveError]
     ) -> Iterator[Answer | PneudriveError]:
-        """Ask the same of several files, of so many bytes in all: in one message, and one by one where that crashes."""
+        """Send one request for several files, of `size` bytes in all; after a crash, one request for each file."""
         if not paths:
             return
         seconds = _seconds(size)
@@ -334,7 +334,7 @@ class _Reader:
         with self._lock:
             try:
                 answer = self._exchange(json.dumps(message).encode() + b"\n")
-            except BaseException:  # Ctrl-C too: what comes later would be the answer to this
+            except BaseException:  # Ctrl-C too: a late answer would be taken for that of the next request
                 self.stop()
                 raise
             status = None if answer is not None else self._ended()
@@ -376,13 +376,13 @@ class _Reader:
                 pass_fds=(number,),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,  # a panic and HDF5 print their troubles before they raise them
-                env={**os.environ, "HDF5_USE_FILE_LOCKING": "FALSE"},  # a file that was read can be written again
+                stderr=subprocess.DEVNULL,  # Rust panics and HDF5 print errors before they raise them
+                env={**os.environ, "HDF5_USE_FILE_LOCKING": "FALSE"},  # close the file, so that it can be written again
             )
         self._connection, self._owner = ours, os.getpid()
 
     def _ended(self) -> int:
-        """Give the status of the process that has gone."""
+        """Return the exit status of the ended process."""
         process = self._process
         status = 0 if process is None else process.wait()
         self.stop()
@@ -409,14 +409,14 @@ def _crashed(path: Path, form: str, seconds: int, status: int | None, kind: type
         return kind(
             f"the file was not read as {name} within {seconds} s",
             where=str(path),
-            rule="a sound file is read in less (reader_seconds)",
-            remedy=f'Where it is sound, allow more: {VARIABLE}="reader_seconds=600".',
+            rule="an intact file takes less time (bound reader_seconds)",
+            remedy=f'If the file is intact, allow more time: {VARIABLE}="reader_seconds=600".',
         )
     return kind(
         f"the file is damaged: the library that reads {name} crashed on it",
         where=str(path),
         value=f"status {status}",
-        remedy="Export it again, or take it from its first source.",
+        remedy="Export the file again, or get another copy of it.",
     )
 
 
