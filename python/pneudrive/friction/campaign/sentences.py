@@ -1,25 +1,16 @@
-"""Sentences for people: topic, text and remedy stand in sentences.toml; code says when, and with which values."""
+"""Sentences on campaigns as statements: what their data carry, what not, and what would."""
 
 from __future__ import annotations
 
-from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.describe.toml import read
 from pneudrive.friction.campaign.basics import Statement
+from pneudrive.friction.sentences import sentence
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-TABLE = Path(__file__).with_name("sentences.toml")
 NAMED = 3  # cycles that are named where several share a fate
-
-
-@lru_cache(maxsize=1)
-def table() -> dict[str, dict[str, dict[str, str]]]:
-    """Give topic -> name -> text and remedy."""
-    return read(TABLE)[0]
 
 
 def say(name: str, /, **values: Any) -> Statement:  # noqa: ANN401 - whatever the sentence names
@@ -32,10 +23,8 @@ def say(name: str, /, **values: Any) -> Statement:  # noqa: ANN401 - whatever th
     **values
         What the braces of the sentence name.
     """
-    topic, _, key = name.partition(".")
-    sentence = table()[topic][key]
-    remedy = sentence.get("remedy", "").format(**values)
-    return Statement(topic, sentence["text"].format(**values), carried=not remedy, remedy=remedy)
+    remedy = sentence(name, "remedy", **values)
+    return Statement(name.partition(".")[0], sentence(name, **values), carried=not remedy, remedy=remedy)
 
 
 def named(names: Iterable[str], separator: str = ", ") -> str:

@@ -25,8 +25,8 @@ from pneudrive.friction.recording.pressure_line import (
     run_spread,
 )
 from pneudrive.friction.recording.summaries import Source, Summary, summarise, summary_of
-from pneudrive.friction.reduction.sentences import sentence
 from pneudrive.friction.reduction.settling import SampleChoice, Settled
+from pneudrive.friction.sentences import sentence
 from pneudrive.show import Shown
 from pneudrive.signals.cycles import Cycles, find_cycles, read_cycles
 from pneudrive.signals.layout import Layout

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import Estimate
-from pneudrive.friction.reduction.sentences import sentence
+from pneudrive.friction.sentences import sentence
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.estimate.estimates import changed, student
 from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
-from pneudrive.friction.reduction.sentences import sentence
+from pneudrive.friction.sentences import sentence
 from pneudrive.numbers import with_u
 from pneudrive.show import Shown
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.reduction.sentences import sentence
+from pneudrive.friction.sentences import sentence
 from pneudrive.signals.impossible import PRESSURES_PA, SPEEDS_M_S
 
 if TYPE_CHECKING:
