@@ -1,4 +1,4 @@
-"""A drive against measurements: free runs, metrics, verdicts, and what the residuals point to."""
+"""Validation of drives against measurements: free runs, metrics, verdicts and diagnosis of residuals."""
 
 from __future__ import annotations
 

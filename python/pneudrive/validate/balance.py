@@ -1,13 +1,12 @@
-"""The three balances along a recording: what the drive's equations say at measured states, and what is left.
+"""Balances of force and of both pressures along a recording: the drive's equations at measured states, and residuals.
 
-The equations are the core's (``Drive.along``); nothing here repeats one. The residuals have their weak form, in which
-no measured signal is differentiated: with a smooth kernel k of compact support, integration by parts moves derivatives
-to it,
+The core evaluates the equations (``Drive.along``). The residuals are in weak form, so that no measured signal is
+differentiated: with a smooth kernel k of compact support, integration by parts moves derivatives to the kernel,
 
     e_F = k * (m a) - k * (sum of forces - friction)   with k * a = k'' * x            N
     e_p = k * dp/dt - k * (dp/dt of the energy balance) with k * dp/dt = k' * p        Pa/s
 
-Each is what the model lacks.
+Each residual is the part of the measurement that the model lacks.
 """
 
 from __future__ import annotations
@@ -32,8 +31,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 Values = tuple["Array", "Array", "Array"]
-#: Half of the kernel's support, s, and the least number of samples in it (assumed: longer than the derivative of the
-#: velocity takes, shorter than a motion).
+#: Half of the kernel's support, s, and its least number of samples (assumed: longer than the window of the velocity's
+#: derivative, shorter than a motion).
 HALF_SUPPORT_S, LEAST_SAMPLES = 0.02, 5
 
 
@@ -44,11 +43,11 @@ class Terms:
     Attributes
     ----------
     force_n : ndarray
-        All forces in +x but friction: pressures, weight, load, spring, end stops.
+        All forces in +x except friction: pressures, weight, load, spring, end stops.
     friction_n : ndarray
-        Of steady sliding at the measured velocity, opposing v > 0.
+        Friction of steady sliding at the measured velocity, opposing v > 0.
     pressure_rate_a_pa_s, pressure_rate_b_pa_s : ndarray
-        Of the energy balance.
+        Pressure rates of the energy balance.
     mass_flow_a_kg_s, mass_flow_b_kg_s : ndarray
     """
 
@@ -61,25 +60,25 @@ class Terms:
 
     @property
     def pressure_rates(self) -> tuple[Array, Array]:
-        """Of both chambers."""
+        """Pressure rates of both chambers, Pa/s."""
         return self.pressure_rate_a_pa_s, self.pressure_rate_b_pa_s
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What a cause may change before the balances are evaluated; what follows from it is evaluated once.
+    """Input of the balances, which a cause may change; derived quantities are evaluated once.
 
     Attributes
     ----------
     drive : Drive
     equations : Any
-        Those of the drive without its lines: forces are the same, flows and rates of pressures are not.
+        Equations of the drive without its lines: forces are the same, flows and pressure rates differ.
     signals : Signals
-        The recording.
+        Signals of the recording.
     position : ndarray, shape (n,)
     pressures : tuple of ndarray, shape (n,)
     opened : ndarray, shape (n, 4)
-        Share of the full conductance of each edge of the valve.
+        Open share of the full conductance of each edge of the valve.
     """
 
     drive: Drive
@@ -91,13 +90,13 @@ class Scene:
 
     @classmethod
     def of(cls, drive: Drive, signals: Signals) -> Scene:
-        """Take drive and signals as they are."""
+        """Return the scene of an unchanged drive and its signals."""
         pressures = (signals.pressure_a_pa, signals.pressure_b_pa)
         opened = at_samples(openings(signals.command))
         return cls(drive, _equations(drive), signals, signals.position_m, pressures, opened)
 
     def with_drive(self, drive: Drive) -> Scene:
-        """Return the same with another drive."""
+        """Return the scene with another drive."""
         return replace(self, drive=drive, equations=_equations(drive))
 
     @cached_property
@@ -113,12 +112,12 @@ class Scene:
 
     @cached_property
     def kernel(self) -> tuple[Array, Array, Array]:
-        """The kernel and its derivatives."""
+        """Kernel and its derivatives."""
         return kernel(half_support(self.signals), self.signals.step_s)
 
     @cached_property
     def residuals(self) -> Values:
-        """Residuals at all samples that a whole kernel surrounds: force N, pressure rates Pa/s."""
+        """Residuals at all samples with a whole kernel around them: force N, pressure rates Pa/s."""
         (k0, k1, k2), terms = self.kernel, self.terms
         inertia = moving_mass(self.drive) * np.convolve(self.position, k2, "valid")
         force = inertia - np.convolve(terms.force_n - terms.friction_n, k0, "valid")
@@ -135,26 +134,26 @@ def _equations(drive: Drive) -> Any:  # noqa: ANN401 - the core's
 
 
 def moving_mass(drive: Drive) -> float:
-    """Piston and load, kg."""
+    """Mass of piston and load, kg."""
     return drive.cylinder.moving_mass_kg + drive.carried.mass_kg
 
 
 def half_support(signals: Signals) -> int:
-    """Count the samples on each side of a kernel's middle."""
+    """Return the number of samples on each side of a kernel's middle."""
     return max(LEAST_SAMPLES, round(HALF_SUPPORT_S / signals.step_s))
 
 
 def at_samples(held: Array) -> Array:
-    """Mean of before and after each sample: sums over samples are then right where the command steps."""
+    """Return the mean before and after each sample, so that sums over samples are right at steps of the command."""
     return 0.5 * (held + np.vstack([held[:1], held[:-1]]))
 
 
 @lru_cache(maxsize=32)
 def kernel(half: int, step_s: float) -> tuple[Array, Array, Array]:
-    """Give (1 - s^2)^4 on 2 half + 1 samples with unit sum, and its first and second derivative by time.
+    """Return (1 - s^2)^4 on 2 half + 1 samples with unit sum, and its first and second derivative by time.
 
-    The sums are those of the integrals: a constant has no derivative, a ramp of slope 1 has 1, and so has t^2/2 in the
-    second. Samples alone miss that by so much that at 500 Hz a position of 0.3 m looked like a force.
+    Sums are corrected to equal the integrals: the first derivative of a constant is 0 and of a ramp 1, the second
+    derivative of t^2/2 is 1. Without it, a position of 0.3 m at 500 Hz would act like a force.
     """
     s = np.arange(-half, half + 1) / (half + 1)
     width = (half + 1) * step_s

@@ -1,4 +1,4 @@
-"""Breakaway after stops: the peak of the friction that is carried before the piston runs, measured and modelled."""
+"""Breakaway after stops, measured and modelled: peak of the friction force before the piston moves."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Shorter rests are reversals, no stops.
+#: Shortest stop, s; shorter rests are reversals.
 LEAST_STOP_S = 0.05
-#: A longer rest is simulated from so long before its end.
+#: Longest simulated part of a rest before its end, s.
 MOST_STOP_S = 1.0
 
 
 @dataclass(frozen=True)
 class RecordedBreakaway:
-    """One stop that ends in motion.
+    """Stop that ends in motion.
 
     Attributes
     ----------
     start_s, onset_s : float
-        When the piston came to rest, and when it moved.
+        Times at which the piston came to rest, and started to move.
     measured_n, model_n : float
-        Peak of the carried friction force in the direction of motion, N.
+        Peak of the friction force in the direction of motion, N.
     model_moved : bool
-        Whether the model broke away before the next stop; if not, its peak is what it carried at most.
+        Whether the model broke away before the next stop; if not, its peak is its largest force at rest.
     """
 
     start_s: float
@@ -54,7 +54,7 @@ class RecordedBreakaway:
 def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
     """Compare the model's breakaway with the measured one at each stop, from the measured state in the stop.
 
-    The peak lies before the piston has moved by as much as bristles bend; both sides are smoothed alike.
+    The peak lies before the piston has moved by the deflection of bristles; both forces are smoothed alike.
     """
     touching = near_stops(drive, signals)
     rests = [(start, onset) for start, onset in _rests(signals) if not touching[start:onset].any()]
@@ -80,19 +80,19 @@ def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
 
 
 def _peak(force: Array, moved: Array, bend: float) -> tuple[float, bool]:
-    """Greatest force before the piston has moved by `bend`, and whether it did."""
+    """Return the greatest force before the piston has moved by `bend`, and whether it moved so far."""
     gone = np.flatnonzero(moved > bend)
     return float(np.max(force[: int(gone[0]) + 1] if gone.size else force)), bool(gone.size)
 
 
 def carried_friction(drive: Drive, signals: Signals) -> Array:
-    """Force that friction carries, N in -x: all other forces on the moving mass less m a, from the core."""
+    """Return the friction force, N in -x: all other forces on the moving mass minus m a, from the core."""
     force = signals.smooth(Scene.of(drive, signals).terms.force_n)
     return force - moving_mass(drive) * signals.acceleration_m_s2
 
 
 def _rests(signals: Signals) -> list[tuple[int, int]]:
-    """Find first sample and onset of each rest that is long enough and ends in motion."""
+    """Yield first sample and onset of each rest that is long enough and ends in motion."""
     still = ~signals.moving
     edges = np.flatnonzero(np.diff(np.r_[False, still, False].astype(int)))
     least = round(LEAST_STOP_S / signals.step_s)

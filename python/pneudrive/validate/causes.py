@@ -1,7 +1,7 @@
-"""What may be wrong with a model: one change of one thing, as it shows in the balances.
+"""Possible causes of model errors: a change of one quantity each, and its effect on the balances.
 
 A cause changes the scene (drive, sensors, openings of the valve) by an amount, or adds a term to a residual. Its column
-in the regression is the difference quotient of the residuals: the equations stay the core's.
+in the regression is the difference quotient of the residuals, evaluated by the core.
 """
 
 from __future__ import annotations
@@ -26,41 +26,41 @@ if TYPE_CHECKING:
 Change = Callable[[Scene, float], Scene]
 
 
-#: Bounds of a change that is a share of the present value.
+#: Bounds of a change as a share of the present value.
 SHARE = (-0.95, 20.0)
 
 
 @dataclass(frozen=True)
 class Cause:
-    """One thing that may be wrong.
+    """Possible cause of a model error.
 
     Attributes
     ----------
     key : str
         Short name, unique.
     family : str
-        What it belongs to: friction, load, valve, supply, chamber, sensor.
+        Group: friction, load, valve, supply, chamber, sensor.
     words : str
-        With ``{size}`` where the amount is said: "{size} Coulomb friction".
+        Text with ``{size}`` for the amount: "{size} Coulomb friction".
     unit : str
-        Of the amount: an SI unit, or "share" of the present value.
+        Unit of the amount: an SI unit, or "share" of the present value.
     step : float
-        Amount over which the difference quotient is taken.
+        Amount for the difference quotient.
     least : float
-        Amounts below this are not worth a name.
+        Smallest relevant amount.
     remedy : str
     change : callable or None
         (scene, amount) -> scene.
     term : callable or None
-        Scene -> extra residual per amount, for what no change of the scene can say.
+        Scene -> extra residual per amount, for a cause that no change of the scene can express.
     profile : callable or None
-        Scene -> columns, for what several numbers say together.
+        Scene -> columns, for a cause with several coefficients.
     parts : int
-        Numbers that the cause stands for: more of them explain more by chance.
+        Number of coefficients: more of them explain more by chance.
     bounds : tuple of float
-        Least and greatest amount that the description takes.
+        Least and greatest amount that a description allows.
     described : bool
-        Whether a drive file, or what is known of the sensors, can say it.
+        Whether a drive file or the data of the sensors can describe it.
     """
 
     key: str
@@ -78,7 +78,7 @@ class Cause:
     described: bool = True
 
     def effect(self, scene: Scene, amount: float) -> Values:
-        """Return what the residuals lose when the model is changed by `amount`."""
+        """Return the reduction of the residuals when the model is changed by `amount`."""
         if self.term is not None:
             a, b, c = self.term(scene)
             return amount * a, amount * b, amount * c
@@ -97,7 +97,7 @@ def _value(key: str, si_unit: str, value: Callable[[Drive, float], float]) -> Ch
 
 
 def _friction_level(drive: Drive, amount: float) -> dict[str, object]:
-    """Fc and Fs by the same amount."""
+    """Change Fc and Fs by the same amount."""
     known = drive.friction.parameters
     return {f"friction.{k}": write(max(known[k] + amount, 1e-6), "N") for k in ("coulomb", "breakaway") if k in known}
 
@@ -108,7 +108,7 @@ def _breakaway(drive: Drive, amount: float) -> float:
 
 
 def _pressure_friction(drive: Drive, amount: float) -> dict[str, object]:
-    """Coulomb and breakaway by so many N/Pa in either chamber."""
+    """Change Coulomb and breakaway force with the pressure in either chamber, N/Pa."""
     seals = drive.friction.pressure
     pairs = {}
     for name in ("coulomb", "breakaway"):
@@ -118,7 +118,7 @@ def _pressure_friction(drive: Drive, amount: float) -> dict[str, object]:
 
 
 def _direction(drive: Drive, amount: float) -> dict[str, object]:
-    """More friction towards +x, less towards -x, by this share."""
+    """Increase friction towards +x and decrease it towards -x by this share."""
     old = drive.friction.direction
     positive, negative = (1.0, 1.0) if old is None else (old.positive, old.negative)
     return {"friction.direction": {"positive": positive * (1.0 + amount), "negative": negative * (1.0 - amount)}}
@@ -134,7 +134,7 @@ def _dead_volume(sides: str) -> Change:
 
 
 def _piston_leak(drive: Drive, share: float) -> float:
-    """Leakage past the piston by so much of the valve's conductance."""
+    """Change the leakage past the piston by a share of the valve's conductance."""
     return drive.cylinder.leakage_m3_s_pa + share * drive.valve.conductance_m3_s_pa
 
 
@@ -159,17 +159,17 @@ def _opened(how: Callable[[Array, Array], Array], *edges: int) -> Change:
 
 
 def _edges(*edges: int) -> Change:
-    """Conductance of some edges of the valve by a share."""
+    """Change the conductance of some edges of the valve by a share."""
     return _opened(lambda opened, share: np.maximum(opened * (1.0 + share), 0.0), *edges)
 
 
 def _leak(*edges: int) -> Change:
-    """Edges that never shut: at least this share of the full conductance."""
+    """Keep some edges open by at least this share of the full conductance."""
     return _opened(np.add, *edges)
 
 
 def _command(how: Callable[[Array, float, float], Array]) -> Change:
-    """Make the openings of a command that the valve sees otherwise: (command, amount, step) -> command."""
+    """Change the openings by a changed command: (command, amount, step) -> command."""
 
     def change(scene: Scene, amount: float) -> Scene:
         command = scene.signals.command
@@ -180,7 +180,7 @@ def _command(how: Callable[[Array, float, float], Array]) -> Change:
 
 
 def _delayed(command: Array, delay_s: float, step_s: float) -> Array:
-    """Hold the command back by a time that need not be a whole number of samples."""
+    """Delay the command by a time that need not be a whole number of samples."""
     k = np.arange(command.size)
     whole = int(np.floor(delay_s / step_s))
     part = delay_s / step_s - whole
@@ -193,7 +193,7 @@ def _dead_zone(command: Array, zone: float, _: float) -> Array:
 
 
 def _sensor(position: float = 0.0, a: float = 0.0, b: float = 0.0) -> Change:
-    """Make sensors that show too much by an amount: the truth is less."""
+    """Change sensors that read too high by an amount: the true value is lower."""
 
     def change(scene: Scene, amount: float) -> Scene:
         p_a, p_b = scene.pressures
@@ -209,7 +209,7 @@ def _gain(scene: Scene, share: float) -> Scene:
 
 
 def _sag(scene: Scene) -> Values:
-    """Supply pressure that falls with the flow: per Pa at the greatest flow into the drive."""
+    """Return the residual of a supply pressure that falls with the flow, per Pa at the greatest flow into the drive."""
     step = 1e-3 * scene.drive.supply_pressure_pa
     lower = scene.drive.replace({"supply.pressure": f"{scene.drive.supply_pressure_pa - step!r} Pa abs"})
     before, after = scene.terms, scene.with_drive(lower).terms
@@ -221,12 +221,12 @@ def _sag(scene: Scene) -> Values:
     return np.zeros_like(a), a, b
 
 
-#: Orders of the polynomials that say how friction varies along the stroke, its mean among them.
+#: Number of polynomials for friction along the stroke, including the constant.
 PROFILE_ORDERS = (0, 1, 2, 3, 4)
 
 
 def _along_stroke(scene: Scene) -> list[Values]:
-    """Friction along the stroke: Legendre polynomials over the travelled range, per N."""
+    """Return the residuals of friction along the stroke: Legendre polynomials over the travelled range, per N."""
     x, signals = scene.position, scene.signals
     sign = np.where(signals.moving, np.sign(signals.velocity_m_s), 0.0)
     out: list[Values] = []
@@ -237,11 +237,11 @@ def _along_stroke(scene: Scene) -> list[Values]:
     return out
 
 
-_PATH_REMEDY = "measure C of this path (ISO 6358), look for a fitting, silencer or flow control that the model lacks"
+_PATH_REMEDY = "measure C of this path (ISO 6358), check for a fitting, silencer or flow control that the model lacks"
 
 
 def causes(drive: Drive) -> list[Cause]:
-    """Everything that is asked of a residual, for this drive."""
+    """Return all causes that are tested for a drive."""
     friction = _of_friction(drive) if "coulomb" in drive.friction.parameters else []
     leaks = _of_leaks(drive)
     return [*friction, *_of_load(), *_of_valve(), *_of_supply(), *leaks, *_of_chambers(drive), *_of_sensors()]
@@ -253,10 +253,10 @@ def _of_load() -> list[Cause]:
                   "weigh piston, slide and load", _value("cylinder.moving_mass", "kg",
                      lambda d, share: d.cylinder.moving_mass_kg + share * moving_mass(d)), bounds=SHARE),
         Cause("constant force", "load", "a constant force of {size} in +x that the model lacks", "N", 1.0, 1.0,
-                  "look for weight (incline), a cable drag, and the zeros of the pressure sensors",
+                  "check the incline (weight), the drag of cables, and the zeros of the pressure sensors",
                   _value("load.force", "N", lambda d, f: d.carried.force_n + f)),
         Cause("spring", "load", "a spring of {size} around mid stroke that the model lacks", "N/m", 20.0, 10.0,
-                  "look for cables, hoses and covers that pull", _drive(_spring)),
+                  "check for cables, hoses and covers that pull", _drive(_spring)),
     ]  # fmt: skip
 
 
@@ -281,8 +281,8 @@ def _of_valve() -> list[Cause]:
                       np.clip(d.valve.critical_pressure_ratio + b, 0.01, 0.95))}), bounds=(-0.6, 0.6)),
         Cause("valve delay", "valve", "a valve that acts {size} late", "s", 2e-3, 1e-3,
                   "measure the valve's step response; identify with a free delay of the command", _command(_delayed)),
-        Cause("valve zero", "valve", "a valve whose zero lies at a command of {size}", "1", 0.01, 0.005,
-                  "find the command at which the piston stands, and tare it",
+        Cause("valve zero", "valve", "a valve with its zero at a command of {size}", "1", 0.01, 0.005,
+                  "find the command at which the piston rests, and tare it",
                   _command(lambda u, zero, _: np.clip(u - zero, -1.0, 1.0)), described=False),
         Cause("dead zone", "valve", "a dead zone of the valve of {size} of its command", "1", 0.01, 0.005,
                   "measure the flow over the command near zero", _command(_dead_zone), described=False),
@@ -339,12 +339,12 @@ def _of_chambers(drive: Drive) -> list[Cause]:
 
 def _of_sensors() -> list[Cause]:
     return [
-        *[Cause(f"zero of pressure {c}", "sensor", f"pressure sensor {c} that shows {{size}} too much", "Pa",
+        *[Cause(f"zero of pressure {c}", "sensor", f"pressure sensor {c} that reads {{size}} too high", "Pa",
                     2e3, 2e3, "tare the sensor at ambient pressure, or let identify find its offset and validate that "
                     "fit", _sensor(**{c: 1.0})) for c in "ab"],
-        Cause("gain of the pressures", "sensor", "pressure sensors that show {size} too much", "share", 0.01, 0.01,
+        Cause("gain of the pressures", "sensor", "pressure sensors that read {size} too high", "share", 0.01, 0.01,
                   "calibrate the pressure sensors", _gain, bounds=(-0.5, 0.5)),
-        Cause("zero of the position", "sensor", "a position that is shown {size} too large", "m", 2e-3, 2e-3,
+        Cause("zero of the position", "sensor", "a position sensor that reads {size} too high", "m", 2e-3, 2e-3,
                   "tare the position at the end of the stroke", _sensor(position=1.0)),
     ]  # fmt: skip
 
@@ -359,10 +359,10 @@ def _of_friction(drive: Drive) -> list[Cause]:
         Cause("pressure-dependent friction", "friction", "friction that grows by {size} more with the pressure in "
                   "either chamber", "N/Pa", 2e-6, 2e-6, "fit with pressure_dependence=True over several pressures",
                   _drive(_pressure_friction)),
-        Cause("direction of friction", "friction", "{size} friction towards +x and as much the other way "
-                  "towards -x", "share", 0.03, 0.03, "fit both directions by themselves (friction.direction)",
+        Cause("direction of friction", "friction", "{size} friction towards +x and the opposite change "
+                  "towards -x", "share", 0.03, 0.03, "fit each direction separately (friction.direction)",
                   _drive(_direction), bounds=(-0.9, 0.9)),
-        Cause("friction along the stroke", "friction", "friction that varies by {size} either way along the stroke",
+        Cause("friction along the stroke", "friction", "friction that varies by +/- {size} along the stroke",
                   "N", 1.0, 0.04 * level, "measure friction over position; friction.position describes it",
                   profile=_along_stroke, parts=len(PROFILE_ORDERS)),
     ]  # fmt: skip

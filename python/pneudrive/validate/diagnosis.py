@@ -1,12 +1,12 @@
-"""Why is my model off? The causes that explain the residuals of the balances, each with size and uncertainty.
+"""Diagnosis of a model: causes that explain the residuals of the balances, each with size and uncertainty.
 
 The residuals of the force balance and of both pressure rates are weighted with their standard deviations and stacked.
-Each cause alone is fitted by least squares, its amount refined on the equations themselves (Gauss-Newton, as their
-effect is not linear in it). The one that explains most joins the model, and the search goes on with what is left.
+Each cause is fitted alone by least squares, and its amount refined on the nonlinear equations (Gauss-Newton). The cause
+that explains most is added to the model, and the search continues with the remaining residual.
 
     share explained = 1 - |e(changed model)|^2 / |e(model)|^2
 
-Standard errors come from the scores of blocks of 0.25 s, so that neighbours that know each other count once.
+Standard errors come from the scores of blocks of 0.25 s, as neighbouring samples are correlated.
 """
 
 from __future__ import annotations
@@ -38,39 +38,39 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 BLOCK_S = 0.25
-#: Normalised residuals below this are sensor noise and what is not worth a name.
+#: Normalised residual below which a balance closes: sensor noise and irrelevant errors.
 CLEAN = 1.0
-#: Above this a cause is looked for: what is common to many samples shows before it sticks out of the noise.
+#: Normalised residual above which causes are tested: an error common to many samples is found within the noise.
 SOUGHT = 0.7
 MOST_CULPRITS = 3
-#: A culprit explains at least this share of what is there, at this many standard errors.
+#: Least explained share of the residual for a cause, and least number of standard errors.
 LEAST_SHARE, LEAST_T = 0.15, 4.0
-#: Causes of which the linear fit is refined.
+#: Number of causes whose linear fit is refined.
 REFINED = 8
-#: A cause whose remaining squared residual is within this factor of the best one's cannot be told from it.
+#: A cause is indistinguishable from the best one if its squared residual is within this factor.
 RIVAL = 2.0
 NEWTON_STEPS = 3
 
 
 @dataclass(frozen=True)
 class Culprit:
-    """One explanation.
+    """Cause that explains part of the residuals.
 
     Attributes
     ----------
     key, family, unit, remedy : str
         See `Cause`.
     amount : float
-        Change that the model needs.
+        Change of the model, in `unit`.
     stderr : float
     share : float
-        Of the squared residual that was there before it.
+        Explained share of the squared residual before this cause.
     balances : dict
         Balance -> share of its own squared residual.
     rivals : tuple of (str, float)
-        Causes that explain nearly as much, with their share: the records do not tell them apart.
+        Causes that explain nearly as much, with their share: the records cannot distinguish them.
     text : str
-        In words.
+        Sentence for people.
     """
 
     key: str
@@ -92,20 +92,20 @@ class Culprit:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis(Shown):
-    """What the residuals of the balances point to.
+    """Causes that explain the residuals of the balances.
 
     Attributes
     ----------
     size : dict
-        Balance -> root mean square residual over what sensor noise and 1 % of the terms leave.
+        Balance -> root mean square residual, relative to sensor noise and 1 % of the terms.
     culprits : tuple of Culprit
-        The most important one first.
+        Causes, the most important one first.
     left : float
         Share of the squared residual that no cause explains.
     alone : tuple of (str, float, float)
-        Every cause by itself: key, amount, share explained (linear), best first.
+        Every cause alone: key, amount, share explained (linear), best first.
     residuals : tuple of Residuals
-        Of each recording.
+        Residuals of each recording.
     """
 
     size: dict[str, float]
@@ -116,15 +116,15 @@ class Diagnosis(Shown):
 
     @property
     def is_clean(self) -> bool:
-        """Whether the residuals are no larger than noise and what is not worth a name."""
+        """Whether the residuals are not larger than noise and the allowed model error."""
         return all(value <= CLEAN for value in self.size.values() if np.isfinite(value))
 
     def __str__(self) -> str:
         """Return the findings in words."""
         if self.is_clean and not self.culprits:
-            return "the balances close: what is left is sensor noise and below 1 % of their terms"
+            return "the balances close: the residuals are sensor noise and less than 1 % of the terms"
         if not self.culprits:
-            return "the balances do not close, and none of the known causes explains it"
+            return "the balances do not close, but none of the known causes explains the residuals"
         lines = [c.text for c in self.culprits]
         if self.left > 0.3:
             lines.append(f"{100 * self.left:.0f} % of the residual remains without an explanation")
@@ -133,14 +133,14 @@ class Diagnosis(Shown):
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """A model under test: the scenes of the recordings, and terms that no scene can say, taken off the residuals."""
+    """Model under test: the scenes of the recordings, and extra terms subtracted from the residuals."""
 
     scenes: list[Scene]
     taken: Array | float
 
 
 class _Search:
-    """Weighted, stacked residuals of several recordings, and what causes do to them."""
+    """Weighted, stacked residuals of several recordings, and effects of causes on them."""
 
     def __init__(self, drive: Drive, signals: Sequence[Signals]) -> None:
         self.signals = list(signals)
@@ -158,7 +158,7 @@ class _Search:
         self.blocks, self.places = np.concatenate(blocks), np.concatenate(places)
 
     def stacked(self, values: Sequence[Values]) -> Array:
-        """Weighted values of all recordings and balances in one vector."""
+        """Return the weighted values of all recordings and balances in one vector."""
         out = []
         for found, stride, own in zip(self.found, self.stride, values, strict=True):
             for v, scale, used in zip(own, found.scale, found.used, strict=True):
@@ -166,11 +166,11 @@ class _Search:
         return np.concatenate(out)
 
     def left(self, model: _Model) -> Array:
-        """Stacked residual of a model."""
+        """Return the stacked residual of a model."""
         return self.stacked([scene.residuals for scene in model.scenes]) - model.taken
 
     def effect(self, model: _Model, cause: Cause, amount: float) -> Array | None:
-        """Return what the stacked residual loses with a cause; None where the description refuses it."""
+        """Return the reduction of the stacked residual by a cause; None if the changed description is not valid."""
         try:
             effect = self.stacked([cause.effect(scene, amount) for scene in model.scenes])
         except DescriptionError:
@@ -178,19 +178,19 @@ class _Search:
         return effect if np.isfinite(effect).all() else None
 
     def with_cause(self, model: _Model, r: _Refined) -> _Model:
-        """Return the model with a cause in it."""
+        """Return the model with a cause added."""
         change = r.cause.change
         if change is None:
             return _Model(model.scenes, model.taken + r.amount * r.column)
         return _Model([change(scene, r.amount) for scene in model.scenes], model.taken)
 
     def squares(self, e: Array) -> dict[str, float]:
-        """Sum of squares of each balance."""
+        """Return the sum of squares of each balance."""
         sums = np.bincount(self.places, weights=e * e, minlength=len(BALANCES))
         return dict(zip(BALANCES, sums.tolist(), strict=True))
 
     def sizes(self, e: Array) -> dict[str, float]:
-        """Root mean square of each balance, NaN where it was never usable."""
+        """Return the root mean square of each balance; NaN for a balance without usable samples."""
         counts = np.bincount(self.places, minlength=len(BALANCES))
         return {
             b: float(np.sqrt(total / n)) if n else np.nan
@@ -209,7 +209,7 @@ class _Search:
 
 @dataclass(frozen=True, eq=False)
 class _Refined:
-    """A cause with its amount, the share that it explains, its column, and the residual after it."""
+    """Fitted cause: amount, explained share, column of the regression, and residual after it."""
 
     cause: Cause
     amount: float
@@ -219,7 +219,7 @@ class _Refined:
 
     @classmethod
     def of(cls, cause: Cause, amount: float, column: Array, left: Array, effect: Array | None = None) -> _Refined:
-        """Take an amount off a residual, by its column where its effect is not given."""
+        """Subtract a cause from a residual: its effect if given, else its column times the amount."""
         after = left - (amount * column if effect is None else effect)
         return cls(cause, amount, 1.0 - float(after @ after) / float(left @ left), column, after)
 
@@ -231,14 +231,14 @@ def diagnose(
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
 ) -> Diagnosis:
-    """Find what the residuals of the balances point to.
+    """Find the causes that explain the residuals of the balances.
 
     Parameters
     ----------
     drive : Drive
-        The model.
+        Model to test.
     signals : sequence of Signals
-        Of recordings.
+        Signals of recordings.
     progress, cancel : optional
         See `pneudrive.watch.Watch`.
 
@@ -255,7 +255,7 @@ def diagnose(
     while len(culprits) < MOST_CULPRITS and _is_dirty(search, left):
         refined = _refined(search, model, left, {c.key for c in culprits}, watch)
         alone = alone or tuple((r.cause.key, r.amount, r.share) for r in refined)
-        # The one that explains most, or none: what it explains better is no evidence for another.
+        # Only the cause that explains most counts: weaker ones are no evidence.
         if not refined or not _is_shown(search, found := refined[0], left):
             break
         culprits.append(_culprit(search, found, refined, left))
@@ -270,22 +270,22 @@ def _is_dirty(search: _Search, e: Array) -> bool:
 
 
 def _refined(search: _Search, model: _Model, left: Array, taken: set[str], watch: Watch) -> list[_Refined]:
-    """Fit each cause by itself, refine the best on the equations; best first."""
+    """Fit each cause alone, and refine the best on the equations; best first."""
     wanted = [cause for key, cause in search.causes.items() if key not in taken]
     linear = []
-    for cause in watch.each(wanted, f"causes tried for what is left after {len(taken)}"):
+    for cause in watch.each(wanted, f"causes tested after {len(taken)} found"):
         found = (_linear if cause.profile is None else _profile)(search, model, left, cause)
         linear += [found] if found is not None else []
     linear.sort(key=lambda r: -r.share)
     refined = [r if r.cause.change is None else _newton(search, model, left, r) for r in linear[:REFINED]]
     refined = sorted([*refined, *linear[REFINED:]], key=lambda r: -r.share)
-    # Of those that cannot be told apart, the one with fewest numbers of its own comes first.
+    # Of indistinguishable causes, the one with the fewest coefficients comes first.
     rivals = [r for r in refined if _is_rival(search, r, refined[0])]
     return sorted(rivals, key=lambda r: (r.cause.parts, -r.share)) + [r for r in refined if r not in rivals]
 
 
 def _linear(search: _Search, model: _Model, left: Array, cause: Cause) -> _Refined | None:
-    """Fit the amount of a cause whose effect is taken for linear in it."""
+    """Fit the amount of a cause by its linearised effect."""
     effect = search.effect(model, cause, cause.step)
     if effect is None or not effect.any():
         return None
@@ -295,14 +295,14 @@ def _linear(search: _Search, model: _Model, left: Array, cause: Cause) -> _Refin
 
 
 def _is_rival(search: _Search, r: _Refined, best: _Refined) -> bool:
-    """Whether a cause leaves no more than noise, or hardly more than the best one."""
+    """Return whether a cause leaves only noise, or a residual close to that of the best one."""
     return 1.0 - r.share <= RIVAL * (1.0 - best.share) or not _is_dirty(search, r.after)
 
 
 def _profile(search: _Search, model: _Model, left: Array, cause: Cause) -> _Refined | None:
     """Fit a cause of several columns; its amount is the amplitude over the travelled range."""
     assert cause.profile is not None
-    each = [cause.profile(scene) for scene in model.scenes]  # one list of columns for each recording
+    each = [cause.profile(scene) for scene in model.scenes]  # columns of each recording
     columns = np.column_stack([search.stacked([own[k] for own in each]) for k in range(cause.parts)])
     weights = np.linalg.lstsq(columns, left, rcond=None)[0]
     over_stroke = np.polynomial.legendre.legval(np.linspace(-1.0, 1.0, 101), weights)
@@ -314,7 +314,7 @@ def _profile(search: _Search, model: _Model, left: Array, cause: Cause) -> _Refi
 
 
 def _newton(search: _Search, model: _Model, left: Array, start: _Refined) -> _Refined:
-    """Gauss-Newton on one amount, from its linear value; what the description refuses explains nothing."""
+    """Refine one amount by Gauss-Newton from its linear value; an invalid description explains nothing."""
     cause, amount = start.cause, start.amount
     best: _Refined | None = None
     for _ in range(NEWTON_STEPS):
@@ -334,7 +334,7 @@ def _newton(search: _Search, model: _Model, left: Array, start: _Refined) -> _Re
 
 
 def _is_shown(search: _Search, r: _Refined, left: Array) -> bool:
-    """Whether a cause is worth a name and beyond chance; where balances are plainly off, any amount is."""
+    """Return whether a cause is relevant and beyond chance; for clearly open balances any amount is relevant."""
     worth = abs(r.amount) >= r.cause.least or any(value > CLEAN for value in search.sizes(left).values())
     return worth and r.share >= LEAST_SHARE and abs(r.amount) >= LEAST_T * search.stderr(r.column, r.after)
 
@@ -348,12 +348,12 @@ def _culprit(search: _Search, r: _Refined, others: list[_Refined], left: Array) 
     return Culprit(*said, r.amount, stderr, r.share, balances, rivals, _in_words(r, stderr, rivals))
 
 
-#: Unit of an amount -> factor and unit in which it is said, where they are not those in which people read values.
+#: Unit of an amount -> factor and unit in texts, where they differ from the common unit.
 _SAID = {"s": (1e3, "ms"), "share of C": (100.0, "%"), "share": (100.0, "%")}
 
 
 def _in_words(r: _Refined, stderr: float, rivals: tuple[tuple[str, float], ...]) -> str:
-    """Say what explains how much, how large it is, what it cannot be told from, and what to do."""
+    """Return a sentence: explained share, cause and size, indistinguishable causes, remedy."""
     cause = r.cause
     size, unit = readable(cause.unit)
     factor, unit = _SAID.get(cause.unit, (1.0 / size, unit))
@@ -363,6 +363,8 @@ def _in_words(r: _Refined, stderr: float, rivals: tuple[tuple[str, float], ...])
         shown += " more" if r.amount > 0.0 else " less"
     text = f"{100.0 * r.share:.0f} % of the residual is explained by {cause.words.format(size=shown)}"
     if rivals:
-        text += "; the recordings do not tell it from " + ", ".join(f"{key} ({100 * s:.0f} %)" for key, s in rivals[:4])
+        text += "; the recordings cannot distinguish this from " + ", ".join(
+            f"{key} ({100 * s:.0f} %)" for key, s in rivals[:4]
+        )
     untold = "" if cause.described else ". A drive file cannot describe it yet"
     return f"{text}{untold}. Remedy: {cause.remedy}."

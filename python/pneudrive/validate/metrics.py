@@ -1,7 +1,7 @@
-"""How far a model is from a measurement, and whether what is left is noise.
+"""Metrics of the residual between measurement and model, and tests whether it is noise.
 
-The residual is measurement less model. Bounds of correlations hold for white residuals; free runs of a wrong model are
-never white, which is what the test is there to say. Sources of the tests: [ljung1978], [mathworks-residuals].
+The residual is measurement minus model. Bounds of correlations hold for white residuals; a free run of a wrong model is
+never white, which the test shows. Sources of the tests: [ljung1978], [mathworks-residuals].
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LAGS = 25
 
 @dataclass(frozen=True)
 class Metrics:
-    """Residual of one channel.
+    """Metrics of the residual of one channel.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Metrics:
     nrmse : float
         rms / (max - min of the measurement).
     fit_percent : float
-        100 (1 - ||e|| / ||y - mean y||); negative where the mean would do better.
+        100 (1 - ||e|| / ||y - mean y||); negative if the mean would fit better.
     samples : int
     """
 
@@ -49,18 +49,18 @@ class Metrics:
 
 @dataclass(frozen=True, eq=False)
 class Whiteness:
-    """Whether a residual is white.
+    """Test of a residual for whiteness.
 
     Attributes
     ----------
     autocorrelation : ndarray, shape (LAGS,)
-        At lags 1 to LAGS.
+        Values at lags 1 to LAGS.
     bound : float
         1.96 / sqrt(N): 95 % of the values of white noise lie within it.
     outside : float
-        Share of the lags that lie outside.
+        Share of the lags beyond the bound.
     ljung_box, p : float
-        Statistic of Ljung and Box over all lags and the probability of at least as much in white noise.
+        Statistic of Ljung and Box over all lags, and its p-value for white noise.
     """
 
     autocorrelation: Array
@@ -71,13 +71,13 @@ class Whiteness:
 
     @property
     def is_white(self) -> bool:
-        """Whether white noise would often look like this (p >= 5 %)."""
+        """Whether the residual is compatible with white noise (p >= 5 %)."""
         return self.p >= 0.05
 
 
 @dataclass(frozen=True)
 class CrossCorrelation:
-    """Strongest correlation of a residual with a signal, within LAGS samples either way; `lag_s` > 0: later than it."""
+    """Strongest correlation of a residual with a signal within +/- LAGS samples; `lag_s` > 0: the residual is later."""
 
     signal: str
     value: float
@@ -86,7 +86,7 @@ class CrossCorrelation:
 
 
 def metrics(measured: Array, model: Array) -> Metrics:
-    """Compare; samples at which the model is NaN are left out.
+    """Return the metrics of a model against a measurement; samples where the model is NaN are left out.
 
     Examples
     --------
@@ -144,5 +144,5 @@ def cross_correlations(residual: Array, signals: Mapping[str, Array], step_s: fl
 
 
 def _lagged(e: Array, s: Array, k: int) -> float:
-    """Sum of e(t + k) s(t)."""
+    """Return the sum of e(t + k) s(t)."""
     return float(e[k:] @ s[: s.size - k]) if k >= 0 else float(e[:k] @ s[-k:])

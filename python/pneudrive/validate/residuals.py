@@ -1,4 +1,4 @@
-"""Residuals of the three balances along a recording: where they hold, and how exact they can be."""
+"""Residuals of the three balances along a recording, with their valid samples and accuracy."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Errors below this share of the terms themselves are not worth a name (assumed).
+#: Share of the terms below which errors are irrelevant (assumed).
 FLOOR = MODEL_SHARE
-#: Steady friction is there once bristles have bent for this many times their deflection in sliding.
+#: Travel before steady friction, as a multiple of the bristles' deflection in sliding.
 BENT = 4.0
 MOST_BENDING_M, LEAST_BENDING_M = 5e-3, 2e-4
 #: Largest relative change of speed while bristles adapt (assumed).
 LAG = 0.2
-#: Nearer than this to an end, beside so many deviations of its noise, a position does not tell whether it is a contact.
+#: Distance from an end, plus a number of standard deviations of noise, within which a contact is possible.
 STOP_MARGIN_M, MARGIN_NOISE = 1e-4, 5.0
 BALANCES = ("force", "pressure a", "pressure b")
 
@@ -41,13 +41,13 @@ class Residuals:
     values : tuple of ndarray, shape (n,)
         Force N, pressure rates Pa/s.
     used : tuple of ndarray of bool, shape (n,)
-        Where each balance holds: the force balance in sliding that is past presliding, off the end stops; pressure
-        rates but at impacts.
+        Valid samples of each balance: the force balance in sliding after presliding, away from end stops; pressure
+        rates except at impacts.
     scale : tuple of ndarray, shape (n,)
-        Standard deviation that sensor noise, `FLOOR` of the terms and velocities over a finite time leave to each.
+        Standard deviation from sensor noise, `FLOOR` of the terms, and velocities over a finite time.
     time_s : ndarray, shape (n,)
     terms : Terms
-        At all samples.
+        Terms at all samples.
     """
 
     values: Values
@@ -58,21 +58,21 @@ class Residuals:
 
 
 def residuals(drive: Drive, signals: Signals) -> Residuals:
-    """Evaluate the balances along a recording, with where they hold and how exact they can be."""
+    """Evaluate the balances along a recording, with their valid samples and accuracy."""
     scene = Scene.of(drive, signals)
     half = half_support(signals)
     inside = slice(half, signals.time_s.size - half)
     off_the_stops = ~near_stops(drive, signals)
     sliding = _whole(_sliding(drive, signals) & off_the_stops, half)
-    # At rest in a stop the pressures tell as much as in motion; what happens at an impact is too short.
+    # At rest the pressures are as informative as in motion; an impact is too short.
     free = _whole(off_the_stops | ~_widened(signals.moving, signals.half), half)
-    if drive.has_lines:  # what flows through tubes and flow controls is not measured
+    if drive.has_lines:  # the flow through tubes and flow controls is not measured
         free = np.zeros_like(free)
     return Residuals(scene.residuals, (sliding, free, free), _scales(scene), signals.time_s[inside], scene.terms)
 
 
 def near_stops(drive: Drive, signals: Signals) -> NDArray[np.bool_]:
-    """Where the piston touches an end stop or may do so, and as long before and after as derivatives see of it."""
+    """Return a mask where the piston may touch an end stop, widened by the window of derivatives."""
     margin = STOP_MARGIN_M + MARGIN_NOISE * noise_level(signals.position_m)
     x = signals.position_m
     touching = (x < margin) | (x > drive.cylinder.stroke_m - margin)
@@ -80,30 +80,30 @@ def near_stops(drive: Drive, signals: Signals) -> NDArray[np.bool_]:
 
 
 def _widened(mask: NDArray[np.bool_], by: int) -> NDArray[np.bool_]:
-    """Where a mask holds, and so many samples before and after."""
+    """Return a mask widened by a number of samples before and after."""
     return np.convolve(mask.astype(float), np.ones(2 * by + 1), "same") > 0.5
 
 
 def _whole(mask: NDArray[np.bool_], half: int) -> NDArray[np.bool_]:
-    """Where all samples within a kernel are good."""
+    """Return a mask where all samples within a kernel are good."""
     good = np.convolve(mask.astype(float), np.ones(2 * half + 1), "valid")
     return good > 2 * half + 0.5
 
 
 def _sliding(drive: Drive, signals: Signals) -> NDArray[np.bool_]:
-    """Where the piston has slid, since it last turned, for longer than bristles take to bend."""
+    """Return a mask where the piston has slid, since its last reversal, beyond the deflection of bristles."""
     v, x = signals.velocity_m_s, signals.position_m
     sign = np.where(signals.moving, np.sign(v), 0.0)
     turned = np.r_[True, np.diff(sign) != 0.0]
     since = np.maximum.accumulate(np.where(turned, np.arange(v.size), 0))
     bending = bending_m(drive)
-    # Over the travel in which bristles adapt, the speed must not change by much, or friction lags behind it.
+    # The speed must change little over the travel in which bristles adapt: friction lags behind it.
     steady = np.abs(signals.acceleration_m_s2) * (bending / BENT) < LAG * v * v
     return (sign != 0.0) & (np.abs(x - x[since]) > bending) & steady
 
 
 def bending_m(drive: Drive) -> float:
-    """Travel after a turn within which friction is not yet that of steady sliding, m."""
+    """Return the travel after a reversal before friction is that of steady sliding, m."""
     known = drive.friction.parameters
     stiffness, level = known.get("bristle_stiffness"), known.get("breakaway", known.get("coulomb", 0.0))
     if not stiffness:
@@ -112,7 +112,7 @@ def bending_m(drive: Drive) -> float:
 
 
 def _scales(scene: Scene) -> Values:
-    """Estimate the standard deviations that noise leaves to the residuals, with the floor and a share of the terms."""
+    """Estimate the standard deviations of the residuals from noise, with the floor as a share of the terms."""
     drive, signals, terms, (k0, k1, k2) = scene.drive, scene.signals, scene.terms, scene.kernel
     cylinder, x, unsure = drive.cylinder, signals.position_m, signals.velocity_unsure_m_s
     noise_p = [noise_level(p) for p in scene.pressures]

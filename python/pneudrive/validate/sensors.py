@@ -1,4 +1,4 @@
-"""What is known of the sensors of a recording, taken off it before it is compared with a model."""
+"""Correction of a recording for known errors of its sensors, before it is compared with a model."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def corrected(
     recording: DriveRecording, sensors: Mapping[str, Sensor | Mapping[str, Any]] | None
 ) -> tuple[DriveRecording, list[str]]:
-    """Take offsets, gains and the delay of the command off a recording, and say so.
+    """Correct a recording for offsets, gains and the delay of the command; return it with a note.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def corrected(
     Raises
     ------
     FitError
-        A channel that the recording lacks, or a number that is to be sought.
+        The recording lacks a channel, or a number is free.
     """
     if not sensors:
         return recording, []
@@ -41,7 +41,7 @@ def corrected(
     present = [name for name, column in CHANNELS.items() if column in recording]
     columns, said = dict(recording.columns), []
     if delay.free or any(channel.free for channel in channels_of(present, sensors)):
-        raise FitError("validate seeks nothing", remedy="let identify find what is free, and hand its fit to validate")
+        raise FitError("validate fits no numbers", remedy="Fit free numbers by identify, and pass its fit to validate.")
     for channel in channels_of(present, sensors):
         if channel.offset != 0.0 or channel.gain != 1.0:
             columns[channel.column] = (columns[channel.column] - channel.offset) / channel.gain
@@ -49,7 +49,7 @@ def corrected(
             gain = f", gain {plain(channel.gain, 5)}" if channel.gain != 1.0 else ""
             said.append(f"{channel.name} offset {plain(channel.offset / factor)} {unit}{gain}")
         if channel.lag > 0.0:
-            said.append(f"{channel.name} lag of {plain(1e3 * channel.lag)} ms, which stays in it")
+            said.append(f"{channel.name} lag of {plain(1e3 * channel.lag)} ms, which is not corrected")
     if delay.value_s != 0.0:
         time, command = recording.time_s, recording["command"]
         held = np.searchsorted(time, time - delay.value_s + 1e-9 * recording.duration_s, side="right") - 1
@@ -57,5 +57,5 @@ def corrected(
         said.append(f"command that acts {plain(1e3 * delay.value_s)} ms late")
     if not said:
         return recording, []
-    note = f"{recording.name}: known of its sensors and taken off: {'; '.join(said)}"
+    note = f"{recording.name}: corrected for known errors of its sensors: {'; '.join(said)}"
     return replace(recording, columns=columns), [note]

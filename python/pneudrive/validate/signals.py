@@ -1,4 +1,4 @@
-"""What a recording says of the motion beside its samples: velocity, acceleration, states to start a model from."""
+"""Signals derived from a recording: velocity, acceleration, start states of a model."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Half of the time over which a polynomial is fitted for velocity and acceleration (assumed: a servo drive changes
-#: its acceleration within more than this).
+#: Half of the window of the polynomial for velocity and acceleration, s (assumed: shorter than a servo drive needs to
+#: change its acceleration).
 HALF_WINDOW_S = 8e-3
 LEAST_HALF = 3
-#: Samples on each side that a pressure is averaged over.
+#: Samples on each side over which a pressure is averaged.
 PRESSURE_HALF = 2
-#: A speed below this many standard deviations of its noise is no motion.
+#: Standard deviations of its noise above which a speed counts as motion.
 MOVES = 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """A recording on an even time base, with derivatives.
+    """Recording on a uniform time base, with derivatives.
 
     Attributes
     ----------
     recording : DriveRecording
     time_s, command, position_m, pressure_a_pa, pressure_b_pa : ndarray, shape (n,)
-        On the even time base of `step_s`.
+        Values on the uniform time base with `step_s`.
     """
 
     recording: DriveRecording
@@ -48,7 +48,7 @@ class Signals:
 
     @classmethod
     def of(cls, recording: DriveRecording) -> Signals:
-        """Bring a recording to an even time base; what is even already keeps its samples."""
+        """Resample a recording to a uniform time base; a uniform one keeps its samples."""
         time = recording.time_s
         steps = np.diff(time)
         step = float(recording.duration_s / (time.size - 1))
@@ -63,11 +63,11 @@ class Signals:
 
     @property
     def half(self) -> int:
-        """Samples on each side over which derivatives are taken."""
+        """Number of samples on each side in the window of derivatives."""
         return max(LEAST_HALF, round(HALF_WINDOW_S / self.step_s))
 
     def smooth(self, values: Array) -> Array:
-        """Values of local cubics, as velocity and acceleration are taken from; NaN stays NaN."""
+        """Return the values of the local cubics that also give velocity and acceleration; NaN stays NaN."""
         from scipy.signal import savgol_filter
 
         width = min(2 * self.half + 1, (values.size - 1) // 2 * 2 - 1)
@@ -75,7 +75,7 @@ class Signals:
 
     @cached_property
     def velocity_unsure_m_s(self) -> Array:
-        """How much the velocity depends on the time over which it is taken: the change with half of it, per sample."""
+        """Uncertainty of the velocity from its window: change with half of the window, at each sample."""
         if "velocity_m_s" in self.recording:
             return np.zeros_like(self.position_m)
         return np.abs(self._derivative(1) - self._derivative(1, max(self.half // 2, LEAST_HALF - 1)))
@@ -88,7 +88,7 @@ class Signals:
 
     @cached_property
     def velocity_m_s(self) -> Array:
-        """Velocity: measured where it is, else the slope of a local cubic."""
+        """Velocity: the measured one, or the slope of a local cubic."""
         if "velocity_m_s" in self.recording:
             measured = self.recording["velocity_m_s"]
             same = measured.size == self.time_s.size
@@ -112,11 +112,11 @@ class Signals:
 
     @cached_property
     def moving(self) -> NDArray[np.bool_]:
-        """Where the speed is beyond its noise."""
+        """Mask of samples with a speed beyond its noise."""
         return np.abs(self.velocity_m_s) > max(MOVES * self.velocity_noise_m_s, 1e-4)
 
     def state(self, i: int) -> tuple[float, float, float, float, float]:
-        """Time, position, velocity, pressures of both chambers at sample `i`, with some noise averaged out."""
+        """Return time, position, velocity and both pressures at sample `i`, smoothed."""
         around = slice(max(i - PRESSURE_HALF, 0), i + PRESSURE_HALF + 1)
         near = slice(max(i - self.half, 0), i + self.half + 1)
         t = self.time_s[near] - self.time_s[i]

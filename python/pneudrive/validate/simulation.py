@@ -1,4 +1,4 @@
-"""The model under a recorded command: a free run from the first measured state, and runs put back to measured ones."""
+"""Simulation of a recorded command: free runs from the first measured state, runs with resets to measured ones."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 RTOL = 1e-6
-#: What runs of drives with tubes or flow controls give.
+#: Result of a run of a drive with tubes or flow controls.
 LINES_COLUMNS = ["position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "friction_force_n"]
 
 
 @dataclass(frozen=True, eq=False)
 class ModelRun:
-    """What the model does under a recorded command.
+    """Simulation of a recorded command.
 
     Attributes
     ----------
     columns : dict
-        As a trajectory file has them, at the samples of `Signals`; NaN where the model could not go on.
+        Columns of a trajectory file at the samples of `Signals`; NaN after a failure.
     restarts : ndarray of int
-        Samples at which it was put back to the measured state; the first is 0.
+        Samples with a reset to the measured state; the first is 0.
     failures : tuple of str
-        What could not go on.
+        Messages of failed segments.
     """
 
     columns: dict[str, Array]
@@ -48,10 +48,10 @@ class ModelRun:
 
 
 def run_model(drive: Drive, signals: Signals, restarts: NDArray[np.int64] | None = None) -> ModelRun:
-    """Simulate the recorded command, put back to the measured state at the given samples; None: only at the first.
+    """Simulate the recorded command with resets to the measured state at the given samples; None: only at the first.
 
-    Position, velocity and pressures are set; temperatures and the inner states of friction go on. At the start,
-    temperatures are measured ones or those of the surroundings, and bristles carry what the pressures leave to them.
+    A reset sets position, velocity and pressures; temperatures and inner states of friction continue. At the start,
+    temperatures are measured or ambient, and the bristles balance the force of the pressures.
     """
     at = np.zeros(1, dtype=np.int64) if restarts is None else np.asarray(restarts, dtype=np.int64)
     states = np.array([_inside(drive, signals.state(int(i))) for i in at])
@@ -75,9 +75,9 @@ def run_model(drive: Drive, signals: Signals, restarts: NDArray[np.int64] | None
 
 
 def _run_with_lines(drive: Drive, signals: Signals, at: NDArray[np.int64], states: Array) -> ModelRun:
-    """Simulate the segments one after the other: the gas of tubes and joints goes on from each to the next.
+    """Simulate the segments one after the other; the gas in tubes and joints continues from segment to segment.
 
-    Bristles start unbent. A segment that fails ends the run: the gas of the tubes is not known after it.
+    Bristles start undeflected. A failed segment ends the run: the state of the gas in the tubes is unknown after it.
     """
     core = Lines(compiled_circuit(drive.circuit.core_json()))
     t_a, t_b = start_temperatures(drive, signals)
@@ -109,19 +109,19 @@ def _run_with_lines(drive: Drive, signals: Signals, at: NDArray[np.int64], state
 
 
 def _inside(drive: Drive, state: tuple[float, ...]) -> tuple[float, ...]:
-    """Keep a noisy position inside the stroke by as much as a piston can go into its stops."""
+    """Limit a noisy position to the stroke plus the possible depth in the end stops."""
     t, x, v, p_a, p_b = state
     return (t, float(np.clip(x, -1e-3, drive.cylinder.stroke_m + 1e-3)), v, p_a, p_b)
 
 
 def command_steps(signals: Signals) -> tuple[Array, Array]:
-    """Return the times at which the recorded command changes, and what it changes to."""
+    """Return the times at which the recorded command changes, and its new values."""
     change = np.r_[True, np.diff(signals.command) != 0.0]
     return signals.time_s[change], signals.command[change]
 
 
 def start_temperatures(drive: Drive, signals: Signals) -> list[float]:
-    """Measured temperatures at the first sample, else that of the surroundings, K."""
+    """Return the measured temperatures at the first sample, or the ambient one, K."""
     recording = signals.recording
     names = ("temperature_a_k", "temperature_b_k")
     return [float(recording[n][0]) if n in recording else drive.ambient.temperature_k for n in names]

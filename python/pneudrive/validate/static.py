@@ -1,4 +1,4 @@
-"""A drive's friction law against measured sliding friction: a friction map or the curves of a campaign."""
+"""Validation of a friction law against measured sliding friction: a friction map or the curves of a campaign."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class FrictionCurve:
     direction : int
         +1, -1, or 0 for the mean of both.
     speed_m_s, friction_n, low_n, high_n : ndarray, shape (m,)
-        Measured, with the 95 % band.
+        Measured values with their 95 % band.
     model_n : ndarray, shape (m,)
-        The law at these speeds and pressures.
+        Friction of the law at these speeds and pressures.
     """
 
     condition: str
@@ -53,18 +53,18 @@ class FrictionCurve:
 
     @property
     def inside(self) -> float:
-        """Share of the points whose band holds the law."""
+        """Share of the points with the law within their 95 % band."""
         return float(np.mean((self.model_n >= self.low_n) & (self.model_n <= self.high_n)))
 
     @property
     def metrics(self) -> Metrics:
-        """Of this condition alone."""
+        """Metrics of this condition."""
         return metrics(self.friction_n, self.model_n)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrictionValidation(Shown):
-    """A friction law against measured sliding friction."""
+    """Validation of a friction law against measured sliding friction."""
 
     drive: Drive
     source: Path
@@ -73,13 +73,13 @@ class FrictionValidation(Shown):
 
     @cached_property
     def metrics(self) -> Metrics:
-        """Over all points."""
+        """Metrics over all points."""
         measured = np.concatenate([c.friction_n for c in self.curves])
         return metrics(measured, np.concatenate([c.model_n for c in self.curves]))
 
     @property
     def inside(self) -> float:
-        """Share of all points whose 95 % band holds the law."""
+        """Share of all points with the law within their 95 % band."""
         sizes = np.array([c.speed_m_s.size for c in self.curves])
         return float(np.average([c.inside for c in self.curves], weights=sizes))
 
@@ -89,7 +89,7 @@ class FrictionValidation(Shown):
         return self.metrics.fit_percent > STATIC_FIT_PERCENT
 
     def write(self, folder: str | Path) -> list[Path]:
-        """Write friction.csv, a row for each measured point, into a folder that is there."""
+        """Write friction.csv, with a row for each measured point, into an existing folder."""
         import polars as pl
 
         from pneudrive.trajectory import check_target, write_frame
@@ -113,19 +113,19 @@ class FrictionValidation(Shown):
         for c in self.curves:
             bias = float(np.mean(c.model_n - c.friction_n))
             lines.append(
-                f"    {c.condition}, {words[c.direction]}: law {bias:+.2g} N on the mean, at most "
+                f"    {c.condition}, {words[c.direction]}: law {bias:+.2g} N off on average, at most "
                 f"{c.metrics.largest:.2g} N off, {100 * c.inside:.0f} % inside"
             )
         return "\n".join(lines)
 
 
 def is_friction(path: str | Path) -> bool:
-    """Whether this is a friction map or the folder of a campaign rather than a recording of a drive.
+    """Return whether a path is a friction map or a campaign folder, not a recording of a drive.
 
     Raises
     ------
     RecordingError
-        There is no such file, or it is damaged.
+        The file does not exist or is damaged.
     """
     path = Path(path)
     return path.is_dir() or (path.suffix in (".parquet", ".csv") and len(columns_in(path, OF_MAPS)) == len(OF_MAPS))
@@ -138,22 +138,22 @@ def validate_friction(drive: Drive, path: str | Path) -> FrictionValidation:
     ----------
     drive : Drive
     path : path-like
-        A friction map (map.parquet, map.csv) or the folder of a campaign.
+        Friction map (map.parquet, map.csv) or campaign folder.
 
     Raises
     ------
     RecordingError, CampaignError
-        It cannot be read, or holds no sliding friction.
+        The data cannot be read, or contain no sliding friction.
     """
     path = Path(path)
     curves = _of_campaign(drive, path) if path.is_dir() else _of_map(drive, path)
     if not curves:
-        raise RecordingError("no sliding friction was measured", where=str(path))
+        raise RecordingError("the data contain no sliding friction", where=str(path))
     return FrictionValidation(drive, path, tuple(curves), False)
 
 
 def law_n(drive: Drive, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float) -> Array:
-    """Steady friction of the drive's law against the motion, N, at signed velocities and gauge pressures."""
+    """Return the steady friction of the drive's law, N, against the motion, at velocities and gauge pressures."""
     return steady_friction(drive.friction, velocity_m_s, gauge_a_pa, gauge_b_pa, 0.5 * drive.cylinder.stroke_m)
 
 
@@ -166,7 +166,7 @@ def _of_map(drive: Drive, path: Path) -> list[FrictionCurve]:
     stuck = np.array(["stick_slip" in flags for flags in rows["flags"].to_numpy()])
     good = np.isfinite(friction) & (velocity != 0.0) & ~stuck
     gauges = [rows[f"pressure_{c}_pa"].to_numpy() - drive.ambient.pressure_pa for c in "ab"]
-    rounded = np.round(np.column_stack(gauges) / 1e4).astype(int)  # one condition: the same to 0.1 bar
+    rounded = np.round(np.column_stack(gauges) / 1e4).astype(int)  # pressures equal to 0.1 bar are one condition
     out = []
     for a, b in np.unique(rounded[good], axis=0):
         for direction in (1, -1):
@@ -191,7 +191,7 @@ def _of_campaign(drive: Drive, path: Path) -> list[FrictionCurve]:
     signed = {curve.condition for curve in found.curves if curve.direction != 0}
     for curve in found.curves:
         if curve.direction == 0 and curve.condition in signed:
-            continue  # the mean of both, which are there
+            continue  # the mean, where both directions exist
         at = curve.measured
         speed = curve.speed_m_s[at]
         if not speed.size:

@@ -1,4 +1,4 @@
-"""A drive against recordings of it: free runs, runs from measured states, stops, conditions, verdicts."""
+"""Validation of a drive against its recordings: free runs, runs from measured states, stops, conditions, verdicts."""
 
 from __future__ import annotations
 
@@ -38,36 +38,36 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SCHEMA = 1  # of validation.toml
-#: Channels that are compared, with what reports call them.
+SCHEMA = 1  # version of the format of validation.toml
+#: Compared channels, with their names in reports.
 CHANNELS = {"position_m": "position", "pressure_a_pa": "pressure a", "pressure_b_pa": "pressure b"}
-#: Length of the runs from measured states.
+#: Length of the runs from measured states, s.
 WINDOW_S = 0.5
 #: Targets (assumed; what a good model of a servo drive should reach).
 POSITION_FIT_PERCENT, PRESSURE_NRMSE, BREAKAWAY_ERROR = 90.0, 0.03, 0.05
-#: The free run is off where its error first stays beyond this share of the measured span.
+#: The free run deviates from where its error stays beyond this share of the measured span.
 OFF_SHARE = 0.1
-#: Runs from measured states that fit less than this, %, beside a free run that is worse than the mean: another way.
+#: Fit of runs from measured states, %, below which a free run worse than the mean counts as moving another way.
 WAY_PERCENT = 50.0
 
 
 @dataclass(frozen=True, eq=False)
 class ChannelResult:
-    """One channel of one recording.
+    """Results of one channel of one recording.
 
     Attributes
     ----------
     channel : str
         Column, ``position_m``.
     free, restarted : Metrics
-        Of the free run and of the runs from measured states.
+        Metrics of the free run and of the runs from measured states.
     whiteness : Whiteness
     cross : tuple of CrossCorrelation
-        Both of the free run's residual.
+        Correlations of the free run's residual.
     window_rms : ndarray
         Root mean square residual of each run from a measured state, SI.
     off_s : float or None
-        Time from which the free run is off, None where it never is.
+        Time from which the free run deviates, None if it never does.
     """
 
     channel: str
@@ -81,7 +81,7 @@ class ChannelResult:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordResult(Shown):
-    """One recording against the model."""
+    """Results of one recording."""
 
     signals: Signals
     free: ModelRun
@@ -91,13 +91,13 @@ class RecordResult(Shown):
 
     @property
     def recording(self) -> DriveRecording:
-        """The recording."""
+        """Validated recording."""
         return self.signals.recording
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """One target: its value, whether lower or higher is better, and whether it is met; None where nothing was measured.
+    """Verdict on one target: reached value, target, and whether the target is met; None without data.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class Verdict:
     value, target : float
     met : bool or None
     text : str
-        In words, with numbers.
+        Sentence with numbers.
     """
 
     what: str
@@ -117,7 +117,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class ConditionRow:
-    """Metrics of the recordings that share a label, free run and runs from measured states."""
+    """Metrics of the recordings with one label: free run and runs from measured states."""
 
     label: str
     value: str
@@ -129,7 +129,7 @@ class ConditionRow:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Validation(Shown):
-    """A drive against recordings.
+    """Validation of a drive against recordings.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class Validation(Shown):
         return all(r.recording.synthetic for r in self.records)
 
     def pooled(self, channels: Sequence[str], *, restarted: bool = False) -> Metrics:
-        """Metrics over all recordings, those of several channels by the worst of them."""
+        """Return the metrics over all recordings; for several channels, those of the worst channel."""
         found = []
         for channel in channels:
             runs = [(r.restarted if restarted else r.free)[channel] for r in self.records]
@@ -160,12 +160,12 @@ class Validation(Shown):
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Targets and what was reached."""
+        """Verdicts on all targets."""
         fit = self.pooled(["position_m"]).fit_percent
         nrmse = self.pooled(["pressure_a_pa", "pressure_b_pa"]).nrmse
         errors = [abs(b.error) for r in self.records for b in r.breakaways]
         error = float(np.mean(errors)) if errors else np.nan
-        stops = "no stop that ends in motion was recorded, so nothing is said of it"
+        stops = "not tested, as no recorded stop ends in motion"
         if errors:
             stops = f"mean error {100 * error:.2g} % (target below {100 * BREAKAWAY_ERROR:g} %)"
         return (
@@ -195,7 +195,7 @@ class Validation(Shown):
 
     @cached_property
     def conditions(self) -> tuple[ConditionRow, ...]:
-        """Metrics by label, for labels of which there is more than one value among the recordings."""
+        """Return the metrics by label, for labels with several values among the recordings."""
         rows = []
         for key in dict.fromkeys(key for r in self.records for key in r.recording.labels):
             values = sorted({r.recording.labels.get(key, "-") for r in self.records})
@@ -216,43 +216,43 @@ class Validation(Shown):
     def diagnosis(
         self, progress: Callable[[float, float, str], None] | None = None, cancel: Flag | None = None
     ) -> Diagnosis:
-        """Say which terms of the balances the residual points to; see `pneudrive.validate.diagnosis`."""
+        """Return the causes that explain the residuals; see `pneudrive.validate.diagnosis`."""
         if "_diagnosis" not in vars(self):
             found = diagnose(self.drive, [r.signals for r in self.records], progress=progress, cancel=cancel)
             vars(self)["_diagnosis"] = found
         return vars(self)["_diagnosis"]
 
     def write(self, folder: str | Path) -> list[Path]:
-        """Write validation.toml (metrics, verdicts, diagnosis) into a folder that is there."""
+        """Write validation.toml (metrics, verdicts, diagnosis) into an existing folder."""
         target = Path(folder) / "validation.toml"
         with whole(target) as temporary:
             temporary.write_text(validation_toml(self), encoding="utf-8")
         return [target]
 
     def __str__(self) -> str:
-        """Return the verdicts and the diagnosis in words."""
+        """Return the verdicts and the diagnosis as text."""
         card = self._card()
         found = [f"{mark} {text}" for mark, text in card.rows]
         return "\n".join([card.title, *(f"  {line}" for line in (*found, *self.why(), *self.notes))])
 
     def _card(self) -> Card:
-        """Show the verdicts; the diagnosis, which takes seconds, only where it was asked for before."""
+        """Return a card of the verdicts, and of the diagnosis only if it was computed before, as it takes seconds."""
         marks = {True: "+", False: "!", None: "-"}
         title = f"{self.drive.name} against {len(self.records)} recording{'s' * (len(self.records) > 1)}"
-        why = self.why() if "_diagnosis" in vars(self) else ["print() adds what the residuals point to"]
+        why = self.why() if "_diagnosis" in vars(self) else ["print() adds the diagnosis of the residuals"]
         return Card(title, rows=[(marks[v.met], v.text) for v in self.verdicts], notes=[*why, *self.notes])
 
     def why(self) -> list[str]:
-        """Return what the residuals point to, in sentences."""
+        """Return the diagnosis of the residuals in sentences."""
         said = str(self.diagnosis()).splitlines()
         missed = any(v.met is False for v in self.verdicts)
         if self.drive.has_lines:
-            said.append("only forces are balanced: what flows through tubes and flow controls is not measured")
+            said.append("only forces are balanced: the flow through tubes and flow controls is not measured")
         if missed and self.diagnosis().is_clean and not self.diagnosis().culprits:
             left = "tubes, flow controls, valve and supply, " if self.drive.has_lines else ""
             said.append(
-                f"so what is missed lies in what the balances leave out ({left}presliding, stops, impacts, the first "
-                "state), or in small errors that the free run adds up"
+                f"the error lies outside the balances ({left}presliding, stops, impacts, the first state), "
+                "or in small errors that add up in the free run"
             )
         return said
 
@@ -267,33 +267,33 @@ def validate(
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
 ) -> Validation:
-    """Compare a drive with recordings of it.
+    """Validate a drive against its recordings.
 
     Parameters
     ----------
     drive : Drive or DriveFit
-        The model; of a fit of a drive its `apply()`, with what it found of the sensors.
+        Drive to validate; a fit is applied to its drive, and its errors of sensors are corrected.
     recordings
-        One or several of: a file as ``pneudrive simulate --out`` writes, a foreign one that a layout reads, what
-        ``pn.simulate`` returns, a mapping of SI columns (time_s, command, position_m, pressure_a_pa, pressure_b_pa).
+        One or several of: a file of ``pneudrive simulate --out``, a foreign file with a layout, a result of
+        ``pn.simulate``, a mapping of SI columns (time_s, command, position_m, pressure_a_pa, pressure_b_pa).
     layout
-        How foreign files are read; None: ``layout.toml`` beside the file.
+        Layout of foreign files; None: ``layout.toml`` beside the file.
     window_s : float
         Length of the runs that start from measured states, s.
     sensors : DriveFit or mapping, optional
-        What is known of the sensors, and is taken off the recordings: what a fit found of them, or channel ->
-        ``{"offset": "0.02 bar"}``, gain; of the command its delay. What a fit found holds for its own recordings; a new
-        one gets the mean of each.
+        Known errors of the sensors, for which the recordings are corrected: those of a fit, or channel ->
+        ``{"offset": "0.02 bar"}``, gain; for the command its delay. Values of a fit apply to its own recordings; a new
+        recording gets their mean.
     progress : callable, optional
-        Is called as ``progress(done, total, task)``, see `pneudrive.watch.Watch`.
+        Called as ``progress(done, total, task)``, see `pneudrive.watch.Watch`.
     cancel : object with ``is_set()``, optional
         Once set, the call ends with `Cancelled`.
 
     Returns
     -------
     Validation
-        Free runs from the first measured state, runs put back to measured states every `window_s`, metrics, verdicts;
-        ``diagnosis()`` names the terms that the residual points to.
+        Free runs from the first measured state, runs with resets to measured states every `window_s`, metrics,
+        verdicts; ``diagnosis()`` gives the causes that explain the residuals.
 
     Raises
     ------
@@ -313,7 +313,9 @@ def validate(
     if isinstance(drive, DriveFit):
         drive, sensors = drive.apply(), drive if sensors is None else sensors
     if not hasattr(drive, "core_json"):
-        raise DescriptionError(f"drive is a {type(drive).__name__}", remedy='Write pn.Drive.load("drive.toml").')
+        raise DescriptionError(
+            f"drive is a {type(drive).__name__}, not a drive", remedy='Write pn.Drive.load("drive.toml").'
+        )
     if not (np.isfinite(window_s) and window_s > 0.0):
         raise CommandError(f"window = {window_s} s is out of bounds", rule="greater than 0")
     watch = Watch(progress, cancel)
@@ -331,19 +333,19 @@ def validate(
 
 
 def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
-    """Say where the model could not go on, as metrics count only what it gave, and where it goes another way."""
+    """Return notes on samples without a result, which metrics leave out, and on a model that moves the wrong way."""
     for r in records:
         position = r.channels["position_m"]
         if position.free.fit_percent < 0.0 and position.restarted.fit_percent < WAY_PERCENT:
             yield (
-                f"{r.recording.name}: the model goes another way. Look whether a sign is reversed or chambers are "
-                "swapped: a command above 0 fills chamber a, which moves the piston towards greater positions"
+                f"{r.recording.name}: the model moves another way than the recording. Check for a reversed sign or "
+                "swapped chambers: a command above 0 fills chamber a, which moves the piston towards greater positions"
             )
         for run, words in ((r.free, "free run"), (r.restarted, "runs from measured states")):
             if run.failures:
                 lost = int(np.isnan(run["position_m"]).sum())
                 where = f"{r.recording.name}, {words}"
-                yield f"{where}: no result at {lost} samples, which no metric counts: {run.failures[0]}"
+                yield f"{where}: no result at {lost} samples, which the metrics leave out: {run.failures[0]}"
 
 
 def _record(drive: Drive, signals: Signals, window_s: float) -> RecordResult:
@@ -376,7 +378,7 @@ def _record(drive: Drive, signals: Signals, window_s: float) -> RecordResult:
 
 
 def validation_toml(found: Validation) -> str:
-    """Return the text of validation.toml: SI, shares as numbers, fit in percent; what is unknown is left out."""
+    """Return the text of validation.toml: SI, shares as numbers, fit in percent; unknown values are left out."""
     drive, diagnosis = found.drive, found.diagnosis()
     identified = {"identified": drive.to_dict()["provenance"]} if drive.provenance else {}
     tables = {
@@ -401,7 +403,7 @@ def validation_toml(found: Validation) -> str:
             ],
         },
     }
-    head = "# A drive against recordings. SI; nrmse and share are shares, fit in percent."
+    head = "# Validation of a drive against recordings. SI; nrmse and share are shares, fit in percent."
     return "\n".join([head, *sections(tables)]) + "\n"
 
 

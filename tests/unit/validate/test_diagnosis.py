@@ -94,5 +94,5 @@ def test_a_reversed_command_is_told_as_such():
     made = record(drive(), 21, duration_s=3.0)
     reversed_command = drive_recording({**made.columns, "command": -made.columns["command"]})
     found = validate(drive(), reversed_command)
-    assert any("sign is reversed" in note for note in found.notes)
+    assert any("reversed sign" in note for note in found.notes)
     assert str(found.diagnosis())
