@@ -7,33 +7,22 @@ and no number of them averages it away. Limits of a certificate are taken as rec
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from pydantic import Field
 
+from pneudrive.describe.base import Bounds, Described, Quantity
+from pneudrive.describe.marks import Percent, Reads
 from pneudrive.errors import DescriptionError, nearest
-from pneudrive.signals.tables.column_units import share
-from pneudrive.units import parse
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
 
 RECTANGULAR = float(np.sqrt(3.0))
 PLAUSIBLE_GAIN = (0.5, 2.0)  # what a sensor shows over the force: beyond that, units or columns were swapped
-#: Key in a TOML file -> field, and how its text is read.
-QUANTITIES = {
-    "zero": "zero_n",
-    "zero_uncertainty": "u_zero_n",
-    "range": "range_n",
-    "linearity": "linearity_n",
-    "hysteresis": "hysteresis_n",
-    "creep": "creep_n",
-}
-KEYS = {*QUANTITIES, "reference", "shown", "gain", "gain_uncertainty", "certificate", "date"}
 
 
 @dataclass(frozen=True)
@@ -186,17 +175,28 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
 
 
-def _table(given: object, known: set[str]) -> Mapping[str, Any]:
-    """Refuse what is no table, and keys that no calibration has."""
-    if not isinstance(given, dict):
-        raise DescriptionError("force_calibration must be a table")
-    for key in given:
-        if key not in known:
-            raise DescriptionError(f"unknown key '{key}' of a force calibration", remedy=nearest(str(key), known))
-    return given
+_Newton = Annotated[float, Quantity("N")]
+_NewtonLimit = Annotated[float, Quantity("N", bounds=Bounds(at_least=0.0))]
 
 
-def of_quantities(table: Mapping[str, Any]) -> ForceCalibration:
+class ForceCalibrationTable(Described):
+    """``[force_calibration]``: what the certificate of a force sensor says."""
+
+    reference_n: tuple[_Newton, ...] = ()
+    shown_n: tuple[_Newton, ...] = ()
+    gain: Annotated[float, Quantity("")] = 1.0
+    zero_n: _Newton = 0.0
+    u_gain: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=100.0)), Field(alias="gain_uncertainty")] = 0.0
+    u_zero_n: Annotated[_NewtonLimit, Field(alias="zero_uncertainty")] = 0.0
+    range_n: _NewtonLimit = 0.0
+    linearity_n: _NewtonLimit = 0.0
+    hysteresis_n: _NewtonLimit = 0.0
+    creep_n: _NewtonLimit = 0.0
+    certificate: str = ""
+    date: Annotated[str, Reads(str)] = ""  # TOML has dates of its own
+
+
+def of_quantities(table: object) -> ForceCalibration:
     """Read a table of quantities with units, as TOML files hold it.
 
     Raises
@@ -204,20 +204,7 @@ def of_quantities(table: Mapping[str, Any]) -> ForceCalibration:
     DescriptionError
         A key that is not known, a value without meaning, or no calibration.
     """
-    table = _table(table, KEYS)
-    values: dict[str, Any] = {name: parse(table[key], "N") for key, name in QUANTITIES.items() if key in table}
-    for key in ("reference", "shown"):
-        if key in table:
-            given = table[key]
-            if not isinstance(given, list):
-                raise DescriptionError(f"{key} must be a list", remedy=f'{key} = ["-100 N", "0 N", "100 N"]')
-            values[f"{key}_n"] = tuple(parse(text, "N") for text in given)
-    values |= {key: table[key] for key in ("gain", "certificate", "date") if key in table}
-    if "date" in values:
-        values["date"] = str(values["date"])  # TOML has dates of its own
-    if "gain_uncertainty" in table:
-        values["u_gain"] = share(table["gain_uncertainty"])
-    return ForceCalibration(**values)
+    return ForceCalibration(**ForceCalibrationTable.model_validate(table).stored())
 
 
 def of_json(data: object) -> ForceCalibration:
@@ -228,4 +215,10 @@ def of_json(data: object) -> ForceCalibration:
     DescriptionError
         A key that is not known, a value without meaning, or no calibration.
     """
-    return ForceCalibration(**_table(data, {f.name for f in fields(ForceCalibration)}))
+    if not isinstance(data, dict):
+        raise DescriptionError("force_calibration must be a table")
+    known = {field.name for field in fields(ForceCalibration)}
+    for key in data:
+        if key not in known:
+            raise DescriptionError(f"unknown key '{key}' of a force calibration", remedy=nearest(str(key), known))
+    return ForceCalibration(**data)

@@ -12,12 +12,12 @@ from pneudrive import units
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.base import Angle, Bounds, Described, Quantity, StatedPressure, WrongValueError, wrong
 from pneudrive.describe.geometry import PistonTable
-from pneudrive.describe.marks import Between, Choice, PressureBetween, Reads, Whole, absolute
+from pneudrive.describe.marks import Between, Choice, Percent, PressureBetween, Reads, Whole, absolute
 from pneudrive.files.tables import FORMATS
 from pneudrive.friction.friction_map import COLUMNS
 from pneudrive.signals.force_calibration import ForceCalibration, of_quantities
 from pneudrive.signals.tables import date_times
-from pneudrive.signals.tables.column_units import ColumnUnit, column_unit, share, uncertainty
+from pneudrive.signals.tables.column_units import ColumnUnit, column_unit, uncertainty
 from pneudrive.signals.tables.text_table import TextForm
 
 if TYPE_CHECKING:
@@ -163,7 +163,7 @@ class GeometryTable(PistonTable):
 
     table_name: ClassVar[str] = "geometry"
     bore_accuracy: Annotated[float | None, Reads(partial(uncertainty, si_unit="m"))] = None
-    area_accuracy: Annotated[float | None, Reads(share)] = None
+    area_accuracy: Annotated[float | None, Percent(bounds=Bounds(at_least=0.0, below=100.0))] = None
 
 
 class ChamberTable(Described):

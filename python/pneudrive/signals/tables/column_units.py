@@ -53,24 +53,6 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
     return ColumnUnit(converter(" ".join(words[:-1]), "Pa")[0], words[-1] == "gauge")
 
 
-def share(text: object) -> float:
-    """Read a relative uncertainty such as ``"0.5 %"``.
-
-    Examples
-    --------
-    >>> share("0.5 %")
-    0.005
-    """
-    number = text.strip().removesuffix("%").strip() if isinstance(text, str) and text.strip().endswith("%") else ""
-    try:
-        value = float(number) / 100.0
-    except ValueError:
-        value = float("nan")
-    if not 0.0 <= value < 1.0:
-        raise DescriptionError(f"{text!r} is not a share", rule='a share is needed, e.g. "0.5 %"')
-    return value
-
-
 def uncertainty(text: str, si_unit: str) -> float:
     """Read a standard uncertainty; that of a pressure is neither gauge nor absolute."""
     if si_unit == "Pa" and isinstance(text, str) and text.split()[-1:] in (["gauge"], ["abs"]):
