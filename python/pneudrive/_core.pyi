@@ -3,12 +3,13 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NotRequired, TypedDict, final, type_check_only
 
-from numpy import float64
+from numpy import float64, uint8
 from numpy.typing import NDArray
 
 __all__ = [
     "Circuit",
     "Drive",
+    "Ensemble",
     "Members",
     "Session",
     "Tank",
@@ -74,6 +75,44 @@ class Shot(TypedDict):
     end_sensitivities: NDArray[float64]
     failures: list[str | None]
     start_names: list[str]
+
+@type_check_only
+class Output(TypedDict):
+    column: str
+    what: Literal["final", "max", "min", "mean", "integral", "time_above", "time_below", "samples"]
+    value: NotRequired[float | None]  # what time_above and time_below compare with; the rate of samples, 1/s
+
+@type_check_only
+class Request(TypedDict):
+    values: NDArray[float64]
+    plans: Sequence[tuple[str, Sequence[float], NDArray[float64]]]
+    duration: NDArray[float64]
+    initial: NDArray[float64]
+    outputs: Sequence[Output]
+    rtol: float
+    contact_age_s: NotRequired[float]
+    threads: NotRequired[int]
+    budget: NotRequired[int | None]
+
+@type_check_only
+class Outcome(TypedDict):
+    outputs: list[NDArray[float64]]
+    status: NDArray[uint8]
+    reasons: dict[int, str]
+    attempts: int
+
+@final
+class Ensemble:
+    def __new__(cls, kind: Literal["drive", "circuit"], json: str, vary: Sequence[str]) -> Ensemble: ...
+    @property
+    def names(self) -> list[str]: ...
+    @property
+    def inputs(self) -> list[str]: ...
+    @property
+    def columns(self) -> list[str]: ...
+    @property
+    def start_names(self) -> list[str]: ...
+    def run(self, asked: Request, look: Callable[[float], object] | None = None) -> Outcome: ...
 
 @final
 class Tank:

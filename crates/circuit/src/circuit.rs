@@ -451,6 +451,12 @@ impl<P: Real> Circuit<P> {
         self.masses().find(|(_, _, _, axis, _)| axis.node == id.0).expect("an axis of this circuit")
     }
 
+    /// The place of an axis' position among the states; its velocity comes next. None where it moves as commanded.
+    pub fn position_state(&self, axis: AxisId) -> Option<usize> {
+        let mut masses = self.masses();
+        masses.find(|(.., own, _)| own.node == axis.0).map(|(_, _, place, ..)| place.first)
+    }
+
     /// Friction of steady sliding of an axis at the place, speed and pressures of a node, N.
     pub fn steady_friction<S: Over<P>>(&self, axis: AxisId, node: &AxisNode<S>) -> S {
         self.mass(axis).3.steady_friction(node)

@@ -13,6 +13,7 @@ mod assembly;
 mod circuit;
 mod component;
 mod impacts;
+mod jobs;
 mod ledger;
 mod lifted;
 mod net;
@@ -32,6 +33,7 @@ pub use component::{
     kinds, register,
 };
 pub use impacts::Impact;
+pub use jobs::run_jobs;
 pub use ledger::{Balance, Channel, Kind, balance};
 pub use net::{AxisNode, GasNode, Net};
 pub use part::{

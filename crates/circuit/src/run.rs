@@ -137,7 +137,14 @@ impl Output<f64, Circuit<f64>> for Recorder {
         self.next += 1;
     }
 
-    fn step(&mut self, _lane: usize, t: f64, h: f64, states: &mut Accepted<'_, f64>) {
+    fn step(
+        &mut self,
+        _lane: usize,
+        t: f64,
+        h: f64,
+        states: &mut Accepted<'_, f64>,
+        _circuit: &Circuit<f64>,
+    ) {
         for impacts in &mut self.impacts {
             impacts.step(t, h, states);
         }

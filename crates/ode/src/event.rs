@@ -11,7 +11,7 @@ const BRACKET: f64 = 1e-14;
 
 /// The point in (low, high] where `g` passes below its target, by the Illinois form of regula falsi
 /// (superlinear, never leaves the bracket). `g_low > target >= g_high`. `g` is already shifted.
-pub(crate) fn locate(
+pub fn locate(
     mut low: f64,
     mut g_low: f64,
     mut high: f64,

@@ -18,6 +18,7 @@ mod swing;
 mod system;
 
 pub use control::{Failure, Options, Statistics};
+pub use event::locate;
 pub use rosenbrock::{RODAS5P, Rosenbrock};
 pub use stepper::{Accepted, NoOutput, Output, Paused, Stepper};
 pub use structure::{DIRECTIONS, Structure};

@@ -448,7 +448,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 self.check_outside(lane);
                 continue;
             }
-            output.step(lane, t0, h_lane, &mut Accepted { step: &mut self.step, u: &self.u });
+            let states = &mut Accepted { step: &mut self.step, u: &self.u };
+            output.step(lane, t0, h_lane, states, &self.system);
             for (y, y1) in self.y.as_flattened_mut().iter_mut().zip(self.step.y1.as_flattened()) {
                 y.take(lane, y1);
             }

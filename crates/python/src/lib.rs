@@ -2,6 +2,7 @@
 
 mod convert;
 mod drive;
+mod ensemble;
 mod friction;
 mod network;
 mod session;
@@ -44,6 +45,7 @@ fn constants() -> BTreeMap<&'static str, f64> {
 #[pymodule]
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<drive::PyDrive>()?;
+    m.add_class::<ensemble::PyEnsemble>()?;
     m.add_class::<network::PyCircuit>()?;
     m.add_class::<network::PyMembers>()?;
     m.add_class::<session::PySession>()?;

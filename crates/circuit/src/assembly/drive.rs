@@ -93,10 +93,10 @@ fn valve(spec: &Spec) -> &specification::ProportionalValve {
 }
 
 /// Where the cylinder stands among the components of a drive.
-const CYLINDER: usize = 2;
+pub(super) const CYLINDER: usize = 2;
 
 /// A drive as components and joints.
-fn components<P: Lane>(lifted: &Lifted<Spec>) -> Result<(Vec<Instance<P>>, Joints), Error> {
+pub(super) fn components<P: Lane>(lifted: &Lifted<Spec>) -> Result<(Vec<Instance<P>>, Joints), Error> {
     let number = |f: fn(&Spec) -> f64| Some((lifted.number(f), lifted.is_free(f)));
     let stop = |f: fn(&specification::EndStop) -> Option<f64>| {
         f(&lifted.value.cylinder.end_stop)?;

@@ -69,7 +69,9 @@ pub fn steady_sensitivity(
 }
 
 /// The table of the law, and the law itself where it is of the user's own.
-fn meta(spec: &specification::Friction) -> Result<(&'static Meta, Option<&'static OwnLaw>), Error> {
+pub(super) fn meta(
+    spec: &specification::Friction,
+) -> Result<(&'static Meta, Option<&'static OwnLaw>), Error> {
     if let Some(formula) = &spec.formula {
         let own = own_law(formula).map_err(|refusal| Error::Specification(refusal.to_string()))?;
         return Ok((&own.meta, Some(own)));

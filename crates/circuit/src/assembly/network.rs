@@ -338,7 +338,7 @@ impl Network {
 
 impl Assembly {
     /// Names of the numbers of a start: all but the inner states of friction, which begin at rest.
-    fn given_names(&self) -> Vec<&str> {
+    pub fn given_names(&self) -> Vec<&str> {
         let starts = self.variables.starts.iter();
         let given = starts.filter(|(starting, _)| !matches!(starting, Starting::Inner(_)));
         given.flat_map(|(_, names)| names.iter().map(String::as_str)).collect()
@@ -368,16 +368,13 @@ impl Assembly {
             }
             Some(value) => Ok(*value),
         };
-        let (mut gas, mut axes, mut ages, mut signals) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut numbers = Vec::with_capacity(names.len());
         for (starting, names) in &self.variables.starts {
             match *starting {
-                Starting::Gas(id) => gas.push((id, number(&names[0], true)?, number(&names[1], true)?)),
-                Starting::Axis(id) => {
-                    axes.push((id, number(&names[0], false)?, number(&names[1], false)?));
-                    ages.push((id, 0.0));
-                }
-                Starting::Kept(signal) => match number(&names[0], false)? {
-                    position @ (0.0 | 1.0) => signals.push((signal, position)),
+                Starting::Gas(_) => numbers.extend([number(&names[0], true)?, number(&names[1], true)?]),
+                Starting::Axis(_) => numbers.extend([number(&names[0], false)?, number(&names[1], false)?]),
+                Starting::Kept(_) => match number(&names[0], false)? {
+                    position @ (0.0 | 1.0) => numbers.push(position),
                     position => {
                         return refuse(format!(
                             "the start {} = {position} must be 0 or 1: the valve keeps an end position",
@@ -385,6 +382,26 @@ impl Assembly {
                         ));
                     }
                 },
+                Starting::Inner(_) | Starting::Alike(_) => {}
+            }
+        }
+        Ok(Session::new(self, 0.0, self.stand(first, &numbers, 0.0), options))
+    }
+
+    /// The equations and their state at a start, its numbers in the order of [`Assembly::given_names`], of contacts of
+    /// this age, s, where spools and locks stand at the commands `first`: an input and its value.
+    pub fn stand(&self, first: &[(usize, f64)], start: &[f64], age: f64) -> (Circuit<f64>, Vec<f64>) {
+        let (mut gas, mut axes, mut ages, mut signals) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut rest = start.iter().copied();
+        let mut next = || rest.next().expect("a number for each name");
+        for (starting, _) in &self.variables.starts {
+            match *starting {
+                Starting::Gas(id) => gas.push((id, next(), next())),
+                Starting::Axis(id) => {
+                    axes.push((id, next(), next()));
+                    ages.push((id, age));
+                }
+                Starting::Kept(signal) => signals.push((signal, next())),
                 Starting::Inner(_) | Starting::Alike(_) => {}
             }
         }
@@ -396,7 +413,7 @@ impl Assembly {
             }
         }
         let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &ages, inner: &[], signals: &signals });
-        Ok(Session::new(self, 0.0, (circuit, y), options))
+        (circuit, y)
     }
 
     /// A session that goes on from the state of another one of this make, at time 0.

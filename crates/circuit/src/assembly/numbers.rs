@@ -1,37 +1,36 @@
-//! Numbers of a circuit by name: derivatives by them, and circuits of one topology that differ in them.
+//! Numbers of a circuit by name: derivatives by them.
 
 use super::friction::contact;
 use super::gas::gas;
 use super::network::Network;
 use super::shoot::{Sensitive, Shooting, Shot, shoot};
 use super::variables::{Assembly, Variables};
-use super::wiring::{Joints, wire};
-use crate::component::{Instance, check};
+use super::wiring::wire;
+use crate::component::Instance;
 use crate::lifted::{Lifted, seeds};
-use crate::run::{Error, with_unit};
+use crate::run::Error;
 use crate::specification;
 use math::{Deps, Lane, Over};
-use physics::Gas;
 use serde_json::Value;
 use std::sync::Arc;
 
-fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
+pub(super) fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
     Err(Error::Specification(message.into()))
 }
 
-fn unfit(error: &serde_json::Error) -> Error {
+pub(super) fn unfit(error: &serde_json::Error) -> Error {
     Error::Specification(format!("the description does not fit the core: {error}"))
 }
 
 /// Which component a name is of, and the rest of it: "left.friction.parameters.coulomb".
-fn split<'a>(each: &[Instance<f64>], name: &'a str) -> Result<(usize, &'a str), Error> {
+pub(super) fn split<'a>(each: &[Instance<f64>], name: &'a str) -> Result<(usize, &'a str), Error> {
     let rest = |own: &Instance<f64>| name.strip_prefix(&own.name).and_then(|rest| rest.strip_prefix('.'));
     let found = each.iter().enumerate().find_map(|(i, own)| Some((i, rest(own)?)));
     found.ok_or_else(|| Error::Specification(format!("\"{name}\" is of no component of this circuit")))
 }
 
 /// The place of a number among those of its component, which has a value.
-fn place(own: &Instance<f64>, key: &str) -> Result<usize, Error> {
+pub(super) fn place(own: &Instance<f64>, key: &str) -> Result<usize, Error> {
     let rows = own.kind().parameters;
     let Some(place) = rows.iter().position(|row| row.key == key) else {
         let keys: Vec<&str> = rows.iter().map(|row| row.key).collect();
@@ -158,106 +157,5 @@ impl Network {
             Ok(move |first| Ok(commanded::<Sensitive>(assemble(self, &Lifted::new(&seeds, first))?, place)))
         };
         shoot(&plain, lift, asked, interrupted)
-    }
-}
-
-/// A number that members of one topology have each for themselves.
-#[derive(Clone, Debug)]
-enum Number {
-    /// Of a component: its place there.
-    Own(usize, usize),
-    /// A parameter of its friction law.
-    Friction(usize, String),
-}
-
-/// Circuits of one topology that differ in numbers: it is analysed once.
-#[derive(Clone, Debug)]
-pub struct Members {
-    template: Assembly,
-    gas: Gas<f64>,
-    ambient: [f64; 2],
-    joints: Joints,
-    each: Vec<Instance<f64>>,
-    numbers: Vec<Number>,
-    /// The friction of each component as it is described.
-    friction: Vec<Option<specification::Friction>>,
-}
-
-impl Network {
-    /// Members that differ in the numbers called `names`, such as "left.bore". `json` is the description that this
-    /// circuit was made of.
-    pub fn members(&self, json: &str, names: &[String]) -> Result<Members, Error> {
-        let spec: specification::Circuit = serde_json::from_str(json).map_err(|error| unfit(&error))?;
-        let friction: Vec<_> = spec.components.iter().map(|own| own.friction.clone()).collect();
-        let number = |name: &String| {
-            let (component, key) = split(self.each(), name)?;
-            let Some(path) = key.strip_prefix("friction.") else {
-                return Ok(Number::Own(component, place(&self.each()[component], key)?));
-            };
-            let parameter = path.strip_prefix("parameters.").unwrap_or_default();
-            match &friction[component] {
-                Some(own) if own.parameters.contains_key(parameter) => {
-                    Ok(Number::Friction(component, parameter.into()))
-                }
-                _ => refuse(format!("{name} is no parameter of a friction law that is described")),
-            }
-        };
-        Ok(Members {
-            template: self.assembly().clone(),
-            gas: gas(&Lifted::plain(&spec.gas)),
-            ambient: [spec.ambient.pressure_pa, spec.ambient.temperature_k],
-            joints: self.joints().clone(),
-            each: self.each().to_vec(),
-            numbers: names.iter().map(number).collect::<Result<_, Error>>()?,
-            friction,
-        })
-    }
-}
-
-impl Members {
-    /// The member with these numbers, in the order of the names.
-    pub fn member(&mut self, values: &[f64]) -> Result<Assembly, Error> {
-        if values.len() != self.numbers.len() {
-            return refuse(format!("{} values for {} numbers", values.len(), self.numbers.len()));
-        }
-        let mut rubs = Vec::new();
-        for (number, &value) in self.numbers.iter().zip(values) {
-            match number {
-                Number::Own(component, place) => {
-                    let own = &mut self.each[*component];
-                    let row = &own.kind().parameters[*place];
-                    if !value.is_finite() || !row.bounds.contain(value) {
-                        return refuse(format!(
-                            "{}.{} = {} is out of bounds: it must be {}",
-                            own.name,
-                            row.key,
-                            with_unit(value, row.unit),
-                            row.bounds
-                        ));
-                    }
-                    own.numbers[*place] = Some(value);
-                }
-                Number::Friction(component, key) => {
-                    if let Some(own) = &mut self.friction[*component]
-                        && let Some(number) = own.parameters.get_mut(key)
-                    {
-                        *number = value;
-                    }
-                    if !rubs.contains(component) {
-                        rubs.push(*component);
-                    }
-                }
-            }
-        }
-        for component in rubs {
-            let friction = self.friction[component].as_ref().map(|own| contact(&Lifted::plain(own)));
-            self.each[component].friction = friction.transpose()?;
-        }
-        self.each.iter().try_for_each(check)?;
-        let is_air = self.gas.is_air();
-        let ledger = !self.template.circuit.channels().is_empty();
-        let like = Some(&*self.template.circuit);
-        let wired = wire(&self.gas, is_air, self.ambient, (&self.each, &self.joints), ledger, like)?;
-        Ok(wired.named_like(&self.template))
     }
 }

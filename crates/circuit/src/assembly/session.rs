@@ -168,7 +168,7 @@ impl<R: Lane> Session<R> {
     }
 
     /// Sets an input at times to come, whatever its bounds: the integration ends on each of them exactly.
-    pub(crate) fn plan(&mut self, input: usize, entries: impl IntoIterator<Item = (f64, f64)>) {
+    pub fn plan(&mut self, input: usize, entries: impl IntoIterator<Item = (f64, f64)>) {
         self.schedule.extend(entries.into_iter().map(|(time, value)| (time, What::Input(input), value)));
         // Stable, and from the last to the first: of entries at one time the one given last holds.
         self.schedule.reverse();
@@ -183,7 +183,7 @@ impl<R: Lane> Session<R> {
     }
 
     /// Sets what is due now.
-    pub(crate) fn settle_schedule(&mut self) {
+    pub fn settle_schedule(&mut self) {
         let now = self.time();
         while let Some((_, what, value)) = self.schedule.pop_if(|entry| entry.0 <= now) {
             self.happen(what, value);

@@ -4,24 +4,18 @@ use super::drive::{Drive, Wired, later};
 use super::session::Session;
 use super::variables::{Assembly, Starting};
 use crate::circuit::Circuit;
+use crate::jobs::run_jobs;
 use crate::lifted::{Lifted, seeds};
 use crate::net::Net;
 use crate::run::{Error, Look, budget};
 use crate::specification;
 use math::{Dual, Lane};
 use ode::{Options, Output, System};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc;
-use std::time::{Duration, Instant};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How many derivatives one pass carries.
 pub const DIRECTIONS: usize = 8;
 pub(super) type Sensitive = Dual<f64, DIRECTIONS>;
-
-/// Between two looks at whether the user wants to stop.
-const LOOK: Duration = Duration::from_millis(20);
-/// Stack of a thread, bytes: numbers with derivatives of derivatives are large.
-const STACK: usize = 16 << 20;
 
 /// By which numbers of the starts to differentiate.
 #[derive(Clone, Debug)]
@@ -225,44 +219,22 @@ impl All<'_> {
             directions,
         };
         let jobs = segments * drives.len();
-        let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
-        std::thread::scope(|scope| {
-            let (sender, receiver) = mpsc::channel();
-            for _ in 0..self.asked.threads.clamp(1, jobs) {
-                let (sender, next, stop) = (sender.clone(), &next, &stop);
-                let work = move || {
-                    loop {
-                        let job = next.fetch_add(1, Ordering::Relaxed);
-                        if job >= jobs || stop.load(Ordering::Relaxed) {
-                            return;
-                        }
-                        let (segment, pass) = (job / drives.len(), job % drives.len());
-                        let done = self.segment(&drives[pass], segment, pass, stop);
-                        if sender.send((segment, pass, done)).is_err() {
-                            return;
-                        }
-                    }
-                };
-                let thread = std::thread::Builder::new().stack_size(STACK);
-                thread.spawn_scoped(scope, work).map_err(|e| Error::Stopped(format!("no thread: {e}")))?;
-            }
-            drop(sender);
-            let mut looked = Instant::now();
-            loop {
-                match receiver.recv_timeout(LOOK) {
-                    Ok((segment, pass, done)) => self.enter(&mut shot, segment, pass, done?),
-                    Err(mpsc::RecvTimeoutError::Timeout) => {}
-                    Err(mpsc::RecvTimeoutError::Disconnected) => return Ok(()),
-                }
-                if looked.elapsed() >= LOOK {
-                    if interrupted(self.asked.sample_times[0]) {
-                        stop.store(true, Ordering::Relaxed);
-                    }
-                    looked = Instant::now();
-                }
-            }
-        })?;
-        if stop.load(Ordering::Relaxed) {
+        let of = |job: usize| (job / drives.len(), job % drives.len());
+        let whole = run_jobs(
+            (self.asked.threads, jobs),
+            || (),
+            |(), job, stop| {
+                let (segment, pass) = of(job);
+                self.segment(&drives[pass], segment, pass, stop)
+            },
+            |job, done| {
+                let (segment, pass) = of(job);
+                self.enter(&mut shot, segment, pass, done?);
+                Ok(())
+            },
+            &mut || interrupted(self.asked.sample_times[0]),
+        )?;
+        if !whole {
             return Err(Error::Interrupted { t: self.asked.sample_times[0] });
         }
         Ok(shot)

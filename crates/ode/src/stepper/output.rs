@@ -14,7 +14,7 @@ pub trait Output<R: Lane, Sys> {
     fn sample(&mut self, lane: usize, t: f64, y: &[R], system: &Sys);
     /// A step of this lane from `t` of length `h`, once it is accepted.
     #[inline(always)]
-    fn step(&mut self, _lane: usize, _t: f64, _h: f64, _states: &mut Accepted<'_, R>) {}
+    fn step(&mut self, _lane: usize, _t: f64, _h: f64, _states: &mut Accepted<'_, R>, _system: &Sys) {}
 }
 
 /// The states within one accepted step.

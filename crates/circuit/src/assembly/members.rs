@@ -1,0 +1,263 @@
+//! Circuits of one topology that differ in numbers: it is analysed once, and each member sets its own.
+
+use super::drive::{CYLINDER, Drive, Wired, components};
+use super::friction::{contact, meta};
+use super::gas::gas;
+use super::network::Network;
+use super::numbers::{place, refuse, split, unfit};
+use super::shoot::{DIRECTIONS, Sensitive};
+use super::variables::Assembly;
+use super::wiring::{Joints, wire};
+use crate::component::{Instance, check};
+use crate::lifted::{Lifted, Seeds, seeds};
+use crate::run::{Error, with_unit};
+use crate::specification::{self, Friction};
+use physics::Gas;
+use serde_json::Value;
+
+/// A number that members of one topology have each for themselves.
+#[derive(Clone, Debug)]
+enum Number {
+    /// Of a component: its place there.
+    Own(usize, usize),
+    /// A parameter of its friction law.
+    Friction(usize, String),
+    /// Pressure, Pa absolute, or temperature, K, of the air around.
+    Ambient(usize),
+}
+
+/// Circuits of one topology that differ in numbers: it is analysed once.
+#[derive(Clone, Debug)]
+pub struct Members {
+    template: Assembly,
+    gas: Gas<f64>,
+    ambient: [f64; 2],
+    joints: Joints,
+    each: Vec<Instance<f64>>,
+    names: Vec<String>,
+    numbers: Vec<Number>,
+    /// The friction of each component as it is described.
+    friction: Vec<Option<Seeds<Friction>>>,
+    general: bool,
+}
+
+/// The place of each of the drive's numbers among those of its components.
+fn numbers_of(lifted: &Seeds<specification::Drive>, names: &[String]) -> Result<Vec<Number>, Error> {
+    let mut numbers: Vec<Option<Number>> = vec![None; names.len()];
+    for first in (0..names.len()).step_by(DIRECTIONS) {
+        let pass = Lifted::new(lifted, first);
+        let (each, _) = components::<Sensitive>(&pass)?;
+        let all = each.iter().enumerate().flat_map(|(i, own)| {
+            let own = own.numbers.iter().enumerate();
+            own.filter_map(move |(at, number)| Some((Number::Own(i, at), (*number)?)))
+        });
+        let ambient: [Sensitive; 2] = pass.numbers(|s| [s.ambient.pressure_pa, s.ambient.temperature_k]);
+        let ambient = ambient.into_iter().enumerate().map(|(i, number)| (Number::Ambient(i), number));
+        for (number, value) in all.chain(ambient) {
+            if let Some(direction) = value.eps.iter().position(|slope| *slope == 1.0) {
+                numbers[first + direction] = Some(number);
+            }
+        }
+    }
+    let each = numbers.into_iter().zip(names);
+    each.map(|(number, name)| match (number, name.strip_prefix("friction.parameters.")) {
+        (_, Some(parameter)) => Ok(Number::Friction(CYLINDER, parameter.into())),
+        (Some(number), None) => Ok(number),
+        (None, None) => refuse(format!("members cannot differ in \"{name}\"")),
+    })
+    .collect()
+}
+
+/// The friction at a place of a description, of which members differ in the parameters called so.
+fn friction_of(table: &Value, parameters: &[String]) -> Result<Seeds<Friction>, Error> {
+    let names: Vec<String> = parameters.iter().map(|name| format!("parameters.{name}")).collect();
+    seeds(&table.to_string(), "", &names)
+}
+
+impl Drive {
+    /// Members of this drive that differ in the numbers called `names`: paths of `json`, the description that it was
+    /// made of, such as "cylinder.bore_m" or "friction.parameters.coulomb". They are [general](Members::general).
+    pub fn members(&self, json: &str, names: &[String]) -> Result<Members, Error> {
+        check_names(names)?;
+        let lifted = seeds::<specification::Drive>(json, "", names)?;
+        let (spec, pass) = (&lifted.value, Lifted::new(&lifted, 0));
+        let (each, joints) = components(&pass)?;
+        let parameters = |name: &String| name.strip_prefix("friction.parameters.").map(str::to_string);
+        let parameters: Vec<String> = names.iter().filter_map(parameters).collect();
+        let mut friction = vec![None; each.len()];
+        let table: Value = serde_json::from_str(json).map_err(|error| unfit(&error))?;
+        friction[CYLINDER] = Some(friction_of(&table["friction"], &parameters)?);
+        Ok(Members {
+            template: Wired::lifted(&pass, false, None)?.assembly,
+            gas: gas(&Lifted::plain(&spec.gas)),
+            ambient: [spec.ambient.pressure_pa, spec.ambient.temperature_k],
+            joints,
+            each,
+            numbers: numbers_of(&lifted, names)?,
+            names: names.to_vec(),
+            friction,
+            general: true,
+        })
+    }
+}
+
+impl Network {
+    /// Members that differ in the numbers called `names`, such as "left.bore". `json` is the description that this
+    /// circuit was made of.
+    pub fn members(&self, json: &str, names: &[String]) -> Result<Members, Error> {
+        check_names(names)?;
+        let spec: specification::Circuit = serde_json::from_str(json).map_err(|error| unfit(&error))?;
+        let mut parameters = vec![Vec::new(); spec.components.len()];
+        let number = |name: &String| {
+            if let Some(own) =
+                ["ambient.pressure_pa", "ambient.temperature_k"].iter().position(|own| own == name)
+            {
+                return Ok(Number::Ambient(own));
+            }
+            let (component, key) = split(self.each(), name)?;
+            let Some(path) = key.strip_prefix("friction.") else {
+                return Ok(Number::Own(component, place(&self.each()[component], key)?));
+            };
+            let parameter = path.strip_prefix("parameters.").unwrap_or_default();
+            match &spec.components[component].friction {
+                Some(own) if own.parameters.contains_key(parameter) => {
+                    parameters[component].push(parameter.to_string());
+                    Ok(Number::Friction(component, parameter.into()))
+                }
+                _ => refuse(format!("{name} is no parameter of a friction law that is described")),
+            }
+        };
+        let numbers = names.iter().map(number).collect::<Result<_, Error>>()?;
+        let table: Value = serde_json::from_str(json).map_err(|error| unfit(&error))?;
+        let friction = parameters.iter().enumerate().map(|(i, names)| {
+            let own = &table["components"][i]["friction"];
+            (!own.is_null()).then(|| friction_of(own, names)).transpose()
+        });
+        Ok(Members {
+            template: self.assembly().clone(),
+            gas: gas(&Lifted::plain(&spec.gas)),
+            ambient: [spec.ambient.pressure_pa, spec.ambient.temperature_k],
+            joints: self.joints().clone(),
+            each: self.each().to_vec(),
+            numbers,
+            names: names.to_vec(),
+            friction: friction.collect::<Result<_, Error>>()?,
+            general: false,
+        })
+    }
+}
+
+/// Refuses a name that is given twice.
+fn check_names(names: &[String]) -> Result<(), Error> {
+    match (1..names.len()).find(|&i| names[..i].contains(&names[i])) {
+        Some(twice) => refuse(format!("\"{}\" is given twice: a member has one value of it", names[twice])),
+        None => Ok(()),
+    }
+}
+
+impl Members {
+    /// Members whose parts do not follow from the values that each has for itself: no simpler form of a law is chosen
+    /// for a value that has one. So neighbours are of one topology.
+    pub fn general(mut self) -> Result<Self, Error> {
+        self.general = true;
+        for number in &self.numbers {
+            if let Number::Own(component, place) = *number {
+                self.each[component].free[place] = true;
+            }
+        }
+        for component in 0..self.each.len() {
+            self.rub(component)?;
+        }
+        self.template = self.wired(None)?;
+        Ok(self)
+    }
+
+    /// Brings the friction of a component up to date with its parameters.
+    fn rub(&mut self, component: usize) -> Result<(), Error> {
+        if let Some(own) = &self.friction[component] {
+            let lifted = if self.general { Lifted::new(own, 0) } else { Lifted::plain(&own.value) };
+            self.each[component].friction = Some(contact(&lifted)?);
+        }
+        Ok(())
+    }
+
+    /// The circuit that all of them are like.
+    pub fn template(&self) -> &Assembly {
+        &self.template
+    }
+
+    /// In what they differ.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Refuses a value that the number called `names[place]` cannot have, whatever the others are.
+    pub fn check(&self, place: usize, value: f64) -> Result<(), Error> {
+        let bounds = match &self.numbers[place] {
+            Number::Own(component, place) => {
+                let row = &self.each[*component].kind().parameters[*place];
+                Some((row.bounds, row.unit))
+            }
+            Number::Ambient(0) => Some((physics::above(0.0), "Pa")),
+            Number::Ambient(_) => Some((physics::above(0.0), "K")),
+            Number::Friction(component, key) => {
+                let law = self.friction[*component].as_ref().map(|own| meta(&own.value)).transpose()?;
+                let row = law.and_then(|(law, _)| law.parameters.iter().find(|row| row.key == key));
+                row.map(|row| (row.bounds, row.unit))
+            }
+        };
+        let Some((bounds, unit)) = bounds else { return Ok(()) };
+        if value.is_finite() && bounds.contain(value) {
+            return Ok(());
+        }
+        refuse(format!(
+            "{} = {} is out of bounds: it must be {bounds}",
+            self.names[place],
+            with_unit(value, unit)
+        ))
+    }
+
+    /// The member with these numbers, in the order of the names.
+    pub fn member(&mut self, values: &[f64]) -> Result<Assembly, Error> {
+        if values.len() != self.numbers.len() {
+            return refuse(format!("{} values for {} numbers", values.len(), self.numbers.len()));
+        }
+        let mut rubs = Vec::new();
+        for (at, &value) in values.iter().enumerate() {
+            match &self.numbers[at] {
+                Number::Own(component, place) => {
+                    self.check(at, value)?;
+                    self.each[*component].numbers[*place] = Some(value);
+                }
+                Number::Friction(component, key) => {
+                    if let Some(own) = &mut self.friction[*component] {
+                        match own.value.parameters.get_mut(key) {
+                            Some(number) => *number = value,
+                            None => drop(own.value.parameters.insert(key.clone(), value)),
+                        }
+                    }
+                    if !rubs.contains(component) {
+                        rubs.push(*component);
+                    }
+                }
+                Number::Ambient(place) => {
+                    self.check(at, value)?;
+                    self.ambient[*place] = value;
+                }
+            }
+        }
+        for component in rubs {
+            self.rub(component)?;
+        }
+        self.each.iter().try_for_each(check)?;
+        self.wired(Some(&self.template))
+    }
+
+    fn wired(&self, like: Option<&Assembly>) -> Result<Assembly, Error> {
+        let ledger = !self.template.circuit.channels().is_empty();
+        let parts = (&self.each[..], &self.joints);
+        let circuit = like.map(|like| &*like.circuit);
+        let wired = wire(&self.gas, self.gas.is_air(), self.ambient, parts, ledger, circuit)?;
+        Ok(wired.named_like(&self.template))
+    }
+}

@@ -1,0 +1,67 @@
+//! Work that is done in pieces by several threads, while the caller looks whether to go on.
+
+use crate::run::Error;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+/// Between two looks at whether the user wants to stop.
+const LOOK: Duration = Duration::from_millis(20);
+/// Stack of a thread, bytes: numbers with derivatives of derivatives are large.
+const STACK: usize = 16 << 20;
+
+/// Does the pieces 0 to `jobs - 1` by at most `threads` threads. Each makes its own worker by `worker`; `work` does a
+/// piece, and is given what says that it may give up. What it gives goes to `take` on the caller's thread, in any order.
+/// False where `interrupted` has said to stop: pieces taken until then are taken.
+pub fn run_jobs<W, T: Send>(
+    (threads, jobs): (usize, usize),
+    worker: impl Fn() -> W + Sync,
+    work: impl Fn(&mut W, usize, &AtomicBool) -> T + Sync,
+    mut take: impl FnMut(usize, T) -> Result<(), Error>,
+    interrupted: &mut dyn FnMut() -> bool,
+) -> Result<bool, Error> {
+    let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
+    std::thread::scope(|scope| {
+        let (sender, receiver) = mpsc::channel();
+        for _ in 0..threads.clamp(1, jobs.max(1)) {
+            let (sender, next, stop, worker, work) = (sender.clone(), &next, &stop, &worker, &work);
+            let all = move || {
+                let mut own = worker();
+                loop {
+                    let job = next.fetch_add(1, Ordering::Relaxed);
+                    if job >= jobs || stop.load(Ordering::Relaxed) {
+                        return;
+                    }
+                    let done = work(&mut own, job, stop);
+                    if sender.send((job, done)).is_err() {
+                        return;
+                    }
+                }
+            };
+            let thread = std::thread::Builder::new().stack_size(STACK);
+            thread.spawn_scoped(scope, all).map_err(|e| Error::Stopped(format!("no thread: {e}")))?;
+        }
+        drop(sender);
+        let mut looked = Instant::now();
+        let done = loop {
+            match receiver.recv_timeout(LOOK) {
+                Ok((job, done)) => {
+                    if let Err(error) = take(job, done) {
+                        break Err(error);
+                    }
+                }
+                Err(mpsc::RecvTimeoutError::Timeout) => {}
+                Err(mpsc::RecvTimeoutError::Disconnected) => break Ok(()),
+            }
+            if looked.elapsed() >= LOOK {
+                if interrupted() {
+                    stop.store(true, Ordering::Relaxed);
+                }
+                looked = Instant::now();
+            }
+        };
+        // Whoever still works on a piece that nobody takes gives up.
+        let stopped = stop.swap(true, Ordering::Relaxed);
+        done.map(|()| !stopped)
+    })
+}

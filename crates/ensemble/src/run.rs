@@ -1,0 +1,389 @@
+//! Members in chunks, chunks on threads.
+
+use crate::reduction::{Follower, Reduction, What};
+use circuit::{
+    Assembly, Drive, Error, Look, Members, Network, Session, Starting, budget, run_jobs, sample_times,
+    specification,
+};
+use ode::Options;
+use std::borrow::Cow;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Members that one thread takes at once.
+const CHUNK: usize = 256;
+
+/// Numbers of members: one row for all, or one for each.
+#[derive(Clone, Debug)]
+pub struct Column<'a> {
+    /// Row by row.
+    pub values: Cow<'a, [f64]>,
+    /// Numbers of a row.
+    pub width: usize,
+}
+
+impl<'a> Column<'a> {
+    /// Rows of this width.
+    pub fn new(values: impl Into<Cow<'a, [f64]>>, width: usize) -> Self {
+        Column { values: values.into(), width }
+    }
+
+    /// That of a member.
+    pub fn row(&self, member: usize) -> &[f64] {
+        let all = &self.values[..];
+        if all.len() == self.width { all } else { &all[member * self.width..][..self.width] }
+    }
+
+    fn check(&self, what: &str, members: usize) -> Result<(), Error> {
+        let n = self.values.len();
+        if n == self.width || n == members * self.width {
+            return Ok(());
+        }
+        refuse(format!(
+            "{what} has {n} numbers: it must have {} for all members, or {} for each of the {members}",
+            self.width, self.width
+        ))
+    }
+}
+
+/// An input, the times from which on its values hold, s, and the values: a row for all members or one for each.
+#[derive(Clone, Debug)]
+pub struct Plan<'a> {
+    /// The name of the input.
+    pub input: String,
+    /// s, increasing.
+    pub times: Vec<f64>,
+    /// As many in a row as times.
+    pub values: Column<'a>,
+}
+
+/// What is asked of an ensemble.
+#[derive(Clone, Debug)]
+pub struct Asked<'a> {
+    /// How many members.
+    pub members: usize,
+    /// The numbers in which they differ, a row for each member.
+    pub values: &'a [f64],
+    /// What is commanded.
+    pub plans: Vec<Plan<'a>>,
+    /// How long each runs, s: one number for all, or one for each.
+    pub duration: Column<'a>,
+    /// Where it starts, in the order of [`Ensemble::start_names`]: a row for all, or one for each.
+    pub initial: Column<'a>,
+    /// How long contacts have rested at the start, s.
+    pub contact_age: f64,
+    /// What is kept of each.
+    pub outputs: Vec<Reduction>,
+    /// Relative tolerance.
+    pub rtol: f64,
+    /// Attempts at a step that each may take; the usual number where none is given.
+    pub budget: Option<u64>,
+    /// The most threads.
+    pub threads: usize,
+}
+
+/// How a member came out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Status {
+    /// It has run to its end.
+    Done = 0,
+    /// Its run could not go on; its numbers are not finite.
+    Stopped = 1,
+    /// Its numbers do not go together; it was not run.
+    Refused = 2,
+}
+
+/// What an ensemble gave.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// For each output the numbers of all members, one member after the other.
+    pub columns: Vec<Vec<f64>>,
+    /// How each member came out: see [`Status`].
+    pub status: Vec<u8>,
+    /// Why members have no numbers, by member.
+    pub reasons: Vec<(usize, String)>,
+    /// Attempts at a step, of all members together.
+    pub attempts: u64,
+}
+
+/// Members of one description.
+#[derive(Clone, Debug)]
+pub struct Ensemble {
+    members: Members,
+}
+
+fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
+    Err(Error::Specification(message.into()))
+}
+
+fn read<T>(json: &str, parse: impl Fn(&str) -> serde_json::Result<T>) -> Result<T, Error> {
+    parse(json)
+        .map_err(|error| Error::Specification(format!("the description does not fit the core: {error}")))
+}
+
+impl Ensemble {
+    /// Of a drive, from its description (JSON) and the paths there of the numbers in which members differ.
+    pub fn of_drive(json: &str, names: &[String]) -> Result<Self, Error> {
+        let spec: specification::Drive = read(json, |json| serde_json::from_str(json))?;
+        Ok(Ensemble { members: Drive::assemble(&spec, false)?.members(json, names)? })
+    }
+
+    /// Of a circuit, the same way; names as "left.bore".
+    pub fn of_circuit(json: &str, names: &[String]) -> Result<Self, Error> {
+        let spec: specification::Circuit = read(json, |json| serde_json::from_str(json))?;
+        Ok(Ensemble { members: Network::assemble(&spec, false)?.members(json, names)?.general()? })
+    }
+
+    /// The circuit that all members are like.
+    pub fn template(&self) -> &Assembly {
+        self.members.template()
+    }
+
+    /// In what members differ.
+    pub fn names(&self) -> &[String] {
+        self.members.names()
+    }
+
+    /// Names of the numbers of a start.
+    pub fn start_names(&self) -> Vec<&str> {
+        self.template().given_names()
+    }
+
+    /// Runs all members. `interrupted` is told now and then how many are done, and says whether to stop.
+    pub fn run(&self, asked: &Asked, interrupted: &mut dyn FnMut(f64) -> bool) -> Result<Outcome, Error> {
+        let plan = Planned::of(self, asked)?;
+        let widths: Vec<usize> = asked.outputs.iter().map(|output| plan.width(output)).collect();
+        let total: usize = widths.iter().sum();
+        let mut outcome = Outcome {
+            columns: widths.iter().map(|width| vec![f64::NAN; width * asked.members]).collect(),
+            status: vec![Status::Done as u8; asked.members],
+            reasons: Vec::new(),
+            attempts: 0,
+        };
+        let done = std::cell::Cell::new(0);
+        let take = |chunk: usize, came: Vec<Came>| {
+            let first = chunk * CHUNK;
+            for (i, Came { row, failure, attempts }) in came.into_iter().enumerate() {
+                let member = first + i;
+                outcome.attempts += attempts;
+                done.set(done.get() + 1);
+                if let Some((status, reason)) = failure {
+                    outcome.status[member] = status as u8;
+                    outcome.reasons.push((member, reason));
+                    continue;
+                }
+                let mut rest = &row[..];
+                for (column, &width) in outcome.columns.iter_mut().zip(&widths) {
+                    let (own, others) = rest.split_at(width);
+                    column[member * width..][..width].copy_from_slice(own);
+                    rest = others;
+                }
+            }
+            Ok(())
+        };
+        let whole = run_jobs(
+            (asked.threads, asked.members.div_ceil(CHUNK)),
+            || plan.worker(total),
+            |worker, chunk, stop| {
+                let members = chunk * CHUNK..asked.members.min((chunk + 1) * CHUNK);
+                members
+                    .map_while(|member| (!stop.load(Ordering::Relaxed)).then(|| worker.run(member, stop)))
+                    .collect()
+            },
+            take,
+            &mut || interrupted(done.get() as f64),
+        )?;
+        if !whole {
+            return Err(Error::Interrupted { t: 0.0 });
+        }
+        outcome.reasons.sort_by_key(|(member, _)| *member);
+        Ok(outcome)
+    }
+}
+
+/// What a member gave.
+struct Came {
+    row: Vec<f64>,
+    failure: Option<(Status, String)>,
+    attempts: u64,
+}
+
+/// What is asked, checked.
+struct Planned<'a> {
+    ensemble: &'a Ensemble,
+    asked: &'a Asked<'a>,
+    /// The input of each plan.
+    inputs: Vec<usize>,
+}
+
+impl<'a> Planned<'a> {
+    fn of(ensemble: &'a Ensemble, asked: &'a Asked<'a>) -> Result<Self, Error> {
+        let (template, k) = (ensemble.template(), ensemble.names().len());
+        if asked.values.len() != asked.members * k {
+            return refuse(format!(
+                "values has {} numbers: it must have a row of {k} for each of the {} members",
+                asked.values.len(),
+                asked.members
+            ));
+        }
+        for (member, row) in asked.values.chunks_exact(k.max(1)).enumerate() {
+            for (place, &value) in row.iter().enumerate() {
+                ensemble.members.check(place, value).map_err(|error| in_row(member, &error))?;
+            }
+        }
+        let names = ensemble.start_names();
+        asked.initial.check("initial", asked.members)?;
+        if asked.initial.width != names.len() {
+            return refuse(format!("initial must have a number for each of {}", names.join(", ")));
+        }
+        check_start(template, &asked.initial)?;
+        asked.duration.check("duration", asked.members)?;
+        if let Some(duration) = asked.duration.values.iter().find(|d| !d.is_finite() || **d <= 0.0) {
+            return refuse(format!("duration = {duration} s must be above zero"));
+        }
+        let mut rates = asked.outputs.iter().filter_map(|output| match output.what {
+            What::Samples { rate } => Some(rate),
+            _ => None,
+        });
+        if let Some(rate) = rates.next() {
+            if !(rate.is_finite() && rate > 0.0) || rates.any(|other| other != rate) {
+                return refuse("all samples must have one rate, above zero");
+            }
+            if asked.duration.values.len() > 1 {
+                return refuse("samples need one duration for all members");
+            }
+        }
+        let inputs = asked.plans.iter().map(|plan| check_plan(template, plan, asked.members));
+        Ok(Planned { inputs: inputs.collect::<Result<_, _>>()?, ensemble, asked })
+    }
+
+    /// How many numbers an output has for each member.
+    fn width(&self, output: &Reduction) -> usize {
+        match output.what {
+            What::Samples { rate } => sample_times(self.asked.duration.row(0)[0], rate).len(),
+            _ => 1,
+        }
+    }
+
+    fn worker(&self, width: usize) -> Worker<'_> {
+        let follower =
+            Follower::new(self.ensemble.template(), &self.asked.outputs, self.asked.duration.row(0)[0]);
+        Worker { planned: self, members: self.ensemble.members.clone(), follower, width }
+    }
+}
+
+fn in_row(member: usize, error: &Error) -> Error {
+    Error::Specification(format!("member {member}: {error}"))
+}
+
+fn check_start(template: &Assembly, initial: &Column) -> Result<(), Error> {
+    let starts = template.variables.starts.iter();
+    let rules = starts.flat_map(|(starting, names)| {
+        let rule = match starting {
+            Starting::Gas(_) => "above zero",
+            Starting::Kept(_) => "0 or 1",
+            _ => "finite",
+        };
+        let given = if matches!(starting, Starting::Inner(_)) { 0 } else { names.len() };
+        names.iter().take(given).map(move |name| (name, rule))
+    });
+    let rules: Vec<(&String, &str)> = rules.collect();
+    for (member, row) in initial.values.chunks_exact(initial.width.max(1)).enumerate() {
+        for ((name, rule), &value) in rules.iter().zip(row) {
+            let fits = match *rule {
+                "above zero" => value > 0.0,
+                "0 or 1" => value == 0.0 || value == 1.0,
+                _ => true,
+            };
+            if !(value.is_finite() && fits) {
+                return refuse(format!("member {member}: the start {name} = {value} must be {rule}"));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The input of a plan, where it is in order.
+fn check_plan(template: &Assembly, plan: &Plan, members: usize) -> Result<usize, Error> {
+    let inputs = &template.variables.inputs;
+    let Some(input) = inputs.iter().position(|own| own.name == plan.input) else {
+        let names: Vec<&str> = inputs.iter().map(|own| &*own.name).collect();
+        return refuse(format!("there is no input \"{}\"; there are {}", plan.input, names.join(", ")));
+    };
+    let increasing = plan.times.windows(2).all(|pair| pair[0] < pair[1]);
+    if plan.times.first() != Some(&0.0) || !increasing || plan.values.width != plan.times.len() {
+        return refuse(format!(
+            "the times of {} must increase from 0, and there must be one value for each",
+            plan.input
+        ));
+    }
+    plan.values.check(&plan.input, members)?;
+    let bounds = inputs[input].bounds;
+    if let Some(value) =
+        plan.values.values.iter().find(|value| !value.is_finite() || !bounds.contain(**value))
+    {
+        return refuse(format!("{} = {value} is out of bounds: it must be {bounds}", plan.input));
+    }
+    Ok(input)
+}
+
+/// Runs one member after the other.
+struct Worker<'a> {
+    planned: &'a Planned<'a>,
+    members: Members,
+    follower: Follower<'a, f64>,
+    width: usize,
+}
+
+impl Worker<'_> {
+    fn run(&mut self, member: usize, stop: &AtomicBool) -> Came {
+        let Planned { ensemble, asked, .. } = self.planned;
+        let k = ensemble.names().len();
+        let assembly = match self.members.member(&asked.values[member * k..][..k]) {
+            Ok(assembly) => assembly,
+            Err(error) => {
+                return Came {
+                    row: Vec::new(),
+                    failure: Some((Status::Refused, error.to_string())),
+                    attempts: 0,
+                };
+            }
+        };
+        self.follower.init(0);
+        let duration = asked.duration.row(member)[0];
+        let mut session = self.begin(&assembly, member, duration);
+        let mut stopped = |_| stop.load(Ordering::Relaxed);
+        let outcome = session.advance(duration, &mut self.follower, &mut Look::new(&mut stopped));
+        let attempts = session.statistics().factorisations;
+        let mut row = vec![f64::NAN; self.width];
+        let failure = match outcome {
+            Ok(()) => {
+                self.follower.finish(0, (duration, &session.settled()), session.circuit(), &mut row);
+                None
+            }
+            Err(error) => Some((Status::Stopped, error.to_string())),
+        };
+        Came { row, failure, attempts }
+    }
+
+    /// A member at its start, with what is commanded later.
+    fn begin(&self, assembly: &Assembly, member: usize, duration: f64) -> Session {
+        let Planned { asked, inputs, .. } = self.planned;
+        let first: Vec<(usize, f64)> = inputs
+            .iter()
+            .zip(&asked.plans)
+            .map(|(&input, plan)| (input, plan.values.row(member)[0]))
+            .collect();
+        let start = assembly.stand(&first, asked.initial.row(member), asked.contact_age);
+        let commands = asked.plans.iter().map(|plan| plan.times.len()).sum();
+        let most = asked.budget.unwrap_or_else(|| budget(duration, commands, start.0.n_states()));
+        let options = Options { rtol: asked.rtol, max_attempts: most, ..Options::default() };
+        let mut session = Session::new(assembly, 0.0, start, options);
+        for (&input, plan) in inputs.iter().zip(&asked.plans) {
+            let due = plan.times.iter().copied().zip(plan.values.row(member).iter().copied());
+            session.plan(input, due.take_while(|(time, _)| *time < duration));
+        }
+        session.settle_schedule();
+        session
+    }
+}

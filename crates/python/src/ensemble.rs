@@ -1,0 +1,209 @@
+//! `Ensemble`: many members of one drive or circuit, run side by side and reduced while they run.
+
+use crate::convert::{Teller, to_python, watched};
+use ensemble::{Asked, Column, Ensemble, Plan, Reduction, What};
+use numpy::{
+    PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods,
+};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// Members of one drive or circuit that differ in the numbers called `vary`.
+///
+/// `kind` is "drive" or "circuit", `json` its description in SI. Names are paths of a drive's JSON ("cylinder.bore_m",
+/// "friction.parameters.coulomb"), or of a circuit's components ("left.bore", "left.friction.parameters.coulomb");
+/// "ambient.pressure_pa" and "ambient.temperature_k" of either. An unknown name, one given twice, or one that members
+/// cannot differ in is a ValueError. The description is assembled here, once; members only set their numbers.
+#[pyclass(name = "Ensemble", frozen)]
+pub struct PyEnsemble {
+    ensemble: Ensemble,
+}
+
+/// The dict `_core.Output` as it comes from Python: what is kept of each member.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct Output {
+    column: String,
+    what: String,
+    #[pyo3(default)]
+    value: Option<f64>,
+}
+
+/// The dict `_core.Request` as it comes from Python.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct Request<'py> {
+    values: PyReadonlyArray2<'py, f64>,
+    plans: Vec<(String, Vec<f64>, PyReadonlyArrayDyn<'py, f64>)>,
+    duration: PyReadonlyArray1<'py, f64>,
+    initial: PyReadonlyArray2<'py, f64>,
+    outputs: Vec<Output>,
+    rtol: f64,
+    #[pyo3(default = 0.0)]
+    contact_age_s: f64,
+    #[pyo3(default = 1)]
+    threads: usize,
+    #[pyo3(default)]
+    budget: Option<u64>,
+}
+
+fn refuse<T>(message: String) -> PyResult<T> {
+    Err(PyValueError::new_err(message))
+}
+
+impl PyEnsemble {
+    fn output(&self, asked: &Output) -> PyResult<Reduction> {
+        let columns = self.ensemble.template().columns();
+        let Some(column) = columns.iter().position(|own| *own == asked.column) else {
+            return refuse(format!(
+                "there is no column \"{}\"; there are {}",
+                asked.column,
+                columns.join(", ")
+            ));
+        };
+        let value = || match asked.value {
+            Some(value) if value.is_finite() => Ok(value),
+            _ => refuse(format!("{} of {} needs a finite value", asked.what, asked.column)),
+        };
+        let what = match &*asked.what {
+            "final" => What::Final,
+            "max" => What::Max,
+            "min" => What::Min,
+            "mean" => What::Mean,
+            "integral" => What::Integral,
+            "time_above" => What::When { value: value()?, above: true },
+            "time_below" => What::When { value: value()?, above: false },
+            "samples" => What::Samples { rate: value()? },
+            other => {
+                return refuse(format!(
+                    "there is no reduction \"{other}\"; there are final, max, min, mean, integral, time_above, time_below, samples"
+                ));
+            }
+        };
+        Ok(Reduction { column, what })
+    }
+}
+
+#[pymethods]
+impl PyEnsemble {
+    #[new]
+    fn new(kind: &str, json: &str, vary: Vec<String>) -> PyResult<Self> {
+        let ensemble = match kind {
+            "drive" => Ensemble::of_drive(json, &vary),
+            "circuit" => Ensemble::of_circuit(json, &vary),
+            other => return refuse(format!("kind = \"{other}\": it must be \"drive\" or \"circuit\"")),
+        };
+        Ok(PyEnsemble { ensemble: ensemble.map_err(to_python)? })
+    }
+
+    /// In what members differ: the columns of `values`.
+    #[getter]
+    fn names(&self) -> Vec<String> {
+        self.ensemble.names().to_vec()
+    }
+
+    /// Names of the inputs that a plan may set.
+    #[getter]
+    fn inputs(&self) -> Vec<String> {
+        self.ensemble.template().variables.inputs.iter().map(|input| input.name.clone()).collect()
+    }
+
+    /// Names of the columns that outputs are made of.
+    #[getter]
+    fn columns(&self) -> Vec<String> {
+        self.ensemble.template().columns().to_vec()
+    }
+
+    /// Names of the numbers of a start: the columns of `initial`.
+    #[getter]
+    fn start_names(&self) -> Vec<&str> {
+        self.ensemble.start_names()
+    }
+
+    /// Runs all members; see the stub for what `asked` holds and what comes back.
+    ///
+    /// Shapes: n members, k names. `values` (n, k). Of `plans`, each (input, times (m,), values (m,) or (n, m)): times in
+    /// s, increasing, the first 0. `duration` (1,) or (n,), s. `initial` (1, s) or (n, s). `look` is told the number of
+    /// members done some fifty times a second; what it raises, and a signal, ends the run.
+    ///
+    /// The k-th of "outputs" of what comes back is an array (n,), or (n, samples) where samples are asked for, in the
+    /// column's unit (integral: times s; time_above, time_below: s, 0 where it holds at the start, NaN where it never
+    /// does). "status" (n,) uint8: 0 done, 1 its run could not go on, 2 its numbers do not go together; the outputs of 1
+    /// and 2 are NaN, and "reasons" says why, by member. The numbers of a member depend on nothing but its own row: not on
+    /// neighbours, threads or the order. A value out of the bounds of its number is a ValueError that names member and
+    /// number before any member runs.
+    #[pyo3(signature = (asked, look=None))]
+    fn run<'py>(
+        &self,
+        py: Python<'py>,
+        asked: Request<'py>,
+        look: Teller<'py>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let outputs = asked.outputs.iter().map(|output| self.output(output)).collect::<PyResult<Vec<_>>>()?;
+        let (members, k) = (asked.values.shape()[0], self.ensemble.names().len());
+        if asked.values.shape()[1] != k {
+            let names = self.ensemble.names().join(", ");
+            return refuse(format!(
+                "values has {} columns: it must have {k}, one for each of {names}",
+                asked.values.shape()[1]
+            ));
+        }
+        let plan = |(input, times, values): &'_ (String, Vec<f64>, PyReadonlyArrayDyn<'py, f64>)| {
+            let row = values.shape().last().copied().unwrap_or(0);
+            if row != times.len()
+                || values.ndim() > 2
+                || (values.ndim() == 2 && ![1, members].contains(&values.shape()[0]))
+            {
+                let of = format!("({},) or ({members}, {})", times.len(), times.len());
+                return refuse(format!(
+                    "the values of {input} have shape {:?}: it must be {of}",
+                    values.shape()
+                ));
+            }
+            let values = Column::new(values.as_array().iter().copied().collect::<Vec<_>>(), row);
+            Ok(Plan { input: input.clone(), times: times.clone(), values })
+        };
+        let all = |array: &PyReadonlyArray2<'py, f64>| array.as_array().iter().copied().collect::<Vec<_>>();
+        // A large design is not copied.
+        let copied;
+        let values = match asked.values.as_slice() {
+            Ok(values) => values,
+            Err(_) => {
+                copied = all(&asked.values);
+                &copied
+            }
+        };
+        let request = Asked {
+            members,
+            values,
+            plans: asked.plans.iter().map(plan).collect::<PyResult<_>>()?,
+            duration: Column::new(asked.duration.as_array().to_vec(), 1),
+            initial: Column::new(all(&asked.initial), asked.initial.shape()[1]),
+            contact_age: asked.contact_age_s,
+            outputs,
+            rtol: asked.rtol,
+            budget: asked.budget,
+            threads: asked.threads,
+        };
+        let outcome = watched(py, look, |interrupted| self.ensemble.run(&request, interrupted))?;
+        let out = PyDict::new(py);
+        let columns = outcome.columns.into_iter().zip(&request.outputs).map(|(column, output)| {
+            let width = column.len() / members.max(1);
+            let column = PyArray1::from_vec(py, column);
+            match output.what {
+                What::Samples { .. } => Ok(column.reshape([members, width])?.into_any()),
+                _ => Ok(column.into_any()),
+            }
+        });
+        out.set_item("outputs", columns.collect::<PyResult<Vec<_>>>()?)?;
+        out.set_item("status", PyArray1::from_vec(py, outcome.status))?;
+        let reasons = PyDict::new(py);
+        for (member, reason) in outcome.reasons {
+            reasons.set_item(member, reason)?;
+        }
+        out.set_item("reasons", reasons)?;
+        out.set_item("attempts", outcome.attempts)?;
+        Ok(out)
+    }
+}
