@@ -247,6 +247,26 @@ def test_a_fault_of_a_part_is_told_with_its_line(shelf, tmp_path, fault):
     assert remedy in (caught.value.remedy or "")
 
 
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('title = "X"\nkind = "drive"\nvalues = 5', {"values: 5 is not a table": ":3"}),
+        ('title = "X"\nkind = "drive"\nparts = ["a"]', {"parts = ['a'] is not a table": ":3"}),
+        ('title = "X"\nkind = "drive"\nsources = 3', {"sources = 3 is not a table": ":3"}),
+        ("part = [1]", {"part.0: 1 is not a table": ":1"}),
+        (
+            '[[part]]\nname = "a"\n[[part]]\nname = "b"\ntitle = "B"\nfoo = 2',
+            {"part.0.title is missing": ":1", "part.1.foo is not a known key": ":6"},
+        ),
+    ],
+)
+def test_all_that_is_wrong_with_the_form_of_a_file_is_told_with_its_lines(tmp_path, text, told):
+    (tmp_path / "own.toml").write_text(text)
+    with pn.catalogue_folders(tmp_path), pytest.raises(DescriptionError) as caught:
+        catalogue.entries()
+    assert {one.what: one.where.removeprefix(str(tmp_path / "own.toml")) for one in caught.value.each()} == told
+
+
 USE_FAULTS = {
     "unknown": (("catalogue:smc-sy3000", "catalogue:smc-sy300"), "has no part 'smc-sy300'", 7, "smc-sy3000"),
     "a drive": (("catalogue:smc-sy3000", "catalogue:reference"), "has no part 'reference'", 7, "Known"),

@@ -362,7 +362,8 @@ class Described(Shown, BaseModel):
         out: list[DescriptionError] = []
         seen: set[object] = set()
         for complaint in complaints:
-            field = complaint["loc"][:1]
+            place = complaint["loc"]
+            field = place[:2] if place[1:] and isinstance(place[1], int) else place[:1]  # each of a list
             if field in seen or (
                 complaint["type"] == "missing" and get_close_matches(str(field[0]), unknown, cutoff=0.5)
             ):
@@ -370,7 +371,7 @@ class Described(Shown, BaseModel):
             seen.add(field)
             cause = complaint.get("ctx", {}).get("error")
             errors = cause.each() if isinstance(cause, DescriptionError) else [cls._explained(complaint)]
-            out += [_placed(one, cls._key(complaint["loc"])) for one in errors]
+            out += [_placed(one, cls._key(place)) for one in errors]
         return out
 
     @classmethod
@@ -395,7 +396,7 @@ class Described(Shown, BaseModel):
             known = first.get("ctx", {})["expected"].replace(" or ", ", ").replace("'", "").split(", ")
             return wrong(key, f"{key} = {first['input']!r} is not known", remedy=nearest(str(first["input"]), known))
         if first["type"] in {"model_type", "model_attributes_type", "dict_type"}:
-            return wrong(key, f"{key or 'the description'} = {first['input']!r} is not a table")
+            return wrong(key, f"{key} = {first['input']!r} is not a table".removeprefix(" = "))
         if first["type"] in {"tuple_type", "list_type"}:
             return wrong(key, f"{key} = {first['input']!r} is not a list", remedy=f"Write {key} = [...].")
         words = _TYPES.get(first["type"])

@@ -13,10 +13,13 @@ from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import ConfigDict, Field
 
 from pneudrive.describe import sourced, toml
-from pneudrive.describe.base import wrong
+from pneudrive.describe.base import Described, WrongValueError, wrong
+from pneudrive.describe.marks import Reads
 from pneudrive.describe.sourced import Value
 from pneudrive.errors import DescriptionError, Problems, nearest, together, warn
 from pneudrive.references import entries as references
@@ -27,7 +30,6 @@ if TYPE_CHECKING:
 PREFIX = "catalogue:"
 FOLDER = Path(__file__).resolve().parent.parent / "data" / "catalogue"
 DRIVE = "drive"
-_KEYS = ("name", "kind", "title", "note", "parts", "values", "printed")
 
 _own: ContextVar[tuple[Path, ...]] = ContextVar("folders of the user's catalogue", default=())
 
@@ -230,73 +232,95 @@ def _read(path: Path) -> list[Entry]:
     return list(_read_at(path, path.stat().st_mtime_ns))
 
 
-@lru_cache(maxsize=512)
-def _read_at(path: Path, _changed: int) -> tuple[Entry, ...]:
-    tables, text = toml.read(path)
-    sources = tables.pop("sources", {})
-    parts = tables.pop("part", None)
+def _values(given: object) -> tuple[Value, ...]:
+    """Read values with their origin, in tables of any depth."""
     problems = Problems()
-    if parts is None:
-        found = [problems.take(_entry, {"name": path.stem} | tables, "", sources, path)]
-    elif tables or not isinstance(parts, list):
-        key = next(iter(tables), "part")
-        problems.add(
-            wrong(key, f"{key} is a key beside [[part]]", rule="a file holds either one entry or only [[part]]")
-        )
-        found = []
-    else:
-        found = [problems.take(_entry, one, f"part.{number}.", sources, path) for number, one in enumerate(parts)]
-    with toml.locating(path, text):
-        problems.tell()
-    return tuple(found)
-
-
-def _entry(table: Mapping[str, Any], at: str, sources: Mapping[str, Any], path: Path) -> Entry:
-    for key in table:
-        if key not in _KEYS:
-            raise wrong(f"{at}{key}", f"{key} is not a known key", remedy=nearest(key, _KEYS))
-    for key in ("name", "title"):
-        if not isinstance(table.get(key), str):
-            raise wrong(f"{at}{key}", f"{key} is missing", rule="an entry of a catalogue has a name and a title")
-    values, printed = (_values(table.get(name, {}), at, name, sources) for name in ("values", "printed"))
-    kind = table.get("kind") or next((value.value for value in values if value.key == "kind"), None)
-    if not isinstance(kind, str):
-        rule = f'kind = "{DRIVE}", or a kind of component under [values]'
-        raise wrong(f"{at}kind", f"{table['name']}: kind is missing", rule=rule)
-    parts, note = dict(table.get("parts", {})), table.get("note", "")
-    return Entry(table["name"], kind, table["title"], values, parts, note, printed, path, at)
-
-
-def _values(table: Any, at: str, name: str, sources: Mapping[str, Any]) -> tuple[Value, ...]:  # noqa: ANN401
-    problems = Problems()
-    found = []
-    for key, given in _leaves(table, ""):
-        with problems.caught():
-            try:
-                value = sourced.read(key, given)
-            except DescriptionError as error:
-                error.key = f"{at}{name}.{key}"
-                raise
-            found.append(replace(value, source=_source(value.source, sources, f"{at}{name}.{key}")))
+    found = [problems.take(sourced.read, key, one) for key, one in _leaves(given, "")]
     problems.tell()
     return tuple(found)
 
 
-def _leaves(table: Any, before: str) -> Iterator[tuple[str, Any]]:  # noqa: ANN401
-    for key, given in table.items():
-        if isinstance(given, dict) and given and not {"value", "source", "assumed"} & set(given):
-            yield from _leaves(given, f"{before}{key}.")
+def _leaves(given: object, before: str) -> Iterator[tuple[str, Any]]:
+    if not isinstance(given, dict):
+        raise WrongValueError(f"{given!r} is not a table")
+    for key, one in given.items():
+        if isinstance(one, dict) and one and not {"value", "source", "assumed"} & set(one):
+            yield from _leaves(one, f"{before}{key}.")
         else:
-            yield f"{before}{key}", given
+            yield f"{before}{key}", one
 
 
-def _source(key: str | None, sources: Mapping[str, Any], where: str) -> str | None:
+class SourceTable(Described):
+    """Source of a file of the catalogue that references.bib does not have."""
+
+    model_config = ConfigDict(extra="ignore")
+    title: str
+    address: str
+    date: Annotated[str, Reads(str)]
+
+
+class EntryTable(Described):
+    """Part or drive, as a file of the catalogue holds it."""
+
+    name: str
+    title: str
+    kind: str | None = None
+    note: str = ""
+    parts: dict[str, str] = Field(default_factory=dict)
+    values: Annotated[tuple[Value, ...], Reads(_values)] = ()
+    printed: Annotated[tuple[Value, ...], Reads(_values)] = ()
+
+    def entry(self, at: str, sources: Mapping[str, SourceTable], path: Path) -> Entry:
+        """Return the entry, each source in words or as a key of references.bib."""
+        kind = self.kind or next((value.value for value in self.values if value.key == "kind"), None)
+        if not isinstance(kind, str):
+            rule = f'kind = "{DRIVE}", or a kind of component under [values]'
+            raise wrong(f"{at}kind", f"{self.name}: kind is missing", rule=rule)
+        problems = Problems()
+        values, printed = (
+            tuple(replace(v, source=problems.take(_source, v.source, sources, f"{at}{name}.{v.key}")) for v in said)
+            for name, said in (("values", self.values), ("printed", self.printed))
+        )
+        problems.tell()
+        return Entry(self.name, kind, self.title, values, self.parts, self.note, printed, path, at)
+
+
+class _File(Described):
+    sources: dict[str, SourceTable] = Field(default_factory=dict)
+
+
+class _EntryFile(EntryTable, _File):
+    """File of one entry."""
+
+
+class _PartsFile(_File):
+    """File of several parts."""
+
+    part: tuple[EntryTable, ...]
+
+
+@lru_cache(maxsize=512)
+def _read_at(path: Path, _changed: int) -> tuple[Entry, ...]:
+    tables, text = toml.read(path)
+    problems = Problems()
+    with toml.locating(path, text):
+        if "part" in tables:
+            file = _PartsFile.model_validate(tables)
+            parts = {f"part.{number}.": one for number, one in enumerate(file.part)}
+        else:
+            file = _EntryFile.model_validate({"name": path.stem} | tables)
+            parts = {"": file}
+        found = [problems.take(one.entry, at, file.sources, path) for at, one in parts.items()]
+        problems.tell()
+    return tuple(found)
+
+
+def _source(key: str | None, sources: Mapping[str, SourceTable], where: str) -> str | None:
     """Return a key of references.bib unchanged, and a source of the file in words."""
     if key is None or key in references():
         return key
-    own = sources.get(key)
-    if not isinstance(own, dict) or not {"title", "address", "date"} <= set(own):
+    if key not in sources:
         rule = "a key of references.bib, or of [sources] in this file with title, address and date"
         remedy = f'Add [sources.{toml.key_text(key)}] with title = "...", address = "...", date = "...".'
         raise wrong(where, f'source "{key}" is not known', rule=rule, remedy=remedy)
-    return f"{own['title']}, {own['address']}, {own['date']}"
+    return f"{sources[key].title}, {sources[key].address}, {sources[key].date}"
