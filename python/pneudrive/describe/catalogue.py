@@ -285,15 +285,15 @@ class EntryTable(Described):
         return Entry(self.name, kind, self.title, values, self.parts, self.note, printed, path, at)
 
 
-class _File(Described):
+class _Sources(Described):
     sources: dict[str, SourceTable] = Field(default_factory=dict)
 
 
-class _EntryFile(EntryTable, _File):
+class _OneEntry(EntryTable, _Sources):
     """File of one entry."""
 
 
-class _PartsFile(_File):
+class _Parts(_Sources):
     """File of several parts."""
 
     part: tuple[EntryTable, ...]
@@ -305,10 +305,10 @@ def _read_at(path: Path, _changed: int) -> tuple[Entry, ...]:
     problems = Problems()
     with toml.locating(path, text):
         if "part" in tables:
-            file = _PartsFile.model_validate(tables)
+            file = _Parts.model_validate(tables)
             parts = {f"part.{number}.": one for number, one in enumerate(file.part)}
         else:
-            file = _EntryFile.model_validate({"name": path.stem} | tables)
+            file = _OneEntry.model_validate({"name": path.stem} | tables)
             parts = {"": file}
         found = [problems.take(one.entry, at, file.sources, path) for at, one in parts.items()]
         problems.tell()
