@@ -1,6 +1,7 @@
 """The compiled core: what `crates/python` offers. SI throughout, pressures absolute unless a name says gauge."""
 
 from collections.abc import Callable, Mapping, Sequence
+from os import PathLike
 from typing import Any, Literal, NotRequired, TypedDict, final, type_check_only
 
 from numpy import float64, uint8
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "Circuit",
+    "Column",
     "Drive",
     "Ensemble",
     "Members",
@@ -25,6 +27,7 @@ __all__ = [
     "seal_warming",
     "steady_friction",
     "steady_friction_sensitivity",
+    "write_parquet",
 ]
 
 @type_check_only
@@ -141,6 +144,7 @@ class Drive:
         ledger: bool = False,
         budget: int | None = None,
         look: Callable[[float], object] | None = None,
+        arrays: bool = True,
     ) -> SimulationResult: ...
     def start(self, initial: Mapping[str, float], rtol: float) -> Session: ...
     def states(
@@ -342,6 +346,7 @@ class Circuit:
         ledger: bool = False,
         budget: int | None = None,
         look: Callable[[float], object] | None = None,
+        arrays: bool = True,
     ) -> SimulationResult: ...
 
 @final
@@ -351,6 +356,18 @@ class Members:
     def __len__(self) -> int: ...
     def start(self, member: int, start: Mapping[str, float], rtol: float) -> Session: ...
 
+@final
+class Column:
+    def __len__(self) -> int: ...
+    def __getitem__(self, index: int, /) -> float: ...
+    def min(self) -> float: ...
+    def max(self) -> float: ...
+
+def write_parquet(
+    path: str | PathLike[str],
+    columns: Sequence[tuple[str, Column | NDArray[float64]]],
+    texts: Sequence[tuple[str, str]],
+) -> None: ...
 def flow_ratio(pressure_ratio: float, critical_pressure_ratio: float, subsonic_index: float) -> float: ...
 def choked_flow_factor(heat_capacity_ratio: float) -> float: ...
 def constants() -> dict[str, float]: ...

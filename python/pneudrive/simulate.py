@@ -22,7 +22,6 @@ from pneudrive.watch import UNWATCHED, Watch
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    import numpy as np
     import xarray as xr
 
     from pneudrive._core import SimulationResult
@@ -44,7 +43,7 @@ UNDIFFERENTIATED = ("time_s", "command")
 class Run(Shown):
     """Trajectory as the core returns it: columns of a file (SI, absolute pressure) and provenance."""
 
-    columns: dict[str, np.ndarray]
+    columns: dict[str, Any]  # arrays, or what the core holds (`pneudrive._core.Column`)
     provenance: dict[str, Any]
     meanings: Mapping[str, str] = field(default_factory=dict)  # of columns of a circuit
     sensitivities: Sensitivities | None = None
@@ -196,10 +195,12 @@ def run(
     sensitivities: Sequence[str] = (),
     budget: int | None = None,
     watch: Watch = UNWATCHED,
+    arrays: bool = True,
 ) -> Run:
     """Simulate and return unlabelled columns, without importing xarray.
 
-    Arguments and errors are those of `simulate`.
+    Arguments and errors are those of `simulate`. Without `arrays`, columns are those of the core, which a file can be
+    written of: NumPy is not imported, unless the gas has a dew point.
     """
     _require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     seconds = _positive(duration, "s", "duration")
@@ -221,7 +222,9 @@ def run(
     watch.look()
     try:
         result: SimulationResult = core.simulate(
-            *plan, seconds, rate, start, rtol, ledger, budget, lambda t: watch.tell(t, seconds, "seconds simulated")
+            *(*plan, seconds, rate, start, rtol, ledger, budget),
+            lambda t: watch.tell(t, seconds, "seconds simulated"),
+            **({} if arrays or drive.gas.dew_point_k is not None else {"arrays": False}),
         )
     except (ValueError, RuntimeError) as error:
         raise SimulationError(str(error)) from None

@@ -43,12 +43,14 @@ def ready(described: Drive | Circuit, initial: Any) -> tuple[CoreDrive | CoreCir
     CommandError, DescriptionError
         The start state is not valid, or does not fit the drive.
     """
-    from pneudrive.describe.circuit import compiled as compiled_circuit
-
     if is_circuit(described):
+        from pneudrive.describe.circuit import compiled as compiled_circuit
+
         return compiled_circuit(described.core_json()), described.core_initial(start_values(initial))
     given = read_initial(initial)
     if described.has_lines:
+        from pneudrive.describe.circuit import compiled as compiled_circuit
+
         return compiled_circuit(described.circuit.core_json()), described.circuit_initial(given)
     return compiled(described.core_json()), described.core_initial(given)
 

@@ -13,9 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError, RecordingError, nearest
-from pneudrive.files.csv_tables import csv_names, read_csv
-from pneudrive.files.seal import sealed_parquet
-from pneudrive.files.tables import open_table
+from pneudrive.files.seal import BLANK, SEAL, put_seal, sealed_parquet
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -23,6 +21,8 @@ if TYPE_CHECKING:
     import numpy as np
     import polars as pl
     import xarray as xr
+
+    from pneudrive._core import Column
 
 # column of a file -> (variable, units, long name)
 MEANING: dict[str, tuple[str, str, str]] = {
@@ -170,13 +170,29 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
     return save_columns(columns(run), run.attrs, target)
 
 
-def save_columns(table: Mapping[str, np.ndarray], provenance: Mapping[str, Any], path: str | Path) -> Path:
+def save_columns(table: Mapping[str, np.ndarray | Column], provenance: Mapping[str, Any], path: str | Path) -> Path:
     """Write columns, whose names carry their units, as Parquet or CSV."""
-    import polars as pl
+    from pneudrive._core import write_parquet
 
     target = check_target(path, (".parquet", ".csv"))
-    write_frame(pl.DataFrame(dict(table)), target, {"pneudrive": json.dumps(dict(provenance), default=str)})
+    metadata = {"pneudrive": json.dumps(dict(provenance), default=str)}
+    if target.suffix.lower() == ".parquet" and _are_numbers(table):
+        with whole(target) as temporary:
+            write_parquet(temporary, list(table.items()), list((metadata | {SEAL: BLANK}).items()))
+            put_seal(temporary)
+        return target
+    import polars as pl
+
+    write_frame(pl.DataFrame(dict(table)), target, metadata)
     return target
+
+
+def _are_numbers(table: Mapping[str, Any]) -> bool:
+    """Whether all columns are 64-bit floats, of one length; NumPy is not imported to ask."""
+    from pneudrive._core import Column
+
+    of_one_kind = all(isinstance(one, Column) or getattr(one, "dtype", None) == "float64" for one in table.values())
+    return of_one_kind and len({getattr(one, "shape", None) or (len(one),) for one in table.values()}) == 1
 
 
 def write_frame(frame: pl.DataFrame, target: Path, metadata: dict[str, str] | None = None) -> None:
@@ -207,6 +223,9 @@ def columns_in(path: str | Path, asked: Iterable[str]) -> list[str]:
     RecordingError
         The file does not exist, or a Parquet or netCDF file is damaged.
     """
+    from pneudrive.files.csv_tables import csv_names
+    from pneudrive.files.tables import open_table
+
     path = Path(path)
     if path.suffix not in SUFFIXES:
         return []
@@ -235,6 +254,9 @@ def read_columns(path: str | Path, wanted: Iterable[str]) -> dict[str, np.ndarra
     """
     import numpy as np
     import polars as pl
+
+    from pneudrive.files.csv_tables import read_csv
+    from pneudrive.files.tables import open_table
 
     path, wanted = Path(path), list(wanted)
     if path.suffix == ".csv":

@@ -4,8 +4,10 @@ import os
 import subprocess
 import sys
 
+import polars as pl
 import pytest
 
+import pneudrive as pn
 from pneudrive.cli.main import run
 
 DRIVE = """
@@ -28,7 +30,8 @@ breakaway = "30 N"
 #: Says at the end which heavy libraries were imported.
 WATCHED = """
 import sys, atexit
-atexit.register(lambda: sys.stderr.write(str({'numpy', 'polars', 'xarray'} & {*sys.modules})))
+heavy = {'numpy', 'pandas', 'pint', 'polars', 'rich', 'scipy', 'xarray'}
+atexit.register(lambda: sys.stderr.write(str(heavy & {*sys.modules})))
 from pneudrive.cli.main import main
 main()
 """
@@ -55,6 +58,17 @@ def test_the_shell_completes_without_loading_what_computes(line, wanted):
     )
     assert done.stdout.split() == wanted
     assert done.stderr == "set()"
+
+
+def test_a_run_goes_to_a_file_without_what_other_commands_need(tmp_path):
+    """From the command to the Parquet file the core does all: what starts slowly is not imported."""
+    (tmp_path / "drive.toml").write_text(pn.Drive.load("catalogue:reference").to_toml())
+    line = ["simulate", "drive.toml", "--command", "0 s: 1", "--duration", "0.2 s", "--out", "run.parquet"]
+    words = [sys.executable, "-c", WATCHED, *line]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines()[-1] == "set()"  # behind the notes
+    assert done.stdout.splitlines()[-1] == "run.parquet"
+    assert pl.read_parquet(tmp_path / "run.parquet")["time_s"][-1] == 0.2
 
 
 def test_a_note_is_one_plain_line(tmp_path, capsys):

@@ -1,5 +1,6 @@
 //! What every class returns and raises: errors, runs, tables.
 
+use crate::table::PyColumn;
 use circuit::{Balance, Error, Impact, Kind, Run, budget};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use ode::{Options, Statistics};
@@ -114,10 +115,20 @@ fn impact<'py>(py: Python<'py>, impact: &Impact) -> PyResult<Bound<'py, PyDict>>
     Ok(out)
 }
 
-pub fn run_to_dict<'py>(py: Python<'py>, names: &[String], run: Run) -> PyResult<Bound<'py, PyDict>> {
+/// A run as a dict; its columns as arrays, or as `Column`s, for which NumPy is not imported.
+pub fn run_to_dict<'py>(
+    py: Python<'py>,
+    names: &[String],
+    run: Run,
+    arrays: bool,
+) -> PyResult<Bound<'py, PyDict>> {
     let columns = PyDict::new(py);
     for (name, column) in names.iter().zip(run.columns) {
-        columns.set_item(name, PyArray1::from_vec(py, column))?;
+        if arrays {
+            columns.set_item(name, PyArray1::from_vec(py, column))?;
+        } else {
+            columns.set_item(name, PyColumn(column))?;
+        }
     }
     let out = PyDict::new(py);
     out.set_item("columns", columns)?;

@@ -28,7 +28,7 @@ impl PyDrive {
     }
 
     /// Simulates a piecewise constant command.
-    #[pyo3(signature = (times, commands, duration, sample_rate, initial, rtol, ledger=false, budget=None, look=None))]
+    #[pyo3(signature = (times, commands, duration, sample_rate, initial, rtol, ledger=false, budget=None, look=None, arrays=true))]
     #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
     fn simulate<'py>(
         &self,
@@ -42,6 +42,7 @@ impl PyDrive {
         ledger: bool,
         budget: Option<u64>,
         look: Teller<'py>,
+        arrays: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let initial = initial_state(initial)?;
         let with_ledger;
@@ -57,7 +58,7 @@ impl PyDrive {
         })?;
         let warnings: Vec<String> =
             drive.warnings().iter().cloned().chain(drive.impact_warnings(&run.impacts)).collect();
-        let out = run_to_dict(py, drive.columns(), run)?;
+        let out = run_to_dict(py, drive.columns(), run, arrays)?;
         out.set_item("warnings", warnings)?;
         out.set_item("citations", drive.citations())?;
         Ok(out)

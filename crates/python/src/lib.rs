@@ -7,6 +7,7 @@ mod friction;
 mod network;
 mod session;
 mod shooting;
+mod table;
 mod tank;
 
 use physics::IdealGas;
@@ -50,6 +51,8 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<network::PyMembers>()?;
     m.add_class::<session::PySession>()?;
     m.add_class::<tank::PyTank>()?;
+    m.add_class::<table::PyColumn>()?;
+    m.add_function(wrap_pyfunction!(table::write_parquet, m)?)?;
     m.add_function(wrap_pyfunction!(network::components, m)?)?;
     m.add_function(wrap_pyfunction!(network::formula_component, m)?)?;
     m.add_function(wrap_pyfunction!(friction::friction_laws, m)?)?;

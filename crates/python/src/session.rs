@@ -100,7 +100,7 @@ impl PySession {
         let run = watched(py, look, |interrupted| {
             session.record(until, times, &places, &mut Look::new(interrupted))
         })?;
-        run_to_dict(py, &columns, run)
+        run_to_dict(py, &columns, run, true)
     }
 
     /// The present values of the states.

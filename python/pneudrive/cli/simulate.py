@@ -66,6 +66,7 @@ def simulate(
         rtol=rtol,
         budget=budget,
         watch=on_terminal(),
+        arrays=plot is not None or (out is not None and out.suffix.lower() != ".parquet"),
     )
     if out is not None:
         if out.suffix.lower() == ".nc":

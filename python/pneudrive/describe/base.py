@@ -304,7 +304,10 @@ class Described(Shown, BaseModel):
     number as a quantity that shows its unit.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True, alias_generator=key_of)
+    #: A table is looked at closely when the first one of its kind is read: a description has few of all kinds.
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", arbitrary_types_allowed=True, alias_generator=key_of, defer_build=True
+    )
     table_name: ClassVar[str] = ""
 
     @classmethod

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.base import wrong
-from pneudrive.describe.components import component_kinds
 from pneudrive.describe.connections import ARROW
 from pneudrive.describe.valve_flow import FLOW_KEYS
 from pneudrive.errors import DescriptionError, nearest
@@ -208,5 +207,7 @@ def _texts(lists: Sequence[Any]) -> Iterator[str]:
 
 def _has_ports(table: Mapping[str, Any], *names: str) -> bool:
     """Return whether a valve has ports of these names; True for a valve of the catalogue, of unknown kind here."""
+    from pneudrive.describe.components import component_kinds
+
     entry = component_kinds().get(table.get("kind", ""))
     return entry is None or set(names) <= {port["name"] for port in entry["ports"]}

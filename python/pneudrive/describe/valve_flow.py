@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from pneudrive import _core
 from pneudrive.constants import (
     AIR_GAS_CONSTANT_J_KG_K,
@@ -24,6 +22,7 @@ from pneudrive.describe.base import wrong
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import numpy as np
     from numpy.typing import NDArray
 
 WATER_DENSITY_KG_M3 = 1000.0  # in the definition of Kv [iec60534-1]
@@ -37,6 +36,8 @@ def openings(command: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Columns are the edges: supply to a, a to exhaust, supply to b, b to exhaust.
     """
+    import numpy as np
+
     extend, retract = np.maximum(command, 0.0), np.maximum(-command, 0.0)
     return np.column_stack([extend, retract, retract, extend])
 

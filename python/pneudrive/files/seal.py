@@ -35,6 +35,15 @@ def sealed_parquet(frame: pl.DataFrame, metadata: dict[str, str]) -> bytes:
     return parquet[:at] + hashlib.sha256(parquet).hexdigest().encode() + parquet[at + len(BLANK) :]
 
 
+def put_seal(path: Path) -> None:
+    """Put the seal into a Parquet file that was written with a blank one."""
+    with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as parquet:
+        footer = _footer(parquet)
+        at = None if footer is None else _seal_at(parquet, footer)
+        assert at is not None, "the file was written without a blank seal"
+        parquet[at : at + len(BLANK)] = hashlib.sha256(parquet).hexdigest().encode()
+
+
 def damage(parquet: Bytes) -> str | None:
     """Return the damage of a Parquet file's bytes in words, before a library parses them.
 

@@ -73,15 +73,28 @@ def find_reversal_peaks(
     """
     if (np.isfinite(profile.offset_n) & profile.in_window).sum() < FEWEST_BINS:
         return []
-    sliding = float(np.nanmean(profile.friction_n[profile.in_window]))
-    usual_step = middle(np.diff(recording.time_s))
-    noise = noise_level(balance_n)
-    peaks = []
-    for stroke in strokes:
-        if stroke.start == 0 or stroke.index == 0:
-            continue
-        peaks.append(_peak(recording, stroke, balance_n, profile, sliding, usual_step, noise))
-    return peaks
+    sides = {side: getattr(recording, f"pressure_{side}_pa") for side in "ab"}
+    usual = _Usual(
+        sliding_n=float(np.nanmean(profile.friction_n[profile.in_window])),
+        step_s=middle(np.diff(recording.time_s)),
+        noise_n=noise_level(balance_n),
+        pressure_noise_pa={side: noise_level(pressure, quantisation=False) for side, pressure in sides.items()},
+    )
+    return [
+        _peak(recording, stroke, balance_n, profile, usual)
+        for stroke in strokes
+        if stroke.start != 0 and stroke.index != 0
+    ]
+
+
+@dataclass(frozen=True)
+class _Usual:
+    """What the peaks of a level are held against: sliding friction, time step, noise of balance and pressures."""
+
+    sliding_n: float
+    step_s: float
+    noise_n: float
+    pressure_noise_pa: dict[str, float]
 
 
 def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
@@ -103,9 +116,7 @@ def _peak(
     stroke: Stroke,
     balance_n: NDArray[np.float64],
     profile: Profile,
-    sliding: float,
-    usual_step: float,
-    noise: float,
+    usual: _Usual,
 ) -> ReversalPeak:
     # The force rises while the piston still rests: go back from the first motion through the dwell.
     position = recording.position_m
@@ -121,8 +132,8 @@ def _peak(
     times = recording.time_s[part]
     duration = float(times[high] - times[low])
     rate = float(friction[high] - friction[low]) / duration if duration > 0 else float("nan")
-    flags = _peak_flags(recording, stroke, part, (low, high, top), float(friction[top] - friction[low]), usual_step)
-    excess = float(friction[top] - sliding)
+    flags = _peak_flags(recording, stroke, part, (low, high, top), float(friction[top] - friction[low]), usual)
+    excess = float(friction[top] - usual.sliding_n)
     if top >= friction.size - 2:
         flags.append("no_peak")  # still rising where the search ends: no maximum of its own
     return ReversalPeak(
@@ -132,10 +143,10 @@ def _peak(
         time_s=float(times[top]),
         position_m=float(position[part][top]),
         friction_n=float(friction[top]),
-        sliding_n=sliding,
+        sliding_n=usual.sliding_n,
         excess_n=excess,
         # The largest of m noisy samples lies sqrt(2 ln m) deviations high by chance alone.
-        significant=excess > noise * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
+        significant=excess > usual.noise_n * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
         dwell_s=stroke.dwell_s,
         loading_rate_n_s=rate,
         rise_samples=high - low,
@@ -165,7 +176,7 @@ def _run_up(recording: Recording, stroke: Stroke) -> float:
 
 
 def _peak_flags(
-    recording: Recording, stroke: Stroke, part: slice, rise: tuple[int, int, int], swing: float, usual_step: float
+    recording: Recording, stroke: Stroke, part: slice, rise: tuple[int, int, int], swing: float, usual: _Usual
 ) -> list[str]:
     flags = []
     low, high, top = rise
@@ -176,14 +187,15 @@ def _peak_flags(
         channel = getattr(recording, f"pressure_{side}_pa")
         pressure = channel[part][: top + 1]  # what moves in the rest before counts too
         # Noise alone spreads n samples over about 2 sqrt(2 ln n) deviations.
-        by_noise = 2 * noise_level(channel, quantisation=False) * np.sqrt(2 * np.log(max(pressure.size, 2)))
+        by_noise = 2 * usual.pressure_noise_pa[side] * np.sqrt(2 * np.log(max(pressure.size, 2)))
         moved += max(float(np.ptp(pressure)) - by_noise, 0.0) * getattr(recording, f"area_{side}_m2")
     if moved > TRANSIENT_SHARE * swing:
         flags.append("pressure_transient")
-    if recording.mass_beyond_sensor_kg * _run_up(recording, stroke) > INERTIA_SHARE * swing:
+    mass = recording.mass_beyond_sensor_kg
+    if mass and mass * _run_up(recording, stroke) > INERTIA_SHARE * swing:
         flags.append("inertia")
     steps = np.diff(recording.time_s[part][low : top + 1])
-    if steps.size and steps.max() > 5 * usual_step:
+    if steps.size and steps.max() > 5 * usual.step_s:
         flags.append("gap")
     return flags
 

@@ -126,13 +126,14 @@ def measure_stick_slip(
         half_width = _smoothing(time_s, position_m, mean)
         velocity_m_s = local_slope(time_s, position_m, half_width)
     speed = direction * velocity_m_s
-    weights = np.gradient(time_s) if time_s.size > 1 else np.ones(time_s.size)
-    stuck_share = float(weights[speed < STUCK_SHARE * mean].sum() / weights.sum()) if mean > 0 else 0.0
-    ripple = float(np.sqrt(np.average((speed - mean) ** 2, weights=weights)) / mean) if mean > 0 else 0.0
-    slipping = speed > SLIP_SHARE * mean
+    weights = _spacing(time_s)
+    total = weights.sum()
+    stuck, slipping = speed < STUCK_SHARE * mean, speed > SLIP_SHARE * mean
+    stuck_share = float(weights[stuck].sum() / total) if mean > 0 else 0.0
+    ripple = float(np.sqrt((weights * (speed - mean) ** 2).sum() / total) / mean) if mean > 0 else 0.0
     travel = float((np.abs(speed) * weights).sum())
     slipped = float((speed * weights)[slipping].sum()) / travel if travel > 0 else 0.0
-    onsets, peaks = _slips(speed, mean)
+    onsets, peaks = _slips(speed, stuck, slipping) if mean > 0 else ([], [])
     periods = max(len(onsets) - 1, 0)
     moments = time_s[onsets] if onsets else np.array([])
     places = position_m[onsets] if onsets else np.array([])
@@ -166,15 +167,26 @@ def _smoothing(time_s: NDArray[np.float64], position_m: NDArray[np.float64], mea
     return max(time_s.size // 20, 1)
 
 
-def _slips(speed: NDArray[np.float64], mean: float) -> tuple[list[int], list[float]]:
+def _spacing(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Time that each sample stands for: half the way between its neighbours, at the ends the step."""
+    if time_s.size < 2:
+        return np.ones(time_s.size)
+    spacing = np.empty_like(time_s)
+    spacing[0], spacing[-1] = time_s[1] - time_s[0], time_s[-1] - time_s[-2]
+    spacing[1:-1] = (time_s[2:] - time_s[:-2]) / 2.0
+    return spacing
+
+
+def _slips(
+    speed: NDArray[np.float64], stuck: NDArray[np.bool_], slipping: NDArray[np.bool_]
+) -> tuple[list[int], list[float]]:
     """First sample of each slip that follows a stick, and each slip's peak speed."""
-    if mean <= 0:
+    if not stuck.any() or not slipping.any():
         return [], []
-    # +1 above the upper threshold, -1 below the lower one, 0 between: only changes from -1 to +1 count.
-    state = np.where(speed > SLIP_SHARE * mean, 1, np.where(speed < STUCK_SHARE * mean, -1, 0))
-    decided = np.flatnonzero(state)
-    kinds = state[decided]
-    turns = np.flatnonzero(np.diff(kinds) == 2) + 1
+    # Samples between the two thresholds decide nothing.
+    decided = np.flatnonzero(stuck | slipping)
+    slips = slipping[decided]
+    turns = np.flatnonzero(slips[1:] & ~slips[:-1]) + 1
     onsets = [int(decided[i]) for i in turns]
     ends = [*onsets, speed.size][1:]
     return onsets, [float(speed[a:b].max()) for a, b in zip(onsets, ends, strict=True)]

@@ -1,0 +1,160 @@
+//! Columns of numbers as a Parquet file: 64-bit floats that are all there, plain and uncompressed, in groups of rows.
+//!
+//! Format: <https://parquet.apache.org/docs/file-format/>. A trajectory hardly compresses (its last bits are noise),
+//! and plain values are written and read at the speed of memory.
+#![warn(missing_docs)]
+
+mod thrift;
+
+use std::io::{self, Write};
+use thrift::Struct;
+
+/// Rows of a group: who reads a file in parts holds that many of each column.
+pub const ROWS_OF_A_GROUP: usize = 1 << 18;
+
+const MARK: &[u8; 4] = b"PAR1";
+const DOUBLE: i32 = 5;
+const REQUIRED: i32 = 0;
+const PLAIN: i32 = 0;
+const RUN_LENGTHS: i32 = 3; // of levels, of which there are none: each value is there
+const UNCOMPRESSED: i32 = 0;
+const DATA_PAGE: i32 = 0;
+const BLOCK: usize = 1 << 13; // values that are turned into bytes at a time
+
+/// A column with its name.
+pub type Column<'a> = (&'a str, &'a [f64]);
+
+/// One column of a group as it lies in the file.
+struct Chunk<'a> {
+    name: &'a str,
+    begin: usize,
+    size: usize,
+    rows: usize,
+    ends: Option<[f64; 2]>,
+}
+
+/// Writes columns of one length, and texts by key, as a Parquet file.
+///
+/// # Errors
+/// What `to` says.
+///
+/// # Panics
+/// The columns differ in length.
+pub fn write(to: &mut impl Write, columns: &[Column<'_>], texts: &[(&str, &str)]) -> io::Result<()> {
+    let rows = columns.first().map_or(0, |(_, values)| values.len());
+    assert!(columns.iter().all(|(_, values)| values.len() == rows), "columns of a table have one length");
+    to.write_all(MARK)?;
+    let mut at = MARK.len();
+    let mut groups = Vec::new();
+    for begin in (0..rows).step_by(ROWS_OF_A_GROUP) {
+        let end = rows.min(begin + ROWS_OF_A_GROUP);
+        let mut group = Vec::with_capacity(columns.len());
+        for (name, values) in columns {
+            let values = &values[begin..end];
+            let size = page(to, values)?;
+            group.push(Chunk { name, begin: at, size, rows: values.len(), ends: ends(values) });
+            at += size;
+        }
+        groups.push(group);
+    }
+    let footer = footer(columns, rows, &groups, texts);
+    to.write_all(&footer)?;
+    to.write_all(&(footer.len() as u32).to_le_bytes())?;
+    to.write_all(MARK)
+}
+
+/// Writes one page of values with its header; returns its bytes.
+fn page(to: &mut impl Write, values: &[f64]) -> io::Result<usize> {
+    let size = size_of_val(values);
+    let mut header = Vec::with_capacity(32);
+    Struct::write(&mut header, |page| {
+        page.int(1, DATA_PAGE);
+        page.int(2, size as i32);
+        page.int(3, size as i32);
+        page.inner(5, |data| {
+            data.int(1, values.len() as i32);
+            data.int(2, PLAIN);
+            data.int(3, RUN_LENGTHS);
+            data.int(4, RUN_LENGTHS);
+        });
+    });
+    to.write_all(&header)?;
+    let mut bytes = Vec::with_capacity(size_of::<f64>() * BLOCK.min(values.len()));
+    for block in values.chunks(BLOCK) {
+        bytes.clear();
+        bytes.extend(block.iter().flat_map(|value| value.to_le_bytes()));
+        to.write_all(&bytes)?;
+    }
+    Ok(header.len() + size)
+}
+
+/// The least and the greatest value; none where one is not a number. As the format asks, a least zero is -0, a greatest
+/// one +0.
+fn ends(values: &[f64]) -> Option<[f64; 2]> {
+    let (mut least, mut greatest, mut is_number) = (f64::INFINITY, f64::NEG_INFINITY, true);
+    for &value in values {
+        is_number &= !value.is_nan();
+        least = if value < least { value } else { least };
+        greatest = if value > greatest { value } else { greatest };
+    }
+    is_number
+        .then_some([if least == 0.0 { -0.0 } else { least }, if greatest == 0.0 { 0.0 } else { greatest }])
+}
+
+fn footer(columns: &[Column<'_>], rows: usize, groups: &[Vec<Chunk<'_>>], texts: &[(&str, &str)]) -> Vec<u8> {
+    let mut out = Vec::new();
+    let elements: Vec<Option<&str>> =
+        std::iter::once(None).chain(columns.iter().map(|(name, _)| Some(*name))).collect();
+    Struct::write(&mut out, |file| {
+        file.int(1, 1);
+        file.structs(2, &elements, |element, name| match name {
+            None => {
+                element.binary(4, b"root");
+                element.int(5, columns.len() as i32);
+            }
+            Some(name) => {
+                element.int(1, DOUBLE);
+                element.int(3, REQUIRED);
+                element.binary(4, name.as_bytes());
+            }
+        });
+        file.long(3, rows);
+        file.structs(4, groups, |group, chunks| {
+            group.structs(1, chunks, chunk_fields);
+            group.long(2, chunks.iter().map(|chunk| chunk.size).sum());
+            group.long(3, chunks.first().map_or(0, |chunk| chunk.rows));
+        });
+        if !texts.is_empty() {
+            file.structs(5, texts, |pair, (key, value)| {
+                pair.binary(1, key.as_bytes());
+                pair.binary(2, value.as_bytes());
+            });
+        }
+        file.binary(6, concat!("pneudrive ", env!("CARGO_PKG_VERSION")).as_bytes());
+        file.structs(7, columns, |order, _| order.inner(1, |_| ()));
+    });
+    out
+}
+
+fn chunk_fields(column: &mut Struct<'_>, chunk: &Chunk<'_>) {
+    column.long(2, 0);
+    column.inner(3, |about| {
+        about.int(1, DOUBLE);
+        about.ints(2, &[PLAIN]);
+        about.texts(3, &[chunk.name]);
+        about.int(4, UNCOMPRESSED);
+        about.long(5, chunk.rows);
+        about.long(6, chunk.size);
+        about.long(7, chunk.size);
+        about.long(9, chunk.begin);
+        about.inner(12, |statistics| {
+            statistics.long(3, 0);
+            if let Some([least, greatest]) = chunk.ends {
+                statistics.binary(5, &greatest.to_le_bytes());
+                statistics.binary(6, &least.to_le_bytes());
+                statistics.yes(7);
+                statistics.yes(8);
+            }
+        });
+    });
+}

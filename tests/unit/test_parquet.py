@@ -1,0 +1,98 @@
+"""Parquet files that the core writes: whatever reads Parquet finds the numbers, the texts and the seal in them."""
+
+import errno
+import json
+
+import numpy as np
+import polars as pl
+import pytest
+
+import pneudrive as pn
+from pneudrive import _core, trajectory
+from pneudrive.errors import CommandError, RecordingError
+from pneudrive.files import seal
+from pneudrive.files.tables import open_table
+from pneudrive.simulate import run
+
+GROUP = 1 << 18  # rows of a group
+
+
+def _saved(tmp_path, columns, provenance=None):
+    return trajectory.save_columns(columns, provenance or {}, tmp_path / "run.parquet")
+
+
+@pytest.mark.parametrize("rows", [0, 1, 7, GROUP, 2 * GROUP + 3])
+def test_each_number_comes_back(tmp_path, rows):
+    rng = np.random.default_rng(rows)
+    columns = {"time_s": np.arange(rows) / 1e3, "Kraft µN": rng.normal(size=rows)}
+    columns["Kraft µN"][: rows // 2 : 3] = [np.nan, np.inf, -np.inf, -0.0, 5e-324][rows % 5]
+    path = _saved(tmp_path, columns)
+    read = pl.read_parquet(path)
+    assert read.columns == list(columns)
+    for name, values in columns.items():
+        assert read[name].to_numpy().tobytes() == values.tobytes()
+    part = open_table(path, "parquet").get(["time_s"], (rows // 2, rows))["time_s"]
+    assert np.array_equal(part, columns["time_s"][rows // 2 :])
+
+
+def test_a_group_is_left_out_only_where_it_has_none_of_the_values_asked(tmp_path):
+    """Readers skip groups by their least and greatest value; nan has no order, and -0 equals 0."""
+    values = np.concatenate([np.full(GROUP, 2.0), np.full(GROUP, -0.0), np.full(GROUP, 0.0)])
+    values[5], values[9] = np.nan, 7.0
+    scan = pl.scan_parquet(_saved(tmp_path, {"time_s": np.arange(values.size) * 1.0, "x": values}))
+    assert scan.filter(pl.col("x") == 7.0).collect()["time_s"].to_list() == [9.0]
+    assert scan.filter(pl.col("x") == 0.0).collect().height == 2 * GROUP
+    assert scan.filter(pl.col("time_s") >= 3 * GROUP - 2).collect().height == 2
+
+
+def test_texts_and_seal(tmp_path):
+    path = _saved(tmp_path, {"time_s": np.arange(3.0)}, {"title": "Zylinder µ", "long": "x" * 5000})
+    told = pl.read_parquet_metadata(path)
+    assert json.loads(told["pneudrive"]) == {"title": "Zylinder µ", "long": "x" * 5000}
+    looked = seal.look(path, path.stat().st_size)
+    assert looked.own
+    assert seal.footer_text(looked.end, "pneudrive") == told["pneudrive"]
+    damaged = bytearray(path.read_bytes())
+    damaged[60] ^= 1
+    path.write_bytes(damaged)
+    with pytest.raises(RecordingError, match="checksum"):
+        open_table(path, "parquet")
+
+
+def test_the_core_writes_its_own_columns_as_it_writes_arrays(tmp_path):
+    drive = pn.Drive.load("catalogue:reference")
+    arrays, own = (run(drive, "0 s: 0.6", "0.1 s", arrays=arrays) for arrays in (True, False))
+    assert _saved(tmp_path, arrays.columns, arrays.provenance).read_bytes() == (
+        _saved(tmp_path, own.columns, own.provenance).read_bytes()
+    )
+    for name, values in arrays.columns.items():
+        column = own.columns[name]
+        assert [len(column), column[0], column[-1]] == [len(values), values[0], values[-1]]
+        assert [column.min(), column.max()] == [values.min(), values.max()]
+    with pytest.raises(IndexError, match="no row 101"):
+        own.columns["time_s"][101]
+
+
+def test_what_is_no_row_of_floats_is_written_too(tmp_path):
+    drive = pn.Drive.load("catalogue:reference")
+    found = pn.simulate(drive, "0 s: 0.6", "20 ms").isel(time=slice(None, None, 2))  # arrays with gaps
+    found["phase"] = ("time", np.arange(found.sizes["time"]))
+    path = trajectory.save(found, tmp_path / "run.parquet")
+    read = pl.read_parquet(path)
+    assert read["phase"].dtype == pl.Int64
+    assert np.array_equal(read["position_m"], found.position)
+    path = trajectory.save(found.drop_vars("phase"), path)
+    assert np.array_equal(pl.read_parquet(path)["position_m"], found.position)
+
+
+def test_a_file_that_cannot_be_written_says_why(tmp_path):
+    with pytest.raises(FileNotFoundError) as raised:
+        _core.write_parquet(tmp_path / "no" / "run.parquet", [], [])
+    assert raised.value.errno == errno.ENOENT
+    with pytest.raises(OSError, match=r"full|space") as raised:
+        _core.write_parquet("/dev/full", [("x", np.zeros(100_000))], [])
+    assert raised.value.errno == errno.ENOSPC
+    with pytest.raises(ValueError, match="one length"):
+        _core.write_parquet(tmp_path / "run.parquet", [("x", np.zeros(2)), ("y", np.zeros(3))], [])
+    with pytest.raises(CommandError, match="does not exist"):
+        trajectory.save_columns({"x": np.zeros(1)}, {}, tmp_path / "no" / "run.parquet")
