@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError, nearest
+from pneudrive.estimate.splines import integrated_wiener
 from pneudrive.identify.fit import fit_values
 from pneudrive.identify.model import FrictionModel, at_conditions
 from pneudrive.identify.result import Prediction
@@ -322,8 +323,7 @@ def _kernel(model: FrictionModel, first: Observations, second: Observations, spa
     total = np.zeros((len(first), len(second)))
     for chamber in "".join(model.chambers):
         s, t = (np.asarray(getattr(x, f"gauge_{chamber}_pa")) - VACUUM_PA for x in (first, second))
-        low, high = np.minimum.outer(s / span, t / span), np.maximum.outer(s / span, t / span)
-        total += low**2 * (3.0 * high - low) / 6.0
+        total += integrated_wiener(s / span, t / span) / 3.0  # of white noise of unit density
     return total
 
 
