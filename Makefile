@@ -7,6 +7,7 @@ MAKEFLAGS += --no-builtin-rules
 
 PYTHON ?= python3
 VENV := .venv
+EXTRAS := .venv-extras
 BIN := $(VENV)/bin
 PY := $(BIN)/python
 UV := $(BIN)/uv pip install --quiet --compile-bytecode --python $(PY) --require-hashes
@@ -19,10 +20,10 @@ RUST := Cargo.toml Cargo.lock $(wildcard .cargo/config.toml) \
         $(shell find crates \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*')
 PYTEST_WORKERS ?= 2
 
-.PHONY: help setup demo test test-rust test-python check bench docs fmt lock
+.PHONY: help setup demo test test-rust test-python test-extras check bench docs fmt lock
 
 help:  ## this list
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */\1\t/' | awk -F '\t' '{printf "  make %-8s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | awk -F '\t' '{printf "  make %-11s %s\n", $$1, $$2}'
 
 setup: $(VENV)/.core  ## .venv with locked dependencies, the compiled core and the pneudrive command
 
@@ -36,6 +37,9 @@ test-rust: setup
 
 test-python: setup
 	$(PY) -m pytest -n $(PYTEST_WORKERS)
+
+test-extras: setup $(EXTRAS)/.deps  ## studies on a Dask cluster whose workers are killed; in an environment of its own
+	PYTHONPATH=python $(EXTRAS)/bin/python -m pytest tests/extras
 
 check: setup  ## what CI runs before the tests: format, lint, types, layers, repetition, stub, spelling, locks
 	cargo fmt --all --check
@@ -84,6 +88,11 @@ $(VENV)/.core: $(RUST) pyproject.toml $(VENV)/.deps
 	$(BIN)/maturin develop --release --uv --quiet
 	@$(PY) -m compileall -q python/pneudrive
 	@mv $@.new $@
+
+$(EXTRAS)/.deps: requirements/extras.txt $(VENV)/.deps
+	$(BIN)/uv venv --quiet --clear --python $(PY) $(EXTRAS)
+	$(BIN)/uv pip install --quiet --python $(EXTRAS)/bin/python --require-hashes -r $<
+	@touch $@
 
 $(VENV)/.%: requirements/%.txt $(VENV)/.deps
 	$(UV) -r $<

@@ -25,7 +25,13 @@ PYTHON = "3.11"  # oldest Python of the development environment; the package its
 UV = "uv==0.13.8"  # what installs everything else
 
 # lock file -> extras that it adds to the base dependencies; later ones keep the versions of dev.txt
-EXTRAS = {"dev.txt": ["dev"], "docs.txt": ["docs"], "bench.txt": ["bench"], "fortran.txt": ["bench", "fortran"]}
+EXTRAS = {
+    "dev.txt": ["dev"],
+    "docs.txt": ["docs"],
+    "bench.txt": ["bench"],
+    "fortran.txt": ["bench", "fortran"],
+    "extras.txt": ["extras"],
+}
 
 
 def fingerprint(name: str) -> str:
@@ -36,7 +42,7 @@ def fingerprint(name: str) -> str:
     if name == "bootstrap.txt":
         wanted = {"uv": UV, "python": PYTHON}
     else:
-        wanted |= {extra: extras[extra] for extra in [*EXTRAS[name], "bayes", "formats", "rig"]}
+        wanted |= {extra: extras[extra] for extra in [*EXTRAS[name], "bayes", "dask", "formats", "rig"]}
     return hashlib.sha256(json.dumps(wanted, sort_keys=True).encode()).hexdigest()
 
 

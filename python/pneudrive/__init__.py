@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from pneudrive.describe import Valve as Valve
     from pneudrive.describe.catalogue import catalogue_folders as catalogue_folders
     from pneudrive.describe.tank import Tank as Tank
+    from pneudrive.ensemble.design import Design as Design
+    from pneudrive.ensemble.distributions import grid as grid
+    from pneudrive.ensemble.many import simulate_many as simulate_many
     from pneudrive.errors import PneudriveError as PneudriveError
     from pneudrive.friction.campaign.characteristics import characterise as characterise
     from pneudrive.friction.campaign.characteristics import characteristics as characteristics
@@ -75,13 +78,16 @@ _HOME = {
     "Tank": "pneudrive.describe.tank",
     "identify_volume": "pneudrive.identify.volume",
     "design": "pneudrive.identify.design",
+    "Design": "pneudrive.ensemble.design",
+    "grid": "pneudrive.ensemble.distributions",
+    "simulate_many": "pneudrive.ensemble.many",
     "identify": "pneudrive.identify.dynamic",
     "Sensor": "pneudrive.identify.dynamic",
     "identify_presliding": "pneudrive.identify.dynamic",
     "validate": "pneudrive.validate",
     "PneudriveError": "pneudrive.errors",
 }
-_SUBMODULES = ("report", "rig", "errors", "units")
+_SUBMODULES = ("ensemble", "report", "rig", "errors", "units")
 
 __all__ = ["__version__", *sorted(_HOME), *_SUBMODULES]  # noqa: PLE0604 # pyright: ignore[reportUnsupportedDunderAll]
 

@@ -202,9 +202,9 @@ def run(
     Arguments and errors are those of `simulate`. Without `arrays`, columns are those of the core, which a file can be
     written of: NumPy is not imported, unless the gas has a dew point.
     """
-    _require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
-    seconds = _positive(duration, "s", "duration")
-    rate = _positive(sample_rate, "1/s", "sample_rate")
+    require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
+    seconds = positive(duration, "s", "duration")
+    rate = positive(sample_rate, "1/s", "sample_rate")
     samples = seconds * rate
     if not 1.0 <= round(samples) <= MOST_SAMPLES:
         raise CommandError(
@@ -299,13 +299,20 @@ def _label(column: str, said: str | None) -> tuple[str, tuple[tuple[str, str], .
     return name, (("units", unit), ("long_name", said or long_name), ("column", column))
 
 
-def _require(given: object, has: str, what: str, instead: str) -> None:
+def require(given: object, has: str, what: str, instead: str) -> None:
     """Raise an error for a path or a dict in place of the described object; the check does not import its class."""
     if not hasattr(given, has):
         raise DescriptionError(f"{what} is a {type(given).__name__}", remedy=f"Write {instead}.")
 
 
-def _positive(given: str | float, si_unit: str, what: str) -> float:
+def positive(given: str | float, si_unit: str, what: str) -> float:
+    """Read a quantity of a run that is greater than 0, such as its duration.
+
+    Raises
+    ------
+    CommandError
+        It cannot be read, or is not greater than 0.
+    """
     try:
         value = units.parse(given, si_unit) if isinstance(given, str) else float(given)
     except DescriptionError as error:

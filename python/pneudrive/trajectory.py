@@ -160,7 +160,9 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
     if target.suffix.lower() == ".nc":
         flat = run.copy()
         flat.attrs = {key: _flat(value) for key, value in run.attrs.items()}
-        checked = {str(name): {"fletcher32": True} for name, v in flat.variables.items() if v.ndim}
+        checked = {
+            str(name): {"fletcher32": True} for name, v in flat.variables.items() if v.ndim and v.dtype != object
+        }
         image = flat.to_netcdf(
             engine="h5netcdf", encoding=checked
         )  # in memory first: HDF5 crashes the process when the disk is full

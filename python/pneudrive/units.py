@@ -256,6 +256,17 @@ def suffix(si_unit: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", si_unit.lower().replace("^", "")).strip("_")
 
 
+def column_name(name: str, unit: str) -> str:
+    """Return the name of a column that carries its unit.
+
+    Examples
+    --------
+    >>> column_name("cylinder.bore", "m"), column_name("friction.stribeck_exponent", "1")
+    ('cylinder.bore_m', 'friction.stribeck_exponent')
+    """
+    return name if unit in ("", "1") else f"{name}_{suffix(unit)}"
+
+
 def needed(si_unit: str) -> str:
     """Return the rule of a message: ``a length is needed, e.g. "25 mm"``."""
     return kind(si_unit).replace(", e.g.", " is needed, e.g.", 1)

@@ -30,7 +30,7 @@ NEEDED = {
 def rust_uses(text: str) -> set[str]:
     """Return the keys in doc comments, from 'Source:' to the end of the comment's paragraph, and in tables."""
     found = set(re.findall(r'\bsource: "([^"]*)"', text))
-    for paragraph in re.findall(r"Source:((?:[^\n]*\n\s*//[/!] ?)*[^\n]*)", text):
+    for paragraph in re.findall(r"Source:(?!:)((?:[^\n]*\n\s*//[/!] ?)*[^\n]*)", text):
         found.update(re.findall(r"\[([A-Za-z0-9.+_-]+)\]", paragraph.split("\n\n")[0]))
     return found
 

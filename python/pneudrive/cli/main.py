@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 COMMANDS = {
     name: f"pneudrive.cli.{name}"
     for name in (
-        *("simulate", "check", "draw", "lines", "characterise", "identify", "apply", "fit", "design", "compare"),
-        *("validate", "export", "campaign", "rig", "layout", "reproduce", "catalogue", "components", "schema", "demo"),
+        *("simulate", "sweep", "check", "draw", "lines", "characterise", "identify", "apply", "fit"),
+        *("design", "compare", "validate", "export", "campaign", "rig", "layout", "reproduce", "catalogue"),
+        *("components", "schema", "demo"),
     )
 }
 HIDDEN = frozenset({"demo"})  # `make demo` is its door

@@ -267,25 +267,19 @@ class Drive(Described):
         DescriptionError
             The position lies outside the stroke, or a pressure below vacuum.
         """
-        start = initial or Initial()
-        stroke, ambient = self.cylinder.stroke_m, self.ambient
-        position = _or(start.position_m, 0.5 * stroke)
+        start, stroke = initial or Initial(), self.cylinder.stroke_m
+        state = start_state(start, stroke, self.ambient.pressure_pa, self.ambient.temperature_k)
+        position = state["position_m"]
         if not 0.0 <= position <= stroke:
             raise wrong(
                 "initial.position",
                 f"initial position = {position * 1e3:g} mm lies outside the stroke",
                 rule=f"0 mm <= position <= cylinder.stroke = {stroke * 1e3:g} mm",
             )
-        state = {"position_m": position, "velocity_m_s": start.velocity_m_s, "contact_age_s": start.contact_age_s}
-        for chamber, pressure, temperature in (
-            ("a", start.pressure_a, start.temperature_a_k),
-            ("b", start.pressure_b, start.temperature_b_k),
-        ):
-            absolute = ambient.pressure_pa if pressure is None else pressure.absolute_pa(ambient.pressure_pa)
-            if not absolute > 0.0:
+        for chamber in "ab":
+            if not state[f"pressure_{chamber}_pa"] > 0.0:
+                pressure = getattr(start, f"pressure_{chamber}")
                 raise wrong(f"initial.pressure_{chamber}", f"initial pressure_{chamber} = {pressure} is below vacuum")
-            state[f"pressure_{chamber}_pa"] = absolute
-            state[f"temperature_{chamber}_k"] = _or(temperature, ambient.temperature_k)
         return state
 
     def start(self, initial: Initial | Mapping[str, object] | str | None = None, *, rtol: float = 1e-6) -> Session:
@@ -438,5 +432,28 @@ def _untouched(values: Iterable[Value], changes: Mapping[str, Any]) -> tuple[Val
     )
 
 
-def _or(value: float | None, otherwise: float) -> float:
-    return otherwise if value is None else value
+def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) -> dict[str, Any]:  # noqa: ANN401
+    """Return a start state in SI, pressures absolute, by what a drive has; an array where that is one, of many drives.
+
+    Parameters
+    ----------
+    start : Initial
+    stroke_m, ambient_pa, ambient_k : float or ndarray
+        m, Pa absolute, K.
+    """
+
+    def or_else(value: float | None, otherwise: Any) -> Any:  # noqa: ANN401
+        return otherwise if value is None else value
+
+    state = {
+        "position_m": or_else(start.position_m, 0.5 * stroke_m),
+        "velocity_m_s": start.velocity_m_s,
+        "contact_age_s": start.contact_age_s,
+    }
+    for chamber, pressure, temperature in (
+        ("a", start.pressure_a, start.temperature_a_k),
+        ("b", start.pressure_b, start.temperature_b_k),
+    ):
+        state[f"pressure_{chamber}_pa"] = ambient_pa if pressure is None else pressure.absolute_pa(ambient_pa)
+        state[f"temperature_{chamber}_k"] = or_else(temperature, ambient_k)
+    return state

@@ -11,7 +11,7 @@ value, the logit of a value between two bounds [bates1988].
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -72,8 +72,8 @@ class Transforms:
         self._odds = ~self.signed & np.isfinite(self.upper)
         self._log = ~self.signed & ~self._odds
 
-    def _base(self, values: Array) -> float:
-        return float(values[self.over]) if isinstance(self.over, int) else self.over
+    def _base(self, values: Array) -> Any:  # noqa: ANN401 - a number, or one for each point
+        return values[..., self.over] if isinstance(self.over, int) else self.over
 
     def internal(self, values: ArrayLike) -> Array:
         """Return the coordinates of values, shape (p,)."""
@@ -90,14 +90,14 @@ class Transforms:
         return q
 
     def natural(self, q: Array) -> Array:
-        """Return the values at coordinates, shape (p,)."""
+        """Return the values at coordinates, shape (p,), or at many points, shape (n, p)."""
         x = self.size * q
-        x[self._log] = self.lower[self._log] + np.exp(q[self._log])
+        x[..., self._log] = self.lower[self._log] + np.exp(q[..., self._log])
         if self._odds.any():
             low, high = self.lower[self._odds], self.upper[self._odds]
-            x[self._odds] = low + (high - low) * (1.0 / (1.0 + np.exp(-q[self._odds])))
+            x[..., self._odds] = low + (high - low) * (1.0 / (1.0 + np.exp(-q[..., self._odds])))
         if self.excess is not None:
-            x[self.excess] += self._base(x)
+            x[..., self.excess] += self._base(x)
         return x
 
     def jacobian(self, q: Array) -> Array:

@@ -280,6 +280,22 @@ class DriveFamily:
         self.paths = [*self.paths[: self.size], *(one.path for one in self.moving)]
         return bool(rounded)
 
+    def many(self, rows: Array) -> Array:
+        """Return the numbers at `paths` of many descriptions, shape (n, paths); rounded as a description rounds them.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n, free)
+        """
+        columns = dict(zip(self.paths, rows.T, strict=False))
+        for one in self.moving:
+            sources = [columns.get(path, self.get(path)) for path in one.sources]
+            values = np.array([one.value(*at) for at in np.broadcast(*sources)])
+            if one.digits is not None:
+                values = np.array([float(f"{value:.{one.digits}g}") for value in values])
+            columns[one.path] = values
+        return np.array([columns[path] for path in self.paths]).reshape(len(self.paths), len(rows)).T.copy()
+
     def derived_values(self, values: Array) -> dict[str, float]:
         """Return what follows from these values, by its name in the drive file."""
         self._set(values)

@@ -1,0 +1,201 @@
+"""``pneudrive sweep``: a drive in many variants, a table of what each run gave."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pneudrive.cli.options import CatalogueFolders
+from pneudrive.cli.output import show_table, tell
+from pneudrive.errors import CommandError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pneudrive.describe.drive import Drive
+    from pneudrive.ensemble.design import EnsembleDesign
+    from pneudrive.ensemble.many import Gathered
+
+#: Ending of the folder in which the chunks of a file that is not finished lie.
+PARTS = ".parts"
+TABLES = (".parquet", ".csv", ".nc")
+
+
+def sweep(
+    drive: Annotated[str, typer.Argument(help="Drive file (TOML), or catalogue:NAME.", metavar="DRIVE")],
+    command: Annotated[
+        str,
+        typer.Option(help='Valve command in -1 .. 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file.', metavar="STEPS"),
+    ],
+    duration: Annotated[str, typer.Option(help='How long, e.g. "2 s".')],
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            help='What varies, several times: "cylinder.bore = uniform(20 mm, 30 mm)", normal(30 N, 10 %), triangular, '
+            'lognormal; "cylinder.bore = grid(20 mm .. 32 mm, 7)"; "cylinder.bore = 20 mm, 25 mm". Or a table (.csv, '
+            ".parquet) with a column in SI for each number, or the fit.toml of a fit: its posterior.",
+            metavar="NAME = VALUES|FILE",
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(help="Table of results: .parquet, .csv or .nc; or a folder, for a Parquet file of each chunk."),
+    ],
+    members: Annotated[
+        int | None, typer.Option(help="How many, where distributions or a fit vary.", metavar="N")
+    ] = None,
+    design: Annotated[str, typer.Option(help="How members are drawn: sobol, latin-hypercube or random.")] = "sobol",
+    seed: Annotated[int, typer.Option(help="Of the design.")] = 0,
+    correlation: Annotated[
+        list[str] | None,
+        typer.Option(help='Correlation of two numbers: "cylinder.bore, friction.coulomb = 0.6".', metavar="A, B = R"),
+    ] = None,
+    output: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What is kept of each run, several times: final(position), max(velocity), min, mean, "
+            'integral(mass_flow_a), "time_when(position > 0.45 m)", "settling(position, 0.5 mm)", stroke_time, '
+            '"samples(position, 100 Hz)"; with a name in front: "top = max(velocity)". Default: the state at the end '
+            "and the stroke time.",
+            metavar="OUTPUT",
+        ),
+    ] = None,
+    initial: Annotated[str | None, typer.Option(help='Start state, e.g. "position = 50 mm".')] = None,
+    rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-6,
+    chunk: Annotated[int | None, typer.Option(help="Members that are run and kept together.", metavar="N")] = None,
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Simulate a drive in many variants and write what each run gave.
+
+    Finished chunks are kept: after Ctrl-C, a crash or a full disk the same command goes on from there.
+    """
+    from pneudrive.cli.progress import on_terminal
+    from pneudrive.describe.drive import Drive
+    from pneudrive.ensemble.many import IN_MEMORY, Gathered, results, study_of
+    from pneudrive.ensemble.store import ChunkStore
+    from pneudrive.trajectory import check_target
+
+    is_file = out.suffix != ""
+    if is_file:
+        check_target(out, TABLES)
+    described = Drive.load(drive)
+    study = study_of(
+        described,
+        command,
+        duration,
+        vary=_design(described, vary, members, design, seed, correlation or []),
+        outputs=output,
+        initial=initial,
+        rtol=rtol,
+    )
+    if out.suffix == ".csv" and any(one.word == "samples" for one in study.outputs):
+        raise CommandError("a CSV file has no place for samples", remedy="Write .parquet or .nc.")
+    fits = study.rows.size <= IN_MEMORY
+    if is_file and not fits:
+        raise CommandError(
+            f"{study.rows.size} members are too many for one file", remedy="Give a folder: --out results"
+        )
+    store = ChunkStore(out.with_name(out.name + PARTS) if is_file else out, study, chunk)
+    missing = len(store.missing())
+    if missing < len(store.chunks):
+        typer.echo(f"{len(store.chunks) - missing} of {len(store.chunks)} chunks are there", err=True)
+    for _ in results(study, store, chunk, None, on_terminal()):
+        pass  # each is kept in the store
+    if fits:
+        gathered = Gathered(study)
+        gathered.read(store)
+        if is_file:
+            gathered.save(out)
+            store.remove()
+        _say(gathered)
+    tell([out])
+
+
+def _design(
+    drive: Drive, vary: Sequence[str], members: int | None, method: str, seed: int, correlation: Sequence[str]
+) -> EnsembleDesign:
+    """Read what varies."""
+    from dataclasses import replace
+
+    from pneudrive.ensemble.design import EnsembleDesign, design_of
+    from pneudrive.ensemble.rows import SAMPLERS
+    from pneudrive.errors import nearest
+    from pneudrive.identify.files import read_fit
+
+    if method not in SAMPLERS:
+        raise CommandError(f"--design {method} is not known", remedy=nearest(method, SAMPLERS))
+    files = [text for text in vary if "=" not in text]
+    if files and len(vary) > 1:
+        raise CommandError("--vary has a file and more", rule="one file, or NAME = VALUES for each number")
+    if files:
+        path = Path(files[0])
+        if path.suffix == ".toml":
+            if members is None:
+                raise CommandError("--members is missing", remedy="Say how many are drawn from the fit.")
+            return EnsembleDesign.posterior(read_fit(path), members, seed=seed, method=method)
+        return design_of(_table(drive, path), members)
+    each: dict[str, str] = {}
+    for text in vary:
+        name, _, values = (one.strip() for one in text.partition("="))
+        if name in each:
+            raise CommandError(f"vary: {name} is given twice", remedy="Keep one of them.")
+        each[name] = values
+    made = design_of(each, members, seed, method)
+    return replace(made, correlation=dict(map(_pair, correlation)))
+
+
+def _pair(text: str) -> tuple[tuple[str, str], float]:
+    names, _, value = text.partition("=")
+    first, _, second = (one.strip() for one in names.partition(","))
+    try:
+        if first and second:
+            return (first, second), float(value)
+    except ValueError:
+        pass
+    remedy = 'For instance "cylinder.bore, friction.coulomb = 0.6".'
+    raise CommandError(f'--correlation "{text}" is not A, B = R', remedy=remedy)
+
+
+def _table(drive: Drive, path: Path) -> dict[str, Any]:
+    """Read a table of members: names of numbers, with or without the unit, are its columns."""
+    from pneudrive.ensemble.variation import all_numbers
+    from pneudrive.errors import RecordingError, nearest
+    from pneudrive.files.csv_tables import csv_names
+    from pneudrive.files.tables import open_table
+    from pneudrive.trajectory import read_columns
+
+    if path.suffix not in (".csv", ".parquet"):
+        raise CommandError(
+            f'--vary "{path}" is neither NAME = VALUES nor a file', rule="a .csv, .parquet or .toml file"
+        )
+    known = {number.file_name: name for name, number in all_numbers(drive).items()}
+    columns = csv_names(path, RecordingError) if path.suffix == ".csv" else open_table(path, "parquet").names
+    for column in columns:
+        if column not in known and column not in known.values():
+            raise CommandError(
+                f"vary: {column} is no number of this drive", where=str(path), remedy=nearest(column, known)
+            )
+    return {known.get(column, column): values for column, values in read_columns(path, columns).items()}
+
+
+def _say(gathered: Gathered) -> None:
+    """Print how many members there are, and the spread of each output."""
+    import numpy as np
+
+    from pneudrive.units import readable
+
+    study, failed = gathered.study, np.flatnonzero(gathered.status)
+    typer.echo(f"{study.variation.drive.name}: {gathered.size} members, {len(failed)} failed")
+    for place in failed[:1]:
+        typer.echo(f"  member {place}: {gathered.reason[place]}")
+    rows = []
+    for output, values in zip(study.outputs, gathered.values, strict=True):
+        if values.ndim > 1:
+            continue
+        factor, unit = readable(output.unit)
+        own = values[np.isfinite(values)]
+        shares = [f"{x / factor:.5g}" for x in np.quantile(own, [0.0, 0.05, 0.5, 0.95, 1.0])] if own.size else ["-"] * 5
+        rows.append((output.name, unit, *shares))
+    show_table(("output", "<unit", "lowest", "5 %", "median", "95 %", "highest"), rows)

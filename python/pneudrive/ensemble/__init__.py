@@ -1,0 +1,52 @@
+"""Ensembles: one drive in many variants, their designs, what is kept of each run, sensitivities."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pneudrive.lazy import lazy
+
+if TYPE_CHECKING:
+    from pneudrive.ensemble.design import Design as Design
+    from pneudrive.ensemble.design import EnsembleDesign as EnsembleDesign
+    from pneudrive.ensemble.distributions import Lognormal as Lognormal
+    from pneudrive.ensemble.distributions import Normal as Normal
+    from pneudrive.ensemble.distributions import Triangular as Triangular
+    from pneudrive.ensemble.distributions import Uniform as Uniform
+    from pneudrive.ensemble.distributions import grid as grid
+    from pneudrive.ensemble.executors import DaskExecutor as DaskExecutor
+    from pneudrive.ensemble.executors import Executor as Executor
+    from pneudrive.ensemble.executors import InProcess as InProcess
+    from pneudrive.ensemble.many import simulate_many as simulate_many
+    from pneudrive.ensemble.outputs import Output as Output
+    from pneudrive.ensemble.outputs import final as final
+    from pneudrive.ensemble.outputs import integral as integral
+    from pneudrive.ensemble.outputs import largest as largest
+    from pneudrive.ensemble.outputs import mean as mean
+    from pneudrive.ensemble.outputs import own as own
+    from pneudrive.ensemble.outputs import samples as samples
+    from pneudrive.ensemble.outputs import settling as settling
+    from pneudrive.ensemble.outputs import smallest as smallest
+    from pneudrive.ensemble.outputs import time_when as time_when
+
+__getattr__ = lazy(
+    __name__,
+    {
+        "design": ["Design", "EnsembleDesign"],
+        "distributions": ["Lognormal", "Normal", "Triangular", "Uniform", "grid"],
+        "executors": ["DaskExecutor", "Executor", "InProcess"],
+        "many": ["simulate_many"],
+        "outputs": [
+            "Output",
+            "final",
+            "integral",
+            "largest",
+            "mean",
+            "own",
+            "samples",
+            "settling",
+            "smallest",
+            "time_when",
+        ],
+    },
+)

@@ -1,0 +1,309 @@
+"""Designs: which values the members of an ensemble have. `EnsembleDesign` is ``pn.Design``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.ensemble.distributions import Distribution, GridAxis, read_text
+from pneudrive.ensemble.rows import SAMPLERS, GridRows, Marginals, NormalCoordinates, SampledRows, TableRows
+from pneudrive.ensemble.variation import check_lengths
+from pneudrive.errors import CommandError, nearest
+from pneudrive.free.parameters import chosen
+from pneudrive.identify.base import names_of
+from pneudrive.identify.dynamic.transforms import transforms_of
+from pneudrive.show import Shown
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from pneudrive.ensemble.rows import Rows
+    from pneudrive.ensemble.variation import Variation
+    from pneudrive.identify.base import Fit
+
+#: Most members of a Latin hypercube, which is made as a whole.
+MOST_HYPERCUBE = 10_000_000
+#: Most members of a Sobol sequence: its points are multiples of 2^-30.
+MOST_SOBOL = 1 << 30
+
+
+@dataclass(frozen=True, repr=False)
+class EnsembleDesign(Shown):
+    """Which values the members of an ensemble have: ``pn.Design``.
+
+    Made by `table`, `grid`, `sobol`, `latin_hypercube`, `random` and `posterior`. Quantities are as in the drive file
+    (``"25 mm"``) or numbers in SI; names are those that `pneudrive.identify` takes as free, and ``initial.position``,
+    ``initial.pressure_a`` and the like for the start state.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> pn.Design.sobol({"cylinder.bore": "uniform(20 mm, 30 mm)", "friction.coulomb": "normal(30 N, 10 %)"}, 1024)
+    sobol design
+      cylinder.bore     uniform(20 mm, 30 mm)
+      friction.coulomb  normal(30 N, 10 %)
+    """
+
+    method: str
+    each: Mapping[str, Any]
+    members: int | None = None
+    seed: int = 0
+    correlation: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    fit: Fit | None = None
+
+    def __str__(self) -> str:
+        """Return a line for each number that varies."""
+        lines = [f"  {name}  {_said(value)}" for name, value in self.each.items()]
+        return "\n".join([f"{self.method} design", *lines])
+
+    @classmethod
+    def table(cls, columns: Mapping[str, ArrayLike]) -> EnsembleDesign:
+        """Members as given: one value of each number for each.
+
+        Parameters
+        ----------
+        columns : mapping
+            Name -> values, all of one length.
+        """
+        return cls("table", dict(columns))
+
+    @classmethod
+    def grid(cls, axes: Mapping[str, Any]) -> EnsembleDesign:
+        """All combinations of the values of each number, the last one fastest.
+
+        Parameters
+        ----------
+        axes : mapping
+            Name -> what `pneudrive.grid` takes or gives.
+        """
+        return cls("grid", dict(axes))
+
+    @classmethod
+    def sobol(
+        cls,
+        distributions: Mapping[str, Distribution | str],
+        n: int,
+        *,
+        seed: int = 0,
+        correlation: Mapping[tuple[str, str], float] | None = None,
+    ) -> EnsembleDesign:
+        """Points of a scrambled Sobol sequence: they fill the room evenly; `n` is best a power of 2.
+
+        Parameters
+        ----------
+        distributions : mapping
+            Name -> `Uniform`, `Triangular`, `Normal`, `Lognormal`, or a text such as ``"normal(30 N, 10 %)"``.
+        n : int
+            Members.
+        seed : int
+            Of the scrambling.
+        correlation : mapping, optional
+            Pair of names -> correlation of their normal scores; of normal distributions that of the values.
+        """
+        return cls("sobol", dict(distributions), n, seed, dict(correlation or {}))
+
+    @classmethod
+    def latin_hypercube(
+        cls,
+        distributions: Mapping[str, Distribution | str],
+        n: int,
+        *,
+        seed: int = 0,
+        correlation: Mapping[tuple[str, str], float] | None = None,
+    ) -> EnsembleDesign:
+        """Draw a Latin hypercube: of each number, one member in each of n shares of equal probability.
+
+        Parameters
+        ----------
+        distributions, n, seed, correlation
+            As for `sobol`; n at most 1e7. A correlation leaves only the first number its even shares.
+        """
+        return cls("latin-hypercube", dict(distributions), n, seed, dict(correlation or {}))
+
+    @classmethod
+    def random(
+        cls,
+        distributions: Mapping[str, Distribution | str],
+        n: int,
+        *,
+        seed: int = 0,
+        correlation: Mapping[tuple[str, str], float] | None = None,
+    ) -> EnsembleDesign:
+        """Members drawn independently.
+
+        Parameters
+        ----------
+        distributions, n, seed, correlation
+            As for `sobol`.
+        """
+        return cls("random", dict(distributions), n, seed, dict(correlation or {}))
+
+    @classmethod
+    def posterior(cls, fit: Fit, n: int, *, seed: int = 0, method: str = "sobol") -> EnsembleDesign:
+        """Members as uncertain as a fit is: jointly normal in the coordinates in which its intervals are taken.
+
+        What the data do not determine, and what was not free, keeps the drive's value.
+
+        Parameters
+        ----------
+        fit : Fit
+            Any with a covariance: of `identify`, `fit_friction`, `fit_any_law`, ...
+        n : int
+            Members.
+        seed : int
+        method : str
+            ``"sobol"``, ``"latin-hypercube"`` or ``"random"``.
+        """
+        determined = [name for name in fit.free if name in fit.values and name not in names_of(fit.undetermined)]
+        if not determined or not fit.covariance.size:
+            raise CommandError("the fit has no covariance of a value that the data determine")
+        return cls(method, dict.fromkeys(determined, "as the fit"), n, seed, fit=fit)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the numbers that vary, as in the drive file."""
+        if self.fit is None:
+            return list(self.each)
+        return [name if "." in name else f"friction.{name}" for name in self.each]
+
+    def rows(self, variation: Variation) -> Rows:
+        """Return the rows in SI.
+
+        Parameters
+        ----------
+        variation : Variation
+            Of a drive, by `names`.
+
+        Raises
+        ------
+        CommandError
+            A quantity cannot be read, lengths are unequal, or the correlations contradict each other.
+        """
+        read = {name: variation.reader(name) for name in variation.names}
+        if self.method == "table":
+            columns = {name: _column(values, read[name].value) for name, values in self.each.items()}
+            check_lengths(columns)
+            return TableRows(tuple(columns), np.column_stack(list(columns.values())))
+        if self.method == "grid":
+            axes = {name: axis.in_si(read[name].value) for name, axis in self.each.items()}
+            return GridRows(axes)
+        size = self._size()
+        if self.fit is not None:
+            return SampledRows(self.method, size, self.seed, self._posterior(variation))
+        each = {name: _distribution(name, one).in_si(read[name]) for name, one in self.each.items()}
+        return SampledRows(self.method, size, self.seed, Marginals(each, self._correlations()))
+
+    def _size(self) -> int:
+        most = {"latin-hypercube": MOST_HYPERCUBE, "sobol": MOST_SOBOL}.get(self.method)
+        if self.method not in SAMPLERS:
+            raise CommandError(f'there is no design "{self.method}"', remedy=nearest(self.method, SAMPLERS))
+        if self.members is None:
+            raise CommandError("vary has distributions, and the number of members is missing", remedy="Give n.")
+        if isinstance(self.members, bool) or not 1 <= self.members <= (most or self.members):
+            raise CommandError(f"n = {self.members} members is out of bounds", rule=f"1 to {most or 'any number'}")
+        return int(self.members)
+
+    def _correlations(self) -> np.ndarray | None:
+        if not self.correlation:
+            return None
+        names = list(self.each)
+        matrix = np.eye(len(names))
+        for pair, value in self.correlation.items():
+            for name in pair:
+                if name not in names:
+                    raise CommandError(f"correlation: {name} does not vary", remedy=nearest(name, names))
+            if not -1.0 < value < 1.0:
+                raise CommandError(f"correlation of {' and '.join(pair)} = {value}", rule="between -1 and 1")
+            i, j = (names.index(name) for name in pair)
+            matrix[i, j] = matrix[j, i] = value
+        if np.linalg.eigvalsh(matrix)[0] <= 0.0:
+            raise CommandError("the correlations contradict each other", rule="their matrix is positive definite")
+        return matrix
+
+    def _posterior(self, variation: Variation) -> NormalCoordinates:
+        assert self.fit is not None
+        start = variation.drive.replace(
+            {
+                number.name: number.written(self.fit.values[name])
+                for number, name in zip(variation.numbers, self.each, strict=True)
+            }
+        )
+        parameters = chosen(start, self.names)
+        scales = transforms_of(parameters, [], start)
+        place = [self.fit.free.index(name) for name in self.each]
+        centre = scales.internal([p.value for p in parameters])
+        inverse = np.linalg.inv(scales.jacobian(centre))
+        covariance = inverse @ self.fit.covariance[np.ix_(place, place)] @ inverse.T
+        source = {"fit": self.fit.KIND, "values": [p.value for p in parameters]}
+        return NormalCoordinates(tuple(self.names), scales, centre, covariance, source)
+
+
+def design_of(
+    vary: Mapping[str, Any] | EnsembleDesign, n: int | None = None, seed: int | None = None, method: str = "sobol"
+) -> EnsembleDesign:
+    """Return the design that a mapping means: a table of values, a grid, or distributions.
+
+    Raises
+    ------
+    CommandError
+        It mixes them, or gives a number of members that the values do not have.
+    """
+    if isinstance(vary, EnsembleDesign):
+        given = (n is not None and n != vary.members) or (seed is not None and seed != vary.seed)
+        if given:
+            raise CommandError("a design has its own n and seed", remedy="Leave n and seed out.")
+        return vary
+    if not isinstance(vary, Mapping) or not vary:
+        remedy = 'Give vary={"cylinder.bore": [...]}, a distribution of each number, or a pn.Design.'
+        raise CommandError(f"vary is {type(vary).__name__ if vary else 'empty'}", remedy=remedy)
+    each = {name: read_text(value) if isinstance(value, str) else value for name, value in vary.items()}
+    for name, one in each.items():
+        if not isinstance(one, Distribution | GridAxis) and not np.ndim(one):
+            raise CommandError(f"vary: {name} = {one} is one value", rule="a list of values, a distribution or a grid")
+    kinds = {
+        "distributions" if isinstance(one, Distribution) else "a grid" if isinstance(one, GridAxis) else "values"
+        for one in each.values()
+    }
+    if len(kinds) > 1:
+        raise CommandError(
+            f"vary mixes {' and '.join(sorted(kinds))}",
+            rule="all numbers by distributions, all by grid(...), or one value of each for each member",
+        )
+    (kind,) = kinds
+    if kind == "distributions":
+        return EnsembleDesign(method, each, n, seed or 0)
+    design = EnsembleDesign("grid" if kind == "a grid" else "table", each)
+    sizes = {name: len(one) for name, one in each.items()} if kind == "values" else {}
+    if n is not None and kind == "values" and set(sizes.values()) != {n}:
+        raise CommandError(f"n = {n} does not fit the values of vary", rule="leave n out where values are given")
+    if n is not None and kind == "a grid":
+        raise CommandError("a grid has as many members as combinations", remedy="Leave n out.")
+    return design
+
+
+def _distribution(name: str, one: Any) -> Distribution:  # noqa: ANN401
+    made = read_text(one) if isinstance(one, str) else one
+    if not isinstance(made, Distribution):
+        raise CommandError(f"vary: {name} has no distribution", remedy='For instance "normal(30 N, 10 %)".')
+    return made
+
+
+def _column(values: Any, read: Any) -> np.ndarray:  # noqa: ANN401
+    if isinstance(values, np.ndarray) and values.dtype.kind in "iuf" and values.ndim == 1:
+        return values.astype(np.float64)
+    if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray) or np.ndim(values) != 1:
+        raise CommandError(f"vary has {type(values).__name__} in place of a list of values")
+    return np.array([read(value) for value in values], dtype=np.float64)
+
+
+def _said(value: object) -> str:
+    if isinstance(value, str | Distribution):
+        return str(value)
+    count = value.count or len(value.values) if isinstance(value, GridAxis) else len(value)  # type: ignore[arg-type]
+    return f"{count} values"
+
+
+Design = EnsembleDesign  # pn.Design; `pneudrive.identify.design` has a class of that name

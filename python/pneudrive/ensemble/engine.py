@@ -1,0 +1,152 @@
+"""The seam to the core: members in, what is kept of each run out. Nothing else here knows how the core runs them."""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pneudrive.errors import CommandError, SimulationError
+from pneudrive.session import short_name
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive._core import Ensemble, Outcome
+    from pneudrive._core import Output as CoreOutput
+    from pneudrive.command import Steps
+    from pneudrive.describe.drive import Drive
+    from pneudrive.ensemble.outputs import Reduction
+    from pneudrive.ensemble.variation import CoreMembers
+
+    Array = NDArray[np.float64]
+
+#: Status of a member that was simulated to the end.
+DONE = 0
+#: What the core calls the command of a drive's valve, and of its circuit.
+COMMANDS = ("command", "valve.command")
+
+
+class Kept(NamedTuple):
+    """What is kept of n members.
+
+    Attributes
+    ----------
+    values : list of ndarray
+        One for each reduction, shape (n,) or (n, samples); NaN where a member failed.
+    status : ndarray of uint8, shape (n,)
+        0 done, 1 its run could not go on, 2 its numbers do not go together.
+    reasons : dict
+        Place of a member that failed -> why.
+    """
+
+    values: list[Array]
+    status: NDArray[np.uint8]
+    reasons: dict[int, str]
+
+
+def run(
+    drive: Drive,
+    members: CoreMembers,
+    plan: Steps,
+    duration_s: float,
+    rtol: float,
+    kept: Sequence[Reduction],
+    threads: int | None = None,
+    look: Callable[[float], object] | None = None,
+) -> Kept:
+    """Run members and keep what is asked for.
+
+    Parameters
+    ----------
+    drive : Drive
+    members : CoreMembers
+        n of them.
+    plan : tuple
+        Times, s, and commands of the valve.
+    duration_s : float
+    rtol : float
+    kept : sequence of Reduction
+        But those with a function of the user's own.
+    threads : int, optional
+        All processors where nothing is said.
+    look : callable, optional
+        Is told how many members are done; what it raises ends the run.
+
+    Raises
+    ------
+    CommandError
+        The core cannot vary one of the numbers, or a value is out of its bounds.
+    """
+    core = _ensemble(
+        drive.circuit.core_json() if drive.has_lines else drive.core_json(), drive.has_lines, *members.paths
+    )
+    names = {short_name(name): name for name in core.columns}
+    rates: list[float | None] = [*sorted({one.rate_hz for one in kept if one.word == "samples"})] or [None]
+    found = {}
+    for rate in rates:  # the core samples at one rate in a run; what is not sampled comes with the first
+        places = [k for k, one in enumerate(kept) if (one.rate_hz if one.word == "samples" else rates[0]) == rate]
+        asked = [_asked(kept[k], names) for k in places]
+        outcome = _run(core, members, plan, duration_s, rtol, asked, threads, look)
+        found |= dict(zip(places, outcome["outputs"], strict=True))
+    return Kept([found[k] for k in range(len(kept))], outcome["status"], outcome["reasons"])  # pyright: ignore[reportPossiblyUnboundVariable]
+
+
+def _run(
+    core: Ensemble,
+    members: CoreMembers,
+    plan: Steps,
+    duration_s: float,
+    rtol: float,
+    asked: list[CoreOutput],
+    threads: int | None,
+    look: Callable[[float], object] | None,
+) -> Outcome:
+    starts = [members.starts[name] for name in core.start_names]
+    rows = 1 if all(np.ndim(start) == 0 for start in starts) else len(members.values)
+    times, commands = plan
+    try:
+        return core.run(
+            {
+                "values": members.values,
+                "plans": [(next(name for name in core.inputs if name in COMMANDS), times, np.array(commands))],
+                "duration": np.array([duration_s]),
+                "initial": np.column_stack([np.broadcast_to(start, rows) for start in starts]),
+                "contact_age_s": float(members.starts.get("contact_age_s", 0.0)),
+                "outputs": asked,
+                "rtol": rtol,
+                "threads": threads or processors(),
+            },
+            look,
+        )
+    except ValueError as error:
+        raise CommandError(str(error)) from None
+    except RuntimeError as error:
+        raise SimulationError(str(error)) from None
+
+
+def processors() -> int:
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@lru_cache(maxsize=8)
+def _ensemble(json: str, is_circuit: bool, *paths: str) -> Ensemble:
+    """Return what runs members that differ in the numbers at these paths, made once."""
+    from pneudrive import _core
+
+    try:
+        return _core.Ensemble("circuit" if is_circuit else "drive", json, list(paths))
+    except ValueError as error:
+        raise CommandError(f"vary: {error}") from None
+
+
+def _asked(one: Reduction, columns: Mapping[str, str]) -> CoreOutput:
+    """Return what the core is asked to keep."""
+    what: Any = ("time_above" if one.above else "time_below") if one.word == "time_when" else one.word
+    value = {"time_when": one.level, "samples": one.rate_hz}.get(one.word)
+    return {"column": columns[one.columns[0]], "what": what, "value": value}

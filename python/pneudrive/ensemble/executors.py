@@ -1,0 +1,101 @@
+"""Where chunks run: in this process by default; on the workers of a Dask cluster.
+
+Whatever maps a function over items is an executor: results may come in any order, each exactly once, and an item that
+was lost with its worker runs again.
+"""
+
+from __future__ import annotations
+
+from itertools import islice
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from pneudrive.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+#: Items on the way for each thread of the workers: one runs, the others wait there.
+AHEAD = 3
+
+
+class Executor(Protocol):
+    """What runs chunks of a study."""
+
+    def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+        """Yield what `work` makes of each item, in any order.
+
+        Parameters
+        ----------
+        work : callable
+            Can be pickled, has no effect but its result, and gives the same for an item wherever it runs.
+        items : iterable
+            They can be pickled, and are taken as they are needed.
+        """
+        ...
+
+
+class InProcess:
+    """One item after the other; the members of each run on all processors."""
+
+    def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+        """Yield the results in order."""
+        return map(work, items)
+
+
+class DaskExecutor:
+    """Items on the workers of a Dask cluster (``pip install pneudrive[dask]``).
+
+    Parameters
+    ----------
+    client : distributed.Client
+        Connected to a cluster whose workers have this version of pneudrive.
+
+    Examples
+    --------
+    On this machine::
+
+        from dask.distributed import Client
+        with Client(n_workers=2, threads_per_worker=1) as client:
+            pn.simulate_many(drive, ..., executor=pn.ensemble.DaskExecutor(client))
+    """
+
+    def __init__(self, client: Any) -> None:  # noqa: ANN401 - distributed is not imported to name its class
+        self.client = client
+
+    def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+        """Yield the results as they come; Dask runs an item whose worker is lost again, on another one.
+
+        Raises
+        ------
+        SimulationError
+            An item lost its worker again and again.
+        """
+        from distributed import as_completed  # pyright: ignore[reportMissingImports]
+        from distributed.scheduler import KilledWorker  # pyright: ignore[reportMissingImports]
+
+        waiting = iter(items)
+        ahead = AHEAD * max(1, sum(self.client.nthreads().values()))
+        on_the_way = {self.client.submit(work, item, pure=False) for item in islice(waiting, ahead)}
+        done = as_completed(on_the_way)
+        try:
+            for future in done:
+                on_the_way.discard(future)
+                try:
+                    result = future.result()
+                except KilledWorker as error:
+                    raise SimulationError(
+                        "a chunk of the study lost its worker again and again",
+                        value=error,
+                        remedy="Look at the workers' memory, take smaller chunks, or let Dask try more often: its "
+                        "setting distributed.scheduler.allowed-failures.",
+                    ) from None
+                yield result
+                for item in islice(waiting, 1):
+                    following = self.client.submit(work, item, pure=False)
+                    on_the_way.add(following)
+                    done.add(following)
+        finally:
+            self.client.cancel(list(on_the_way))

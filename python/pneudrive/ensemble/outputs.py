@@ -1,0 +1,422 @@
+"""What is kept of each run: a number, or samples, of its signals."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive import units
+from pneudrive.errors import CommandError, DescriptionError, nearest
+from pneudrive.trajectory import meaning
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    #: Of a user: signals by name, shape (members, samples), and their times, s -> one value a member, shape (members,).
+    OwnReduction = Callable[[dict[str, Array], Array], Array]
+
+#: Sampling of what a function of the user's sees where nothing is said, Hz.
+RATE_HZ = 1000.0
+#: Force of an end stop from which on the piston touches it, N (assumed): far below a nanometre of its depth.
+TOUCH_N = 1e-3
+#: What is kept where nothing is said: these at the end, and the stroke time.
+STATE = ("position", "velocity", "pressure_a", "pressure_b", "temperature_a", "temperature_b")
+_CONDITION = re.compile(r"\s*([A-Za-z_][\w.]*)\s*(>|<)\s*(.+?)\s*")
+_CALL = re.compile(r"\s*([a-z_]+)\s*\((.*)\)\s*", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """What is kept of each run, in the terms of one drive.
+
+    Attributes
+    ----------
+    word : str
+        ``final``, ``max``, ``min``, ``mean``, ``integral``, ``time_when``, ``samples`` or ``own``.
+    columns : tuple of str
+        SignalNames, as columns of a trajectory's file; one, but for ``own``.
+    name : str
+        Of the variable.
+    unit, long_name : str
+    level : float
+        Of ``time_when`` what is passed, in the unit of the signal; of ``settling`` half the width of its band.
+    rate_hz : float
+        Of ``samples`` and ``own``.
+    above : bool
+        Of ``time_when``: the signal passes the level upwards.
+    function : callable, optional
+        Of ``own``.
+    """
+
+    word: str
+    columns: tuple[str, ...]
+    name: str
+    unit: str
+    long_name: str
+    level: float = math.nan
+    rate_hz: float = RATE_HZ
+    above: bool = True
+    function: OwnReduction | None = None
+
+    @property
+    def file_name(self) -> str:
+        """Name of the column in a file, which carries the unit."""
+        return units.column_name(self.name, self.unit)
+
+    def about(self) -> dict[str, Any]:
+        """Say what is kept, as plain data."""
+        out: dict[str, Any] = {"output": self.word, "name": self.name, "of": list(self.columns)}
+        if not math.isnan(self.level):
+            out |= {"level": self.level, "above": self.above}
+        if self.word in ("samples", "own"):
+            out |= {"rate_hz": self.rate_hz}
+        if self.function is not None:
+            out |= {"function": getattr(getattr(self.function, "func", self.function), "__qualname__", "")}
+        return out
+
+
+@dataclass(frozen=True)
+class Output:
+    """What is to be kept, as a user asks for it: made by `final`, `largest`, ... or read from a text."""
+
+    word: str
+    arguments: tuple[Any, ...]
+    name: str = ""
+
+    def of(self, signals: SignalNames) -> Reduction:
+        """Return it in the terms of a drive.
+
+        Raises
+        ------
+        CommandError
+            There is no such signal, or a quantity does not fit it.
+        """
+        made = _MAKERS[self.word](signals, *self.arguments)
+        return replace(made, name=self.name) if self.name else made
+
+
+def final(signal: str, name: str = "") -> Output:
+    """Keep the value at the end.
+
+    Parameters
+    ----------
+    signal : str
+        A variable of a trajectory: ``"position"``, ``"pressure_a"``, ...
+    name : str
+        Of the variable in the result; ``final_position`` where nothing is said.
+    """
+    return Output("final", (signal,), name)
+
+
+def largest(signal: str, name: str = "") -> Output:
+    """Keep the largest value; as a text ``"max(velocity)"``. Parameters as of `final`."""
+    return Output("max", (signal,), name)
+
+
+def smallest(signal: str, name: str = "") -> Output:
+    """Keep the smallest value; as a text ``"min(pressure_b)"``. Parameters as of `final`."""
+    return Output("min", (signal,), name)
+
+
+def mean(signal: str, name: str = "") -> Output:
+    """Keep the mean over time. Parameters as of `final`."""
+    return Output("mean", (signal,), name)
+
+
+def integral(signal: str, name: str = "") -> Output:
+    """Keep the integral over time: of ``mass_flow_a`` a mass. Parameters as of `final`."""
+    return Output("integral", (signal,), name)
+
+
+def time_when(condition: str, name: str = "") -> Output:
+    """Keep the first time at which a condition holds; NaN where it never does.
+
+    Parameters
+    ----------
+    condition : str
+        ``"position > 0.45 m"`` or ``"pressure_b < 2 bar abs"``.
+    name : str
+        Of the variable in the result.
+    """
+    return Output("time_when", (condition,), name)
+
+
+def settling(signal: str, band: str | float, rate: str | float = "1 kHz", name: str = "") -> Output:
+    """Keep the time from which on a signal stays within a band about its value at the end.
+
+    Parameters
+    ----------
+    signal : str
+    band : str or float
+        Largest distance: ``"0.5 mm"``, or in SI.
+    rate : str or float
+        Samples a second at which the signal is looked at; the time lies between two of them.
+    name : str
+        Of the variable in the result.
+    """
+    return Output("settling", (signal, band, rate), name)
+
+
+def samples(signal: str, rate: str | float = "1 kHz", name: str = "") -> Output:
+    """Keep the signal itself, sampled: it takes more time and room than all else.
+
+    Parameters
+    ----------
+    signal : str
+    rate : str or float
+        Samples a second; one rate in all outputs.
+    name : str
+        Of the variable in the result; the signal's where nothing is said.
+    """
+    return Output("samples", (signal, rate), name)
+
+
+def own(
+    function: OwnReduction,
+    signals: Sequence[str],
+    name: str,
+    *,
+    unit: str = "1",
+    long_name: str = "",
+    rate: str | float = "1 kHz",
+) -> Output:
+    """Keep what a function of yours makes of sampled signals.
+
+    Parameters
+    ----------
+    function : callable
+        Gets a dict of signals, each of shape (members, samples), and their times in s, shape (samples,); returns one
+        number for each member. Members of a chunk come together; a value must not depend on the others.
+    signals : sequence of str
+        What it sees.
+    name : str
+        Of the variable in the result.
+    unit : str
+        Of what it returns.
+    long_name : str
+    rate : str or float
+        Samples a second.
+    """
+    return Output("own", (function, tuple(signals), unit, long_name, rate), name)
+
+
+class SignalNames:
+    """The signals of a drive, by their names in a trajectory and as columns of a file.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Columns of a trajectory's file.
+    towards_b : bool or None
+        Whether the command first moves the piston towards the end of chamber b; None where it does not move it.
+    """
+
+    def __init__(self, columns: Sequence[str], towards_b: bool | None = None) -> None:
+        self.towards_b = towards_b
+        self._columns = {column: column for column in columns} | {meaning(column)[0]: column for column in columns}
+
+    def column(self, signal: str) -> str:
+        """Return the column of a signal.
+
+        Raises
+        ------
+        CommandError
+            There is none.
+        """
+        if signal not in self._columns:
+            known = {meaning(column)[0] for column in self._columns.values()}
+            raise CommandError(f"outputs: there is no signal {signal}", remedy=nearest(str(signal), known))
+        return self._columns[signal]
+
+    def has(self, signal: str) -> bool:
+        """Whether there is such a signal."""
+        return signal in self._columns
+
+
+def _plain(word: str, said: str) -> Callable[[SignalNames, str], Reduction]:
+    def make(signals: SignalNames, signal: str) -> Reduction:
+        column = signals.column(signal)
+        name, unit, long_name = meaning(column)
+        return Reduction(word, (column,), f"{word}_{name}", unit, f"{said} {long_name}")
+
+    return make
+
+
+def _integral(signals: SignalNames, signal: str) -> Reduction:
+    made = _plain("integral", "integral over time:")(signals, signal)
+    unit = made.unit.removesuffix("/s") if made.unit.endswith("/s") else f"{made.unit} s" if made.unit != "1" else "s"
+    return replace(made, unit=unit)
+
+
+def _time_when(signals: SignalNames, condition: str) -> Reduction:
+    found = _CONDITION.fullmatch(condition)
+    if found is None:
+        raise CommandError(
+            f'outputs: "{condition}" is no condition',
+            remedy='Write for instance "position > 0.45 m" or "velocity < 0 m/s".',
+        )
+    signal, sign, text = found.groups()
+    column = signals.column(signal)
+    name, unit, long_name = meaning(column)
+    side = "above" if sign == ">" else "below"
+    said = f"first time at which {long_name.partition(',')[0]} {sign} {text}"
+    level = _quantity(text, unit, "pressure" in name)
+    return Reduction("time_when", (column,), f"time_{name}_{side}", "s", said, level, above=sign == ">")
+
+
+def _settling(signals: SignalNames, signal: str, band: str | float, rate: str | float = RATE_HZ) -> Reduction:
+    column = signals.column(signal)
+    name, unit, long_name = meaning(column)
+    half = _quantity(band, unit, False)
+    if not half > 0.0:
+        raise CommandError(f"outputs: settling({signal}, {band})", rule="the band is greater than 0")
+    said = f"time from which on it stays within {band} of its end: {long_name}"
+    function = partial(_settled, half)
+    return Reduction("own", (column,), f"settling_time_{name}", "s", said, half, _rate(rate), function=function)
+
+
+def _settled(half: float, signals: dict[str, Array], times: Array) -> Array:
+    """Return when a signal enters for good the band about its last value, between two samples on a straight line."""
+    (x,) = signals.values()
+    away = np.abs(x - x[:, -1:])
+    beyond = away > half
+    last = beyond.shape[1] - 1 - beyond[:, ::-1].argmax(axis=1)
+    first = np.minimum(last + 1, x.shape[1] - 1)
+    rows = np.arange(len(x))
+    before, after = away[rows, last], away[rows, first]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        crossed = times[last] + (times[first] - times[last]) * (before - half) / (before - after)
+    return np.where(beyond.any(axis=1), crossed, 0.0)
+
+
+def _samples(signals: SignalNames, signal: str, rate: str | float = RATE_HZ) -> Reduction:
+    column = signals.column(signal)
+    name, unit, long_name = meaning(column)
+    return Reduction("samples", (column,), name, unit, long_name, rate_hz=_rate(rate))
+
+
+def _own(
+    signals: SignalNames, function: OwnReduction, seen: Sequence[str], unit: str, long_name: str, rate: str | float
+) -> Reduction:
+    columns = tuple(signals.column(signal) for signal in seen)
+    return Reduction("own", columns, "", unit, long_name, rate_hz=_rate(rate), function=function)
+
+
+def _stroke_time(signals: SignalNames) -> Reduction:
+    if signals.towards_b is None:
+        raise CommandError("outputs: the command moves nothing, so that there is no stroke time")
+    end, level = ("b", TOUCH_N) if signals.towards_b else ("a", -TOUCH_N)
+    said = f"time from the start until the piston first touches the end of chamber {end}"
+    column = signals.column("end_stop_force")
+    return Reduction("time_when", (column,), "stroke_time", "s", said, level, above=signals.towards_b)
+
+
+#: Word -> what makes a reduction of the signals of a drive and the arguments of an output.
+_MAKERS: dict[str, Callable[..., Reduction]] = {
+    "final": _plain("final", "at the end:"),
+    "max": _plain("max", "largest"),
+    "min": _plain("min", "smallest"),
+    "mean": _plain("mean", "mean over time:"),
+    "integral": _integral,
+    "time_when": _time_when,
+    "settling": _settling,
+    "samples": _samples,
+    "own": _own,
+    "stroke_time": _stroke_time,
+}
+#: Words of texts.
+WORDS = tuple(word for word in _MAKERS if word != "own")
+
+
+def read_output(text: str) -> Output:
+    """Read an output: ``"final(position)"``, ``"time_when(position > 0.45 m)"``, ``"stroke_time"``, or with a name in
+    front, ``"top = max(velocity)"``.
+
+    Raises
+    ------
+    CommandError
+        Unknown word, or another number of arguments than it takes.
+
+    Examples
+    --------
+    >>> read_output("top = max(velocity)")
+    Output(word='max', arguments=('velocity',), name='top')
+    """  # noqa: D205
+    name, equals, call = text.partition("=")
+    name, call = (name.strip(), call) if equals and "(" not in name else ("", text)
+    called = _CALL.fullmatch(call)
+    word = called[1] if called else call.strip()
+    if word not in WORDS:
+        raise CommandError(f'outputs: "{text.strip()}" is none', remedy=nearest(word, WORDS))
+    arguments = tuple(one.strip() for one in called[2].split(",") if one.strip()) if called else ()
+    takes = {"stroke_time": (0, 0), "settling": (2, 3), "samples": (1, 2)}.get(word, (1, 1))
+    if not takes[0] <= len(arguments) <= takes[1]:
+        raise CommandError(f'outputs: "{text.strip()}" has {len(arguments)} arguments', rule=f"{word} takes {takes[1]}")
+    return Output(word, arguments, name)
+
+
+def reductions(asked: Sequence[str | Output] | None, signals: SignalNames) -> tuple[Reduction, ...]:
+    """Return what is kept of each run.
+
+    Parameters
+    ----------
+    asked : sequence of str or Output, optional
+        Where nothing is said, the state at the end and the stroke time.
+    signals : SignalNames
+        Of the drive.
+
+    Raises
+    ------
+    CommandError
+        One of them is not valid, two have one name, or samples have several rates.
+    """
+    if asked is None:
+        outputs = [final(signal) for signal in STATE if signals.has(signal)]
+        outputs += [Output("stroke_time", ())] if signals.towards_b is not None else []
+    else:
+        given = [asked] if isinstance(asked, str | Output) else asked
+        outputs = [one if isinstance(one, Output) else read_output(one) for one in given]
+    made = tuple(output.of(signals) for output in outputs)
+    names = [one.name for one in made]
+    for name in names:
+        if names.count(name) > 1:
+            raise CommandError(f"outputs: two are called {name}", remedy='Give one another name: "NAME = ...".')
+    if not made:
+        raise CommandError("outputs: nothing is kept", remedy='For instance "final(position)".')
+    if len({one.rate_hz for one in made if one.word == "samples"}) > 1:
+        raise CommandError(
+            "outputs: samples have several rates", rule="one rate in all samples(...): one dimension time"
+        )
+    return made
+
+
+def _quantity(given: str | float, unit: str, is_pressure: bool) -> float:
+    try:
+        if not isinstance(given, str):
+            return float(given)
+        if unit in ("", "1"):
+            return float(given)
+        if is_pressure:
+            pressure = units.parse_pressure(given)
+            if pressure.gauge:
+                raise CommandError(f'outputs: "{given}" is gauge', rule="signals are absolute", remedy="Write abs.")
+            return pressure.value_pa
+        return units.parse(given, unit)
+    except DescriptionError as error:
+        raise CommandError(f"outputs: {error.what}", rule=error.rule, remedy=error.remedy) from None
+    except ValueError:
+        raise CommandError(f'outputs: "{given}" is no number') from None
+
+
+def _rate(given: str | float) -> float:
+    rate = _quantity(given, "1/s", False)
+    if not 0.0 < rate < math.inf:
+        raise CommandError(f"outputs: {given} is no sampling rate", rule="finite and greater than 0")
+    return rate

@@ -1,0 +1,137 @@
+"""A folder of finished chunks, one sealed Parquet file each, and what the study is."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.ensemble.study import Chunk
+from pneudrive.errors import CommandError
+from pneudrive.files.seal import damage
+from pneudrive.trajectory import whole, write_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import polars as pl
+
+    from pneudrive.ensemble.study import EnsembleStudy
+
+STUDY = "study.json"
+
+
+class ChunkStore:
+    """Chunks of one study, by the members that they hold. What is there already is not run again.
+
+    Parameters
+    ----------
+    folder : Path
+        Made where it is not there.
+    study : EnsembleStudy
+    members : int, optional
+        Of a chunk; a folder that was begun keeps its own.
+
+    Raises
+    ------
+    CommandError
+        The folder holds another study, or something else; or it cannot be written to.
+    """
+
+    def __init__(self, folder: Path, study: EnsembleStudy, members: int | None = None) -> None:
+        self.folder, self.study = folder, study
+        about = {"study": study.study_hash, "about": study.about()}
+        path = folder / STUDY
+        begun = self._begun(path)
+        if begun is None:
+            chunks = study.chunks(members)
+            about["chunk_members"] = chunks[0].last
+            with _writing(folder):
+                folder.mkdir(parents=True, exist_ok=True)
+            with whole(path) as temporary:
+                temporary.write_text(json.dumps(about, indent=1), encoding="utf-8")
+        elif begun.get("study") != about["study"]:
+            raise CommandError(
+                f"{folder} holds results of another study",
+                where=str(path),
+                rule=f"the same {_different(begun.get('about', {}), about['about'])} as when it was begun",
+                remedy="Choose another folder, or remove this one.",
+            )
+        self.chunks = study.chunks(members if begun is None else begun["chunk_members"])
+
+    def _begun(self, path: Path) -> dict[str, Any] | None:
+        try:
+            begun = json.loads(path.read_text("utf-8"))
+        except FileNotFoundError:
+            if self.folder.is_dir() and any(self.folder.iterdir()):
+                raise CommandError(
+                    f"{self.folder} is not empty and holds no study", remedy="Choose a new folder."
+                ) from None
+            return None
+        except (OSError, ValueError) as error:
+            raise CommandError(f"{path} cannot be read: {error}") from None
+        if not isinstance(begun, dict) or not isinstance(begun.get("chunk_members"), int):
+            raise CommandError(f"{path} is not what a study writes", remedy="Choose another folder.")
+        return begun
+
+    def path(self, chunk: Chunk) -> Path:
+        """Return the file of a chunk."""
+        return self.folder / f"members-{chunk.first:012d}.parquet"
+
+    def missing(self) -> list[Chunk]:
+        """Return the chunks that are still to be run: those without a file, or with one that is damaged."""
+        return [chunk for chunk in self.chunks if not self._is_whole(self.path(chunk))]
+
+    @staticmethod
+    def _is_whole(path: Path) -> bool:
+        try:
+            return damage(path.read_bytes()) is None
+        except FileNotFoundError:
+            return False
+
+    def write(self, chunk: Chunk, frame: pl.DataFrame) -> None:
+        """Keep a finished chunk.
+
+        Raises
+        ------
+        CommandError
+            The disk is full, for instance; chunks of before are kept.
+        """
+        write_frame(frame, self.path(chunk), {"pneudrive": json.dumps({"study": self.study.study_hash})})
+
+    def frames(self) -> Iterator[pl.DataFrame]:
+        """Yield the chunks in order."""
+        import polars as pl
+
+        for chunk in self.chunks:
+            yield pl.read_parquet(self.path(chunk))
+
+    def remove(self) -> None:
+        """Remove the folder with all chunks."""
+        for chunk in self.chunks:
+            self.path(chunk).unlink(missing_ok=True)
+        (self.folder / STUDY).unlink(missing_ok=True)
+        self.folder.rmdir()
+
+
+class _writing:  # noqa: N801 - reads as a statement
+    """Says that a folder cannot be made."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, OSError):
+            why = os.strerror(error.errno) if error.errno else str(error)
+            raise CommandError(f"the folder {self.folder} cannot be made: {why}") from None
+
+
+def _different(before: dict[str, Any], now: dict[str, Any]) -> str:
+    """Name what differs between two studies."""
+    names = {"description_hash": "drive", "duration_s": "duration"}
+    differ = [names.get(key, key) for key in now if before.get(key) != now[key]]
+    return ", ".join(differ) or "study"

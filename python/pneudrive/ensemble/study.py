@@ -1,0 +1,193 @@
+"""A study: everything that decides what its members give. A chunk of it is a pure function of its first and last."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pneudrive import __version__
+from pneudrive.ensemble import engine
+from pneudrive.ensemble.outputs import Reduction
+from pneudrive.errors import SimulationError
+from pneudrive.trajectory import meaning
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import polars as pl
+    from numpy.typing import NDArray
+
+    from pneudrive.command import Steps
+    from pneudrive.ensemble.rows import Rows
+    from pneudrive.ensemble.variation import Variation
+
+    Array = NDArray[np.float64]
+
+#: Members of a chunk where nothing is said.
+CHUNK = 16384
+#: Samples, of all signals that a chunk keeps or a function of the user's sees, that are in memory at a time.
+MOST_SAMPLES = 20_000_000
+
+
+class Chunk(NamedTuple):
+    """Members from `first` to before `last`."""
+
+    first: int
+    last: int
+
+
+class ChunkResult(NamedTuple):
+    """What a chunk gave.
+
+    Attributes
+    ----------
+    chunk : Chunk
+    varied : ndarray, shape (n, names)
+        Rows of the design, SI.
+    values : list of ndarray
+        Of each output, shape (n,) or (n, samples).
+    status : ndarray of uint8, shape (n,)
+    reasons : dict
+        Place in the chunk -> why that member failed.
+    """
+
+    chunk: Chunk
+    varied: Array
+    values: list[Array]
+    status: NDArray[np.uint8]
+    reasons: dict[int, str]
+
+
+@dataclass(frozen=True, eq=False)
+class EnsembleStudy:
+    """What is run, in SI and checked; it can be pickled and sent to another machine.
+
+    Attributes
+    ----------
+    variation : Variation
+        The drive and which of its numbers vary.
+    rows : Rows
+    plan : tuple
+        Times, s, and commands of the valve.
+    duration_s : float
+    rtol : float
+    outputs : tuple of Reduction
+    threads : int, optional
+    """
+
+    variation: Variation
+    rows: Rows
+    plan: Steps
+    duration_s: float
+    rtol: float
+    outputs: tuple[Reduction, ...]
+    threads: int | None = None
+
+    def about(self) -> dict[str, Any]:
+        """Say what decides the results, as plain data."""
+        drive, initial = self.variation.drive, self.variation.initial
+        return {
+            "description_hash": drive.description_hash,
+            "initial": {} if initial is None else {key: str(value) for key, value in initial.to_dict().items()},
+            "command": [list(one) for one in self.plan],
+            "duration_s": self.duration_s,
+            "rtol": self.rtol,
+            "vary": self.rows.about(),
+            "outputs": [output.about() for output in self.outputs],
+            "version": __version__,
+        }
+
+    @property
+    def study_hash(self) -> str:
+        """SHA-256 of what decides the results."""
+        return hashlib.sha256(json.dumps(self.about(), sort_keys=True).encode()).hexdigest()
+
+    def chunks(self, members: int | None = None) -> list[Chunk]:
+        """Return the chunks of so many members."""
+        size, step = self.rows.size, members or self._usual_chunk()
+        return [Chunk(first, min(first + step, size)) for first in range(0, size, step)]
+
+    def _usual_chunk(self) -> int:
+        sampled = sum(len(one.columns) * (round(self.duration_s * one.rate_hz) + 1) for one in self._sampled())
+        return max(1, min(CHUNK, MOST_SAMPLES // max(sampled, 1)))
+
+    def _sampled(self) -> list[Reduction]:
+        return [one for one in self.outputs if one.word in ("samples", "own")]
+
+    def part(self, chunk: Chunk) -> EnsembleStudy:
+        """Return what runs a chunk and needs no more than that: it is sent to another machine."""
+        return replace(self, rows=self.rows.part(*chunk))
+
+    def sample_times(self, rate_hz: float) -> Array:
+        """Return the times of samples, s."""
+        return np.arange(round(self.duration_s * rate_hz) + 1) / rate_hz
+
+    def run(self, chunk: Chunk, look: Callable[[float], object] | None = None) -> ChunkResult:
+        """Run a chunk.
+
+        Parameters
+        ----------
+        chunk : Chunk
+        look : callable, optional
+            Is told how many members are done.
+
+        Raises
+        ------
+        SimulationError
+            A function of the user's fails, or gives something else than a number for each member.
+        """
+        rows = self.rows.take(*chunk)
+        asked: list[Reduction] = []
+        for output in self.outputs:
+            asked += self._seen(output) if output.function is not None else [output]
+        drive, members = self.variation.drive, self.variation.members(rows)
+        found = engine.run(drive, members, self.plan, self.duration_s, self.rtol, asked, self.threads, look)
+        given = iter(found.values)
+        values = [
+            next(given)
+            if output.function is None
+            else self._own(output, [next(given) for _ in output.columns], found.status)
+            for output in self.outputs
+        ]
+        return ChunkResult(chunk, rows, values, found.status, found.reasons)
+
+    @staticmethod
+    def _seen(output: Reduction) -> list[Reduction]:
+        return [replace(output, word="samples", columns=(column,), function=None) for column in output.columns]
+
+    def _own(self, output: Reduction, seen: list[Array], status: NDArray[np.uint8]) -> Array:
+        """Ask a function of the user's for the members that were done."""
+        assert output.function is not None
+        done = status == engine.DONE
+        out = np.full(len(status), np.nan)
+        if not done.any():
+            return out
+        signals = {meaning(column)[0]: x[done] for column, x in zip(output.columns, seen, strict=True)}
+        try:
+            made = output.function(signals, self.sample_times(output.rate_hz))
+            out[done] = np.broadcast_to(np.asarray(made, dtype=np.float64), (int(done.sum()),))
+        except Exception as error:
+            raise SimulationError(
+                f"output {output.name}: {type(error).__name__}: {error}",
+                rule="your function returns one number for each member, an array of shape (members,)",
+            ) from error
+        return out
+
+    def frame(self, result: ChunkResult) -> pl.DataFrame:
+        """Return a chunk as a table: member, status, reason, what varies, outputs; columns carry their units."""
+        import polars as pl
+
+        chunk = result.chunk
+        columns: dict[str, Any] = {"member": np.arange(chunk.first, chunk.last), "status": result.status}
+        columns["reason"] = pl.Series(
+            [result.reasons.get(k, "") for k in range(chunk.last - chunk.first)], dtype=pl.String
+        )
+        for number, values in zip(self.variation.numbers, result.varied.T, strict=True):
+            columns[number.file_name] = np.ascontiguousarray(values)
+        for output, values in zip(self.outputs, result.values, strict=True):
+            columns[output.file_name] = values
+        return pl.DataFrame(columns)

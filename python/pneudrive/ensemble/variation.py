@@ -1,0 +1,302 @@
+"""Which numbers of a drive vary: their names, how their quantities are read, and what each member is for the core."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pneudrive import units
+from pneudrive.describe.base import Quantity, StatedPressure
+from pneudrive.describe.drive import start_state
+from pneudrive.describe.parts import Initial
+from pneudrive.describe.provenance import marks
+from pneudrive.errors import CommandError, DescriptionError, PneudriveError, nearest
+from pneudrive.free.parameters import family_of, numbers_of
+from pneudrive.start import read_initial
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.describe.drive import Drive
+
+    Array = NDArray[np.float64]
+
+#: Names of the start state in a design begin so.
+INITIAL = "initial."
+#: Numbers the first of which must not exceed the second: of a design, the row that comes nearest is looked at.
+COUPLED = (
+    ("cylinder.rod_diameter", "cylinder.bore"),
+    ("friction.coulomb", "friction.breakaway"),
+    ("valve.critical_pressure_ratio", "valve.linear_above"),
+    ("initial.position", "cylinder.stroke"),
+)
+#: What a start state follows from where it says nothing: numbers of the drive.
+STARTS_FROM = ("cylinder.stroke", "ambient.pressure", "ambient.temperature")
+#: Rows that are looked at together.
+CHECKED_ROWS = 65536
+
+
+class Varied(NamedTuple):
+    """A number that varies: its name in the drive file, SI unit, and how the drive file writes it."""
+
+    name: str
+    unit: str
+    mark: Quantity | StatedPressure | None
+
+    @property
+    def file_name(self) -> str:
+        """Name of its column in a file, which carries the unit."""
+        return units.column_name(self.name, self.unit)
+
+    def written(self, si: float) -> str | float:
+        """Write a value as the drive file has it."""
+        if self.unit == "Pa" and isinstance(self.mark, StatedPressure):
+            return f"{si!r} Pa abs"
+        return si if self.unit in ("1", "") else units.write(si, self.unit)
+
+
+def all_numbers(drive: Drive) -> dict[str, Varied]:
+    """Return every number of a drive and of its start state that may vary, by name."""
+    written = marks(drive)
+    found = {name: Varied(name, number.unit, written.get(name)) for name, number in numbers_of(drive).items()}
+    return found | {name: Varied(name, _unit(mark), mark) for name, mark in _start_marks().items()}
+
+
+class CoreMembers(NamedTuple):
+    """Members as the core takes them.
+
+    Attributes
+    ----------
+    paths : list of str
+        Numbers of the core's form that vary, what follows from others among them.
+    values : ndarray, shape (n, paths)
+    starts : dict
+        Name of a start value -> number, or an array of one for each member; SI.
+    """
+
+    paths: list[str]
+    values: Array
+    starts: dict[str, float | Array]
+
+
+class Variation:
+    """The numbers of a drive, and of its start state, that a design sets.
+
+    Parameters
+    ----------
+    drive : Drive
+    names : sequence of str
+        As in the drive file; ``initial.position`` and the like are of the start state.
+    initial : Initial, mapping or str, optional
+        Start state of all members.
+
+    Raises
+    ------
+    CommandError
+        A name is not known, or stands twice.
+    """
+
+    def __init__(self, drive: Drive, names: Sequence[str], initial: Any = None) -> None:  # noqa: ANN401
+        self.drive, self.initial = drive, read_initial(initial)
+        every = all_numbers(drive)
+        for name in names:
+            if name not in every:
+                raise CommandError(f"vary: {name} is no number of this drive", remedy=nearest(name, every))
+            if list(names).count(name) > 1:
+                raise CommandError(f"vary: {name} is given twice", remedy="Keep one of them.")
+        self.numbers = [every[name] for name in names]
+        known = numbers_of(drive)
+        self._free = [place for place, name in enumerate(names) if name in known]
+        self.family = family_of(drive, [known[names[place]] for place in self._free])
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the numbers that vary."""
+        return [number.name for number in self.numbers]
+
+    def reader(self, name: str) -> QuantityReader:
+        """Return what reads the quantities of one number."""
+        gauge_from = None if "ambient.pressure" in self.names else self.drive.ambient.pressure_pa
+        return QuantityReader(self.numbers[self.names.index(name)], gauge_from)
+
+    def changes(self, row: Array) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return what a member changes of the drive (see `Drive.replace`) and of its start state, as in their files."""
+        texts = {number.name: number.written(float(value)) for number, value in zip(self.numbers, row, strict=True)}
+        start = {} if self.initial is None else self.initial.to_dict()
+        start |= {name.removeprefix(INITIAL): text for name, text in texts.items() if name.startswith(INITIAL)}
+        return {name: text for name, text in texts.items() if not name.startswith(INITIAL)}, start
+
+    def single(self, row: Array) -> tuple[Drive, Initial]:
+        """Return the drive and the start state that a member is.
+
+        Raises
+        ------
+        DescriptionError
+            They are not valid.
+        """
+        changes, start = self.changes(row)
+        return self.drive.replace(changes), Initial.model_validate(start)
+
+    def check(self, rows: Array, first: int = 0) -> None:
+        """Refuse rows that no drive can have: those with the extreme values are read as drives.
+
+        Raises
+        ------
+        CommandError
+            One of them is not valid; the message names the row.
+        """
+        for start in range(0, len(rows), CHECKED_ROWS):
+            own = rows[start : start + CHECKED_ROWS]
+            columns = dict(zip(self.names, own.T, strict=True))
+            asked = [*own.argmin(axis=0), *own.argmax(axis=0)]
+            asked += [
+                int((columns[low] / columns[high]).argmax()) for low, high in COUPLED if {low, high} <= columns.keys()
+            ]
+            for place in sorted({int(one) for one in asked}):
+                with _of_row(first + start + place, self.numbers, own[place]):
+                    drive, initial = self.single(own[place])
+                    drive.circuit_initial(initial) if drive.has_lines else drive.core_initial(initial)
+
+    def members(self, rows: Array) -> CoreMembers:
+        """Return members as the core takes them.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n, names)
+            SI.
+        """
+        values = self.family.many(rows[:, self._free])
+        return CoreMembers(self.family.paths, values, self._starts(rows))
+
+    def _starts(self, rows: Array) -> dict[str, float | Array]:
+        columns = dict(zip(self.names, rows.T, strict=True))
+        moved = [name for name in columns if name.startswith(INITIAL) or name in STARTS_FROM]
+        if self.drive.has_lines:
+            if not moved:
+                return dict(self.drive.circuit_initial(self.initial))
+            each = [self._lines_start(row) for row in rows]
+            return {name: np.array([one[name] for one in each]) for name in each[0]}
+        state: dict[str, float | Array] = dict(self.drive.core_initial(self.initial))
+        if not moved:
+            return state
+        nominal = (self.drive.cylinder.stroke_m, self.drive.ambient.pressure_pa, self.drive.ambient.temperature_k)
+        by = [columns.get(name, at) for name, at in zip(STARTS_FROM, nominal, strict=True)]
+        state |= start_state(self.initial or Initial(), *by)
+        for name in moved:
+            if name.startswith(INITIAL):
+                key = name.removeprefix(INITIAL)
+                state[next(own for own in state if own.startswith(f"{key}_"))] = columns[name]
+        return state
+
+    def _lines_start(self, row: Array) -> dict[str, float]:
+        drive, initial = self.single(row)
+        return drive.circuit_initial(initial)
+
+
+class QuantityReader:
+    """Reads quantities of one number as users write them, or takes numbers as SI."""
+
+    def __init__(self, number: Varied, gauge_from: float | None) -> None:
+        self.number, self._gauge_from = number, gauge_from
+
+    def value(self, given: object) -> float:
+        """Return a value in SI, a pressure absolute.
+
+        Raises
+        ------
+        CommandError
+            It cannot be read.
+        """
+        with _named(self.number.name):
+            if isinstance(given, units.UnitFloat):
+                return given.si_as(self.number.unit)
+            if not isinstance(given, str):
+                return float(given)  # type: ignore[arg-type]
+            if isinstance(self.number.mark, StatedPressure):
+                return self._absolute(units.parse_pressure(given))
+            if self.number.unit in ("1", ""):
+                return float(given)
+            return units.parse(given, self.number.unit)
+
+    def _absolute(self, pressure: units.Pressure) -> float:
+        if pressure.gauge and self._gauge_from is None:
+            raise CommandError(
+                f'"{pressure}" counts from the ambient pressure, which varies', remedy="Write it as abs."
+            )
+        return pressure.absolute_pa(self._gauge_from or 0.0)
+
+    def width(self, given: object, about: float) -> float:
+        """Return a difference in SI; ``"10 %"`` is a share of `about`.
+
+        Raises
+        ------
+        CommandError
+            It cannot be read.
+        """
+        share = units.share_of(given)
+        if share is not None:
+            return share * abs(about)
+        if not isinstance(given, str) or self.number.unit in ("1", ""):
+            return self.value(given)
+        with _named(self.number.name):
+            unit = given.strip().partition(" ")[2].removesuffix(" abs").removesuffix(" gauge")
+            number = given.removesuffix(" abs").removesuffix(" gauge")
+            return units.parse(number, self.number.unit) - units.parse(f"0 {unit}", self.number.unit)
+
+
+@contextmanager
+def _named(name: str) -> Iterator[None]:
+    """Name the number whose quantity cannot be read."""
+    try:
+        yield
+    except PneudriveError as error:
+        raise CommandError(f"vary: {name}: {error.what}", rule=error.rule, remedy=error.remedy) from None
+    except (TypeError, ValueError) as error:
+        raise CommandError(f"vary: {name}: {error}", remedy="Give a quantity, or a number in SI.") from None
+
+
+@contextmanager
+def _of_row(place: int, numbers: Sequence[Varied], row: Array) -> Iterator[None]:
+    """Name the row that is not valid."""
+    try:
+        yield
+    except DescriptionError as error:
+        shown = ", ".join(
+            f"{number.name} = {number.written(float(si))}" for number, si in zip(numbers, row, strict=True)
+        )
+        what = f"row {place} of the design: {error.what}"
+        raise CommandError(what, value=shown, rule=error.rule, remedy=error.remedy) from None
+
+
+def _start_marks() -> dict[str, Quantity | StatedPressure]:
+    """Return how each number of the start state is written, by its name in a design."""
+    fields = zip(Initial.keys(), Initial.model_fields.values(), strict=True)
+    return {
+        f"{INITIAL}{key}": next(mark for mark in field.metadata if isinstance(mark, Quantity | StatedPressure))
+        for key, field in fields
+        if key != "contact_age"  # one for all members
+    }
+
+
+def _unit(mark: Quantity | StatedPressure) -> str:
+    return "Pa" if isinstance(mark, StatedPressure) else mark.si_unit or "1"
+
+
+def check_lengths(columns: Mapping[str, Array]) -> None:
+    """Refuse columns of unequal lengths, or without a row.
+
+    Raises
+    ------
+    CommandError
+        They are.
+    """
+    lengths = {name: len(column) for name, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        said = ", ".join(f"{name}: {length}" for name, length in lengths.items())
+        raise CommandError(f"the columns of vary are of unequal lengths ({said})", rule="one value for each member")
+    if not all(lengths.values()):
+        raise CommandError("vary has no member", rule="at least one value of each number")

@@ -1,0 +1,116 @@
+"""Designs: rows are functions of their place, shares and correlations are those asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import pneudrive as pn
+from pneudrive.ensemble.distributions import Lognormal, Normal, Triangular, Uniform
+from pneudrive.ensemble.variation import Variation
+from pneudrive.errors import CommandError
+from pneudrive.identify.dynamic import DriveFit
+
+DRIVE = pn.Drive.load("catalogue:reference")
+TWO = {"cylinder.bore": "uniform(20 mm, 30 mm)", "friction.coulomb": "normal(30 N, 10 %)"}
+
+
+def rows_of(design):
+    return design.rows(Variation(DRIVE, design.names))
+
+
+@pytest.mark.parametrize("make", [pn.Design.sobol, pn.Design.latin_hypercube, pn.Design.random])
+def test_rows_do_not_depend_on_the_chunk_in_which_they_are_asked_for(make):
+    rows = rows_of(make(TWO, 10_000, seed=3, correlation={("cylinder.bore", "friction.coulomb"): 0.6}))
+    whole = rows.take(0, 10_000)
+    for first, last in ((5000, 5003), (0, 1), (4095, 4097), (9999, 10_000)):
+        np.testing.assert_array_equal(rows.take(first, last), whole[first:last])
+    scores = stats.norm.ppf(stats.uniform(0.02, 0.01).cdf(whole[:, 0])), whole[:, 1]
+    assert np.corrcoef(scores)[0, 1] == pytest.approx(0.6, abs=0.02)
+    assert whole[:, 1].mean() == pytest.approx(30.0, abs=0.1)
+    assert whole[:, 1].std() == pytest.approx(3.0, abs=0.1)
+    other = rows_of(make(TWO, 10_000, seed=4))
+    assert not np.array_equal(other.take(0, 5), whole[:5])
+
+
+def test_a_hypercube_has_one_member_in_each_share_and_sobol_fills_evenly():
+    for design, per_share in ((pn.Design.latin_hypercube(TWO, 100), 1), (pn.Design.sobol(TWO, 128), 2)):
+        bore = rows_of(design).take(0, design.members)[:, 0]
+        shares = np.floor((bore - 0.02) / 0.01 * (design.members // per_share)).astype(int)
+        assert np.bincount(shares).tolist() == [per_share] * (design.members // per_share)
+
+
+def test_a_grid_has_all_combinations_the_last_number_fastest():
+    rows = rows_of(pn.Design.grid({"cylinder.bore": pn.grid("20 mm .. 30 mm", 3), "load.mass": pn.grid(1.0, 2.0)}))
+    assert rows.size == 6
+    expected = [[0.02, 1.0], [0.02, 2.0], [0.025, 1.0], [0.025, 2.0], [0.03, 1.0], [0.03, 2.0]]
+    np.testing.assert_allclose(rows.take(0, 6), expected)
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs"),
+    [
+        (Uniform(2.0, 5.0), stats.uniform(2.0, 3.0)),
+        (Triangular(2.0, 3.0, 6.0), stats.triang(0.25, 2.0, 4.0)),
+        (Triangular(2.0, 2.0, 6.0), stats.triang(0.0, 2.0, 4.0)),
+        (Normal(2.0, 0.5), stats.norm(2.0, 0.5)),
+        (Lognormal(2.0, 0.5), stats.lognorm(np.sqrt(np.log1p(0.0625)), scale=2.0 / np.sqrt(1.0625))),
+    ],
+)
+def test_quantiles_are_those_of_scipy(ours, theirs):
+    share = np.linspace(0.01, 0.99, 25)
+    np.testing.assert_allclose(ours.quantile(share), theirs.ppf(share), rtol=1e-12)
+
+
+def test_quantities_are_read_in_the_unit_of_their_number():
+    read = Variation(DRIVE, ["supply.pressure", "ambient.temperature"])
+    pressure, temperature = read.reader("supply.pressure"), read.reader("ambient.temperature")
+    assert Normal("6 bar gauge", "0.2 bar").in_si(pressure) == Normal(701300.0, 20000.0)
+    assert Normal("20 degC", "5 K").in_si(temperature) == Normal(293.15, 5.0)
+    assert Normal("20 degC", "5 degC").in_si(temperature).sd == pytest.approx(5.0)
+    with pytest.raises(CommandError, match="abs or gauge"):
+        Normal("6 bar", "0.2 bar").in_si(pressure)
+
+
+def test_the_posterior_of_a_fit_has_its_values_and_its_covariance():
+    names = ("friction.coulomb", "friction.breakaway", "cylinder.incline")
+    spread, correlation = np.array([1.0, 1.5, 0.01]), np.array([[1, 0.8, 0], [0.8, 1, 0], [0, 0, 1]])
+    fit = DriveFit(
+        values={
+            "friction.coulomb": 31.0,
+            "friction.breakaway": 50.0,
+            "cylinder.incline": 0.02,
+            "friction.viscous": 41.0,
+        },
+        units={},
+        free=names,
+        covariance=correlation * np.outer(spread, spread),
+        intervals={},
+        systematic={},
+        model_errors={},
+        sources={},
+        undetermined=(),
+        notes=(),
+        statistics={},
+        provenance={},
+        converged=True,
+        sensors={},
+        start=DRIVE,
+    )
+    rows = rows_of(pn.Design.posterior(fit, 4096))
+    values = rows.take(0, 4096)
+    np.testing.assert_allclose(values.mean(axis=0), [31.0, 50.0, 0.02], rtol=2e-3)
+    np.testing.assert_allclose(np.cov(values.T), fit.covariance, rtol=0.1, atol=1e-4)
+    assert (values[:, 1] > values[:, 0]).all()
+    np.testing.assert_array_equal(rows.take(1000, 1002), values[1000:1002])
+
+
+def test_correlations_that_contradict_each_other_are_refused():
+    three = {**TWO, "load.mass": "uniform(1 kg, 2 kg)"}
+    names = list(three)
+    pairs = {(names[0], names[1]): 0.9, (names[1], names[2]): 0.9, (names[0], names[2]): -0.9}
+    with pytest.raises(CommandError, match="contradict"):
+        rows_of(pn.Design.sobol(three, 4, correlation=pairs))
+    with pytest.raises(CommandError, match="does not vary"):
+        rows_of(pn.Design.sobol(TWO, 4, correlation={("cylinder.bore", "load.mass"): 0.1}))
