@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from pneudrive.ensemble.design import Design as Design
     from pneudrive.ensemble.distributions import grid as grid
     from pneudrive.ensemble.many import simulate_many as simulate_many
+    from pneudrive.ensemble.sensitivity import sensitivity as sensitivity
     from pneudrive.errors import PneudriveError as PneudriveError
     from pneudrive.friction.campaign.characteristics import characterise as characterise
     from pneudrive.friction.campaign.characteristics import characteristics as characteristics
@@ -81,6 +82,7 @@ _HOME = {
     "Design": "pneudrive.ensemble.design",
     "grid": "pneudrive.ensemble.distributions",
     "simulate_many": "pneudrive.ensemble.many",
+    "sensitivity": "pneudrive.ensemble.sensitivity",
     "identify": "pneudrive.identify.dynamic",
     "Sensor": "pneudrive.identify.dynamic",
     "identify_presliding": "pneudrive.identify.dynamic",

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from pneudrive.ensemble.outputs import settling as settling
     from pneudrive.ensemble.outputs import smallest as smallest
     from pneudrive.ensemble.outputs import time_when as time_when
+    from pneudrive.ensemble.sensitivity import sensitivity as sensitivity
 
 __getattr__ = lazy(
     __name__,
@@ -48,5 +49,6 @@ __getattr__ = lazy(
             "smallest",
             "time_when",
         ],
+        "sensitivity": ["sensitivity"],
     },
 )

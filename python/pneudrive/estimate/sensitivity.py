@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 #: Half a cell of scipy's Sobol points, which are multiples of 2^-30: none lies on a face of the cube.
 HALF_CELL = 2.0**-31
+#: Resamples of the bootstrap that are evaluated together.
+RESAMPLED = 50
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,7 @@ def sobol_indices(
     confidence : float
         Probability that an interval is meant to cover with; percentile bootstrap over base points.
     resamples : int
+        Of the bootstrap, rounded up to a multiple of 50.
     seed : int
         Of the bootstrap.
 
@@ -92,20 +95,33 @@ def sobol_indices(
         rows[k] = m = f.shape[1]
         if m < 2 or np.ptp(f[:2]) == 0.0:
             continue
-        found[..., k] = _indices(f)
-        picks = np.random.default_rng([seed, k])
-        again = np.array([_indices(f[:, picks.integers(m, size=m)]) for _ in range(resamples)])
-        ends[..., k] = np.moveaxis(np.nanquantile(again, shares, axis=0), 1, 0)
+        f = f - f[:2].mean()
+        found[..., k] = _indices(f, np.full((1, m), 1.0 / m))[0]
+        rng = np.random.default_rng([seed, k])
+        again = [
+            _indices(f, rng.multinomial(m, np.full(m, 1.0 / m), size=RESAMPLED) / m)
+            for _ in range(0, resamples, RESAMPLED)
+        ]
+        ends[..., k] = np.moveaxis(np.nanquantile(np.concatenate(again), shares, axis=0), 1, 0)
     return SobolIndices(found[0], found[1], ends[0], ends[1], rows)
 
 
-def _indices(f: Array) -> Array:
-    """Return first and total order of one output, shape (2, d); f has the rows A, B and A with each argument of B."""
-    f = f - f[:2].mean()
+def _indices(f: Array, weights: Array) -> Array:
+    """Return first and total order of one output, shape (r, 2, d), for r weightings of its base points.
+
+    Parameters
+    ----------
+    f : ndarray, shape (d + 2, m)
+        Values at A, B, and A with each argument of B.
+    weights : ndarray, shape (r, m)
+        Of the base points; each row adds up to 1.
+    """
     a, b, mixed = f[0], f[1], f[2:]
-    variance = f[:2].var()
+    mean, moved = weights @ (0.5 * (a + b)), mixed - a
+    variance = weights @ (0.5 * (a * a + b * b)) - mean * mean
+    first = weights @ (b * moved).T - mean[:, None] * (weights @ moved.T)
     with np.errstate(invalid="ignore", divide="ignore"):  # a resample that is all one point
-        return np.array([(b * (mixed - a)).mean(axis=1), 0.5 * ((a - mixed) ** 2).mean(axis=1)]) / variance
+        return np.stack([first, 0.5 * (weights @ (moved * moved).T)], axis=1) / variance[:, None, None]
 
 
 @dataclass(frozen=True)

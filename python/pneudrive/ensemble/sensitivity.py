@@ -1,0 +1,184 @@
+"""Which numbers of a drive its outputs depend on: Sobol indices and Morris' elementary effects."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.ensemble.design import design_of
+from pneudrive.ensemble.engine import DONE
+from pneudrive.ensemble.many import results, study_of
+from pneudrive.ensemble.rows import SampledRows, TableRows
+from pneudrive.errors import CommandError, nearest, warn
+from pneudrive.estimate.sensitivity import elementary_effects, morris_points, sobol_indices, sobol_points
+from pneudrive.watch import Watch
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from pneudrive import command as commands
+    from pneudrive.describe.drive import Drive
+    from pneudrive.describe.parts import Initial
+    from pneudrive.ensemble.executors import Executor
+    from pneudrive.ensemble.outputs import Output
+    from pneudrive.ensemble.study import EnsembleStudy
+    from pneudrive.watch import Flag
+
+    Array = NDArray[np.float64]
+
+#: Base points of Sobol indices, trajectories of Morris' method, where nothing is said.
+BASE_POINTS, TRAJECTORIES = 1024, 50
+METHODS = ("sobol", "morris")
+#: Variables of the result -> long name, by method; those that are shares have no unit, the others that of the output.
+SOBOL = {
+    "first": "share of the variance that the number brings alone",
+    "total": "share of the variance that the number brings, with its interactions",
+}
+MORRIS = {
+    "mu_star": "mean of the absolute elementary effects",
+    "mu": "mean of the elementary effects",
+    "sigma": "standard deviation of the elementary effects",
+}
+
+
+def sensitivity(
+    drive: Drive,
+    command: commands.Command,
+    duration: str | float,
+    *,
+    vary: Mapping[str, Any],
+    outputs: Sequence[str | Output] | None = None,
+    method: str = "sobol",
+    n: int | None = None,
+    initial: Initial | Mapping[str, object] | str | None = None,
+    rtol: float = 1e-6,
+    seed: int = 0,
+    confidence: float = 0.95,
+    executor: Executor | None = None,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
+) -> xr.Dataset:
+    """Say which numbers of a drive its outputs depend on.
+
+    ``"sobol"`` gives the shares of each output's variance that each number brings alone (first order) and with its
+    interactions (total) [saltelli2010,jansen1999]; it runs n (d + 2) members for d numbers. ``"morris"`` screens many
+    numbers with few runs, n (d + 1): means and standard deviation of elementary effects [morris1991,campolongo2007].
+
+    Parameters
+    ----------
+    drive, command, duration, outputs, initial, rtol, executor, progress, cancel
+        As for `pneudrive.simulate_many`; outputs that are samples have no sensitivity.
+    vary : mapping
+        Name -> distribution, ``"normal(30 N, 10 %)"``; the numbers vary independently.
+    method : str
+        ``"sobol"`` or ``"morris"``.
+    n : int, optional
+        Base points (1024 where nothing is said; best a power of 2), or trajectories (50).
+    seed : int
+        Of the design and of the bootstrap.
+    confidence : float
+        Probability that an interval is meant to cover with; by the bootstrap.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions number and output. ``first``, ``total``, with ``first_interval`` and ``total_interval`` (dimension
+        end: lower, upper); or ``mu_star`` with ``mu_star_interval``, ``mu`` and ``sigma``, in the unit of the output
+        (coordinate ``unit``) over the whole distribution of the number. ``used`` counts the base points or trajectories
+        of each output all of whose values are finite. NaN for an output that does not vary.
+
+    Warns
+    -----
+    PneudriveWarning
+        Members failed, or an output has no value for some: their base points or trajectories are left out.
+
+    Raises
+    ------
+    CommandError
+        As `pneudrive.simulate_many`; or an unknown method, or a number without a distribution.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> drive = pn.Drive.load("catalogue:parker-osp-p25-sy5000")
+    >>> vary = {"load.mass": "uniform(1 kg, 5 kg)", "friction.viscous": "normal(40 N s/m, 10 %)"}
+    >>> found = pn.sensitivity(drive, 1.0, "0.1 s", vary=vary, outputs=["max(velocity)"], n=64)
+    >>> found.total.sel(output="max_velocity").idxmax().item()
+    'load.mass'
+    """
+    if method not in METHODS:
+        raise CommandError(f'there is no method "{method}"', remedy=nearest(method, METHODS))
+    if not 0.0 < confidence < 1.0:
+        raise CommandError(f"confidence = {confidence}", rule="between 0 and 1")
+    count = n if n is not None else BASE_POINTS if method == "sobol" else TRAJECTORIES
+    if isinstance(count, bool) or count < 2:
+        raise CommandError(f"n = {count} is too few", rule="at least 2")
+    design = replace(design_of(vary), members=count)
+    study = study_of(drive, command, duration, vary=design, outputs=outputs, initial=initial, rtol=rtol)
+    if not isinstance(study.rows, SampledRows) or design.correlation or design.fit is not None:
+        rule = "a distribution of each number, all independent"
+        raise CommandError("vary does not fit sensitivity", rule=rule, remedy='For instance "normal(30 N, 10 %)".')
+    sampled = [output.name for output in study.outputs if output.word == "samples"]
+    if sampled:
+        raise CommandError(f"outputs: {sampled[0]} is sampled", rule="sensitivities are of numbers")
+    names, about = study.rows.names, {**study.about(), "vary": study.rows.shape.about()}
+    about |= {"method": method, "n": count, "seed": seed, "confidence": confidence}
+    cube = sobol_points(count, len(names), seed) if method == "sobol" else morris_points(count, len(names), seed)
+    study = replace(study, rows=TableRows(names, study.rows.shape.values(cube)))
+    values = _values(study, executor, Watch(progress, cancel))
+    if method == "sobol":
+        shares = sobol_indices(values, len(names), confidence=confidence, seed=seed)
+        found = {"first": shares.first, "total": shares.total}
+        intervals, used = {"first": shares.first_interval, "total": shares.total_interval}, shares.rows
+    else:
+        effects = elementary_effects(cube, values, confidence=confidence, seed=seed)
+        found = {"mu_star": effects.mu_star, "mu": effects.mu, "sigma": effects.sigma}
+        intervals, used = {"mu_star": effects.mu_star_interval}, effects.trajectories
+    return _labelled(study, found, intervals, used, about)
+
+
+def _values(study: EnsembleStudy, executor: Executor | None, watch: Watch) -> Array:
+    """Run all members and return their outputs, shape (members, outputs)."""
+    study.variation.check(study.rows.take(0, study.rows.size))
+    values, failed = np.empty((study.rows.size, len(study.outputs))), 0
+    for result in results(study, None, None, executor, watch):
+        values[slice(*result.chunk)] = np.column_stack(result.values)
+        failed += int((result.status != DONE).sum())
+    lost = [one.name for one, column in zip(study.outputs, values.T, strict=True) if not np.isfinite(column).all()]
+    if lost:
+        members = f"{failed} of {study.rows.size} members failed; " if failed else ""
+        warn(f"{members}some members have no {', '.join(lost)}: their points are left out")
+    return values
+
+
+def _labelled(
+    study: EnsembleStudy,
+    found: Mapping[str, Array],
+    intervals: Mapping[str, Array],
+    used: NDArray[np.int64],
+    about: Mapping[str, Any],
+) -> xr.Dataset:
+    import xarray as xr
+
+    said = SOBOL | MORRIS
+    share = {"units": "1"} if "first" in found else {"units": "that of the output"}
+    plane = ("number", "output")
+    variables: dict[str, Any] = {name: (plane, x, {"long_name": said[name], **share}) for name, x in found.items()}
+    for name, ends in intervals.items():
+        long_name = f"interval of the {said[name]}"
+        variables[f"{name}_interval"] = (("end", *plane), ends, {"long_name": long_name, **share})
+    variables["used"] = ("output", used, {"long_name": "points that count: all values are finite", "units": "1"})
+    coordinates = {
+        "number": ("number", list(study.rows.names), {"long_name": "number of the drive"}),
+        "output": ("output", [one.name for one in study.outputs], {"long_name": "output"}),
+        "unit": ("output", [one.unit for one in study.outputs], {"long_name": "unit of the output"}),
+        "end": ("end", ["lower", "upper"], {"long_name": "end of the interval"}),
+    }
+    drive = study.variation.drive
+    citations = ["saltelli2010", "jansen1999"] if "first" in found else ["morris1991", "campolongo2007"]
+    return xr.Dataset(variables, coordinates, {"title": drive.name, **about, "citations": citations})
