@@ -48,7 +48,7 @@ def test_a_campaign_becomes_curves_effects_fit_and_report(tmp_path, capsys):
     for name in ("map.parquet", "map.csv", "curves.parquet", "effects.toml", "fit.toml", "report.html"):
         assert (out / name).stat().st_size > 500, name
         assert name in said
-    assert "! Both" in said or "cannot be told" in said  # equal pressures tell the sum only
+    assert "! Both" in said or "cannot be determined" in said  # equal pressures tell the sum only
     assert "Remedy:" in said
 
 
@@ -79,7 +79,7 @@ def test_what_is_no_campaign_is_one_message_and_status_2(tmp_path, capsys, monke
         (["binary_1bar.csv", "--layout", "layout.toml"], "binary"),
         (["empty_1bar.csv", "--layout", "none.toml"], "there is no file"),
         (["empty_1bar.csv", "--layout", "bad.toml"], "bad.toml:1"),
-        (["empty_1bar.csv"], "no layout says how to read"),
+        (["empty_1bar.csv"], "there is no layout for this file"),
         (["empty_1bar.csv", "--protocol", "setled"], "Did you mean 'settled'"),
         (["empty_1bar.csv", "--law", "coulom"], "Did you mean 'coulomb'"),
         (["empty_1bar.csv", "--layout", "layout.toml", "--out", "binary_1bar.csv"], "cannot be written to"),

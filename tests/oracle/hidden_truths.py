@@ -142,7 +142,7 @@ CAUSES = (
     "Nothing was repeated",
     "lie off what the others say",
     "The curves leave",
-    "cannot be told from the curve",
+    "cannot be separated from the curve",
 )
 
 

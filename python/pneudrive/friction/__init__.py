@@ -1,1 +1,1 @@
-"""Sliding friction: what it is reduced by, of recordings, of campaigns."""
+"""Sliding friction: reduction, results of recordings, results of campaigns."""

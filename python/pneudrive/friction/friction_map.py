@@ -33,18 +33,18 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "strokes": ("1", "strokes that entered the mean"),
     "position_from_m": ("m", "lower end of the window"),
     "position_to_m": ("m", "upper end of the window"),
-    "breakaway_n": ("N", "median peak of friction after reversal, NaN where no peak is usable"),
+    "breakaway_n": ("N", "median peak of friction after reversal, NaN without a usable peak"),
     "dwell_s": ("s", "median time at rest before the stroke"),
     "loading_rate_n_s": ("N/s", "median rate at which friction rises after reversal"),
-    "flags": ("", "comma separated names of what was found"),
+    "flags": ("", "names of flags, separated by commas"),
     "ambient_pressure_pa": ("Pa", "absolute pressure around the rod"),
 }
-AMBIENT = "ambient_pressure_pa"  # which maps of earlier versions lack
+AMBIENT = "ambient_pressure_pa"  # missing from maps of earlier versions
 Row = dict[str, Any]  # of the map, by `COLUMNS`
 
 
 def rows_to_dataset(rows: list[Row], labels: list[dict[str, str]]) -> xr.Dataset:
-    """Rows, and the labels of each, as a Dataset; each label is a column of texts."""
+    """Return the rows, and the labels of each, as a Dataset; each label is a column of texts."""
     found = columns_to_dataset({name: [row[name] for row in rows] for name in COLUMNS})
     about = {"units": "", "long_name": "label of the recording"}
     for name in dict.fromkeys(name for of_row in labels for name in of_row):
@@ -53,14 +53,14 @@ def rows_to_dataset(rows: list[Row], labels: list[dict[str, str]]) -> xr.Dataset
 
 
 def columns_to_dataset(columns: Mapping[str, Sequence | np.ndarray], about: Mapping = COLUMNS) -> xr.Dataset:
-    """Columns of equal length as a Dataset with one dimension ``row`` and a unit on every variable.
+    """Return the columns of equal length as a Dataset with one dimension ``row`` and a unit on every variable.
 
     Parameters
     ----------
     columns : mapping
-        Name -> values; what `about` does not name is left out.
+        Name -> values; names missing from `about` are left out.
     about : mapping
-        Name -> (unit, meaning), in the order of the variables. What has no unit is text, what is counted ("1") whole.
+        Name -> (unit, meaning), in the order of the variables. Without a unit: text; counts ("1"): whole numbers.
     """
     import xarray as xr
 
@@ -78,7 +78,7 @@ def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
     Raises
     ------
     CommandError
-        Another suffix, or a folder that cannot be written to.
+        If the suffix is unknown, or the folder cannot be written.
     """
     import polars as pl
 
@@ -91,12 +91,12 @@ def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
 
 
 def read_map(path: str | Path) -> xr.Dataset:
-    """Read a friction map from map.parquet or map.csv; further columns, labels such as a seal or a day, are kept.
+    """Read a friction map from map.parquet or map.csv; further columns (labels) are kept.
 
     Raises
     ------
     RecordingError
-        No such file, not such a table, or columns missing.
+        If there is no such file, it is not such a table, or columns are missing.
     """
     path = Path(path)
     if path.suffix == ".parquet":
@@ -111,19 +111,19 @@ def read_map(path: str | Path) -> xr.Dataset:
         columns = {name: frame[name].to_numpy() for name in frame.columns}
     missing = [name for name in COLUMNS if name not in columns and name != AMBIENT]
     if missing:
-        remedy = "take the map that pneudrive characterise writes"
+        remedy = "use a map written by pneudrive characterise"
         raise RecordingError(f"the friction map lacks {', '.join(missing)}", where=str(path), remedy=remedy)
     found = columns_to_dataset({n: _checked(n, v, path) for n, v in columns.items() if n in COLUMNS})
     if AMBIENT in columns:
         found.attrs[AMBIENT] = float(found[AMBIENT].mean())
-    own = {name: values for name, values in columns.items() if name not in COLUMNS}  # labels that a user added
+    own = {name: values for name, values in columns.items() if name not in COLUMNS}  # labels added by a user
     return found.assign(
         {n: ("row", values.astype(object) if values.dtype.kind == "U" else values) for n, values in own.items()}
     )
 
 
 def _checked(name: str, values: np.ndarray, path: Path) -> np.ndarray:
-    """Give a column of a file as the map holds it."""
+    """Return a column of a file in the form of the map."""
     unit, _ = COLUMNS[name]
     if not unit:
         return np.array([str(v) if v is not None else "" for v in values.tolist()], dtype=object)

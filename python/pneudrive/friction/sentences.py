@@ -11,7 +11,7 @@ from pneudrive.describe.toml import read
 
 @lru_cache(maxsize=1)
 def table() -> dict[str, dict[str, str | dict[str, str]]]:
-    """Give topic -> name -> sentence, or its parts: text and remedy."""
+    """Return topic -> name -> sentence, or its parts: text and remedy."""
     return read(Path(__file__).with_name("sentences.toml"))[0]
 
 

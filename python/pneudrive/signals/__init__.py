@@ -1,1 +1,1 @@
-"""What is measured: recordings, the layouts by which they are read, strokes and samples; knows no friction."""
+"""Measured signals: recordings, their layouts, strokes and samples; independent of friction."""

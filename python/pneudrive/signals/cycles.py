@@ -1,9 +1,9 @@
-"""Cycles of a campaign in one Parquet file: where each of them stands, and reading them part by part.
+"""Cycles of a campaign in one Parquet file: their rows, and a reader part by part.
 
 Form of a campaign file: Parquet, one row per sample, the rows of a cycle together and in the order of
 time, a column that numbers the cycle (``cycle = { column = "cycle" }`` in the layout's ``[columns]``) and the
-columns of any other recording, 32-bit floats allowed; time may start anew in each cycle. Every cycle is treated as a
-recording of its own, by the same code.
+columns of any other recording, 32-bit floats allowed; time may restart in each cycle. Every cycle is treated as a
+separate recording, by the same code.
 """
 
 from __future__ import annotations
@@ -41,15 +41,15 @@ class Cycles:
     numbers: NDArray[np.int64]
 
     def __len__(self) -> int:
-        """Give the number of cycles."""
+        """Return the number of cycles."""
         return self.numbers.size
 
     def part(self, start: int, stop: int) -> Cycles:
-        """Cycles from ``start`` to ``stop`` (exclusive)."""
+        """Return the cycles from ``start`` to ``stop`` (exclusive)."""
         return replace(self, bounds=self.bounds[start : stop + 1], numbers=self.numbers[start:stop])
 
     def parts(self, count: int) -> list[Cycles]:
-        """Divide the cycles into so many parts of about equal numbers, in order."""
+        """Divide the cycles into this many parts of similar size, in order."""
         ends = [len(self) * i // count for i in range(count + 1)]
         return [self.part(start, stop) for start, stop in pairwise(ends) if stop > start]
 
@@ -60,7 +60,7 @@ def find_cycles(path: Path, layout: Layout) -> Cycles:
     Raises
     ------
     RecordingError
-        Not a Parquet file, no such column, no rows, or a cycle in two places.
+        If the file is not Parquet, has no such column or no rows, or a cycle is in two places.
     """
     said = layout.for_file(path)
     if said.format != "parquet":
@@ -82,13 +82,13 @@ def find_cycles(path: Path, layout: Layout) -> Cycles:
         raise RecordingError(
             f"the rows of cycle {values[counts > 1][0]} are not together",
             where=str(path),
-            rule="all rows of a cycle stand together, in the order of time",
+            rule="all rows of a cycle must be together, in the order of time",
         )
     return Cycles(path, layout, np.concatenate((starts, [numbers.size])).astype(np.int64), found)
 
 
 def read_cycles(cycles: Cycles) -> Iterator[Recording]:
-    """Read cycles one after the other, a batch of rows at a time."""
+    """Yield cycles in turn, reading a batch of rows at a time."""
     said = cycles.layout.for_file(cycles.path)
     start = 0
     while start < len(cycles):

@@ -1,4 +1,4 @@
-"""Recordings of a drive or of a fixed volume: what was commanded and what was measured over time."""
+"""Recordings of a drive or of a fixed volume: command and measurements over time."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ LEAST_SAMPLES = 50
 #: Columns of a fixed volume in SI; the first two are needed.
 OF_VOLUME = ("time_s", "pressure_pa", "command", "inlet_pressure_pa")
 LEAST_OF_VOLUME = 10
-#: A position this share of the stroke beyond its ends is no overshoot into an end stop (assumed).
+#: A position beyond the ends by more than this share of the stroke is not an overshoot into an end stop (assumed).
 BEYOND_STROKE = 0.1
 #: Pressures below this share of ambient, or above this multiple of the supply, are in another unit or gauge (assumed).
 LOWEST, HIGHEST = 0.5, 3.0
@@ -47,7 +47,7 @@ COARSEST_S = 0.1
 #: A gap is longer than this multiple of the usual step, and than this, s.
 GAP_STEPS, GAP_S = 5.0, 0.02
 MOST_GAPS = 3
-#: Columns that only a simulation has all of.
+#: Columns that only a simulation has completely.
 _SIMULATED = {"acceleration_m_s2", "mass_flow_a_kg_s", "mass_flow_b_kg_s"}
 _LAYOUT_COLUMNS = {
     "time": "time_s",
@@ -64,17 +64,17 @@ _LAYOUT_COLUMNS = {
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
 class DriveRecording(Shown):
-    """What was measured of a drive, in SI with absolute pressures.
+    """A recording of a drive, in SI with absolute pressures.
 
     Attributes
     ----------
     name : str
     columns : dict
         ``time_s`` (rising, from 0), ``command`` (held from each sample to the next), ``position_m``,
-        ``pressure_a_pa``, ``pressure_b_pa``, and of velocity, temperatures and forces what there is: arrays of one
+        ``pressure_a_pa``, ``pressure_b_pa``, and velocity, temperatures and forces if measured: arrays of one
         length.
     labels : dict
-        Free text by which records are told apart: pressure, mounting, day.
+        Free text that distinguishes records: pressure, mounting, day.
     source : Path or None
     sha256 : str
         Of the columns.
@@ -90,7 +90,7 @@ class DriveRecording(Shown):
     synthetic: bool = False
 
     def __len__(self) -> int:
-        """Give the number of samples."""
+        """Return the number of samples."""
         return self.time_s.size
 
     def __getitem__(self, column: str) -> Array:
@@ -111,7 +111,7 @@ class DriveRecording(Shown):
 
     @property
     def steps(self) -> tuple[Array, Array]:
-        """Times at which the command changes, and what it changes to."""
+        """Times at which the command changes, and its new values."""
         command = self.columns["command"]
         change = np.r_[True, np.diff(command) != 0.0]
         return self.time_s[change], command[change]
@@ -119,11 +119,11 @@ class DriveRecording(Shown):
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
 class VolumeRecording(DriveRecording):
-    """What was measured of a fixed volume.
+    """A recording of a fixed volume.
 
     Its columns are ``time_s`` (rising, from 0), ``pressure_pa`` (absolute), ``command`` (share of the line's full
-    opening, held from each sample to the next; 1 where nothing was recorded), and ``inlet_pressure_pa`` (absolute,
-    between the line and the tube) where that was recorded.
+    opening, held from each sample to the next; 1 if not recorded), and ``inlet_pressure_pa`` (absolute,
+    between the line and the tube) if recorded.
     """
 
     @property
@@ -138,7 +138,7 @@ class VolumeRecording(DriveRecording):
 
     @property
     def measured(self) -> dict[str, Array]:
-        """The pressures that were recorded, by the names of what a simulated tank shows."""
+        """The recorded pressures, by the names of a simulated tank's outputs."""
         return {name: self.columns[name] for name in ("pressure_pa", "inlet_pressure_pa") if name in self}
 
     def at(self, keep: NDArray[np.bool_]) -> VolumeRecording:
@@ -155,7 +155,7 @@ def drive_recording(
     *,
     gaps: bool = False,
 ) -> DriveRecording:
-    """Make a recording of SI columns.
+    """Make a recording from SI columns.
 
     Parameters
     ----------
@@ -166,17 +166,17 @@ def drive_recording(
     source : Path, optional
         The file, for messages.
     needed : sequence of str
-        Columns without which it is refused.
+        Required columns.
     gaps : bool
-        Whether a measured column may be NaN where nothing was measured; time and command never are.
+        Whether measured columns may contain NaN; time and command never do.
 
     Raises
     ------
     RecordingError
-        A column is missing or not finite, lengths differ, times do not rise, or a command is beyond -1 .. 1.
+        If a column is missing or not finite, lengths differ, times do not rise, or a command is outside -1 .. 1.
     """
     where = str(source or name)
-    remedy = "name the columns as `pneudrive simulate --out` does, or say in a layout where they are"
+    remedy = "name the columns like `pneudrive simulate --out`, or name them in a layout"
     _need(columns, needed, where, f"a recording of a drive has {', '.join(needed)}", remedy)
     used = {c: np.ascontiguousarray(columns[c], dtype=np.float64) for c in (*NEEDED, *OPTIONAL) if c in columns}
     _check(used, where, gaps=gaps)
@@ -191,20 +191,20 @@ def volume_recording(
     labels: Mapping[str, str] | None = None,
     source: Path | None = None,
 ) -> VolumeRecording:
-    """Make a recording of a fixed volume of columns in SI: ``time_s``, ``pressure_pa``, and more of `OF_VOLUME`.
+    """Make a recording of a fixed volume from SI columns: ``time_s``, ``pressure_pa``, and others of `OF_VOLUME`.
 
-    Samples that are not finite, and such that repeat a time, are left out.
+    Samples that are not finite or repeat a time are left out.
 
     Raises
     ------
     RecordingError
-        A column is missing, lengths differ, time runs backwards, too few samples are left, a pressure is impossible,
-        or an opening is beyond 0 .. 1.
+        If a column is missing, lengths differ, time runs backwards, too few samples are left, a pressure is impossible,
+        or an opening is outside 0 .. 1.
     """
     where = str(source or name)
     rule = (
         "a fixed volume has time_s and pressure_pa (absolute), command where its line opens or shuts, and "
-        "inlet_pressure_pa where that before a tube was recorded"
+        "inlet_pressure_pa if recorded before a tube"
     )
     _need(columns, OF_VOLUME[:2], where, rule)
     values = {c: np.asarray(columns[c], dtype=np.float64).ravel() for c in OF_VOLUME if c in columns}
@@ -280,8 +280,8 @@ def _check(columns: dict[str, Array], where: str, *, gaps: bool) -> None:
     for side in [side for side in "ab" if f"pressure_{side}_pa" in columns]:
         low = float(np.fmin.reduce(columns[f"pressure_{side}_pa"]))
         if low <= 0.0:
-            rule = "pressures are absolute, Pa"
-            raise RecordingError(f"pressure_{side}_pa = {low:g} Pa", where=where, rule=rule, remedy="say gauge or abs")
+            rule = "pressures must be absolute, Pa"
+            raise RecordingError(f"pressure_{side}_pa = {low:g} Pa", where=where, rule=rule, remedy="gauge or abs?")
 
 
 def read_drive_recordings(
@@ -297,13 +297,13 @@ def read_drive_recordings(
     ----------
     recordings
         One or several of: a file (.parquet, .csv, .nc as ``pneudrive simulate --out`` writes, or any that a layout
-        reads), what ``pn.simulate`` returns, a mapping of SI columns, a `DriveRecording`.
+        reads), a result of ``pn.simulate``, a mapping of SI columns, a `DriveRecording`.
     layout
-        How foreign files are read; None: ``layout.toml`` beside a file that is not as ``simulate`` writes.
+        How foreign files are read; None: ``layout.toml`` beside a file that ``simulate`` did not write.
     needed : sequence of str
-        Columns without which a recording is refused.
+        Required columns.
     gaps : bool
-        Whether a measured column may be NaN where nothing was measured.
+        Whether measured columns may contain NaN.
 
     Raises
     ------
@@ -357,7 +357,7 @@ def _given(recordings: Any, layout: Layout | str | Path | None) -> tuple[list[An
     single = isinstance(recordings, str | Path | Mapping | DriveRecording) or is_run(recordings)
     given: list[Any] = [recordings] if single else [*recordings]  # type: ignore[misc]
     if not given:
-        raise RecordingError("no recording is named", remedy="give at least one file")
+        raise RecordingError("no recording is given", remedy="give at least one file")
     return given, layout if layout is None or isinstance(layout, Layout) else Layout.load(layout)
 
 
@@ -381,13 +381,13 @@ def _read(
 
 
 def _own_columns(path: Path, needed: Sequence[str]) -> dict[str, Array] | None:
-    """Columns of a file that is as ``simulate`` writes; None where it is not."""
+    """Return the columns of a file of ``simulate``; None for other files."""
     there = columns_in(path, (*NEEDED, *OPTIONAL, *_SIMULATED))
     return read_columns(path, there) if set(needed) <= set(there) else None
 
 
 def _own_labels(path: Path) -> dict[str, str]:
-    """Labels of the drive that was simulated, where the file keeps them."""
+    """Return the labels of the simulated drive, if the file has them."""
     if path.suffix != ".parquet":
         return {}
     told = open_table(path, "parquet").metadata.get("pneudrive", "{}")
@@ -403,16 +403,16 @@ def _beside(path: Path) -> Layout:
     if beside is not None:
         return beside
     raise RecordingError(
-        "the file is no recording of a drive, and no layout says how it is read",
+        "the file is not a recording of a drive, and there is no layout to read it",
         where=str(path),
         value=_first_line(path),
         rule=f"a recording of a drive has {', '.join(NEEDED)}",
-        remedy="say with --layout LAYOUT.toml where time, command, position and both pressures are",
+        remedy="name time, command, position and both pressures in a layout: --layout LAYOUT.toml",
     )
 
 
 def _first_line(path: Path) -> str | None:
-    """Begin of a text file, which mostly names its columns."""
+    """Return the start of a text file, which mostly names its columns."""
     with path.open("rb") as file:
         line = file.readline(200)
     return f"it begins with: {line.decode(errors='replace').strip()}" if b"\0" not in line else None
@@ -430,12 +430,12 @@ def _columns_of(path: Path, said: SampledLayout) -> dict[str, Array]:
 
 
 def check_plausible(recording: DriveRecording, drive: Drive) -> None:
-    """Refuse a recording that cannot be of the drive.
+    """Refuse a recording that does not match the drive.
 
     Raises
     ------
     RecordingError
-        Time, position or pressures are in another unit, gauge, or beside the stroke.
+        If time, position or pressures have another unit, are gauge, or lie outside the stroke.
     """
     where = str(recording.source or recording.name)
     step = float(np.median(np.diff(recording.time_s)))
@@ -444,16 +444,16 @@ def check_plausible(recording: DriveRecording, drive: Drive) -> None:
             f"the samples are {step:g} s apart",
             where=where,
             rule=f"time_s in seconds, at most {COARSEST_S:g} s from sample to sample",
-            remedy='look at the unit of the time; a layout says it: time = { column = ..., unit = "ms" }',
+            remedy='check the unit of the time; a layout states it: time = { column = ..., unit = "ms" }',
         )
     stroke, ambient, supply = drive.cylinder.stroke_m, drive.ambient.pressure_pa, drive.supply_pressure_pa
     margin = BEYOND_STROKE * stroke
     _column_within(recording, "position_m", -margin, stroke + margin, f"from 0 to the stroke of {stroke:g} m",
-            "look at the unit and the zero of the position, or at cylinder.stroke", where)  # fmt: skip
+            "check the unit and the zero of the position, or cylinder.stroke", where)  # fmt: skip
     for column in ("pressure_a_pa", "pressure_b_pa"):
         _column_within(recording, column, LOWEST * ambient, HIGHEST * supply,
                 f"absolute, in Pa: between the ambient pressure of {ambient:g} Pa and the supply's of {supply:g} Pa",
-                "look at the unit, and whether it is gauge pressure; a layout says both", where)  # fmt: skip
+                "check the unit, and whether it is gauge pressure; a layout states both", where)  # fmt: skip
 
 
 def _column_within(
@@ -464,24 +464,24 @@ def _column_within(
     low, high = np.nanquantile(recording[column], QUANTILES)
     if low < lower or high > upper:
         raise RecordingError(
-            f"{column} goes from {low:.4g} to {high:.4g}, which this drive cannot do",
+            f"{column} goes from {low:.4g} to {high:.4g}, which is impossible for this drive",
             where=where,
             rule=rule,
             remedy=remedy,
         )
 
 
-#: What a drive's recording tells where the piston stands.
+#: Numbers that a recording shows without motion of the piston.
 AT_REST = ("cylinder.leakage", "cylinder.heat_transfer", "cylinder.wall_temperature", "cylinder.dead_volume")
 
 
 def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str]) -> None:
-    """Refuse to look for what only motion shows where the piston does not move in any recording.
+    """Refuse free numbers that need motion if the piston does not move in any recording.
 
     Raises
     ------
     RecordingError
-        It does not.
+        If it does not move.
     """
     sought = [name for name in free if not name.startswith(AT_REST)]
     seen = [r for r in recordings if "position_m" in r and np.isfinite(r["position_m"]).any()]
@@ -489,12 +489,12 @@ def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str])
         return
     travel = max(float(np.nanmax(r["position_m"]) - np.nanmin(r["position_m"])) for r in seen)
     raise RecordingError(
-        f"the piston does not move, and without motion nothing is known of {', '.join(sought)}",
+        f"the piston does not move, and without motion {', '.join(sought)} cannot be determined",
         where=", ".join(str(r.source or r.name) for r in seen),
         value=f"its position changes by {travel * 1e3:.3g} mm",
-        rule="a drive is identified from recordings in which it moves",
-        remedy="look at the column of the position; a test of a fixed volume has a description and a layout of its "
-        'own: [volume], and kind = "fixed-volume"',
+        rule="identification of a drive needs recordings with motion",
+        remedy="check the column of the position; a test of a fixed volume has its own description and layout: "
+        '[volume], and kind = "fixed-volume"',
     )
 
 
@@ -504,7 +504,7 @@ def _moves(position_m: NDArray[np.float64]) -> bool:
 
 
 def time_gaps(recordings: Sequence[DriveRecording]) -> list[str]:
-    """Say where samples are missing: what the valve was told there is not known."""
+    """Return notes on gaps in the samples, where the command of the valve is unknown."""
     out = []
     for recording in recordings:
         time = recording.time_s
@@ -514,7 +514,7 @@ def time_gaps(recordings: Sequence[DriveRecording]) -> list[str]:
             places = ", ".join(f"{time[i]:.4g} .. {time[i + 1]:.4g} s" for i in at[:MOST_GAPS])
             more = f" and {at.size - MOST_GAPS} more" if at.size > MOST_GAPS else ""
             out.append(
-                f"{recording.name} has no samples in {places}{more}: the command is taken as held there; if it was "
+                f"{recording.name} has no samples in {places}{more}: the command is assumed constant there; if it was "
                 "not, cut the recording in two"
             )
     return out

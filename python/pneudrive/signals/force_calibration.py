@@ -1,7 +1,7 @@
-"""Calibration of a force sensor as a curve: what it shows of which force, and what the certificate leaves open.
+"""Calibration of a force sensor as a curve of readings over force, and its remaining uncertainties.
 
-What the sensor shows is brought to the force by the curve. What is left is systematic: it is the same in all cycles,
-and no number of them averages it away. Limits of a certificate are taken as rectangular [gum2008].
+The curve corrects the reading of the sensor. The remaining error is systematic: it is equal in all cycles,
+and does not average out. Limits of a certificate are taken as rectangular [gum2008].
 """
 
 from __future__ import annotations
@@ -22,33 +22,33 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 RECTANGULAR = float(np.sqrt(3.0))
-PLAUSIBLE_GAIN = (0.5, 2.0)  # what a sensor shows over the force: beyond that, units or columns were swapped
+PLAUSIBLE_GAIN = (0.5, 2.0)  # reading over force: outside this range, units or columns were swapped
 
 
 @dataclass(frozen=True)
 class ForceCalibration:
-    """A calibration of the force sensor, forces in N, positive as the sensor shows them.
+    """A calibration of the force sensor, forces in N, with the sensor's sign.
 
     Attributes
     ----------
     reference_n, shown_n : tuple of float
-        Points of the certificate, two or more, both rising: force of the standard, and what the sensor showed. Between
-        them the curve is straight, beyond them it goes on as the last piece. Empty: gain and zero say it.
+        Points of the certificate, two or more, both rising: force of the standard, and reading of the sensor. Between
+        them the curve is straight; the last pieces extend beyond. Empty: gain and zero apply.
     gain, zero_n : float
-        Shown = gain * force + zero, where there are no points.
+        Shown = gain * force + zero, without points.
     u_gain : float
-        Standard uncertainty of the gain, relative; of the points it is that of the standard itself.
+        Relative standard uncertainty of the gain; for points, that of the standard itself.
     u_zero_n : float
-        Standard uncertainty of the zero, which tares take out.
+        Standard uncertainty of the zero, which tares remove.
     range_n : float
         Largest force of the calibration; 0: that of the points.
     linearity_n : float
-        The curve is off by at most this (limits).
+        Largest error of the curve (limits).
     hysteresis_n : float
-        Largest difference of what is shown at one force when it rises and when it falls; half of it either way
+        Largest difference of readings at one force between rising and falling; half of it either way
         (limits).
     creep_n : float
-        Change of what is shown while the largest force stays (limits); taken in proportion to the force.
+        Change of the reading under the largest force (limits); proportional to the force.
     certificate, date : str
     """
 
@@ -66,7 +66,7 @@ class ForceCalibration:
     date: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse what no calibration can be."""
+        """Refuse an invalid calibration."""
         for name in ("reference_n", "shown_n"):
             values = getattr(self, name)
             if not isinstance(values, list | tuple) or not all(_is_number(v) for v in values):
@@ -85,12 +85,12 @@ class ForceCalibration:
         reference, shown = np.array(self.reference_n), np.array(self.shown_n)
         if reference.size != shown.size or reference.size == 1:
             what = f"force calibration: {reference.size} reference forces and {shown.size} shown ones"
-            raise DescriptionError(what, rule="as many of both, two or more")
+            raise DescriptionError(what, rule="equally many of both, two or more")
         if reference.size and (self.gain, self.zero_n) != (1.0, 0.0):
             raise DescriptionError("force calibration: points, and gain or zero beside them", rule="one of both")
         if reference.size and not ((np.diff(reference) > 0).all() and (np.diff(shown) > 0).all()):
             raise DescriptionError(
-                "force calibration: the points do not rise", rule="reference and shown forces ascend"
+                "force calibration: the points do not rise", rule="reference and shown forces must ascend"
             )
         slopes = np.diff(shown) / np.diff(reference) if reference.size else np.array([self.gain])
         if not ((slopes > PLAUSIBLE_GAIN[0]) & (slopes < PLAUSIBLE_GAIN[1])).all():
@@ -105,11 +105,11 @@ class ForceCalibration:
 
     @property
     def largest_n(self) -> float:
-        """Largest force of the calibration, 0 where it does not say."""
+        """Largest force of the calibration, 0 if unknown."""
         return self.range_n or max((abs(v) for v in self.reference_n), default=0.0)
 
     def force_n(self, shown_n: Array | float) -> Array:
-        """Give the force of which the sensor shows this.
+        """Return the force for a reading of the sensor.
 
         Parameters
         ----------
@@ -134,11 +134,11 @@ class ForceCalibration:
         return reference[piece] + slope[piece] * (seen - shown[piece])
 
     def applied(self) -> ForceCalibration:
-        """Give what is left open once the curve has been applied."""
+        """Return the calibration that remains after the curve was applied."""
         return replace(self, reference_n=(), shown_n=(), gain=1.0, zero_n=0.0, range_n=self.largest_n)
 
     def doubts(self, difference_n: float, sum_n: float) -> dict[str, tuple[float, float, float]]:
-        """List what the certificate leaves open.
+        """Return the remaining uncertainties of the certificate.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class ForceCalibration:
         Returns
         -------
         dict
-            Source -> standard uncertainty of the force, of half the difference, and of half the sum, N. Friction turns
+            Source -> standard uncertainty of the force, half the difference, and half the sum, N. Friction reverses
             with the motion, and the force is reached from the other side each time: hysteresis stays in the difference.
         """
         creep = self.creep_n / RECTANGULAR / self.largest_n if self.creep_n else 0.0
@@ -164,7 +164,7 @@ class ForceCalibration:
         }
 
     def words(self) -> str:
-        """Name certificate and date."""
+        """Return certificate and date in words."""
         return ", ".join(part for part in (self.certificate, self.date) if part) or "calibration"
 
 
@@ -193,16 +193,16 @@ class ForceCalibrationTable(Described):
     hysteresis_n: _NewtonLimit = 0.0
     creep_n: _NewtonLimit = 0.0
     certificate: str = ""
-    date: Annotated[str, Reads(str)] = ""  # TOML has dates of its own
+    date: Annotated[str, Reads(str)] = ""  # TOML has a type for dates
 
 
 def of_quantities(table: object) -> ForceCalibration:
-    """Read a table of quantities with units, as TOML files hold it.
+    """Read a table of quantities with units, as in TOML files.
 
     Raises
     ------
     DescriptionError
-        A key that is not known, a value without meaning, or no calibration.
+        If a key is unknown, a value or the calibration invalid.
     """
     return ForceCalibration(**ForceCalibrationTable.model_validate(table).stored())
 
@@ -213,7 +213,7 @@ def of_json(data: object) -> ForceCalibration:
     Raises
     ------
     DescriptionError
-        A key that is not known, a value without meaning, or no calibration.
+        If a key is unknown, a value or the calibration invalid.
     """
     if not isinstance(data, dict):
         raise DescriptionError("force_calibration must be a table")

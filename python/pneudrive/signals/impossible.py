@@ -1,6 +1,6 @@
-"""What no rig and no drive can have measured: wrong units, columns and signs, before they come out as strange physics.
+"""Impossible values: wrong units, columns and signs, refused before they look like strange physics.
 
-Impossible numbers are refused here; numbers that are possible and unusual are doubts, which the friction map carries.
+Impossible numbers are refused here; unusual numbers are doubts, which are flags of the friction map.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
-#: Values by which a channel is judged: outliers do not count.
+#: Quantiles by which a channel is judged, without outliers.
 QUANTILES = (0.01, 0.99)
-# What any rig can do (all assumed): beyond the first of each pair a recording is refused, beyond the second doubted.
-LOWEST_PA = -5e3  # absolute: the zero of a transducer at vacuum may be this far off
+# Limits of any rig (all assumed): beyond the first of each pair a recording is refused, beyond the second doubted.
+LOWEST_PA = -5e3  # absolute: largest error of a transducer's zero at vacuum
 PRESSURES_PA = (100e5, 20e5)
 SPEEDS_M_S = (50.0, 10.0)
 FORCES_N = (1e7, 1e6)
@@ -36,7 +36,7 @@ def refuse_pressure(name: str, pressure_pa: NDArray[np.float64], where: str) -> 
     Raises
     ------
     RecordingError
-        It does.
+        If it does.
     """
     if pressure_pa.size == 0 or _all_within(pressure_pa, LOWEST_PA, PRESSURES_PA[0]):
         return
@@ -47,18 +47,18 @@ def refuse_pressure(name: str, pressure_pa: NDArray[np.float64], where: str) -> 
             f"{name} is {worst / 1e5:.4g} bar absolute, which {why}",
             where=where,
             rule=f"from 0 to {PRESSURES_PA[0] / 1e5:g} bar absolute",
-            remedy="look at the column, its unit, its decimal sign, and whether it is gauge or absolute: in the "
-            "layout, or in what wrote the file",
+            remedy="check the column, its unit, its decimal sign, and whether it is gauge or absolute: in the "
+            "layout, or in the program that wrote the file",
         )
 
 
 def refuse_channels(recording: Recording) -> None:
-    """Refuse a recording of a rig whose pressures or forces no rig can have.
+    """Refuse a recording of a rig with impossible pressures or forces.
 
     Raises
     ------
     RecordingError
-        A pressure below vacuum, or pressures or forces beyond any rig.
+        If a pressure is below vacuum, or pressures or forces exceed those of any rig.
     """
     where = str(recording.source or recording.name)
     for channel in ("pressure_a_pa", "pressure_b_pa"):
@@ -69,12 +69,12 @@ def refuse_channels(recording: Recording) -> None:
 
 
 def refuse_impossible(recording: Recording, strokes: Sequence[Stroke]) -> None:
-    """Refuse a recording of a rig that holds what no rig can do.
+    """Refuse a recording of a rig with impossible values.
 
     Raises
     ------
     RecordingError
-        A pressure below vacuum, or pressures, speeds, travels or forces beyond any rig.
+        If a pressure is below vacuum, or pressures, speeds, travels or forces exceed those of any rig.
     """
     refuse_channels(recording)
     where = str(recording.source or recording.name)
@@ -87,13 +87,13 @@ def refuse_impossible(recording: Recording, strokes: Sequence[Stroke]) -> None:
 def _no_more(what: str, value: float, limit: float, unit: str, column: str, where: str) -> None:
     if value > limit:
         raise RecordingError(
-            f"{what} {value:.4g} {unit}, which no pneumatic rig does",
+            f"{what} {value:.4g} {unit}, more than any pneumatic rig",
             where=where,
             rule=f"at most {limit:g} {unit}",
-            remedy=f"look at the unit of the {column}: in the layout, or in what wrote the file",
+            remedy=f"check the unit of the {column}: in the layout, or in the program that wrote the file",
         )
 
 
 def _all_within(values: NDArray[np.float64], low: float, high: float) -> bool:
-    """Whether not even a single outlier is outside: the quantiles, which take long, are not asked for then."""
+    """Return whether all values are within; then the slow quantiles are not needed."""
     return bool(low <= values.min() and values.max() <= high)

@@ -30,8 +30,8 @@ class Column:
 
     ``scale`` and ``offset`` bring the raw number to the column's unit; ``accuracy_si`` is a standard
     uncertainty; ``range_si`` the lowest and highest value that the sensor can give (pressures absolute);
-    ``curve`` what the sensor shows of which force, before the sign;
-    ``date_form`` how dates and times are written, where such stand in the column of the time.
+    ``curve`` the calibration of the force sensor, before the sign;
+    ``date_form`` the format of dates and times, if the column of the time has them.
     """
 
     column: int | str
@@ -49,7 +49,7 @@ class Column:
 
 @dataclass(frozen=True)
 class SampledLayout:
-    """What a layout says of one file, in SI, after the overrides that match its name: of a drive or a fixed volume."""
+    """A layout for one file of a drive or a fixed volume, in SI, with the overrides that match its name."""
 
     format: str
     text: TextForm
@@ -60,18 +60,18 @@ class SampledLayout:
 
     @property
     def dates(self) -> dict[int | str, str]:
-        """Columns that hold dates and times, with the form in which they are written."""
+        """Columns of dates and times, with their format."""
         return {column.column: column.date_form for column in self.columns.values() if column.date_form is not None}
 
 
 @dataclass(frozen=True)
 class FileLayout(SampledLayout):
-    """What a layout says of one file of a rig, with the geometry of the drive under test."""
+    """A layout for one file of a rig, with the geometry of the drive under test."""
 
     cycle: int | str | None
     area_a_m2: float
     area_b_m2: float
-    chamber_pressures: dict[str, float]  # pressures that are said rather than measured, absolute
+    chamber_pressures: dict[str, float]  # stated (not measured) pressures, absolute
     incline_rad: float
     mass_beyond_sensor_kg: float
     stiffness_n_m: float | None
@@ -128,7 +128,7 @@ class Layout(Shown):
         Raises
         ------
         LayoutError
-            A value that is wrong for this file.
+            If a value is wrong for this file.
         """
         said, common = self._common("rig", path, "friction needs time, position and force")
         area_a, area_b = said.geometry.areas()
@@ -146,7 +146,7 @@ class Layout(Shown):
         )
 
     def for_volume_file(self, path: Path) -> SampledLayout:
-        """As `for_drive_file`, for a recording of a fixed volume."""
+        """Apply the overrides like `for_drive_file`, for a recording of a fixed volume."""
         verb = 'kind = "fixed-volume", with the columns time and pressure'
         return SampledLayout(**self._common("fixed-volume", path, verb)[1])
 
@@ -156,13 +156,13 @@ class Layout(Shown):
         Raises
         ------
         LayoutError
-            A value that is wrong for this file, or a layout of another kind.
+            If a value is wrong for this file, or the layout has another kind.
         """
         verb = "a drive needs time, command, position and both pressures"
         return SampledLayout(**self._common("drive", path, verb)[1])
 
     def _common(self, kind: str, path: Path, verb: str) -> tuple[LayoutTables, dict[str, Any]]:
-        """Read what every layout says of a file."""
+        """Return the parts common to all layouts of a file."""
         self._needs(kind, verb)
         chosen = self._matching(path)
         said = _read(self, tuple(chosen))
@@ -178,25 +178,25 @@ class Layout(Shown):
         }
 
     def _labels(self, said: LayoutTables, path: Path, chosen: Sequence[int]) -> dict[str, str]:
-        """Give the fixed labels and those of the file's name.
+        """Return the fixed labels and those of the file's name.
 
         Raises
         ------
         LayoutError
-            The pattern does not fit the file's name.
+            If the pattern does not match the file's name.
         """
         labels = {key: text for key, text in said.labels.items() if key != "pattern"}
         pattern = said.labels.get("pattern", "")
         found = labels_from_name(pattern, stem(path)) if pattern else {}
         if found is None:
             part, left = where_pattern_ends(pattern, stem(path))
-            rest = f"'{left}' is left of the name" if left else "nothing is left of the name"
+            rest = f"'{left}' is left of the name" if left else "the name ends"
             example = f'[[for]] match = "{path.name}", labels.pattern = "..." (or "" for none)'
             raise self.fail(
-                f"labels.pattern = {pattern!r} does not fit the file {path.name}",
+                f"labels.pattern = {pattern!r} does not match the file {path.name}",
                 self._place("labels.pattern", chosen),
-                rule=f"where {part} should stand, {rest}",
-                remedy=f"mend the pattern, or give files of other names their own: {example}",
+                rule=f"at {part}, {rest}",
+                remedy=f"correct the pattern, or give files with other names their own: {example}",
             )
         return labels | found
 
@@ -210,20 +210,20 @@ class Layout(Shown):
 
     @property
     def kind(self) -> str:
-        """What was recorded: a ``rig``, a ``drive`` (a layout that names a command), or a ``fixed-volume``."""
+        """Kind of recording: a ``rig``, a ``drive`` (a layout with a command), or a ``fixed-volume``."""
         trees = [self.tree, *self.tree.get("for", [])]
         names_command = any(isinstance(tree.get("columns"), dict) and "command" in tree["columns"] for tree in trees)
         return self.tree.get("kind", "drive" if names_command else "rig")
 
     def _needs(self, kind: str, verb: str) -> None:
-        """Refuse to read another kind of recording than the layout is for."""
+        """Refuse a recording of another kind than that of the layout."""
         if self.kind != kind and "fixed-volume" in (self.kind, kind):
             other = "a fixed volume" if kind == "fixed-volume" else f"a {kind}"
             raise self.fail(
-                f"this layout is for recordings of a {self.kind.replace('-', ' ')}, and those of {other} are needed",
+                f"this layout is for recordings of a {self.kind.replace('-', ' ')}, not {other}",
                 *(["kind"] if "kind" in self.tree else []),
                 rule=f"{verb}",
-                remedy='a fixed volume (kind = "fixed-volume") goes with `pneudrive identify TANK.toml RECORDING`',
+                remedy='a fixed volume (kind = "fixed-volume") is for `pneudrive identify TANK.toml RECORDING`',
             )
 
     def fail(self, what: str, key: str = "", rule: str | None = None, remedy: str | None = None) -> LayoutError:
@@ -231,7 +231,7 @@ class Layout(Shown):
         return toml.located(wrong(key, what, rule=rule, remedy=remedy), self.origin, self.text).turned(LayoutError)
 
     def _place(self, key: str, chosen: Sequence[int]) -> str:
-        """Return where a key stands in the file, which may be in an override; that of its table where it is not."""
+        """Return the place of a key in the file, also in an override; else that of its table."""
         while key:
             for at in (*(f"for.{index}." for index in reversed(chosen)), ""):
                 found: Any = self.tree["for"][int(at.split(".")[1])] if at else self.tree
@@ -250,12 +250,12 @@ class Layout(Shown):
         chosen : sequence of int
             The overrides, in their order.
         is_part : bool
-            Not everything that a file needs has to be there.
+            The layout may be incomplete.
 
         Raises
         ------
         LayoutError
-            With everything that is wrong.
+            With all errors.
         """
         tree = {key: value for key, value in self.tree.items() if key != "for"}
         for index in chosen:
@@ -270,7 +270,7 @@ class Layout(Shown):
                 problems.take(said.geometry.areas)
             for error in () if is_part else said.missing(kind):
                 problems.add(error)
-        if is_part:  # what is missing here, another [[for]] may give: only the layout of a file has to be whole
+        if is_part:  # another [[for]] may supply missing keys: only the layout of a file must be complete
             problems.found = {at: one for at, one in problems.found.items() if " is missing" not in one.what}
         for error in problems.found.values():
             error.key = self._place(getattr(error, "key", None) or "", chosen)  # type: ignore[attr-defined]
@@ -289,7 +289,7 @@ class Layout(Shown):
                 problems.add(self.fail(what, f"for.{index}", remedy='match = "*257*"'))
         if self.kind not in list(CHANNELS):
             remedy = nearest(str(self.kind), CHANNELS)
-            raise self.fail(f"kind = {self.kind!r} is not known", "kind", remedy=remedy)  # what it needs is not known
+            raise self.fail(f"kind = {self.kind!r} is not known", "kind", remedy=remedy)  # of unknown needs
         for chosen in ([], *([index] for index in range(len(overrides)))):
             with problems.caught():
                 self.read(chosen, is_part=bool(overrides))
@@ -303,7 +303,7 @@ def _read(layout: Layout, chosen: tuple[int, ...]) -> LayoutTables:
 
 
 def stem(path: Path) -> str:
-    """File name without its suffix and without that of a compression.
+    """Return the file name without its suffix and without that of a compression.
 
     Examples
     --------
@@ -316,15 +316,15 @@ def stem(path: Path) -> str:
     return Path(name).stem
 
 
-# Field of a pattern of labels -> what it takes, and how a message calls that. Every other field takes any text.
+# Field of a pattern of labels -> its expression, and its name in messages. Other fields take any text.
 FIELDS = {"pressure": (r"[-+]?\d+(?:[.,]\d+)?(?: ?(?:mbar|bar|kPa|MPa|Pa|psi))?", "a number, with or without a unit")}
 
 
 def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
-    """Read labels out of a file name; None where it does not fit.
+    """Return the labels in a file name; None if it does not match.
 
     ``{pressure}`` takes a number, which a unit may follow: ``5``, ``0,5``, ``1bar``. Every other field takes any text,
-    at least one character, and of several ways to divide a name the one that keeps the earlier fields short.
+    at least one character; earlier fields are as short as possible.
 
     Examples
     --------
@@ -338,7 +338,7 @@ def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
 
 
 def where_pattern_ends(pattern: str, name: str) -> tuple[str, str]:
-    """For a name that does not fit: the part of the pattern that finds nothing, and what of the name is left for it."""
+    """Return, for a name that does not match, the first part of the pattern that fails, and the rest of the name."""
     parts = _parts(pattern)
     for count in range(len(parts) - 1, -1, -1):
         match = re.match(_expression(parts[:count]), name)
@@ -361,9 +361,9 @@ def _expression(parts: list[str]) -> str:
 
 
 def _without(tree: dict[str, Any], rest: dict[str, Any]) -> dict[str, Any]:
-    """Return a tree without what an override says anew as a whole.
+    """Return a tree without the tables that an override replaces as a whole.
 
-    A column that an override gives with its place and its unit, and the pressure of a chamber that it gives in another
+    These are a column given with place and unit, and the pressure of a chamber given in another
     way.
     """
     columns, said = tree.get("columns", {}), rest.get("columns", {})

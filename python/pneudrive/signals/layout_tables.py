@@ -1,4 +1,4 @@
-"""The tables of a layout file, one class each, and what they say of one file together."""
+"""The tables of a layout file, one class each, and their combination for one file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 # Channel -> SI unit.
 CHANNEL_UNITS = {"time": "s", "position": "m", "force": "N", "pressure_a": "Pa", "pressure_b": "Pa"}
-# Channels that a recording of a drive has beside them; a layout that names the command is one of a drive.
+# Further channels of a recording of a drive; a layout with a command is one of a drive.
 DRIVE_UNITS = {"command": "", "velocity": "m/s", "temperature_a": "K", "temperature_b": "K"}
 # Channels of a recording of a fixed volume: its command is the share of the line's opening, its inlet pressure that
 # between line and tube.
@@ -46,16 +46,16 @@ EXAMPLES = {"Pa": "bar gauge", "m": "mm", "s": "s", "N": "N", "m/s": "mm/s", "K"
 
 
 def _place(given: object) -> int | str:
-    """Read where a column is: its number or its name, which may stand in a table."""
+    """Read the number or name of a column, which may be in a table."""
     if isinstance(given, bool) or not isinstance(given, int | str):
         remedy = 'column = 0, or a name of the header in quotes: column = "Force"'
-        raise WrongValueError(f"{given!r} is no column", remedy=remedy)
+        raise WrongValueError(f"{given!r} is not a column", remedy=remedy)
     return given
 
 
 def _scale(given: object) -> float:
     if Quantity("").read(given) == 0.0:
-        raise WrongValueError("0 leaves nothing of the column", rule="SI value = (raw * scale + offset) in its unit")
+        raise WrongValueError("scale = 0 makes all values equal", rule="SI value = (raw * scale + offset) in its unit")
     return Quantity("").read(given)
 
 
@@ -78,7 +78,7 @@ def _delimiter(given: object) -> str | None:
 
 
 class ColumnTable(Described):
-    """What the columns of all channels have."""
+    """Keys of the columns of all channels."""
 
     channel: ClassVar[str] = ""
     column: Annotated[int | str, Reads(_place)]
@@ -101,9 +101,9 @@ class ColumnTable(Described):
     def _fits_the_channel(self) -> ColumnTable:
         said = self.model_fields_set
         if self.channel == "command" and ("unit" in said) != ("range" in said):
-            rule = "a command is the share of full opening, -1 to 1: scale and offset bring it there, or unit and range"
+            rule = "a command is the share of full opening, -1 to 1: give scale and offset, or unit and range"
             remedy = 'command = { column = 0, unit = "V", range = "0 V .. 10 V" }: full opening to either side'
-            raise wrong("", "it has a unit or a range, not both", rule=rule, remedy=remedy)
+            raise wrong("", "give a unit or a range, not both", rule=rule, remedy=remedy)
         if "positive" in said and self.channel not in ("force", "position", "velocity", "command"):
             rule = 'positive is "+x" or "-x", for force, position, velocity and command only'
             raise wrong("positive", f"positive = {self.positive!r}", rule=rule)
@@ -114,7 +114,7 @@ class ColumnTable(Described):
 
 
 def _column_class(channel: str) -> type[ColumnTable]:
-    """Make the class of the column of a channel."""
+    """Return the class of the column of a channel."""
     si_unit = UNITS[channel]
     ends = PressureBetween() if si_unit == "Pa" else Reads(str) if channel == "command" else Between(si_unit)
     fields: dict[str, Any] = {
@@ -135,7 +135,7 @@ def _cycle(given: object) -> int | str:
 
 
 def _labels(given: object) -> dict[str, str]:
-    """Read labels, and the pattern of those that a file's name gives: each of them is a column of the friction map."""
+    """Read labels, and the pattern of labels in file names: each is a column of the friction map."""
     if not isinstance(given, dict):
         raise WrongValueError(f"{given!r} is not a table")
     labels = {key: str(value) for key, value in given.items()}
@@ -143,10 +143,10 @@ def _labels(given: object) -> dict[str, str]:
     names = re.findall(r"\{(\w+)\}", pattern)
     if pattern and (not names or len(set(names)) != len(names) or any(name.isdigit() for name in names)):
         rule = 'a text with each {name} once, as in "{seal}_{pressure}bar"; "" for none'
-        raise WrongValueError(f"{pattern!r} is no pattern", rule=rule, sub="pattern")
+        raise WrongValueError(f"{pattern!r} is not a valid pattern", rule=rule, sub="pattern")
     for name in (*labels, *names):
         if name in COLUMNS:
-            rule = "each label is a column of the friction map, which has that one"
+            rule = "each label is a column of the friction map, which already has this one"
             raise WrongValueError(f"a label cannot be called '{name}'", rule=rule)
     return labels
 
@@ -167,14 +167,14 @@ class GeometryTable(PistonTable):
 
 
 class ChamberTable(Described):
-    """What is said of the pressure in a chamber that is not measured."""
+    """The pressure in a chamber if it is not measured."""
 
     open_to_ambient: StrictBool = False
     pressure: Annotated[units.Pressure | None, StatedPressure()] = None
 
 
 class RigTable(Described):
-    """``[rig]``: what goes with the drive on the rig."""
+    """``[rig]``: the rig of the drive."""
 
     table_name: ClassVar[str] = "rig"
     ambient_pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
@@ -187,7 +187,7 @@ class RigTable(Described):
 
 
 class WindowTable(Described):
-    """``[window]``: the part of the stroke that is looked at."""
+    """``[window]``: the part of the stroke in which friction is averaged."""
 
     table_name: ClassVar[str] = "window"
     position: Annotated[tuple[float, float] | None, Between("m", "mm")] = None
@@ -229,18 +229,18 @@ class LayoutTables(Described):
 
     @property
     def text_form(self) -> TextForm:
-        """How a text table is written."""
+        """Format of a text table."""
         return TextForm(
             delimiter=self.delimiter,
             header=self.header,
             decimal=self.decimal,
             thousands=self.thousands,
             skip_lines=self.skip_lines,
-            comment=self.comment or "\0",  # none: what no text holds
+            comment=self.comment or "\0",  # None: a character that no text contains
         )
 
     def missing(self, kind: str) -> Iterator[DescriptionError]:
-        """Give what a file of this kind needs and the layout does not say."""
+        """Return what a file of this kind needs and the layout lacks."""
         units, needed = CHANNELS[kind]
         for channel in needed:
             if getattr(self.columns, channel) is None:
@@ -250,10 +250,10 @@ class LayoutTables(Described):
         if kind == "rig":
             for side in "ab":
                 if not self._ways(side):
-                    yield self._not_once(side, "says nothing of")
+                    yield self._not_once(side, "does not state")
 
     def contradictions(self, kind: str) -> Iterator[DescriptionError]:
-        """Give what the layout says twice of a file of this kind."""
+        """Return what the layout states twice for a file of this kind."""
         read: dict[int | str, str] = {}
         units = CHANNELS[kind][0]
         for channel in units:
@@ -263,13 +263,13 @@ class LayoutTables(Described):
             other = read.setdefault(column.column, channel)
             if units[other] != units[channel]:  # both chambers may share a transducer
                 what = f"columns.{other} and columns.{channel} read one column: {column.column!r}"
-                yield wrong(f"columns.{channel}", what, rule="a column is one quantity")
+                yield wrong(f"columns.{channel}", what, rule="a column must be one quantity")
         for side in "ab" if kind == "rig" else "":
             if self._ways(side) > 1:
-                yield self._not_once(side, "says more than once what is")
+                yield self._not_once(side, "states more than once")
 
     def _ways(self, side: str) -> int:
-        """Count in how many ways the pressure in a chamber is given."""
+        """Return the number of ways in which the pressure in a chamber is given."""
         chamber: ChamberTable = getattr(self, f"chamber_{side}")
         is_measured = getattr(self.columns, f"pressure_{side}") is not None
         return is_measured + chamber.open_to_ambient + (chamber.pressure is not None)
@@ -281,7 +281,7 @@ class LayoutTables(Described):
         return wrong(key, f"the layout {says} the pressure in chamber {side}", rule=rule)
 
     def chamber_pressures(self) -> dict[str, float]:
-        """Return the absolute pressures of chambers that are said rather than measured."""
+        """Return the absolute pressures of chambers that are stated, not measured."""
         out = {}
         for side, chamber in (("a", self.chamber_a), ("b", self.chamber_b)):
             if chamber.open_to_ambient:
@@ -298,11 +298,11 @@ class LayoutTables(Described):
         return {name: value for name, value in said.items() if value is not None}
 
     def column(self, channel: str, kind: str) -> dict[str, Any]:
-        """Return what is said of a column as `Column` takes it."""
+        """Return a column as a `Column`."""
         given: ColumnTable = getattr(self.columns, channel)
         scale, offset, ends = given.scale, given.offset, given.range
         if channel == "command" and ends is not None:
-            # The ends of the signal are -1 and 1, of the line of a volume 0 and 1.
+            # The ends of the signal are -1 and 1, or 0 and 1 for the line of a volume.
             ends = units.parse_range(ends, given.unit)
             lowest = 0.0 if kind == "fixed-volume" else -1.0
             scale = (1.0 - lowest) / (ends[1] - ends[0])

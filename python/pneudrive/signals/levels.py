@@ -1,4 +1,4 @@
-"""Speed levels: strokes of one recording grouped by their speed, where the speed was controlled."""
+"""Speed classes: strokes of one recording grouped by their speed, if it was controlled."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 if TYPE_CHECKING:
     from pneudrive.signals.motion import Stroke
 
-CONTROLLED_TOLERANCE = 0.03  # a stroke and its return agree this well where speed is controlled
-LEVEL_WIDTH = 0.02  # speeds closer than this are one level
-DRIFT_RANGE = 1.10  # all speeds within this ratio: one level that drifts, not several
-PAIRED_SHARE = 0.8  # so many strokes at least have a stroke of the other direction in their level
-APART = 3.0  # levels lie this many times their own width apart,
-LEAST_GAP = 0.05  # and at least this share of their speed: what changes by less from stroke to stroke drifts
+CONTROLLED_TOLERANCE = 0.03  # largest difference between a stroke and its return with controlled speed
+LEVEL_WIDTH = 0.02  # speeds closer than this are one class
+DRIFT_RANGE = 1.10  # all speeds within this ratio: one drifting class, not several
+PAIRED_SHARE = 0.8  # least share of strokes with a stroke of the other direction in their class
+APART = 3.0  # classes are this many times their width apart,
+LEAST_GAP = 0.05  # and at least this share of their speed: smaller changes from stroke to stroke are drift
 
 
 def speed_was_controlled(strokes: list[Stroke]) -> bool:
-    """Whether the speed was controlled: neighbouring strokes in both directions have equal speeds."""
+    """Return whether the speed was controlled: neighbouring strokes in both directions have equal speeds."""
     if len(strokes) < 2:
         return True
     speeds = np.array([abs(s.speed_m_s) for s in strokes])
@@ -28,13 +28,13 @@ def speed_was_controlled(strokes: list[Stroke]) -> bool:
         for i in range(len(strokes) - 1)
         if strokes[i].direction != strokes[i + 1].direction
     ]
-    # Where the level changes between neighbours the pair differs: at most every second pair does.
+    # A pair differs if the class changes between neighbours: at most every second pair does.
     agree = np.sort(pairs)[: max(len(pairs) // 2, 1)] if pairs else np.array([1.0])
     return bool(agree[-1] <= CONTROLLED_TOLERANCE)
 
 
 def speed_levels(strokes: list[Stroke]) -> list[list[Stroke]]:
-    """Group strokes into speed levels, slowest first; one level where the speed was not controlled."""
+    """Group strokes into speed classes, slowest first; one class if the speed was not controlled."""
     if not speed_was_controlled(strokes):
         return [list(strokes)]
     ordered = sorted(strokes, key=lambda s: abs(s.speed_m_s))
@@ -52,7 +52,7 @@ def speed_levels(strokes: list[Stroke]) -> list[list[Stroke]]:
 
 
 def _are_levels(groups: list[list[Stroke]]) -> bool:
-    """Whether speeds were set: one that drifts or scatters falls into groups too, of one direction or side by side."""
+    """Return whether groups are set speeds: drift or scatter makes groups too, of one direction or adjacent."""
     paired = sum(len(group) for group in groups if len({stroke.direction for stroke in group}) == 2)
     if paired < PAIRED_SHARE * sum(map(len, groups)):
         return False

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-SIGNAL_NOISE = 0.02  # of full opening: by so much a measured signal may lie beyond its range (assumed)
-MISSING_LAYOUT = "say how the file is read with --layout LAYOUT.toml; 'pneudrive layout FILE' proposes one"
+SIGNAL_NOISE = 0.02  # of full opening: largest excess of a measured signal over its range (assumed)
+MISSING_LAYOUT = "give a layout with --layout LAYOUT.toml; 'pneudrive layout FILE' proposes one"
 
 
 @dataclass(frozen=True)
 class RecordingFile:
-    """A file, the layout that reads it (None: a trajectory file), and the name that its recording will have."""
+    """A file, its layout (None: a trajectory file), and the name of its recording."""
 
     path: Path
     layout: Layout | None
@@ -37,21 +37,21 @@ class RecordingFile:
 
     @property
     def has_cycles(self) -> bool:
-        """Whether it is a campaign file, of which each cycle is a recording."""
+        """Whether it is a campaign file, with a recording for each cycle."""
         return self.layout is not None and self.layout.for_file(self.path).cycle is not None
 
     def read(self) -> Recording:
-        """Read the one recording that it holds."""
+        """Read its single recording."""
         if self.layout is None:
             return read_trajectory(self.path, self.name)
         return load_recording(self.path, self.layout, self.name)
 
 
 def recording_files(paths: Iterable[str | Path], layout: Layout | str | Path | None = None) -> list[RecordingFile]:
-    """Find the layout and the name of each file; names that occur twice get their folder in front."""
+    """Find the layout and the name of each file; duplicate names get their folder as prefix."""
     files = [Path(p) for p in paths]
     if not files:
-        raise RecordingError("no recording is named", remedy="give at least one file")
+        raise RecordingError("no recording is given", remedy="give at least one file")
     given = layout if layout is None or isinstance(layout, Layout) else Layout.load(layout)
     beside: dict[Path, Layout] = {}
     counts = Counter(stem(file) for file in files)
@@ -75,7 +75,7 @@ def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | N
     paths
         Files; the order is kept.
     layout
-        A layout or its file. None: ``layout.toml`` beside each recording, or in the folder above, is used;
+        A layout or its file. None: ``layout.toml`` beside each recording, or in the folder above;
         trajectory files need none.
 
     Returns
@@ -92,7 +92,7 @@ def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | N
 
 
 def find_layout(file: Path) -> Layout | None:
-    """Load ``layout.toml`` from the folder of a file, or from the one above; None where there is none."""
+    """Load ``layout.toml`` from the folder of a file, or from the one above; None if there is none."""
     there = [f / "layout.toml" for f in (file.parent, file.parent.parent) if (f / "layout.toml").is_file()]
     return Layout.load(there[0]) if there else None
 
@@ -103,7 +103,7 @@ def layout_beside(file: Path) -> Layout:
         return found
     if not file.exists():
         raise RecordingError("there is no such file", where=str(file))
-    raise RecordingError("no layout says how to read this file", where=str(file), remedy=MISSING_LAYOUT)
+    raise RecordingError("there is no layout for this file", where=str(file), remedy=MISSING_LAYOUT)
 
 
 def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recording:
@@ -122,12 +122,12 @@ def read_rows(path: Path, said: FileLayout, rows: tuple[int, int]) -> dict[str, 
 def read_raw(
     path: Path, said: FileLayout | SampledLayout
 ) -> tuple[dict[str, NDArray[np.float64]], dict[str, int], str]:
-    """Read the raw columns that a layout names, by channel; what reading found; the hash of the file.
+    """Read the raw columns that a layout names, by channel; the flags of reading; the hash of the file.
 
     Raises
     ------
     RecordingError
-        The file cannot be read in this way, or no sample is left.
+        If the file cannot be read so, or no sample is left.
     """
     data = read_bytes(path)
     wanted = {channel: column.column for channel, column in said.columns.items()}
@@ -154,7 +154,7 @@ def to_recording(
     flags: dict[str, int],
     sha256: str | None,
 ) -> Recording:
-    """Bring raw columns to SI, absolute pressures and one time base."""
+    """Convert raw columns to SI, absolute pressures and one time base."""
     values = {channel: convert(said, channel, column) for channel, column in raw.items()}
     time = values.pop("time")
     accuracy = dict(said.geometry_accuracy)
@@ -210,7 +210,7 @@ def to_recording(
 
 
 def convert(said: FileLayout | SampledLayout, channel: str, raw: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Raw values of one channel in SI, pressures absolute."""
+    """Return the raw values of one channel in SI, pressures absolute."""
     column = said.columns[channel]
     value = column.sign * (raw * column.scale + column.offset) * column.unit.factor + column.unit.shift
     if column.curve is not None:
@@ -221,8 +221,8 @@ def convert(said: FileLayout | SampledLayout, channel: str, raw: NDArray[np.floa
 
 
 def shifted(time_s: NDArray[np.float64], values: NDArray[np.float64], delay_s: float) -> NDArray[np.float64]:
-    """Values of a channel that is read ``delay_s`` late, on the common time base."""
+    """Return the values of a channel that is read ``delay_s`` late, on the common time base."""
     order = np.isfinite(time_s)
     if not order.any() or (np.diff(time_s[order]) < 0).any():
-        return values  # the recording refuses such times with a message of its own
+        return values  # the recording refuses such times with its own message
     return np.interp(time_s, time_s[order] - delay_s, values[order])

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MINIMUM_SAMPLES = 20
-# A reversal counts when the position retreats by this share of the whole travel.
+# A reversal counts if the position retreats by this share of the whole travel.
 REVERSAL_SHARE = 0.1
 # Below this share of the travel a stroke has not left its turning point yet (dwell).
 DEPARTURE_SHARE = 0.002
-# The travel must exceed the position noise by this factor to be called motion.
+# Least ratio of travel to position noise for a motion.
 NOISE_FACTOR = 20.0
 ENOUGH_FOR_QUANTILES = 2000
 # Local slopes by convolution: for short windows, and steps that are equal but for rounding.
@@ -50,19 +50,19 @@ class Stroke:
 
 
 def local_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], half_width: int = 4) -> NDArray[np.float64]:
-    """Slope of a straight line fitted to 2 half_width + 1 neighbours, for samples at any times.
+    """Return the slope of a straight line fitted to 2 half_width + 1 neighbours, for samples at any times.
 
     Parameters
     ----------
     time_s, values
         Shape (n,); n must be at least 2.
     half_width
-        Neighbours on each side; at both ends fewer, or those of the nearest full window.
+        Neighbours on each side; fewer at both ends, or those of the nearest full window.
 
     Returns
     -------
     ndarray
-        Shape (n,), unit of ``values`` per second. Zero where all times of a window are equal.
+        Shape (n,), unit of ``values`` per second. Zero if all times of a window are equal.
     """
     n = time_s.size
     steps = np.diff(time_s)
@@ -75,7 +75,7 @@ def local_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], half_w
 
 
 def _uniform_slope(values: NDArray[np.float64], half_width: int, step_s: float) -> NDArray[np.float64]:
-    """Slope by one convolution, for equal time steps; at the ends that of the nearest full window."""
+    """Return the slope by one convolution, for equal time steps; at the ends that of the nearest full window."""
     offsets = np.arange(-half_width, half_width + 1)
     kernel = offsets[::-1] / (step_s * float(offsets @ offsets))
     slope = np.empty_like(values)
@@ -86,12 +86,12 @@ def _uniform_slope(values: NDArray[np.float64], half_width: int, step_s: float) 
 
 
 def _general_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], half_width: int) -> NDArray[np.float64]:
-    """Slope by running sums, for any time steps."""
+    """Return the slope by running sums, for any time steps."""
     n = time_s.size
     low = np.maximum(np.arange(n) - half_width, 0)
     high = np.minimum(np.arange(n) + half_width + 1, n)
     count = (high - low).astype(np.float64)
-    # Centred values keep the running sums small, so that their differences stay exact enough.
+    # Centred values keep the running sums small, so that their differences stay accurate.
     t = time_s - time_s.mean()
     y = values - values.mean()
 
@@ -109,15 +109,15 @@ def _general_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], hal
 def noise_level(values: NDArray[np.float64], *, quantisation: bool = True) -> float:
     """Estimate the standard deviation of white noise from second differences (robust, blind to slow change).
 
-    Where quantisation hides the noise, the uniform distribution over one step takes its place, unless it is
-    not wanted: in a channel that jumps between a few values the smallest step is no quantum.
+    If quantisation hides the noise, the uniform distribution over one step replaces it, unless this is
+    switched off: in a channel that jumps between a few values the smallest step is not a quantum.
     """
     if values.size < 3:
         return 0.0
     stride = max(values.size // ENOUGH_FOR_QUANTILES, 1)
     second = values[2::stride] - 2 * values[1:-1:stride] + values[:-2:stride]
     from_differences = 1.4826 * middle(np.abs(second)) / np.sqrt(6.0)
-    # Equal steps of a quantum that has no finite binary fraction differ by rounding: that is no noise.
+    # Equal steps of a quantum without a finite binary fraction differ by rounding, which is not noise.
     rounding = 8.0 * np.finfo(float).eps * float(np.fmax.reduce(np.abs(values[::stride])))
     if from_differences > rounding or not quantisation:
         return from_differences
@@ -127,12 +127,12 @@ def noise_level(values: NDArray[np.float64], *, quantisation: bool = True) -> fl
 
 
 def thinned(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Every k-th value, so that at most about 4000 are left: enough for a median or a high quantile."""
+    """Return every k-th value, so that at most about 4000 are left: enough for a median or a high quantile."""
     return values[:: max(values.size // ENOUGH_FOR_QUANTILES, 1)]
 
 
 def straight_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float]:
-    """Fit a line by least squares: (slope, intercept); level where all x are equal."""
+    """Fit a line by least squares: (slope, intercept); level if all x are equal."""
     away = x - x.mean()
     power = float(away @ away)
     slope = float(away @ y) / power if power > 0 else 0.0
@@ -140,13 +140,13 @@ def straight_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float
 
 
 def middle(values: NDArray[np.float64]) -> float:
-    """Median of a long array, from enough of its values; the upper one of two middle values."""
+    """Return the median of a long array, from enough of its values; the upper of two middle values."""
     some = thinned(values)
     return float(np.partition(some, some.size // 2)[some.size // 2])
 
 
 def quantiles(values: NDArray[np.float64], *shares: float) -> list[float]:
-    """Quantiles of finite values as NumPy's linear ones, to the last bit, which take ten times as long."""
+    """Return quantiles of finite values, equal to NumPy's linear ones to the last bit, but ten times faster."""
     at = [share * (values.size - 1) for share in shares]
     below = [min(int(place), max(values.size - 2, 0)) for place in at]
     above = [min(low + 1, values.size - 1) for low in below]
@@ -170,7 +170,7 @@ def turning_points(position_m: NDArray[np.float64], prominence_m: float) -> NDAr
         peaks, _ = find_peaks(padded, prominence=prominence_m)
         inside += [(int(p) - 1, sign) for p in peaks]
     inside.sort()
-    # Of neighbours of the same kind (possible only at the ends) the more extreme one stays.
+    # Of neighbours of one kind (possible only at the ends) the more extreme one stays.
     kept: list[tuple[int, int]] = []
     for point in inside:
         if kept and kept[-1][1] == point[1]:
@@ -199,7 +199,7 @@ def find_strokes(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.
     Raises
     ------
     RecordingError
-        Fewer than 20 samples, or no motion beyond the position noise.
+        With fewer than 20 samples, or without motion beyond the position noise.
     """
     travel, noise = _travel(name, time_s, position_m)
     points = turning_points(position_m, REVERSAL_SHARE * travel)
@@ -226,12 +226,12 @@ def find_strokes(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.
         )
         last_moving = stop - 1
     if not strokes:
-        raise RecordingError("no stroke was found", where=name, rule="the position must move and turn back")
+        raise RecordingError("no stroke was found", where=name, rule="the position must move back and forth")
     return strokes
 
 
 def _travel(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.float64]) -> tuple[float, float]:
-    """Travel and position noise, in m; too few samples and no motion are refused."""
+    """Return travel and position noise, m; refuse too few samples and no motion."""
     if time_s.size < MINIMUM_SAMPLES:
         raise RecordingError(
             "too few samples",
@@ -256,7 +256,7 @@ def _travel(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.float
 def _moving_part(
     position_m: NDArray[np.float64], first: int, last: int, departure: float
 ) -> tuple[int, int, int] | None:
-    """Cut the dwell at both ends of a stroke: (start, stop, direction), None where too short."""
+    """Return (start, stop, direction) of a stroke without the dwell at both ends; None if too short."""
     part = position_m[first : last + 1]
     direction = 1 if part[-1] > part[0] else -1
     away = direction * (part - part[0])
@@ -269,7 +269,7 @@ def _moving_part(
 
 
 def _middle_speed(time_s: NDArray[np.float64], position_m: NDArray[np.float64]) -> float:
-    """Distance over time between 20 % and 80 % of a stroke's travel."""
+    """Return the mean speed between 20 % and 80 % of a stroke's travel."""
     share = (position_m - position_m[0]) / (position_m[-1] - position_m[0])
     first = int(np.argmax(share >= 0.2))
     last = int(share.size - 1 - np.argmax(share[::-1] <= 0.8))

@@ -1,4 +1,4 @@
-"""Work in processes of its own: each reads its own part of the files, so that samples do not meet in one process."""
+"""Work in worker processes: each reads its own part of the files, so no process holds all samples."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ POLL_S = 0.05
 
 
 def workers() -> int:
-    """Count the processes that are worth starting: as many as this one may use processors, at most 8."""
-    affinity = hasattr(os, "sched_getaffinity")  # not every system says which
+    """Return a useful number of processes: one for each available processor, at most 8."""
+    affinity = hasattr(os, "sched_getaffinity")  # not known on every system
     return min(len(os.sched_getaffinity(0)) if affinity else os.cpu_count() or 1, MOST_WORKERS)
 
 
 def share_out(
     work: Callable[..., list[Result]], items: Sequence, *rest: object, least: int, processes: int | None = None
 ) -> list[Result]:
-    """Call ``work(items, *rest)``, in several processes where there is enough of it.
+    """Call ``work(items, *rest)``, in several processes if there is enough work.
 
     Parameters
     ----------
     work : callable
-        Of a module; it returns a list with one result for each item.
+        A function of a module that returns a list with one result for each item.
     items : sequence
     *rest
-        Further arguments, the same for all.
+        Further arguments, equal for all.
     least : int
         Items below which starting processes costs more than it saves.
     processes : int, optional
-        None: as many as there are processors.
+        None: one for each processor.
 
     Returns
     -------
@@ -62,46 +62,46 @@ def share_out(
 
 
 def in_processes(work: Callable[..., list[Result]], tasks: Sequence[tuple]) -> list[Result]:
-    """Call a function once for each task, each call in a process of its own.
+    """Call a function once for each task, each call in its own process.
 
     Parameters
     ----------
     work : callable
-        Of a module; it returns a list.
+        A function of a module that returns a list.
     tasks : sequence of tuple
         Arguments of each call.
 
     Returns
     -------
     list
-        The results in the order of the tasks, one after the other.
+        The concatenated results in the order of the tasks.
 
     Raises
     ------
     RecordingError
         If a process dies.
     PneudriveError
-        What `work` raised.
+        The error of `work`.
     """
     command = child.command("pneudrive.signals.pool_worker")
     environment = {**os.environ, "POLARS_MAX_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    # Results come by files: a read from a pipe cannot be interrupted where a library's threads take the signal.
+    # Results come by files: a read from a pipe cannot be interrupted if a library's threads take the signal.
     with contextlib.ExitStack() as stack:
         running: list[tuple[subprocess.Popen, IO[bytes]]] = []
         stack.callback(_stop, running)
-        for _ in tasks:  # all of them start before the first one is waited for
+        for _ in tasks:  # start all of them before waiting for the first
             result = stack.enter_context(tempfile.TemporaryFile())
             running.append((subprocess.Popen(command, stdin=subprocess.PIPE, stdout=result, env=environment), result))
         for (process, _), task in zip(running, tasks, strict=True):
             _send(process, (work, task))
         while None in (ended := [process.poll() for process, _ in running]) and not any(ended):
-            time.sleep(POLL_S)  # until all have ended, or one with an error
+            time.sleep(POLL_S)  # until all have ended, or one has failed
         return [item for process, result in running for item in _result(process, result)]
 
 
 def _send(process: subprocess.Popen, task: object) -> None:
     assert process.stdin is not None
-    with contextlib.suppress(BrokenPipeError):  # the worker died: its status will tell
+    with contextlib.suppress(BrokenPipeError):  # the worker died: its status shows it
         process.stdin.write(pickle.dumps(task))
         process.stdin.close()
 
@@ -109,12 +109,12 @@ def _send(process: subprocess.Popen, task: object) -> None:
 def _result(process: subprocess.Popen, written: IO[bytes]) -> list:
     """Take the result of a worker that has ended, or raise the error that ended it."""
     if process.returncode is None:
-        return []  # another one ended with an error, which is raised when its turn comes
+        return []  # another one failed; its error is raised in its turn
     if process.returncode in (-signal.SIGINT, EXIT_INTERRUPTED):
         raise KeyboardInterrupt
     if process.returncode != 0:
         status = f"a worker process ended with status {process.returncode}"
-        raise RecordingError(status, remedy="its own message stands above")
+        raise RecordingError(status, remedy="see its own message above")
     written.seek(0)
     with many_objects():
         result = pickle.load(written)

@@ -11,7 +11,7 @@ from pneudrive.signals.pool import EXIT_INTERRUPTED
 
 
 def main() -> None:
-    """Read (function, arguments), write the list that it returns or the error that stopped it."""
+    """Read (function, arguments); write the returned list or the error."""
     with many_objects():
         work, task = pickle.load(sys.stdin.buffer)
     try:

@@ -28,7 +28,7 @@ class Recording(Shown):
     Parameters
     ----------
     name
-        Unique name within a set; the file's name without suffix where it was read from a file.
+        Unique name within a set; for a file, its name without suffix.
     time_s, position_m, force_n, pressure_a_pa, pressure_b_pa
         float64 arrays of one length n. Position grows as chamber a grows; ``force_n`` is what the
         rig applies to the piston, positive in +x; a pressure that was not measured is constant.
@@ -42,26 +42,26 @@ class Recording(Shown):
         Positive where +x points up.
     accuracy
         Standard uncertainty per channel in SI (``position_m``, ``force_n``, ``pressure_a_pa``,
-        ``pressure_b_pa``) and of ``bore_m`` or ``area`` (relative). A key that is absent is
+        ``pressure_b_pa``) and of ``bore_m`` or ``area`` (relative). A missing key is
         replaced by an assumed value, which the uncertainty budget marks as assumed.
     labels
         Free text such as seal, run, pressure.
     window_m
-        Positions between which friction is averaged; None takes the middle 60 % of the stroke.
+        Positions between which friction is averaged; None: the middle 60 % of the stroke.
     source, sha256
-        File and hash of its bytes, where there is one.
+        File and hash of its bytes, if there is one.
     synthetic, truth
-        Simulated rigs mark their recordings and keep the parameters that made them.
+        Simulated rigs mark their recordings and keep their parameters.
     stiffness_n_m
-        Stiffness of the rig between its carriage and the piston, where known.
+        Stiffness of the rig between its carriage and the piston, if known.
     flags
-        Counts of what reading found: rows that could not be read, repeated times, ...
+        Counts of faults on reading: unreadable rows, repeated times, ...
     limits
-        Channel -> (lowest, highest) value that the sensor can give, where known.
+        Channel -> (lowest, highest) value of the sensor, if known.
     calibration
         Channel -> free text; one that starts with "assumed" marks the accuracy as assumed in the budget.
     force_calibration
-        Of the force sensor, already taken out of ``force_n``: what it leaves open goes into the budget.
+        Calibration of the force sensor, already applied to ``force_n``: its uncertainties go into the budget.
     """
 
     name: str
@@ -89,7 +89,7 @@ class Recording(Shown):
     force_calibration: ForceCalibration | None = None
 
     def __post_init__(self) -> None:
-        """Bring the channels to float64 and refuse what cannot be a recording."""
+        """Convert the channels to float64 and refuse an invalid recording."""
         size = np.size(self.time_s)
         for channel in ("time_s", *CHANNELS):
             values = np.asarray(getattr(self, channel), dtype=np.float64)
@@ -97,9 +97,9 @@ class Recording(Shown):
                 values = np.full(size, float(values))
             if values.shape != (size,):
                 raise RecordingError(
-                    f"{channel} has {values.size} samples where time_s has {size}",
+                    f"{channel} has {values.size} samples, but time_s has {size}",
                     where=self.name,
-                    rule="all channels are one-dimensional and of one length",
+                    rule="all channels must be one-dimensional and of one length",
                 )
             object.__setattr__(self, channel, values)
         with np.errstate(invalid="ignore"):  # times that are not finite are counted later
@@ -111,23 +111,23 @@ class Recording(Shown):
                 where=f"{self.name}, sample {at}",
                 value=f"{self.time_s[at]:.6g} s after {self.time_s[at - 1]:.6g} s",
                 rule="time must not decrease",
-                remedy="check the time column and its unit, or split the file where the clock was reset",
+                remedy="check the time column and its unit, or split the file at the reset of the clock",
             )
         for area in ("area_a_m2", "area_b_m2"):
             if not (np.isfinite(getattr(self, area)) and getattr(self, area) >= 0):
                 raise RecordingError(f"{area} must not be negative", where=self.name, value=getattr(self, area))
 
     def __len__(self) -> int:
-        """Give the number of samples."""
+        """Return the number of samples."""
         return self.time_s.size
 
     @property
     def weight_n(self) -> float:
-        """Weight of the mass beyond the sensor along the axis, positive where it pulls towards -x."""
+        """Weight of the mass beyond the sensor along the axis, positive if it pulls towards -x."""
         return self.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * float(np.sin(self.incline_rad))
 
     def balance_n(self, acceleration_m_s2: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
-        """Force that is left for friction and for errors, positive where it opposes motion in +x.
+        """Return the force that is left for friction and for errors, positive where it opposes motion in +x.
 
           balance = F + p_a A_a - p_b A_b - p_ambient (A_a - A_b) - m a - m g sin(incline)
 

@@ -14,20 +14,20 @@ from pneudrive.signals.recording import CHANNELS, Recording
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-GAP_FACTOR = 5.0  # a gap is an interval longer than this many usual ones
+GAP_FACTOR = 5.0  # a gap is longer than this many usual intervals
 SPIKE_FACTOR = 12.0  # a spike stands out of both neighbours by this many noise deviations
 STEP_FACTOR = 3.0  # and stands out by this many of the channel's own steps:
 FEW_SPIKES = 0.95  # those below this quantile, which spikes do not reach,
 OWN_STEPS = 0.99  # and, without the spikes, below this one
 AGREEMENT = 0.5  # neighbours of a spike differ by less than this share of its height
 SATURATED_RUN = 5  # equal samples in a row at a channel's extreme
-CLIPPED_SHARE = 0.5  # more of the samples than this at the extremes: a smooth signal
+CLIPPED_SHARE = 0.5  # share of the samples at the extremes above which a signal is smooth
 STUCK_RUN = 20  # equal samples in a row while the piston travels
 STUCK_TRAVEL_SHARE = 0.02
 
 
 def clean(recording: Recording) -> Recording:
-    """Drop the samples that cannot be used and count them by kind.
+    """Drop unusable samples and count them by kind.
 
     Parameters
     ----------
@@ -38,12 +38,12 @@ def clean(recording: Recording) -> Recording:
     -------
     Recording
         Only usable samples; ``flags`` counts ``non_finite``, ``repeated_time``, ``spike``,
-        ``saturated``, ``stuck`` samples and ``gap`` intervals (kinds that were not found are absent).
+        ``saturated``, ``stuck`` samples and ``gap`` intervals (kinds with count 0 are absent).
 
     Raises
     ------
     RecordingError
-        Where no finite sample is left.
+        If no finite sample is left.
     """
     counts = dict(recording.flags)
     finite = np.isfinite(recording.time_s)
@@ -75,7 +75,7 @@ def clean(recording: Recording) -> Recording:
 
 
 def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
-    """Give a mask per kind of bad sample."""
+    """Return a mask per kind of bad sample."""
     n = len(recording)
     masks = {kind: np.zeros(n, dtype=bool) for kind in ("spike", "saturated", "stuck")}
     if n < 2 * STUCK_RUN:
@@ -85,7 +85,7 @@ def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
     for channel in CHANNELS:
         values = getattr(recording, channel)
         if np.ptp(values) == 0 or recording.accuracy.get(channel) == 0.0:
-            continue  # a pressure that was not measured, an exact channel: no sensor that could spoil it
+            continue  # an unmeasured pressure or an exact channel has no sensor that could fail
         masks["spike"] |= spikes(values)
         if channel in recording.limits:
             low, high = recording.limits[channel]
@@ -95,29 +95,27 @@ def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
             continue
         if channel != "position_m":
             masks["saturated"] |= clipped(values, runs)
-        if moves:  # a piston that stands makes every sensor look stuck
+        if moves:  # a piston at rest makes every sensor look stuck
             masks["stuck"] |= stuck_position(position, runs) if channel == "position_m" else stuck_runs(position, runs)
     return masks
 
 
 def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Single samples that stand out of both neighbours, far beyond the noise, where these agree with each other.
+    """Return the single samples that stand out of both neighbours, far beyond the noise, if the neighbours agree.
 
-    Where the neighbours differ, or the channel is on its way just before or after, it is a change of level, whose
+    If the neighbours differ, or the channel changes just before or after, it is a change of level, whose
     overshoot may be real: breakaway after a reversal.
     """
     mask = np.zeros(values.size, dtype=bool)
     steps = np.diff(values)
     threshold = max(SPIKE_FACTOR * noise_level(values), STEP_FACTOR * _upper(steps, FEW_SPIKES))
-    large = np.flatnonzero(np.abs(steps[:-1]) > threshold)  # few, as a rule none
+    large = np.flatnonzero(np.abs(steps[:-1]) > threshold)  # few, usually none
     there, back = steps[large], steps[large + 1]
     height = np.minimum(np.abs(there), np.abs(back))
     alone = (there * back < 0) & (height > threshold) & (np.abs(there + back) < AGREEMENT * height)
     for neighbour in (np.maximum(large - 1, 0), np.minimum(large + 2, steps.size - 1)):
         alone &= (np.abs(steps[neighbour]) < AGREEMENT * height) | (neighbour == large) | (neighbour == large + 1)
-    if (
-        alone.any()
-    ):  # the channel's own largest steps, reversals, are without spikes: many of these would hide behind them
+    if alone.any():  # exclude spikes from the channel's largest steps (reversals): many spikes would hide otherwise
         rest = np.ones(steps.size, dtype=bool)
         rest[large[alone]] = rest[large[alone] + 1] = False
         alone &= height > STEP_FACTOR * _upper(steps[rest], OWN_STEPS)
@@ -126,7 +124,7 @@ def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _upper(steps: NDArray[np.float64], share: float) -> float:
-    """Height that this share of the steps stays below."""
+    """Return the quantile of the steps for this share."""
     some = np.abs(thinned(steps))
     rank = int(share * (some.size - 1))
     return float(np.partition(some, rank)[rank])
@@ -146,9 +144,9 @@ def _fill(size: int, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> NDA
 
 
 def _usual_run(lengths: NDArray[np.intp]) -> float:
-    """Length of run that coarse quantisation makes by itself, weighted by samples.
+    """Return the usual length of runs from coarse quantisation, weighted by samples.
 
-    The longest run does not count: a sensor that is stuck for most of the time must not pass for a coarse one.
+    The longest run is excluded: a sensor that is stuck for most of the time must not pass for a coarse one.
     """
     if lengths.size <= 1:
         return 0.0
@@ -159,9 +157,9 @@ def _usual_run(lengths: NDArray[np.intp]) -> float:
 
 
 def clipped(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
-    """Mark what lies at the largest or smallest value of a channel that is noisy elsewhere, where long runs do.
+    """Mark samples at the largest or smallest value of a noisy channel, if there are long runs of it.
 
-    A channel near its limit touches it for single samples too: these are as clipped as the runs.
+    A channel near its limit touches it for single samples too: these are clipped like the runs.
 
     A channel that rests at its extremes for most of the time is a smooth signal (a simulation), not a clipped one.
     """
@@ -175,11 +173,11 @@ def clipped(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[n
 
 
 def stuck_runs(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
-    """Mark runs of one value while the piston moved."""
+    """Mark runs of one value while the piston moves."""
     starts, lengths = runs
     long = lengths >= max(STUCK_RUN, 4 * _usual_run(lengths))
     starts, lengths = starts[long], lengths[long]
-    # Out and back ends where it began: the whole way counts, not its ends.
+    # Out and back ends at its start: the whole way counts, not its ends.
     runs_of = [position[start : start + length] for start, length in zip(starts, lengths, strict=True)]
     moved = np.array([np.ptp(run) > STUCK_TRAVEL_SHARE * np.ptp(position) for run in runs_of], dtype=bool)
     return _fill(position.size, starts[moved], lengths[moved])

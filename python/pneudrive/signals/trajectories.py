@@ -1,4 +1,4 @@
-"""Simulated trajectories as recordings, so that what measures a rig measures a simulation too."""
+"""Simulated trajectories as recordings, so that the analysis of rigs applies to simulations."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-# Columns of a trajectory file that make it a recording; other files do not have them all.
+# Columns that identify a trajectory file; other files lack some.
 COLUMNS = ("time_s", "position_m", "velocity_m_s", "friction_force_n", "pressure_a_pa", "pressure_b_pa", "command")
 VARIABLES = tuple(meaning(column)[0] for column in COLUMNS)
 
 
 def from_trajectory(columns: dict[str, NDArray], name: str, source: Path | None = None) -> Recording:
-    """Make a recording of a trajectory's columns.
+    """Make a recording from a trajectory's columns.
 
-    The force is the friction force itself, as an ideal sensor between rig and piston would show it in steady
-    sliding; the areas are zero, since no pressure has to be taken out of it.
+    The force is the friction force itself, like that of an ideal sensor between rig and piston in steady
+    sliding; the areas are zero, since the force contains no pressure.
     """
     digest = hashlib.sha256(b"".join(np.ascontiguousarray(columns[c]).tobytes() for c in COLUMNS)).hexdigest()
     return Recording(
@@ -47,32 +47,32 @@ def from_trajectory(columns: dict[str, NDArray], name: str, source: Path | None 
 
 
 def is_run(item: object) -> TypeGuard[xr.Dataset]:
-    """Whether this is a Dataset, without importing what makes one."""
+    """Return whether this is a Dataset, without importing xarray."""
     xarray = sys.modules.get("xarray")
     return xarray is not None and isinstance(item, xarray.Dataset)
 
 
 def from_run(run: xr.Dataset, name: str = "trajectory") -> Recording:
-    """Make a recording of what ``pn.simulate`` returns.
+    """Make a recording from a result of ``pn.simulate``.
 
     Raises
     ------
     RecordingError
-        The Dataset is no trajectory.
+        If the Dataset is not a trajectory.
     """
     missing = [v for v in VARIABLES if v not in run.variables]
     if missing:
-        raise RecordingError(f"the Dataset is no trajectory: it lacks {', '.join(missing)}", where=name)
+        raise RecordingError(f"the Dataset is not a trajectory: it lacks {', '.join(missing)}", where=name)
     return from_trajectory({c: run[v].to_numpy() for c, v in zip(COLUMNS, VARIABLES, strict=True)}, name)
 
 
 def is_trajectory(path: Path) -> bool:
-    """Whether a file has the columns of a trajectory.
+    """Return whether a file has the columns of a trajectory.
 
     Raises
     ------
     RecordingError
-        There is no such file, or it is damaged.
+        If there is no such file, or it is damaged.
     """
     return len(columns_in(path, COLUMNS)) == len(COLUMNS)
 
@@ -83,6 +83,6 @@ def read_trajectory(path: Path, name: str) -> Recording:
     Raises
     ------
     RecordingError
-        It is damaged, or a column does not hold numbers.
+        If it is damaged, or a column does not hold numbers.
     """
     return from_trajectory(read_columns(path, COLUMNS), name, path)

@@ -233,7 +233,7 @@ def test_dates_that_are_none_and_none_that_are_dates(table, tmp_path):
     file = tmp_path / "lip.csv"
     text_iso(file, table)
     with pytest.raises(
-        RecordingError, match=r"(?s)no value of the time column is a date of the form %H.*2026-10.*format"
+        RecordingError, match=r"(?s)no value of the time column is a date of the format %H.*2026-10.*format"
     ):
         characterise(file, layout("csv", DATES + ', format = "%H.%M.%S"', TEXT))
     lines = file.read_text().splitlines()
@@ -244,7 +244,7 @@ def test_dates_that_are_none_and_none_that_are_dates(table, tmp_path):
     with pytest.raises(RecordingError, match=r'(?s)holds dates and times.*unit = "date-time"'):
         characterise(tmp_path / "lip.parquet", layout("parquet"))
     parquet(tmp_path / "lip.parquet", table)
-    with pytest.raises(RecordingError, match=r"(?s)holds numbers, no dates.*say the unit"):
+    with pytest.raises(RecordingError, match=r"(?s)holds numbers, not dates.*state its unit"):
         characterise(tmp_path / "lip.parquet", layout("parquet", DATES))
 
 

@@ -149,7 +149,7 @@ MISTAKES = [
     ("skip_samples = 2", 'skip_samples = "2"', 3, "is not a whole number"),
     ('"csv"', '"xls"', 1, "format: 'xls' is not known"),
     ('positive = "+x"', 'positive = "up"', 9, '\'"\\+x" or "-x"\'|\\+x'),
-    ('positive = "+x"', "scale = 0", 9, "0 leaves nothing"),
+    ('positive = "+x"', "scale = 0", 9, "scale = 0 makes all"),
     ('positive = "+x"', 'accuracy = "-1 N"', 9, "negative"),
     ("column = 3, ", "", 9, "columns.force.column is missing"),
     ('bore = "25.0 mm"', 'bore = "25.0"', 13, "no unit"),
@@ -158,9 +158,9 @@ MISTAKES = [
     ('kind = "rodless"', 'kind = "single-rod"\nrod_diameter = "30 mm"', 13, "Were bore and rod swapped"),
     ('kind = "rodless"', 'kind = "single-rod"', 11, "rod_diameter is missing"),
     ('kind = "rodless"', 'area_a = "5 cm2"', 11, "gives no piston areas, or more than once"),
-    ("open_to_ambient = true", "", 15, "says nothing of the pressure in chamber a"),
+    ("open_to_ambient = true", "", 15, "does not state the pressure in chamber a"),
     ("open_to_ambient = true", 'open_to_ambient = true\npressure = "3 bar abs"', 15, "more than once"),
-    ('pattern = "{seal}_{pressure}bar"', 'pattern = "{seal}_{seal}"', 19, "no pattern"),
+    ('pattern = "{seal}_{pressure}bar"', 'pattern = "{seal}_{seal}"', 19, "not a valid pattern"),
     ("[labels]", '[window]\nposition = "30 mm .. 5 mm"\n[labels]', 19, "empty"),
     ("[labels]", '[rig]\nambient_pressure = "1 bar gauge"\n[labels]', 19, "is gauge, but defines the ambient pressure"),
     ("[labels]", '[rig]\nincline = "100 deg"\n[labels]', 19, "rig.incline: .* is out of bounds"),
@@ -182,7 +182,7 @@ def test_no_layout_an_empty_one_and_one_that_is_not_there(tmp_path):
     from pneudrive.errors import RecordingError
 
     (tmp_path / "a.csv").write_text(ROWS)
-    with pytest.raises(RecordingError, match="no layout says how to read"):
+    with pytest.raises(RecordingError, match="there is no layout for this file"):
         load_recordings([tmp_path / "a.csv"])
     with pytest.raises(LayoutError, match="there is no file"):
         load_recordings([tmp_path / "a.csv"], tmp_path / "none.toml")
@@ -196,13 +196,13 @@ def test_a_pattern_that_does_not_fit_a_name_is_an_error_that_says_where(tmp_path
         (
             "Messung_{run}_{seal}_{pressure}",
             "Messung_01_DichtungA_xbar.csv",
-            r"where \{pressure\} \(a number, .*'xbar'",
+            r"at \{pressure\} \(a number, .*'xbar'",
         ),
-        ("{seal}_{pressure}bar", "lip-2bar.csv", r"where '_' should stand, '.*' is left"),
-        ("{seal}_{pressure}bar_{run}", "lip_2bar.csv", r"where 'bar_' should stand, nothing is left"),
+        ("{seal}_{pressure}bar", "lip-2bar.csv", r"at '_', '.*' is left"),
+        ("{seal}_{pressure}bar_{run}", "lip_2bar.csv", r"at 'bar_', the name ends"),
     ):
         with pytest.raises(
-            LayoutError, match=rf"(?s)does not fit the file {name}.*layout.toml:19.*{words}.*\[\[for\]\]"
+            LayoutError, match=rf"(?s)does not match the file {name}.*layout.toml:19.*{words}.*\[\[for\]\]"
         ):
             read(tmp_path, PLAIN.replace('"{seal}_{pressure}bar"', f'"{pattern}"'), name=name)
     recording = read(

@@ -172,7 +172,7 @@ def test_a_table_that_is_no_recording_gets_no_layout(tmp_path, capsys, head):
     rows = [f"{i},{rng.uniform(1, 90):.2f},{rng.integers(1, 9)}" for i in range(400)]
     (tmp_path / "a.csv").write_text("\n".join([head, *rows] if head else rows))
     assert run(["layout", str(tmp_path / "a.csv"), "--out", str(tmp_path / "layout.toml")]) == 2
-    assert "no recording" in capsys.readouterr().err
+    assert "not a recording" in capsys.readouterr().err
     assert not (tmp_path / "layout.toml").exists()
 
 

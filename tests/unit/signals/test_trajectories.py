@@ -78,8 +78,8 @@ def test_the_dataset_of_a_simulation(columns):
 
 @pytest.mark.parametrize("given", [None, 3.0, np.zeros(4)])
 def test_what_is_no_recording_is_refused(given):
-    with pytest.raises(RecordingError, match="this is no recording"):
+    with pytest.raises(RecordingError, match="this is not a recording"):
         characterise_recordings([given])
     if not np.iterable(given):
-        with pytest.raises(RecordingError, match="this is no recording"):
+        with pytest.raises(RecordingError, match="this is not a recording"):
             characterise_recordings(given)

@@ -112,7 +112,7 @@ def test_records_that_cannot_be_used_say_why(tmp_path):
     with pytest.raises(RecordingError, match="time_s does not rise"):
         validate(truth, {**good, "time_s": good["time_s"][::-1]})
     (tmp_path / "run.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(RecordingError, match="no recording of a drive"):
+    with pytest.raises(RecordingError, match="not a recording of a drive"):
         validate(truth, tmp_path / "run.csv")
     layout = tmp_path / "own.toml"
     layout.write_text(LAYOUT.replace('position = { column = "x", unit = "mm", positive = "-x" }\n', ""))

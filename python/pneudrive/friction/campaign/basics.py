@@ -1,4 +1,4 @@
-"""Words of every result: the condition of a curve, what pressures tell, a sentence, a cycle that was not counted."""
+"""Basic types of results: condition of a curve, statement, skipped cycle; and the classes of pressures."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 PA_PER_BAR = 1e5
-TOLD = {"both": ("a", "b"), "a": ("a",), "b": ("b",)}  # the chambers whose pressure has an effect that can be told
-SAME_SLOPE = 1e-3  # of the largest pressure: pairs that lie on one line closer than this do not tell both pressures
-BOTH = 0  # direction of a curve that is half the difference of both directions
+TOLD = {"both": ("a", "b"), "a": ("a",), "b": ("b",)}  # chambers whose pressure has a separate effect
+SAME_SLOPE = 1e-3  # of the largest pressure: pairs nearer to one line do not determine both effects
+BOTH = 0  # `direction` of half the difference of both directions
 
 
 @dataclass(frozen=True, order=True)
 class Condition:
-    """What a curve is for, beside speed and direction.
+    """The condition of a curve, beside speed and direction.
 
     Attributes
     ----------
     pressure_a_pa, pressure_b_pa : float
         Absolute pressures, as planned.
     mounting, seal, drive : str
-        Levels of the hard-to-change factors; "" where the campaign has none.
+        Levels of the hard-to-change factors; "" if the campaign has none.
     """
 
     pressure_a_pa: float
@@ -41,11 +41,11 @@ class Condition:
 
     @property
     def title(self) -> str:
-        """Levels that there are, in words."""
+        """Present levels, in words."""
         return ", ".join(level for level in self.levels if level)
 
     def label(self, ambient_pressure_pa: float) -> str:
-        """Name it as people say it: gauge pressures, then the levels that there are.
+        """Return its name: gauge pressures, then the present levels.
 
         Examples
         --------
@@ -63,7 +63,7 @@ def _tidy(bar: float) -> str:
 
 @dataclass(frozen=True)
 class Statement:
-    """A sentence on what the data carry, or do not carry and what would.
+    """A sentence on what the data determine, or do not determine, with a remedy.
 
     Attributes
     ----------
@@ -71,9 +71,9 @@ class Statement:
         curve, direction, pressure, air, position, stops, drift, repeatability, stick-slip, zero, range, data.
     text : str
     carried : bool
-        Whether the data carry what was asked for.
+        Whether the data determine it.
     remedy : str
-        Which cycles to add; "" where nothing is missing.
+        Cycles to add; "" if nothing is missing.
     """
 
     topic: str
@@ -82,13 +82,13 @@ class Statement:
     remedy: str = ""
 
     def __str__(self) -> str:
-        """Text and remedy."""
+        """Return the text and remedy."""
         return f"{self.text} Remedy: {self.remedy}" if self.remedy else self.text
 
 
 @dataclass(frozen=True)
 class Skipped:
-    """A cycle that was not counted, and why."""
+    """A cycle that was left out, and why."""
 
     key: str
     file: str
@@ -96,7 +96,7 @@ class Skipped:
 
 
 def classify_pressures(pairs: NDArray[np.float64]) -> str:
-    """Say what pressure pairs can tell: both slopes, one, their sum (equal pressures), or one along another line."""
+    """Return what pressure pairs determine: both slopes, one, their sum (equal pressures), or one along a line."""
     away = pairs - pairs.mean(axis=0)
     scale = max(float(np.abs(pairs).max()), 1e-12)
     spans = np.ptp(pairs, axis=0)

@@ -57,11 +57,11 @@ def characteristics(
     campaign : Campaign or path-like
         An open campaign or its folder.
     protocol : SampleChoice, optional
-        Which samples count: ``Settled()`` (default) or ``SourcePaper()``.
+        Selection of samples: ``Settled()`` (default) or ``SourcePaper()``.
     processes : int, optional
-        That read the cycles; None: as many as there are processors.
+        Number of processes that read the cycles; None: one for each processor.
     progress : callable, optional
-        Is called as ``progress(done, total, task)``.
+        Called as ``progress(done, total, task)``.
     cancel : object with ``is_set()``, optional
         Ends the call once it is set.
 
@@ -72,9 +72,9 @@ def characteristics(
     Raises
     ------
     CampaignError
-        If the folder is no campaign, or no cycle can be used.
+        If the folder is not a campaign, or no cycle can be used.
     Cancelled
-        The flag was set.
+        If the flag was set.
     """
     watch = Watch(progress, cancel)
     opened = campaign if isinstance(campaign, Campaign) else Campaign.open(campaign)
@@ -96,16 +96,16 @@ def characterise(
     layout: Layout | str | Path | None = None,
     protocol: SampleChoice | None = None,
 ) -> xr.Dataset:
-    """Give the friction map of recordings or of a campaign.
+    """Return the friction map of recordings or of a campaign.
 
     Parameters
     ----------
     recordings
         Recordings, files or trajectories (what ``pn.simulate`` returns), or one of them; or the folder of a campaign.
     layout
-        How files are read: a layout, its file, or None for ``layout.toml`` beside each recording; none for a campaign.
+        How files are read: a layout, its file, None for ``layout.toml`` beside each recording; unused for a campaign.
     protocol
-        Which samples count: ``Settled()`` (default) or ``SourcePaper()``.
+        Selection of samples: ``Settled()`` (default) or ``SourcePaper()``.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def characterise(
     Raises
     ------
     RecordingError, LayoutError, CampaignError
-        A file, recording or folder that cannot be used; what, where, value, rule and remedy.
+        If a file, recording or folder cannot be used.
     """
     if isinstance(recordings, str | Path) and Path(recordings).is_dir():
         return characteristics(recordings, protocol).friction_map
@@ -130,7 +130,7 @@ def _characterise(opened: Campaign, choice: SampleChoice, reading: CampaignData)
     points = points_of(reading)
     fits = fit_points(reading, points) if points is not None else None
     if points is not None and fits is not None and len(fits.points) == len(points):
-        points = fits.points  # outliers are known now; a campaign that was condensed for its fits stays as it is
+        points = fits.points  # outliers are known now; a campaign that was condensed for its fits stays so
     cycles = _cycles(reading, points)
     found = CampaignCharacteristics(
         name=str(opened.about.get("name", opened.path.name)),
@@ -172,7 +172,7 @@ def _characterise(opened: Campaign, choice: SampleChoice, reading: CampaignData)
 def _with_stops(
     found: CampaignCharacteristics, opened: Campaign, reading: CampaignData, processes: int | None
 ) -> CampaignCharacteristics:
-    """Add what the stops say, where there are any."""
+    """Add the results of the stops, if there are any."""
     if not any(head.cycle.kind == "stop" for head in reading.heads):
         return found
     stops, lost = find_stops(opened, processes, reading.files)
@@ -182,7 +182,7 @@ def _with_stops(
 
 
 def _cycles(reading: CampaignData, points: Points | None) -> tuple[CycleResult, ...]:
-    """Give all cycles that were read in short."""
+    """Return a summary of all cycles that were read."""
     days = reading.days()
     first = min((head.began_s for head in reading.heads), default=0.0)
     place = {d.head.cycle.key: i for i, d in enumerate(points.reduced.data)} if points is not None else {}
@@ -217,7 +217,7 @@ def _cycles(reading: CampaignData, points: Points | None) -> tuple[CycleResult, 
 
 
 def _ranges(reading: CampaignData) -> Ranges:
-    """Lowest and highest of what was measured."""
+    """Return the lowest and highest measured values."""
     sides = [side for d in reading.sliding for side in d.sides.values()]
     ambient = reading.identity.ambient_pressure_pa
     temperatures = [d.temperature_k for d in reading.sliding if np.isfinite(d.temperature_k)]

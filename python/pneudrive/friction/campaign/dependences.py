@@ -1,4 +1,4 @@
-"""What a campaign measured of direction, position, stops and temperature, as tables of a drive's friction.
+"""Measured effects of direction, position, stops and temperature, as tables of a drive's friction.
 
   F(v, x, ...) = s (1 + slope (x - x0) + waves) [levels(v) + Fd(age)] + viscous v
 
@@ -42,7 +42,7 @@ Part = tuple[str, dict[str, object], dict[str, Estimate]]
 def dependences_of(
     found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str] = ("", "", "")
 ) -> Dependences:
-    """Give what acts on friction beside speed and pressure, in the terms of a drive file.
+    """Return the friction modifiers beside speed and pressure, in the terms of a drive file.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def dependences_of(
     Returns
     -------
     Dependences
-        Only what differs from nothing beyond chance; of the rest and of what a drive cannot hold, a note.
+        Only effects that exceed chance; notes on the others and on those that a drive file cannot describe.
     """
     notes: list[str] = []
     series = _series(found, levels)
@@ -85,7 +85,7 @@ def _is_of(condition: Condition | None, levels: tuple[str, str, str]) -> bool:
 
 
 def _weighted(estimates: Iterable[Estimate]) -> Estimate:
-    """Give the mean of estimates, each weighted by its variance."""
+    """Return the mean of estimates, each weighted by its variance."""
     every = list(estimates)
     weights = np.array([1.0 / max(one.stderr, 1e-300) ** 2 for one in every])
     value = float(weights @ [one.value for one in every] / weights.sum())
@@ -99,7 +99,7 @@ def _weighted(estimates: Iterable[Estimate]) -> Estimate:
 def _direction(
     found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str], notes: list[str]
 ) -> Iterator[Part]:
-    """Factors on the levels in +x and -x: half the difference of both directions over the mean level."""
+    """Return the factors on the levels in +x and -x: half the difference of both directions over the mean level."""
     own = [one for one in found.asymmetry if _is_of(one.condition, levels)]
     shares = [share for one in own if one.basis == "tare" and (share := _share(found, one, viscous_n_s_m)) is not None]
     if own and not shares:
@@ -123,22 +123,22 @@ def _share(found: CampaignCharacteristics, one: Asymmetry, viscous_n_s_m: float)
 
 
 def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str]) -> Iterator[Part]:
-    """Trend and waves of the levels over position; their mean over the common range is one."""
+    """Return the trend and waves of the levels over position; their mean over the common range is one."""
     own = [one for one in found.position if one.condition is None or _is_of(one.condition, levels)]
     curves = [one for one in found.curves if one.direction == BOTH and _is_of(one.condition, levels)]
     if not own or not curves:
         return
     pattern = max(own, key=lambda one: (one.condition is None and _one_group(found), one.cycles))
     viscous = [viscous_n_s_m * one.speed_m_s / one.friction_n for one in curves]
-    level = 1.0 - float(np.mean(np.concatenate(viscous)))  # share of the levels in what the pattern is relative to
+    level = 1.0 - float(np.mean(np.concatenate(viscous)))  # share of the levels in the reference of the pattern
     away = pattern.position_m - (middle := float(pattern.position_m.mean()))
     waves = [(w.wavelength_m, w.cosine.value, w.sine.value) for w in pattern.harmonics]
     shape = sum(
         (c * np.cos(2.0 * np.pi * away / length) + s * np.sin(2.0 * np.pi * away / length) for length, c, s in waves),
         np.zeros(away.size),
     )
-    scale = 1.0 / (level - float(shape.mean()))  # the drive's factor has one as its constant
-    # a trend is not the mean over speeds but that of the cycles which tell it best: their share may be any
+    scale = 1.0 / (level - float(shape.mean()))  # the constant of the drive's factor is one
+    # a trend is not the mean over speeds but that of the most informative cycles: their share is arbitrary
     spread = scale**2 * float(np.std(np.concatenate(viscous))) * abs(pattern.trend_per_m.value)
     slope = pattern.trend_per_m.scaled(scale).widened(spread)
     if not waves and not slope.differs:
@@ -166,13 +166,13 @@ def _one_group(found: CampaignCharacteristics) -> bool:
 
 
 def _series(found: CampaignCharacteristics, levels: tuple[str, str, str]) -> DwellSeries | None:
-    """Choose the series that has most stops in which the axis held the piston."""
+    """Choose the series with most stops with a held axis."""
     own = [one for one in found.dwell if one.conditions and not one.released and _is_of(one.conditions[0], levels)]
     return max(own, key=lambda one: len(one.stops), default=None)
 
 
 def _contact_age(series: DwellSeries | None, ambient_pa: float, notes: list[str]) -> ContactAge | None:
-    """Fit the age of the contact by the growth of the best law of breakaway over duration that a drive knows."""
+    """Fit the age of the contact with the growth of the best law of breakaway that a drive file supports."""
     if series is None:
         return None
     if not series.laws or series.slope is None:
@@ -186,7 +186,7 @@ def _contact_age(series: DwellSeries | None, ambient_pa: float, notes: list[str]
 
 def _dwell(age: ContactAge, notes: list[str]) -> Iterator[Part]:
     if age.distance is None:
-        notes.append("stops: no way back to sliding was seen: the distance that renews the contact is assumed, 0.1 mm")
+        notes.append("stops: no return to sliding was seen: the distance that renews the contact is assumed, 0.1 mm")
     if age.together:
         notes.append("stops: both pressures moved together; half of their effect on ageing is given to each chamber")
     table: dict[str, object] = {
@@ -204,13 +204,13 @@ def _dwell(age: ContactAge, notes: list[str]) -> Iterator[Part]:
 
 
 def _relaxation(stops: Iterable[Stop], notes: list[str]) -> Iterator[Part]:
-    """Share and time of the fall of a held force, where it is that of one time constant."""
+    """Return the share and time of the fall of a held force, if it has one time constant."""
     held = [stop.relaxation for stop in stops if stop.relaxation is not None and stop.relaxation.amount.differs]
     if len(held) < FEWEST_STOPS:
         return
     of_one_time = [one for one in held if one.form == "exponential"]
     if len(of_one_time) <= len(held) / 2:
-        notes.append("relaxation: the force does not fall with one time constant, as that of a drive does; not applied")
+        notes.append("relaxation: the force does not fall with one time constant as in a drive file; not applied")
         return
     shares = np.array([one.amplitudes_n[0] / (one.held_n + one.amplitudes_n[0]) for one in of_one_time])
     shares = shares[(shares > 0.0) & (shares < MOST_RELAXED)]

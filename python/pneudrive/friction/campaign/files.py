@@ -43,7 +43,7 @@ def write_characteristics(found: CampaignCharacteristics, folder: str | Path) ->
     Raises
     ------
     CommandError
-        The folder cannot be written to.
+        If the folder cannot be written.
     """
     folder = Path(folder)
     written = [write_map(found.friction_map, folder / name) for name in MAP_FILES]
@@ -52,7 +52,7 @@ def write_characteristics(found: CampaignCharacteristics, folder: str | Path) ->
 
 
 def write_curves(found: CampaignCharacteristics, path: str | Path) -> Path:
-    """Write all curves as one table: condition, direction, the columns of `Curve`, and what was excluded."""
+    """Write all curves as one table: condition, direction, the columns of `Curve`, and the excluded points."""
     import polars as pl
 
     path = check_target(path, (".parquet", ".csv"))
@@ -112,7 +112,7 @@ def write_effects(found: CampaignCharacteristics, path: str | Path) -> Path:
 
 
 def write_comparison(compared: Comparison, path: str | Path) -> Path:
-    """Write the tests of a comparison, what makes it doubtful, and the differences at common points as TOML."""
+    """Write the tests of a comparison, its cautions, and the differences at common points as TOML."""
     path = check_target(path, (".toml",))
     tables: dict[str, Any] = {
         "first": compared.first.name,
@@ -141,7 +141,7 @@ def write_comparison(compared: Comparison, path: str | Path) -> Path:
 
 
 def _lines(table: dict[str, Any], name: tuple[str, ...]) -> list[str]:
-    """Plain values first, then tables, then lists of tables; what is None or empty is left out."""
+    """Return lines of TOML: plain values, tables, lists of tables; None and empty values are left out."""
     plain, inner, lists = [], [], []
     for key, given in table.items():
         value = given.tolist() if isinstance(given, np.ndarray | np.generic) else given

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.identify.result import FrictionFit
 
-ALL = "all cycles"  # the group of a campaign that has no levels
+ALL = "all cycles"  # the group of a campaign without levels
 NO_POINTS = ("stick_slip", "speed_ripple", "force_swing", "saturated", "unpaired", "outlier", "negative_friction")
 
 
@@ -38,8 +38,8 @@ def fit_campaign(
     Returns
     -------
     dict of dict of FrictionFit, list of str
-        Group -> law -> fit, and what could not be fitted. A group is a set of mounting, seal and drive, or
-        ``all cycles`` where the campaign has none. Friction may depend on pressure where there were several.
+        Group -> law -> fit, and the failures. A group is a set of mounting, seal and drive, or
+        ``all cycles`` in a campaign without levels. Friction may depend on pressure if there were several.
     """
     with one_thread():
         return _fit_campaign(found, laws)
@@ -68,7 +68,7 @@ def _fit_campaign(
 
 
 def fit_map(table: xr.Dataset, law: str, exclude_flags: tuple[str, ...] = NO_POINTS) -> FrictionFit:
-    """Fit a law to rows of a campaign's map; friction may depend on pressure where there were several."""
+    """Fit a law to rows of a campaign's map; friction may depend on pressure if there were several."""
     spread = max(float(np.ptp(table[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
     return fit_friction(table, law, pressure_dependence=spread > MINIMUM_RANGE_PA, exclude_flags=exclude_flags)
 

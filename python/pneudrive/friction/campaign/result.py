@@ -1,4 +1,4 @@
-"""What a campaign tells of friction: cycles, curves, effects and sentences."""
+"""Results of a campaign on friction: cycles, curves, effects and sentences."""
 
 from __future__ import annotations
 
@@ -38,23 +38,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class CycleResult(Shown):
-    """One cycle that was read, in short.
+    """Summary of a cycle.
 
     Attributes
     ----------
     index, key, kind, block, repeat, day
-        As in the head of its file; day counts from 1.
+        As in the header of its file; day counts from 1.
     condition : Condition
     speed_m_s : float
-        Measured, mean of both directions; NaN where nothing moved.
+        Measured, mean of both directions; NaN without motion.
     began_s : float
         The rig's clock, from the first cycle on.
     travel_m : float
-        Way that the seal has gone in the campaign up to the middle of this cycle.
+        Travel of the seal in the campaign up to the middle of this cycle.
     temperature_k : float
-        Mean; NaN where it was not measured.
+        Mean; NaN if not measured.
     friction_n, offset_n : float
-        Half the difference and half the sum of both directions, over the common range of position; NaN where a
+        Half the difference and half the sum of both directions, over the common range of position; NaN if a
         direction is missing.
     stderr_n : float
         Standard error of friction_n by noise within the cycle alone.
@@ -80,7 +80,7 @@ class CycleResult(Shown):
 
 @dataclass(frozen=True)
 class ExcludedPoint:
-    """A point that is no point of F(v): shown, not counted."""
+    """An excluded point: shown, but not used for F(v)."""
 
     speed_m_s: float
     friction_n: float
@@ -92,8 +92,8 @@ class ExcludedPoint:
 class Curve(Shown):
     """Friction against speed at one condition, with a pointwise 95 % band.
 
-    Friction is that in the mean state of the campaign, and the band is that of this mean: how far the states of the
-    campaign lie apart is `Drift.spread_n`, how far cycles of one state do `Repeatability.within`.
+    Friction is that in the mean state of the campaign, and the band belongs to it. `Drift.spread_n` is the scatter
+    of the states of the campaign, `Repeatability.within` that of cycles in one state.
 
     Attributes
     ----------
@@ -112,9 +112,9 @@ class Curve(Shown):
         Cycles at that speed; 0 between.
     excluded : tuple of ExcludedPoint
     contains_air : bool
-        Pressures were not measured in the chambers: part of it may be the force of the air.
+        Pressures were not measured in the chambers: the curve may include the force of the air.
     complete : bool
-        False where time and speed went together: a drift (run-in, zero of the force sensor) is not in the band.
+        False if speed changed with time: the band does not cover a drift (run-in, zero of the force sensor).
     """
 
     condition: Condition
@@ -133,12 +133,12 @@ class Curve(Shown):
 
     @property
     def statistical_low_n(self) -> Array:
-        """Lower end of the part of the band that chance alone gives, N."""
+        """Lower end of the part of the band from chance alone, N."""
         return self.friction_n - NORMAL_95 * self.stderr_n
 
     @property
     def statistical_high_n(self) -> Array:
-        """Upper end of the part of the band that chance alone gives, N."""
+        """Upper end of the part of the band from chance alone, N."""
         return self.friction_n + NORMAL_95 * self.stderr_n
 
 
@@ -154,7 +154,7 @@ class UncertaintySource:
     kind : str
         "A" (from the scatter of these data) or "B" (stated or assumed).
     basis : str
-        Where it comes from: data, stated, assumed, not determined.
+        Its basis: data, stated, assumed, not determined.
     note : str
     """
 
@@ -167,7 +167,7 @@ class UncertaintySource:
 
 @dataclass(frozen=True)
 class Ranges:
-    """Lowest and highest value measured; outside of these everything is extrapolation. Pressures are gauge."""
+    """Lowest and highest measured values; results outside are extrapolation. Pressures are gauge."""
 
     speed_m_s: tuple[float, float]
     gauge_a_pa: tuple[float, float]
@@ -177,7 +177,7 @@ class Ranges:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CampaignCharacteristics(Shown):
-    """Everything that a campaign tells of friction. SI, absolute pressures where not called gauge.
+    """All results of a campaign on friction. SI, absolute pressures unless called gauge.
 
     Attributes
     ----------
@@ -186,7 +186,7 @@ class CampaignCharacteristics(Shown):
     identity : Identity
         Of the rig.
     protocol : str
-        Which samples count: settled or source-paper.
+        Selection of samples: settled or source-paper.
     cycles : tuple of CycleResult
         In the order in which they were run.
     skipped : tuple of Skipped
@@ -203,7 +203,7 @@ class CampaignCharacteristics(Shown):
         Breakaway against stop duration, one for each set of levels, restart speed and way of holding.
     ranges : Ranges
     statements : tuple of Statement
-        What the data carry, and what not and which cycles would.
+        What the data determine, what they do not, and the cycles that would.
     """
 
     name: str
@@ -233,11 +233,11 @@ class CampaignCharacteristics(Shown):
 
     @property
     def synthetic(self) -> bool:
-        """Whether a simulated rig made it."""
+        """Whether a simulated rig made the data."""
         return self.identity.synthetic
 
     def _card(self) -> Card:
-        """Show what was measured and what of it came out, then what the data carry."""
+        """Return measurement and results, then the statements."""
         r = self.ranges
         counts = {"cycles": self.cycles, "skipped": self.skipped, "curves": self.curves, "stops": self.stops}
         rows = [(name, str(len(found))) for name, found in counts.items()]
@@ -248,6 +248,6 @@ class CampaignCharacteristics(Shown):
         return Card(title, rows=rows, notes=[str(statement) for statement in self.statements])
 
     def curve(self, condition: Condition, direction: int = BOTH) -> Curve | None:
-        """Give one curve; None where there is none."""
+        """Return one curve, or None."""
         found = (c for c in self.curves if c.condition == condition and c.direction == direction)
         return next(found, None)

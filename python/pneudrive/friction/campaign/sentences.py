@@ -10,28 +10,28 @@ from pneudrive.friction.sentences import sentence
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-NAMED = 3  # cycles that are named where several share a fate
+NAMED = 3  # most cycles that a sentence names
 
 
 def say(name: str, /, **values: Any) -> Statement:  # noqa: ANN401 - whatever the sentence names
-    """Make a statement of a sentence of the table; one with a remedy is on what the data do not carry.
+    """Return a statement from the table; one with a remedy is on what the data do not determine.
 
     Parameters
     ----------
     name : str
         Topic and name, ``"curve.none"``.
     **values
-        What the braces of the sentence name.
+        Values for the braces of the sentence.
     """
     remedy = sentence(name, "remedy", **values)
     return Statement(name.partition(".")[0], sentence(name, **values), carried=not remedy, remedy=remedy)
 
 
 def named(names: Iterable[str], separator: str = ", ") -> str:
-    """Name the first of several."""
+    """Return the names of the first of several."""
     return separator.join(list(names)[:NAMED])
 
 
 def capitalised(text: str) -> str:
-    """Begin with a capital letter."""
+    """Return a text with a capital letter."""
     return text[:1].upper() + text[1:]

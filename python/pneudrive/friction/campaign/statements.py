@@ -1,4 +1,4 @@
-"""When which sentence is said on what a campaign's data carry, and what they do not (sentences.toml)."""
+"""Conditions of the sentences on what a campaign's data determine, and what they do not (sentences.toml)."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assumed)
 FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve
-LAST_SHARE = 0.25  # of the campaign's time, over which a change is still going on
-LEAVES = 2.0  # quantiles of 95 % beyond which a cycle is named that its curve leaves
-KIND_TOLD = 0.05  # probability below which chance is not said to be of a kind
+LAST_SHARE = 0.25  # of the campaign's time: last part over which friction still changes
+LEAVES = 2.0  # quantiles of 95 % beyond which a cycle differs from its curve
+KIND_TOLD = 0.05  # least probability for a statement on the form of scatter
 
 
 def statements(
@@ -44,7 +44,7 @@ def statements(
     fits: Fits | None,
     causes: Causes | None,
 ) -> tuple[Statement, ...]:
-    """Say what the data carry and what they do not."""
+    """Return statements on what the data determine and what they do not."""
     said = [*_data(found, reading, points), *_ranges(found)]
     if points is None or fits is None:
         return (*said, say("curve.none"))
@@ -98,7 +98,7 @@ def _curves(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
 
 
 def _sensor(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Statement]:
-    """Say how far the force sensor is known."""
+    """Return statements on the accuracy of the force sensor."""
     data = fits.points.reduced.data
     if any(d.assumed for d in data):
         yield say("curve.accuracy_assumed" if "force_n" in found.identity.accuracy else "curve.accuracy_not_stated")
@@ -128,7 +128,7 @@ def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) 
 
 
 def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> Iterator[Statement]:
-    """Say where the points themselves were not repeated, and the band is narrow because neighbours count."""
+    """Return a statement on points that were not repeated, with a narrow band because neighbours contribute."""
     if repeat.basis == "smooth curve":
         yield say("repeatability.nothing_repeated")
     elif repeat.basis == "sentinels":
@@ -140,7 +140,7 @@ def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> 
 
 
 def _of_single_cycles(found: CampaignCharacteristics, fits: Fits) -> Array:
-    """Width of the band at each point that was measured once, over that of the 95 % scatter of a single cycle."""
+    """Return the width of the band at each point measured once, over the 95 % scatter of a single cycle."""
     shares = [np.zeros(0)]
     for curve in found.curves:
         if curve.direction == BOTH:
@@ -151,7 +151,7 @@ def _of_single_cycles(found: CampaignCharacteristics, fits: Fits) -> Array:
 
 
 def _left(fits: Fits) -> Iterator[Statement]:
-    """Say where a curve leaves good cycles by more than cycles scatter, and which cycles are in doubt."""
+    """Return statements on good cycles that differ from a curve by more than the scatter, and on doubtful cycles."""
     pure, points = pure_scatter(fits), fits.points
     if pure is not None:
         data = fits.friction.data
@@ -189,11 +189,11 @@ def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) ->
 
 
 def still_changing(drift: Drift) -> Iterator[Statement]:
-    """Say where friction has not come to rest when the campaign ends."""
+    """Return statements on friction that still changes when the campaign ends."""
     last = drift.time_s >= drift.time_s[0] + (1.0 - LAST_SHARE) * np.ptp(drift.time_s)
     if last.sum() < NAMED:
         return
-    # Of a line: a single cycle at either end is chance.
+    # From a line: a single cycle at either end is chance.
     slope, _ = straight_line(drift.time_s[last], drift.drift_n[last])
     change = slope * float(np.ptp(drift.time_s[last]))
     reach = float(np.mean((drift.high_n - drift.low_n)[last])) / 2.0
@@ -211,7 +211,7 @@ def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
     same = [a for a in found.asymmetry if a.mean.p >= CHANCE]
     for group, finding in (
         (differ, "friction differs between the directions"),
-        (same, "friction is the same in both directions, as far as told"),
+        (same, "friction shows no difference between the directions"),
     ):
         means = [a.mean for a in group]
         if len(group) == 1:
@@ -228,7 +228,7 @@ def _pressure_zeros(reading: CampaignData) -> Iterator[Statement]:
         if zero.tares:
             yield say("zero.pressure", chamber=chamber, zero=zero, expanded=2 * zero.stderr_pa)
         for bad, fault in (
-            (zero.far, "is off ambient pressure by more than its accuracy explains"),
+            (zero.far, "differs from ambient pressure by more than its accuracy"),
             (zero.unsteady, "was not steady"),
         ):
             if bad:
@@ -288,7 +288,7 @@ def _stick_slip(found: CampaignCharacteristics) -> Iterator[Statement]:
 
 
 def _excluded(found: CampaignCharacteristics) -> Iterator[Statement]:
-    """Say which cycles are no points of F(v)."""
+    """Return statements on cycles that are not points of F(v)."""
     points = [p for c in found.curves if c.direction == BOTH for p in c.excluded]
     off = [p for p in points if p.reason == OUTLIER]
     if off:

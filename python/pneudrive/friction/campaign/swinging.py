@@ -1,8 +1,8 @@
-"""Points from the self-excited range, made points of F(v) by simulating the rig on which they were measured.
+"""Correction of points in the self-excited range to points of F(v), by simulation of their rig.
 
 The mean force over a swing is not the friction of steady sliding. With a law, the rig's stiffness, mass and damping,
-and the contact's own stiffness and damping, the difference can be simulated and taken off: the law is fitted, the
-difference computed and taken off the points in question, and the law fitted again, until nothing changes.
+and the contact's stiffness and damping, the difference can be simulated and subtracted: the law is fitted, the
+difference computed and subtracted from these points, and the law fitted again, until nothing changes.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 MOST_ROUNDS = 12
-SETTLED_N = 1e-3  # change of every difference, relative to friction, below which nothing changes any more
-TRUSTED = 0.5  # share of a difference that is taken as its standard uncertainty (assumed)
+SETTLED_N = 1e-3  # change of every difference, relative to friction, at convergence
+TRUSTED = 0.5  # standard uncertainty of a difference, as its share (assumed)
 FLAGS = tuple(name.replace("-", "_").replace(" ", "_") for name in NAMES)
 LOST = tuple(flag for flag in NO_POINTS if flag not in FLAGS)
 SAME_SPEED = 0.02  # speeds that are simulated as one
@@ -35,7 +35,7 @@ SAME_SPEED = 0.02  # speeds that are simulated as one
 
 @dataclass(frozen=True)
 class Contact:
-    """What a sliding measurement does not tell, and the swing of a rig depends on.
+    """Values that a sliding measurement does not give, but that the swing of a rig depends on.
 
     Attributes
     ----------
@@ -55,17 +55,17 @@ class Contact:
 
 @dataclass(frozen=True, eq=False)
 class Corrected:
-    """A map in which swinging points are steady ones.
+    """A map with swinging points corrected to steady ones.
 
     Attributes
     ----------
     friction_map : xarray.Dataset
         As of the campaign; the rows in question carry the corrected friction, an uncertainty of half of the
-        difference (assumed) on top of their own, and the flag ``simulated`` behind the one that they had.
+        difference (assumed) in addition to their own, and the flag ``simulated`` after their other flags.
     fit : FrictionFit
-        The law at which nothing changed any more.
+        The law at convergence.
     difference_n : ndarray, shape (row,)
-        What was taken off; 0 in the other rows.
+        The subtracted difference; 0 in the other rows.
     rounds : int
     """
 
@@ -81,7 +81,7 @@ def without_swings(found: CampaignCharacteristics, contact: Contact) -> Correcte
     Parameters
     ----------
     found : CampaignCharacteristics
-        Of a rig whose identity states stiffness and mass.
+        From a rig whose identity states stiffness and mass.
     contact : Contact
 
     Returns
@@ -98,11 +98,11 @@ def without_swings(found: CampaignCharacteristics, contact: Contact) -> Correcte
     identity, table = found.identity, found.friction_map
     swinging = np.array([any(f in FLAGS for f in str(flags).split(",")) for flags in table["flags"].to_numpy()])
     if not swinging.any():
-        raise FitError("no point was measured in a self-excited range", remedy="there is nothing to correct")
+        raise FitError("no point was measured in a self-excited range", remedy="nothing needs a correction")
     if not (identity.stiffness_n_m and identity.mass_beyond_sensor_kg):
         raise FitError(
             "the swing of this rig cannot be simulated",
-            rule="the rig's stiffness_n_m and mass_beyond_sensor_kg are known",
+            rule="the rig's stiffness_n_m and mass_beyond_sensor_kg must be known",
             remedy="state both in rig.json",
         )
     difference, change = np.zeros(table.sizes["row"]), np.inf
@@ -166,7 +166,7 @@ def _differences(
 
 
 def _law(fit: FrictionFit, contact: Contact) -> dict[str, Any]:
-    """Give the fitted law with the contact's own values, as the core takes it."""
+    """Return the fitted law with the contact's values, in the form of the core."""
     values = fit.parameters
     parameters = {
         "coulomb": values["coulomb"],

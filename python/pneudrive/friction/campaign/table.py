@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 #: Further columns -> (unit, meaning), after those of every friction map.
 LEVEL_COLUMNS: dict[str, tuple[str, str]] = {
-    "friction_low_n": ("N", "lower end of the 95 % band in which the curve lies, as this cycle alone tells it"),
-    "friction_high_n": ("N", "upper end of the 95 % band in which the curve lies, as this cycle alone tells it"),
-    "friction_direction_n": ("N", "friction of this direction alone, zero of the sensor taken out where tares show it"),
+    "friction_low_n": ("N", "lower end of the 95 % band of the curve from this cycle alone"),
+    "friction_high_n": ("N", "upper end of the 95 % band of the curve from this cycle alone"),
+    "friction_direction_n": ("N", "friction of this direction alone, without the zero of the sensor if tares show it"),
     "friction_direction_low_n": ("N", "lower end of its 95 % band"),
     "friction_direction_high_n": ("N", "upper end of its 95 % band"),
     "air_n": ("N", "force of the air against the motion, half the difference of both directions"),
-    "kind": ("", "what the cycle is for"),
+    "kind": ("", "kind of the cycle"),
     "mounting": ("", "level of the factor"),
     "seal": ("", "level of the factor"),
     "drive": ("", "level of the factor"),
@@ -38,7 +38,7 @@ COLUMNS = {**MAP_COLUMNS, **LEVEL_COLUMNS}
 
 
 def friction_map(reading: CampaignData, points: Points | None, fits: Fits | None, protocol: str) -> xr.Dataset:
-    """Put the map together, one row per cycle and direction, in the order of the campaign."""
+    """Return the map, one row per cycle and direction, in the order of the campaign."""
     rows: list[Row] = []
     if points is not None:
         bands = _bands(reading, points, fits)
@@ -60,7 +60,7 @@ def friction_map(reading: CampaignData, points: Points | None, fits: Fits | None
 
 
 def _bands(reading: CampaignData, points: Points, fits: Fits | None) -> dict[str, np.ndarray]:
-    """Half widths of the bands of single cycles, N."""
+    """Return half widths of the bands of single cycles, N."""
     reduced = points.reduced
     nothing = np.full(len(points), np.nan)
     if fits is None:
@@ -78,9 +78,9 @@ def _bands(reading: CampaignData, points: Points, fits: Fits | None) -> dict[str
     for condition in range(len(points.conditions)):
         members = points.condition == condition
         if not (members & points.use).any():
-            continue  # nothing to hold its cycles against
+            continue  # no curve for its cycles
         shared = systematic(fits, reduced.friction_n[members], reduced.offset_n[members], condition)
-        # A cycle was run in a state of its own; the curve is that of the mean state.
+        # A cycle has its own state of the campaign; the curve is that of the mean state.
         own_state = np.hypot(shared.state_n, block[members])
         u[members], zero_u[members] = np.hypot(shared.friction_n(), own_state), shared.zero_n
         zero[members] = np.hypot(reduced.offset_stderr_n[members], own)
@@ -88,7 +88,7 @@ def _bands(reading: CampaignData, points: Points, fits: Fits | None) -> dict[str
 
 
 def _offsets(reading: CampaignData, points: Points, fits: Fits) -> np.ndarray:
-    """Half the sum of each cycle without the zero of the sensor; zero where no tare shows it."""
+    """Return half the sum of each cycle without the zero of the sensor; 0 without tares."""
     if not fits.has_zero:
         return np.zeros(len(points))
     zero = float(np.average([s.beta[0] for s in fits.offset.fit.states], weights=fits.offset.fit.weights))

@@ -1,7 +1,7 @@
 """Linear algebra on one thread.
 
 The matrices of a campaign are small, and threads that wait for each other on a busy machine cost more than they save:
-47 s in the place of 3 s were measured on two processors that others used too.
+47 s instead of 3 s were measured on two processors under other load.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-#: Names that OpenBLAS has as NumPy and SciPy bring it, and by itself.
+#: Names of OpenBLAS in NumPy and SciPy, and by itself.
 FORMS = ("scipy_openblas_{}_num_threads64_", "scipy_openblas_{}_num_threads", "openblas_{}_num_threads")
 
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """Let OpenBLAS use one thread for a while; another library of linear algebra is left as it is."""
+    """Let OpenBLAS use one thread inside the block; other libraries of linear algebra are unchanged."""
     libraries = _libraries()
     before = [(put, int(get())) for put, get in libraries]
     try:
@@ -43,7 +43,7 @@ def _libraries() -> list[tuple[Callable[..., int], Callable[..., int]]]:
         for folder in (home.parent / f"{home.name}.libs", home / ".dylibs"):
             for path in sorted(folder.glob("*openblas*")) if folder.is_dir() else ():
                 with contextlib.suppress(OSError):
-                    library = ctypes.CDLL(str(path))  # it is loaded already: this is the same one
+                    library = ctypes.CDLL(str(path))  # already loaded: this is the same library
                     found += _functions(library)
     return found
 

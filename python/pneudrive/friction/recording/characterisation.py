@@ -1,4 +1,4 @@
-"""From recordings to everything that is known about them: one call, one result."""
+"""Characterisation of recordings: one call, one result."""
 
 from __future__ import annotations
 
@@ -42,18 +42,18 @@ if TYPE_CHECKING:
 
     from pneudrive.watch import Flag
 
-KEPT_IN_FULL = 300  # recordings; of a larger campaign the samples are not kept
-SHOWN = 24  # recordings of a larger campaign whose curves are kept
+KEPT_IN_FULL = 300  # recordings; the samples of a larger campaign are not kept
+SHOWN = 24  # number of recordings of a larger campaign whose curves are kept
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
 class Characterisation(Shown):
-    """Everything that one run of the characterisation found. SI, absolute pressures, N.
+    """All results of a characterisation. SI, absolute pressures, N.
 
     Attributes
     ----------
     results : tuple of RecordingResult
-        One per recording that was counted: ``recording`` (cleaned Recording with name, sha256, labels,
+        One per used recording: ``recording`` (cleaned Recording with name, sha256, labels,
         flags as counts), ``strokes`` (tuple of Stroke: index, direction, start, stop, from_m, to_m,
         speed_m_s, dwell_s), ``settled`` (n,) bool, ``balance_n`` (n,), ``levels`` (tuple of Level),
         ``closure_points``.
@@ -77,15 +77,15 @@ class Characterisation(Shown):
         run, pressure_pa, speed_m_s, friction_n, expanded_n), intercept_n, slope_n_pa, covariance,
         band_pressure_pa, band_mean_n, band_low_n, band_high_n (41,), basis, statement.
     points : tuple of FrictionPoint
-        All of them, also of seals that have no line.
+        All points, also of seals without a line.
     run_spread : RunSpread or None
         Relative standard deviation between runs; cells (seal, pressure_pa, lowest, highest, relative
-        difference). None where nothing was run twice.
+        difference). None without repeated runs.
     notes : tuple of str
-        What the reader must know, in sentences: identical files, confounded speed and pressure, assumed
-        accuracies, what cannot be separated.
+        Cautions in sentences: identical files, confounded speed and pressure, assumed
+        accuracies, inseparable effects.
     skipped : tuple of (str, str)
-        Recordings that were not counted, and why.
+        Recordings that were left out, and why.
     protocol : str
         "settled" or "source-paper".
     """
@@ -131,21 +131,21 @@ def characterise_recordings(
     recordings
         Recordings, files or trajectories (what ``pn.simulate`` returns), or one of them.
     layout
-        How files are read; None takes ``layout.toml`` beside each file. Trajectories need none.
+        How files are read; None: ``layout.toml`` beside each file. Trajectories need none.
     protocol
-        Which samples count: ``Settled()`` (default) or ``SourcePaper()``.
+        Selection of samples: ``Settled()`` (default) or ``SourcePaper()``.
     progress, cancel
-        As of `pneudrive.watch.Watch`.
+        As for `pneudrive.watch.Watch`.
 
     Returns
     -------
     Characterisation
-        See there.
+        The results.
 
     Raises
     ------
     RecordingError, LayoutError
-        A file or recording that cannot be used.
+        If a file or recording cannot be used.
     """
     choice = protocol if protocol is not None else Settled()
     watch = Watch(progress, cancel)
@@ -176,12 +176,12 @@ def _sources(
     recordings: Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset,
     layout: Layout | str | Path | None,
 ) -> tuple[list[Recording], list[Source]]:
-    """Split the input into recordings that are here and files that are to be read."""
+    """Split the input into recordings and files."""
     items: list = [recordings]
     if isinstance(recordings, Iterable) and not (isinstance(recordings, str) or is_run(recordings)):
         items = list(recordings)
     if not items:
-        raise RecordingError("no recording is named", remedy="give at least one recording or file")
+        raise RecordingError("no recording is given", remedy="Give at least one recording or file.")
     loaded: list[Recording] = []
     paths: list[str | Path] = []
     for item in items:
@@ -193,7 +193,7 @@ def _sources(
             loaded.append(from_run(item, f"trajectory-{len(loaded) + 1}" if len(items) > 1 else "trajectory"))
         else:
             raise RecordingError(
-                "this is no recording", value=type(item).__name__, rule="a Recording, a file or a trajectory"
+                "this is not a recording", value=type(item).__name__, rule="a Recording, a file or a trajectory"
             )
     files = recording_files(paths, layout) if paths else []
     sources: list[Source] = [find_cycles(f.path, f.layout) if f.layout and f.has_cycles else f for f in files]
@@ -211,7 +211,7 @@ def _read(sources: list[Source], watch: Watch = UNWATCHED) -> list[Recording]:
 
 
 def _sample(loaded: list[Recording], sources: list[Source], usable: set[str]) -> list[Recording]:
-    """Choose recordings evenly over a campaign, for the curves that a report shows."""
+    """Choose recordings evenly over a campaign, for the curves of a report."""
     units: list[Recording | Source] = [*loaded]
     for source in sources:
         units += [source.part(i, i + 1) for i in range(len(source))] if isinstance(source, Cycles) else [source]
@@ -250,17 +250,17 @@ def _assemble(
 
 
 def _count_once(found: Iterable[tuple[str, object, str]]) -> tuple[list[int], list[tuple[str, str]]]:
-    """Leave out what could not be used, and what holds the same samples as an earlier recording.
+    """Leave out unusable recordings, and those with the samples of an earlier one.
 
     Parameters
     ----------
     found : iterable of tuple
-        Name, digest of the samples, and why it could not be used ("" where it could).
+        Name, digest of the samples, and why it is unusable ("" if usable).
 
     Returns
     -------
     list of int, list of tuple
-        Places of what is counted; names of the others, and why.
+        Places of the used recordings; names of the others, and why.
     """
     seen: dict[object, str] = {}
     kept, skipped = [], []
@@ -279,7 +279,7 @@ def _digest(recording: Recording) -> bytes:
 
 
 def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[Row]) -> float:
-    """Correlation of speed and pressure within seals, in the direction in which it is the stronger one."""
+    """Return the correlation of speed and pressure within seals, in the direction with the stronger one."""
     of_recording = {point.recording: point for point in points}
     strongest = 0.0
     for direction in (1, -1):
@@ -316,7 +316,7 @@ def _stick_slip_note(level: Level) -> str:
 
 
 def _doubts(levels: list[Level]) -> list[str]:
-    """Say each kind of doubt once, with the sentence of the first recording that has it."""
+    """Return each kind of doubt once, with the sentence of its first recording."""
     found: dict[str, list[tuple[str, str]]] = {}
     for level in levels:
         for flag, doubt in level.doubts.items():

@@ -14,17 +14,17 @@ from pneudrive.show import Shown
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-TOGETHER = 0.05  # pressures change together when the rest is below this share
+TOGETHER = 0.05  # pressures change together if the rest is below this share
 IMPLAUSIBLE_AREA = 0.25  # relative difference from nominal that no tolerance of a bore explains
-MINIMUM_RANGE_PA = 2e4  # pressures that differ by less are one: neither an area nor a slope is asked for
-# What both chambers leave of each other must spread this many times wider than the sensors' uncertainty explains: a
-# regressor that is noise draws its factor to zero, by 1 / (1 + RELIABLE**2) of it at this limit.
+MINIMUM_RANGE_PA = 2e4  # pressures that differ by less are equal: they give neither area nor slope
+# Least ratio of the independent spread of both pressures to the sensors' uncertainty: a
+# noisy regressor biases its factor towards zero, by 1 / (1 + RELIABLE**2) at this limit.
 RELIABLE = 5.0
 
 
 @dataclass(frozen=True)
 class ClosurePoint:
-    """Half the sum of both directions' forces at one pressure: where friction has dropped out.
+    """Half the sum of both directions' forces at one pressure, without friction.
 
     ``u_a_pa``, ``u_b_pa`` are the standard uncertainties of the two pressures.
     """
@@ -46,9 +46,9 @@ class ClosureFit(Shown):
     """Effective areas and force zero of one group of recordings (one seal, one geometry).
 
     ``areas_m2`` has an entry for each chamber whose pressure changed, ``nominal_m2`` the areas of the
-    layout. ``force_zero_n`` is what the sensor shows without friction and pressure. ``pressure_pa``,
-    ``residual_n`` (points,) are the gauge pressure of the chamber that changed most and what the line
-    leaves. ``statement`` says it in a sentence.
+    layout. ``force_zero_n`` is the reading of the sensor without friction and pressure. ``pressure_pa``,
+    ``residual_n`` (points,) are the gauge pressure of the chamber that changed most and the residuals
+    of the line. ``statement`` is a sentence.
     """
 
     group: str
@@ -67,9 +67,9 @@ class ClosureFit(Shown):
 def fit_closures(points: list[ClosurePoint]) -> list[ClosureFit]:
     """Fit  F = A_b p_b - A_a p_a + weight + zero  to each group, gauge pressures.
 
-    Groups in which no pressure changes by more than 0.2 bar, or with fewer than two points, are left out. Where both
-    pressures change together, one factor on both areas is fitted; where their forces cancel, as far as the sensors
-    can tell, nothing can be said.
+    Groups in which no pressure changes by more than 0.2 bar, or with fewer than two points, are left out. If both
+    pressures change together, one factor on both areas is fitted; if their forces cancel within the sensors'
+    uncertainty, nothing can be determined.
     """
     groups: dict[tuple, list[ClosurePoint]] = {}
     for point in points:
@@ -81,7 +81,7 @@ def fit_closures(points: list[ClosurePoint]) -> list[ClosureFit]:
 def _fit(points: list[ClosurePoint]) -> ClosureFit | None:
     first = points[0]
     gauge = {side: np.array([getattr(p, f"gauge_{side}_pa") for p in points]) for side in ("a", "b")}
-    # Force of the rig against each chamber, by nominal areas: what is fitted is a factor on each.
+    # Force of the rig against each chamber, by nominal areas: the fit gives a factor on each.
     nominal = {"a": first.area_a_m2, "b": first.area_b_m2}
     push = {"a": -nominal["a"] * gauge["a"], "b": nominal["b"] * gauge["b"]}
     unsure = {
@@ -94,7 +94,7 @@ def _fit(points: list[ClosurePoint]) -> ClosureFit | None:
     total = np.array([p.half_sum_force_n for p in points])
     force = total - np.array([p.weight_n for p in points])
     for side in ("a", "b"):
-        if not any(side in sides for sides in factors):  # a chamber held at one pressure acts with its nominal area
+        if not any(side in sides for sides in factors):  # a chamber at constant pressure acts with its nominal area
             force = force - push[side]
     matrix = np.column_stack([*(sum(push[s] for s in sides) for sides in factors), np.ones(len(points))])
     solution = np.linalg.lstsq(matrix, force, rcond=None)[0]
@@ -127,7 +127,7 @@ def _factors(
     unsure: dict[str, float],
     area: float,
 ) -> list[tuple[str, ...]]:
-    """Which sides' areas can be told: each by itself, both by one factor, or none."""
+    """Return the areas that can be determined: each by itself, both by one factor, or none."""
     sides = [side for side in ("a", "b") if np.ptp(gauge[side]) > MINIMUM_RANGE_PA]
     if len(sides) < 2:
         return [tuple(sides)] if sides else []

@@ -39,14 +39,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DEFAULT_WINDOW = (0.2, 0.8)  # of the stroke
-RIPPLE_LIMIT = 0.2  # speed ripple above which the mean over the window is no point of F(v)
+RIPPLE_LIMIT = 0.2  # speed ripple above which the mean over the window is not a point of F(v)
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
 class Level(Shown):
-    """One speed level of one recording.
+    """One speed class of one recording.
 
-    ``doubts`` says of some of the ``flags``, in a sentence, what to look at.
+    ``doubts`` has a sentence for some of the ``flags``.
     ``spreads`` and ``stroke_friction_n`` are by direction +1/-1: the latter holds the mean friction of
     each stroke in the window, direction * (stroke - offset), in N, and ``stroke_times_s`` its time.
     """
@@ -79,28 +79,28 @@ class Level(Shown):
 
     @property
     def speed_m_s(self) -> float:
-        """Mean speed of the directions in the window, not negative."""
+        """Mean absolute speed of both directions in the window."""
         return float(np.mean([abs(side.means.speed_m_s) for side in self.sides.values()]))
 
     @property
     def speed_stderr_m_s(self) -> float:
-        """Standard error of ``speed_m_s``: the scatter of the strokes' speeds, the larger one of both directions."""
+        """Standard error of ``speed_m_s``: scatter of the strokes' speeds, the larger one of both directions."""
         speeds = [[s.speed_m_s for s in self.strokes if s.direction == d] for d in (1, -1)]
         return max((float(np.std(v, ddof=1)) / float(np.sqrt(len(v))) for v in speeds if len(v) > 1), default=0.0)
 
     def gauge_pa(self, ambient_pressure_pa: float) -> dict[str, float]:
-        """Mean gauge pressure of the directions in chambers ``a`` and ``b``."""
+        """Return the mean gauge pressure of the directions in chambers ``a`` and ``b``."""
         means = {side: np.mean([getattr(s.means, f"pressure_{side}_pa") for s in self.sides.values()]) for side in "ab"}
         return {side: float(mean) - ambient_pressure_pa for side, mean in means.items()}
 
     def larger_gauge_pa(self, ambient_pressure_pa: float) -> float:
-        """Mean gauge pressure in the chamber that is pressurised more."""
+        """Return the higher mean gauge pressure of both chambers."""
         return max(self.gauge_pa(ambient_pressure_pa).values(), key=abs)
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
 class RecordingResult(Sliding, Shown):
-    """What one recording gave. ``recording`` is the cleaned one, with its counts of flags."""
+    """The result of one recording. ``recording`` is the cleaned one, with its counts of flags."""
 
     levels: tuple[Level, ...]
     closure_points: tuple[ClosurePoint, ...]
@@ -112,7 +112,7 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     Raises
     ------
     RecordingError
-        No motion, too few samples, or no stroke with settled samples in the window.
+        Without motion, with too few samples, or without a stroke with settled samples in the window.
     """
     sliding = judge(find_motion(clean(recording)), choice)
     window = window_of(sliding, choice)
@@ -126,12 +126,12 @@ def result_of(
     window: tuple[float, float],
     choice: SampleChoice,
 ) -> RecordingResult:
-    """Put the speed levels together.
+    """Combine the speed classes.
 
     Raises
     ------
     RecordingError
-        No level has settled samples in the window.
+        If no speed class has settled samples in the window.
     """
     levels: list[Level] = []
     for grid, strokes in groups:
@@ -150,12 +150,12 @@ def result_of(
 
 
 def window_of(sliding: Sliding, choice: SampleChoice) -> tuple[float, float]:
-    """Positions between which friction is averaged: those of the layout, or the middle of the strokes.
+    """Return the positions between which friction is averaged: those of the layout, or the middle of the strokes.
 
     Raises
     ------
     RecordingError
-        The layout's lie outside the motion.
+        If those of the layout lie outside the motion.
     """
     recording, strokes = sliding.recording, sliding.strokes
     low = float(np.median([min(s.from_m, s.to_m) for s in strokes]))
@@ -184,12 +184,12 @@ def _level(
     window: tuple[float, float],
     choice: SampleChoice,
 ) -> Level | None:
-    """Put one speed level together; None where no stroke covers the window, or the directions share no bin of it."""
+    """Return one speed class; None if no stroke covers the window, or the directions share no bin of it."""
     ways = {d: [s for s in strokes if s.stroke.direction == d] for d in (1, -1)}
     profile = pair(grid, {d: _rows_over(grid, members) for d, members in ways.items()})
     used = {d: [s for s in members if s.inside] for d, members in ways.items() if any(s.inside for s in members)}
     rows = {d: _rows_over(grid, members) for d, members in used.items()}
-    # Equal positions: only bins that every present direction has.
+    # Equal positions: only bins that all present directions have.
     bins = profile.in_window.copy()
     for matrix in rows.values():
         bins &= np.isfinite(matrix).any(axis=0)
@@ -233,7 +233,7 @@ def _level(
 
 
 def _rows_over(grid: Grid, strokes: Sequence[StrokeFriction]) -> NDArray[np.float64]:
-    """Bring the bins of some strokes to one grid, shape (strokes, bins)."""
+    """Map the bins of some strokes to one grid, shape (strokes, bins)."""
     rows = np.full((len(strokes), grid.stop - grid.first), np.nan)
     for row, stroke in zip(rows, strokes, strict=True):
         at = stroke.first - grid.first
@@ -261,7 +261,7 @@ def _estimate(
     rows: dict[int, NDArray[np.float64]],
     sides: dict[int, WindowMeans],
 ) -> _Estimate:
-    """Pair the directions, or take the one that is there, and state the uncertainty."""
+    """Pair the directions, or use the only one, and estimate the uncertainty."""
     only = next(iter(sides))
     up, down = (sides.get(d, sides[only]).means for d in (1, -1))
     known = bins & np.isfinite(profile.offset_n)
@@ -272,7 +272,7 @@ def _estimate(
         stderr = spreads[only].stderr_n
         if not np.isfinite(stderr):
             stderr = profile_stderr(rows[only][0][bins])
-        # Nothing cancels in one direction alone: friction is as uncertain as the offset would be.
+        # Nothing cancels in one direction alone: friction is as uncertain as the offset.
         return _Estimate(only * spreads[only].mean_n, float("nan"), stderr, u_offset, u_offset, budget)
     stderr = pair_stderr(spreads[1], spreads[-1])
     if np.isfinite(stderr):
@@ -291,7 +291,7 @@ def _level_flags(
     used: dict[int, list[StrokeFriction]],
     bins: NDArray[np.bool_],
 ) -> tuple[str, ...]:
-    """Names of what the reader of the map should know."""
+    """Return the flags of a speed class."""
     flags = [kind for kind, count in recording.flags.items() if count]
     slips = level.stick_slip
     speeds = [abs(c.means.speed_m_s) for c in level.sides.values()]
@@ -312,7 +312,7 @@ def _level_flags(
 
 
 def _rows(recording: Recording, level: Level, used: dict[int, list[StrokeFriction]]) -> tuple[Row, ...]:
-    """Write the map's rows, one per direction that is there."""
+    """Return the map's rows, one per present direction."""
     rows = []
     for direction, side in level.sides.items():
         peaks = [p for p in level.peaks if p.direction == direction]
@@ -342,7 +342,7 @@ def _rows(recording: Recording, level: Level, used: dict[int, list[StrokeFrictio
 
 
 def _closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
-    """Half the sum of both directions' forces, by way of the balance so that positions are equal."""
+    """Return half the sum of both directions' forces, from the balance at equal positions."""
     if len(level.sides) != 2 or recording.area_a_m2 + recording.area_b_m2 == 0:
         return None
     gauge, weight = level.gauge_pa(recording.ambient_pressure_pa), recording.weight_n
@@ -362,7 +362,7 @@ def _closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
 
 
 def friction_points(result: RecordingResult) -> list[FrictionPoint]:
-    """Give one point per speed level: friction at the gauge pressure of the side that is pressurised more."""
+    """Return one point per speed class: friction at the higher gauge pressure of both chambers."""
     recording = result.recording
     return [
         FrictionPoint(

@@ -1,10 +1,10 @@
-"""Recordings that are too long to be held: read part by part, a part being some strokes, with the same equations.
+"""Long recordings, read part by part (some strokes each), with the same equations.
 
 Memory is that of one part, however long the recording is. Each part begins one stroke before the first one that is
-counted in it, so that every stroke is counted once, whole, and with the rest before it. What the strokes leave (their
-bins, means and peaks) is put together as for any other recording: speed levels are found from all strokes. The window
+counted in it, so that every stroke is counted once, with the rest before it. The results of strokes (their
+bins, means and peaks) are combined as for any other recording: speed classes are found from all strokes. The window
 is that of the layout, or the middle of the strokes of the first part. Of the samples, those of the part with the
-largest force are kept, for figures and for the budget of uncertainty.
+largest force are kept, for figures and the uncertainty budget.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ if TYPE_CHECKING:
     from pneudrive.signals.motion import Stroke
     from pneudrive.watch import Watch
 
-LONG_SAMPLES = 4_000_000  # from which on a recording is read part by part
+LONG_SAMPLES = 4_000_000  # samples above which a recording is read part by part
 PART_SAMPLES = 1_000_000
-LEAST_STROKES = 4  # in a part: the one before, one that is counted, and two that the next part begins with
-LARGEST_PART = 16  # times the usual part: strokes that do not fit are too long to be told from one another
+LEAST_STROKES = 4  # strokes in a part: the one before, one that is counted, and two for the start of the next part
+LARGEST_PART = 16  # multiple of the usual part: longer strokes cannot be separated
 _CHUNK = 1 << 20
 
 
 def is_long(file: RecordingFile) -> bool:
-    """Whether a file is read part by part: a Parquet table of more rows than are held at once."""
+    """Return whether a file is read part by part: a Parquet table with more rows than are held at once."""
     if file.layout is None or file.has_cycles:
         return False
     said = file.layout.for_file(file.path)
@@ -58,20 +58,20 @@ def extract_long(file: RecordingFile, choice: SampleChoice, watch: Watch = UNWAT
     Parameters
     ----------
     file : RecordingFile
-        For which `is_long` holds.
+        A file for which `is_long` is true.
     choice : SampleChoice
     watch : Watch
-        Is told how many rows are done.
+        Receives the number of rows done.
 
     Returns
     -------
     RecordingResult
-        As of `extract`; recording, strokes and samples are those of one part, levels those of all.
+        As from `extract`; recording, strokes and samples are those of one part, levels those of all.
 
     Raises
     ------
     RecordingError
-        As of `extract`.
+        As in `extract`.
     """
     window: tuple[float, float] | None = None
     shown: tuple[Sliding, int] | None = None  # with the number of its first stroke
@@ -93,7 +93,7 @@ def extract_long(file: RecordingFile, choice: SampleChoice, watch: Watch = UNWAT
         for kind, count in sliding.recording.flags.items():
             flags[kind] = flags.get(kind, 0) + count
     if shown is None or window is None:
-        raise RecordingError("no stroke was found", where=file.name, rule="the position must move and turn back")
+        raise RecordingError("no stroke was found", where=file.name, rule="the position must move back and forth")
     sliding, first = shown
     whole = replace(sliding, recording=replace(sliding.recording, flags=flags, sha256=_hash(file)))
     result = result_of(whole, _levels(grids, strokes, frictions), window, choice)
@@ -105,7 +105,7 @@ def _largest(sliding: Sliding) -> float:
 
 
 def _of_part(level: Level, sliding: Sliding, first: int) -> Level:
-    """Keep of the strokes and peaks of a level those whose samples are kept."""
+    """Keep the strokes and peaks of a level whose samples are kept."""
     members = {s.index - first for s in level.strokes}
     strokes = tuple(s for s in sliding.strokes if s.index in members)
     peaks = tuple(replace(p, stroke=p.stroke - first) for p in level.peaks if p.stroke - first in members)
@@ -133,7 +133,7 @@ def _parts(file: RecordingFile, choice: SampleChoice, watch: Watch) -> Iterator[
                     where=str(file.path),
                     rule=f"a recording of more than {LONG_SAMPLES} samples is read part by part, and a part has "
                     f"{LEAST_STROKES} strokes",
-                    remedy="give fewer samples a stroke, or a file for each part",
+                    remedy="record fewer samples per stroke, or a file for each part",
                 )
             continue
         counted = sliding.strokes[0 if is_first else 1 : n if is_last else n - 1]
@@ -141,7 +141,7 @@ def _parts(file: RecordingFile, choice: SampleChoice, watch: Watch) -> Iterator[
             yield sliding, counted
         if is_last:
             break
-        # The next part counts from the last stroke on; the one before it, with its rest, comes along.
+        # The next part counts from the last stroke; the one before it, with its rest, is included.
         begin = float(sliding.recording.time_s[sliding.strokes[-3].stop - 1])
         start += int(np.flatnonzero(recording.time_s >= begin)[0])
         is_first, size = False, max(size, PART_SAMPLES)
@@ -157,7 +157,7 @@ def _hash(file: RecordingFile) -> str:
 
 
 def _numbered(friction: StrokeFriction, first: int) -> StrokeFriction:
-    """Give a stroke of a part its number in the whole recording."""
+    """Return a stroke of a part with its number in the whole recording."""
     number = friction.stroke.index + first
     peak = replace(friction.peak, stroke=number) if friction.peak else None
     return replace(friction, stroke=replace(friction.stroke, index=number), peak=peak)

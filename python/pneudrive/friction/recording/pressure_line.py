@@ -1,4 +1,4 @@
-"""Friction against pressure per seal, with a prediction interval that knows the spread between runs."""
+"""Friction against pressure per seal, with a prediction interval that includes the spread between runs."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 BAND_POINTS = 41
-ALL_RECORDINGS = "all recordings"  # the group of recordings that no label tells apart
+ALL_RECORDINGS = "all recordings"  # the group of recordings without different labels
 SAME_SPEED = 0.02  # controlled speeds closer than this are one level
 SHOWN_SPEEDS = 5
-CONFOUNDED = 0.7  # correlation of speed and pressure beyond which their effects are called confounded
-SPEED_OF_REPEAT = 0.25  # a repeat at a speed that was not controlled may be off by this much
-SAME_PRESSURE = 0.1  # recordings within this share of their pressure repeat one another
+CONFOUNDED = 0.7  # correlation of speed and pressure above which their effects are confounded
+SPEED_OF_REPEAT = 0.25  # largest difference of speed between repeats without controlled speed
+SAME_PRESSURE = 0.1  # recordings within this share of their pressure are repeats
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class PressureLine(Shown):
 
     ``band_pressure_pa``, ``band_mean_n``, ``band_low_n``, ``band_high_n`` (41,) are the line and the
     95 % prediction interval for the friction of a further run. ``covariance`` is that of
-    (intercept_n, slope_n_pa). ``basis`` says where the spread between runs comes from: ``own`` runs,
+    (intercept_n, slope_n_pa). ``basis`` is the source of the spread between runs: ``own`` runs,
     ``pooled`` from other seals, ``unknown``.
     """
 
@@ -78,7 +78,7 @@ class PressureLine(Shown):
 
 
 def run_spread(points: list[FrictionPoint]) -> RunSpread | None:
-    """Relative spread between runs; None where nothing was run twice."""
+    """Return the relative spread between runs; None without repeated runs."""
     cells: list[tuple[str, float, float, float, float]] = []
     squares, freedom = 0.0, 0
     for seal in dict.fromkeys(p.seal for p in points):
@@ -99,7 +99,7 @@ def run_spread(points: list[FrictionPoint]) -> RunSpread | None:
 
 
 def _repeats(points: list[FrictionPoint]) -> list[list[FrictionPoint]]:
-    """Points of about the same pressure and speed."""
+    """Return the points of about the same pressure and speed."""
     cells: list[list[FrictionPoint]] = []
     for group in _neighbours(points, lambda p: p.pressure_pa, lambda v: SAME_PRESSURE * max(abs(v), 1e4)):
         cells += _neighbours(group, lambda p: p.speed_m_s, lambda v: SPEED_OF_REPEAT * v)
@@ -126,9 +126,9 @@ def _run_means(cell: list[FrictionPoint]) -> NDArray[np.float64]:
 
 
 def fit_pressure_lines(points: list[FrictionPoint]) -> list[PressureLine]:
-    """Fit the line over pressure to each seal with at least three recordings at two pressures or more.
+    """Fit the line over pressure to each seal with at least three recordings at two or more pressures.
 
-    Where speed was controlled and crossed with pressure, a line is fitted at each of up to five speeds.
+    If speed was controlled and crossed with pressure, a line is fitted at each of up to five speeds.
     """
     spread = run_spread(points)
     lines = []
@@ -142,7 +142,7 @@ def fit_pressure_lines(points: list[FrictionPoint]) -> list[PressureLine]:
 
 
 def _speed_groups(seal: str, points: list[FrictionPoint]) -> list[tuple[str, list[FrictionPoint]]]:
-    """Points of equal speed where speed and pressure were crossed, otherwise all of them together."""
+    """Return points by speed if speed and pressure were crossed, else all together."""
     groups = _neighbours(points, lambda p: p.speed_m_s, lambda v: SAME_SPEED * v)
     crossed = [g for g in groups if len(g) >= 3 and np.ptp([p.pressure_pa for p in g]) > MINIMUM_RANGE_PA]
     if len(crossed) < 2 or sum(len(g) for g in crossed) < 0.6 * len(points):
@@ -170,9 +170,9 @@ def _fit(title: str, seal: str, points: list[FrictionPoint], spread: RunSpread |
     inverse = np.linalg.inv(matrix.T @ matrix)
     variance = own
     if spread is not None:
-        # With several runs of this seal, scatter about the line and spread between runs are two looks at one thing:
-        # how far a further recording lies off; the larger one counts. With one run the scatter does not know
-        # the spread between runs, so the pooled spread comes on top.
+        # With several runs of this seal, scatter about the line and spread between runs both estimate
+        # the deviation of a further recording; the larger one counts. With one run the scatter lacks
+        # the spread between runs, so the pooled spread is added.
         between = (spread.relative * np.abs(mean)) ** 2
         typical = float(np.mean((spread.relative * friction) ** 2))
         single = np.maximum(single, between) if repeated else single + between

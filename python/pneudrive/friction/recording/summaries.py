@@ -1,6 +1,6 @@
 """Campaigns: thousands of cycles, in one Parquet file or in many files, as one friction map.
 
-Worker processes read their own part of the file, so neither the samples nor their copies meet in one process.
+Worker processes read their own part of the file, so no process holds all samples.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ Source = Cycles | RecordingFile
 
 @dataclass(frozen=True)
 class Summary:
-    """What one recording of a campaign leaves: map rows and points for closure and pressure lines.
+    """Summary of a recording: map rows and points for closure and pressure lines.
 
-    ``digest`` is equal for recordings with the same samples; ``reason`` says why it could not be used.
+    ``digest`` is equal for recordings with the same samples; ``reason`` says why it is unusable.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Summary:
 
 
 def summary_of(result: RecordingResult, digest: int = 0) -> Summary:
-    """Keep of a recording's result what map, closure and pressure lines need."""
+    """Return the parts of a recording's result for map, closure and pressure lines."""
     rows = tuple(row for level in result.levels for row in level.rows)
     return Summary(
         result.recording.name,
@@ -61,21 +61,21 @@ def summary_of(result: RecordingResult, digest: int = 0) -> Summary:
 
 
 def summarise(sources: list[Source], choice: SampleChoice, workers: int | None = None) -> list[Summary]:
-    """Characterise every cycle, or every file, and keep what the map needs.
+    """Characterise every cycle, or every file, and return the summaries.
 
     Parameters
     ----------
     sources
         Parts of campaign files, or single recordings' files.
     choice
-        Which samples count.
+        Selection of samples.
     workers
-        Processes; None takes the processors there are, at most 8.
+        Number of processes; None: one for each processor, at most 8.
 
     Returns
     -------
     list of Summary
-        In the order of the sources. A cycle or file that cannot be used has a ``reason``: of 7500 cycles one may fail.
+        In the order of the sources. An unusable cycle or file has a ``reason``, so that one of 7500 cycles may fail.
     """
     number = sum(len(source) if isinstance(source, Cycles) else 1 for source in sources)
     workers = (workers or usual_workers()) if number >= WORTH_WORKERS else 1
@@ -84,7 +84,7 @@ def summarise(sources: list[Source], choice: SampleChoice, workers: int | None =
 
 
 def work(sources: list[Source], choice: SampleChoice) -> list[list[Summary]]:
-    """Characterise the recordings of each source one after the other in this process."""
+    """Characterise the recordings of each source in turn in this process."""
     return [[_summary(name, read, choice) for name, read in _recordings(source)] for source in sources]
 
 

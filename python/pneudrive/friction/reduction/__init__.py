@@ -1,1 +1,1 @@
-"""What recordings and campaigns are reduced by: sliding, settling, pairing, budget, peaks, stick-slip."""
+"""Reduction of recordings and campaigns: sliding, settling, pairing, budget, peaks, stick-slip."""

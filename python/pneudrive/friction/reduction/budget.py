@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pneudrive.signals.recording import Recording
 
 COVERAGE_FACTOR = 2.0
-# Assumed where the layout does not say; the budget marks each as assumed.
+# Assumed if the layout does not state it; the budget marks each as assumed.
 ASSUMED_PRESSURE_OF_RANGE = 0.005 / np.sqrt(3.0)  # limits of 0.5 % of full scale, rectangular
 ASSUMED_FORCE_OF_LARGEST = 0.002 / np.sqrt(3.0)  # limits of 0.2 % of the largest force, rectangular
 ASSUMED_BORE = 0.002  # of the bore: 0.05 mm on 25 mm
@@ -25,7 +25,7 @@ USUAL_RANGES_PA = np.array([1, 1.6, 2.5, 4, 6, 10, 16, 25, 40, 100]) * 1e5
 
 @dataclass(frozen=True)
 class BudgetEntry:
-    """One line: its standard uncertainty, and what it does to friction and to offset, in N.
+    """One source: its standard uncertainty, and its contributions to friction and offset, N.
 
     ``basis`` is "layout" (the accuracy was given), "assumed" or "data"; ``kind`` "A" or "B" (GUM).
     """
@@ -42,7 +42,7 @@ class BudgetEntry:
 
 @dataclass(frozen=True)
 class DirectionMeans:
-    """Means over the window in one direction, which the sensitivities are taken at."""
+    """Means over the window in one direction, for the sensitivities."""
 
     force_n: float
     pressure_a_pa: float
@@ -57,7 +57,7 @@ def systematic_budget(
     offset_slope_n_m: float = 0.0,
     sample_interval_s: float = 0.0,
 ) -> list[BudgetEntry]:
-    """List what each systematic source does to friction (half difference) and offset (half sum).
+    """Return the contribution of each systematic source to friction (half difference) and offset (half sum).
 
     Parameters
     ----------
@@ -66,9 +66,9 @@ def systematic_budget(
     up, down
         Means in +x and -x over the window.
     offset_slope_n_m
-        Change of offset over position: what a skew between channels turns into friction.
+        Change of offset over position, which a skew between channels turns into friction.
     sample_interval_s
-        Channels are taken to be simultaneous within this interval.
+        Channels are simultaneous within this interval.
     """
     skew, speed = sample_interval_s / np.sqrt(12.0), (abs(up.speed_m_s) + abs(down.speed_m_s)) / 2
     turned, words = abs(offset_slope_n_m) * speed * skew, "rectangular over one sampling interval"
@@ -83,7 +83,7 @@ def systematic_budget(
 def _sensor_entries(
     name: str, unit: str, known: tuple[float, str, str], newton_per_unit: float, change: float, reference: float
 ) -> list[BudgetEntry]:
-    """List the common error, of which the pair leaves what changes with direction, and hysteresis.
+    """Return the common error, of which only the change with direction remains in the pair, and hysteresis.
 
     Parameters
     ----------
@@ -93,15 +93,15 @@ def _sensor_entries(
     newton_per_unit : float
         Force of one unit of the sensor in the balance.
     change, reference : float
-        Half the difference of the mean readings of both directions; value at which the whole accuracy may be an error
+        Half the difference of the mean readings of both directions; reading at which the whole accuracy may be an error
         of gain.
     """
     u, basis, note = known
     common = u * newton_per_unit
     left = common * change / reference if reference else 0.0
     hysteresis = common * ASSUMED_DIRECTION_SHARE / float(np.sqrt(2.0))
-    note = f"{note}; cancels in the pair but for the change of the reading with direction".lstrip("; ")
-    turns = "a third of the accuracy taken to change with direction"
+    note = f"{note}; cancels in the pair except for the change of the reading with direction".lstrip("; ")
+    turns = "a third of the accuracy is assumed to change with direction"
     lost = u * ASSUMED_DIRECTION_SHARE
     return [
         BudgetEntry(f"{name}: common error", u, unit, basis, "B", left, common, note),
@@ -110,7 +110,7 @@ def _sensor_entries(
 
 
 def _accuracy(recording: Recording, channel: str, assumed: float, words: str) -> tuple[float, str, str]:
-    """Give the standard uncertainty of a channel, its basis and a note; the layout may itself call it assumed."""
+    """Return the standard uncertainty of a channel, its basis and a note; the layout itself may mark it as assumed."""
     if channel not in recording.accuracy:
         return assumed, "assumed", words
     text = recording.calibration.get(channel, "")
@@ -118,7 +118,7 @@ def _accuracy(recording: Recording, channel: str, assumed: float, words: str) ->
 
 
 def _reference(recording: Recording, channel: str, otherwise: float, zero: float = 0.0) -> float:
-    """Largest value that the sensor can give, where the layout says it."""
+    """Return the largest value of the sensor, if the layout states it."""
     if channel not in recording.limits:
         return otherwise
     return max(abs(limit - zero) for limit in recording.limits[channel])
@@ -128,7 +128,7 @@ def _pressure_entries(recording: Recording, side: str, up: DirectionMeans, down:
     channel = f"pressure_{side}_pa"
     values, ambient = getattr(recording, channel), recording.ambient_pressure_pa
     if np.ptp(values) == 0 and channel not in recording.accuracy and abs(values[0] - ambient) < 1.0:
-        return []  # open to ambient: nothing was measured, nothing acts
+        return []  # open to ambient: not measured, no force
     largest = float(np.max(np.abs(values - ambient)))
     span = USUAL_RANGES_PA[np.searchsorted(USUAL_RANGES_PA, largest)] if largest <= USUAL_RANGES_PA[-1] else largest
     words = f"0.5 % of a {span / 1e5:g} bar range, rectangular"
@@ -185,12 +185,12 @@ def _geometry_entries(recording: Recording, up: DirectionMeans, down: DirectionM
 
 
 def uncertainty_of(entries: Sequence[BudgetEntry], source: str) -> float:
-    """Give the standard uncertainty of one source, in its unit; 0 where the budget does not list it."""
+    """Return the standard uncertainty of one source, in its unit; 0 if the budget does not list it."""
     return next((entry.standard_uncertainty for entry in entries if entry.source == source), 0.0)
 
 
 def combined(entries: Sequence[BudgetEntry]) -> tuple[float, float]:
-    """Give the standard uncertainty of friction and of offset, sources taken as independent."""
+    """Return the standard uncertainty of friction and of offset, sources taken as independent."""
     return (
         float(np.sqrt(sum(e.friction_n**2 for e in entries))),
         float(np.sqrt(sum(e.offset_n**2 for e in entries))),
@@ -198,20 +198,20 @@ def combined(entries: Sequence[BudgetEntry]) -> tuple[float, float]:
 
 
 def expanded(stderr_n: float, u_systematic_n: float) -> float:
-    """Give the expanded uncertainty U with k = 2, N."""
+    """Return the expanded uncertainty U with k = 2, N."""
     return COVERAGE_FACTOR * float(np.hypot(np.nan_to_num(stderr_n), u_systematic_n))
 
 
 def stated_shares(
     recording: Recording, up: DirectionMeans, down: DirectionMeans
 ) -> dict[str, float | bool | dict[str, float]]:
-    """Divide the budget of a cycle into what campaigns take apart, by the names of the fields of `CycleData`.
+    """Divide the budget of a cycle into the parts that campaigns separate, by the fields of `CycleData`.
 
-    Many cycles share their sensors: what grows with friction, what is the same at all frictions, and what tares take
-    out act on a curve in different ways.
+    Many cycles share their sensors: parts proportional to friction, parts equal at all frictions, and parts that tares
+    remove act on a curve in different ways.
     """
     entries = systematic_budget(recording, up, down)
-    # Hysteresis needs a reading that changes with direction: that of a pressure that is held has none.
+    # Hysteresis needs a reading that changes with direction: a constant pressure has none.
     moves = {
         f"pressure {c}: hysteresis": abs(getattr(up, f"pressure_{c}_pa") - getattr(down, f"pressure_{c}_pa"))
         * getattr(recording, f"area_{c}_m2")
@@ -221,7 +221,7 @@ def stated_shares(
     constant = ("hysteresis", "linearity")
     changing = [min(e.friction_n, moves.get(e.source, np.inf)) for e in entries if e.source.endswith(constant)]
     shared = [e for e in entries if not e.source.endswith("hysteresis")]
-    # A zero is what tares take out; what is left of an accuracy grows with the reading.
+    # Tares remove the zero; the rest of an accuracy grows with the reading.
     readings = {
         "force: common error": _of_range(recording, "force_n", (up.force_n + down.force_n) / 2.0, 0.0),
         "pressure a: common error": _of_range(recording, "pressure_a_pa", up.pressure_a_pa, None),
@@ -247,7 +247,7 @@ def _root(parts: Iterable[float]) -> float:
 
 
 def _of_range(recording: Recording, channel: str, reading: float, zero: float | None) -> float:
-    """Share of the sensor's range at which it is, counted from its zero (None: ambient pressure)."""
+    """Return the reading as a share of the sensor's range, counted from its zero (None: ambient pressure)."""
     start = recording.ambient_pressure_pa if zero is None else zero
     limits = recording.limits.get(channel)
     reach = max(abs(v - start) for v in limits) if limits else np.max(np.abs(getattr(recording, channel) - start))

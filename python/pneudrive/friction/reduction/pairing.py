@@ -22,7 +22,7 @@ ALTERNATIONS, CONVERGED = 50, 1e-9
 
 @dataclass(frozen=True)
 class Grid:
-    """Equal bins of position, of which those of a window count from 0: the window's ends are edges of bins.
+    """Equal bins of position, numbered from 0 in the window, whose ends are edges of bins.
 
     Attributes
     ----------
@@ -66,23 +66,23 @@ class Profile:
     in_window: NDArray[np.bool_]
 
     def strokes_n(self, direction: int) -> Array:
-        """Balance of the strokes of one direction, shape (strokes, m)."""
+        """Return the balance of the strokes of one direction, shape (strokes, m)."""
         return self.up_strokes_n if direction > 0 else self.down_strokes_n
 
 
 def grid_over(
     window_m: tuple[float, float], ends_m: Sequence[float], samples_in_window: float, count: int | None = None
 ) -> Grid:
-    """Divide the way between the outermost of some ends into bins.
+    """Divide the range between the outermost of some ends into bins.
 
     Parameters
     ----------
     window_m : tuple of float
     ends_m : sequence of float
     samples_in_window : float
-        Of a stroke: there are so many bins that it has about four samples in each.
+        Samples of a stroke in the window: the bins hold about four each.
     count : int, optional
-        Bins of the window; None: as many as the samples fill.
+        Bins of the window; None: by the number of samples.
     """
     low, high = window_m
     filled = int(np.clip(int(samples_in_window) // SAMPLES_PER_BIN, MINIMUM_BINS, MAXIMUM_BINS))
@@ -94,7 +94,7 @@ def grid_over(
 
 
 def bin_means(position_m: Array, values: Array, edges_m: Array) -> Array:
-    """Mean of ``values`` in each position bin, shape (bins,), NaN where a bin is empty."""
+    """Return the mean of ``values`` in each position bin, shape (bins,), NaN in empty bins."""
     bins = edges_m.size - 1
     place = np.floor((position_m - edges_m[0]) / (edges_m[-1] - edges_m[0]) * bins).astype(np.int64)
     inside = (place >= 0) & (place < bins)
@@ -129,7 +129,7 @@ def pair(grid: Grid, strokes_n: dict[int, Array]) -> Profile:
 
 
 def mean_profile(strokes_n: Array) -> Array:
-    """Mean over strokes in each bin, shape (bins,), with the level of each stroke kept apart.
+    """Return the mean over strokes in each bin, shape (bins,), with a separate level of each stroke.
 
     A stroke that misses bins (a gap in the recording) must not shift the profile there: the
     two-way model  value = stroke + bin  is fitted by alternation, and the profile is  bin + mean stroke.
@@ -153,14 +153,14 @@ def mean_profile(strokes_n: Array) -> Array:
 
 
 def stroke_means(strokes_n: Array, bins: NDArray[np.bool_]) -> Array:
-    """Mean of each stroke over the chosen bins, shape (strokes,), missing bins filled from the profile."""
+    """Return the mean of each stroke over the chosen bins, shape (strokes,), missing bins filled from the profile."""
     part = strokes_n[:, bins]
     profile = mean_profile(part)
     return known_mean(part - profile[None, :], axis=1) + np.nanmean(profile)
 
 
 def known_mean(values: Array, axis: int) -> Array:
-    """Mean of the finite values; NaN, and no warning, where there is none."""
+    """Return the mean of the finite values; NaN without a warning if there are none."""
     known = np.isfinite(values)
     count = known.sum(axis=axis)
     total = np.where(known, values, 0.0).sum(axis=axis)

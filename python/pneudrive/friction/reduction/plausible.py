@@ -1,4 +1,4 @@
-"""What is possible and unusual: doubts, which the friction map carries as flags and the notes as sentences."""
+"""Unusual values: doubts, which are flags of the friction map and sentences of the notes."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from pneudrive.signals.recording import Recording
 
 BELOW_AMBIENT = 0.1  # of ambient pressure: lower ones are a vacuum, or gauge pressures written as absolute
-UNFOLLOWED = 0.25  # of pressure times area: the force misses that much of it
-SMALLEST_N = 1e-3  # friction that no force sensor of a piston drive sees
-FULL_PRESSURE_PA = 10e5  # friction above what this pressure pushes on the piston would stop any drive
+UNFOLLOWED = 0.25  # of pressure times area: least unexplained part of the force
+SMALLEST_N = 1e-3  # friction below the resolution of force sensors of piston drives
+FULL_PRESSURE_PA = 10e5  # friction above the force of this pressure on the piston would stop any drive
 
 
 def doubts_of(
@@ -28,14 +28,14 @@ def doubts_of(
     offset_n: float,
     u_offset_n: float,
 ) -> dict[str, str]:
-    """Say what about a speed level is possible, and hardly so: flag -> what to look at, in a sentence.
+    """Return the doubts on a speed class: flag -> sentence with a check.
 
-    A recording whose areas are zero has no pressure to be held against: its force is the friction itself.
+    A recording with zero areas has no pressure force: its force is the friction itself.
     """
     ambient, areas = recording.ambient_pressure_pa, (recording.area_a_m2, recording.area_b_m2)
     lowest, highest = min(gauge_pa.values()) + ambient, max(gauge_pa.values()) + ambient
     pushed = gauge_pa["b"] * areas[1] - gauge_pa["a"] * areas[0] + recording.weight_n
-    friction, missed = abs(friction_n), abs(offset_n)  # the offset is NaN where one direction is missing
+    friction, missed = abs(friction_n), abs(offset_n)  # the offset is NaN if one direction is missing
     unfollowed = missed > max(UNFOLLOWED * abs(pushed), friction, 3.0 * u_offset_n) and abs(pushed) > friction
     full = FULL_PRESSURE_PA * max(areas)
     seen = {
@@ -59,10 +59,10 @@ def doubts_of(
 
 NEGATIVE = "negative friction"
 OUTLIER = "outlier"
-SURE = 3.0  # standard errors below zero: no friction that noise made negative
-NEIGHBOURS = 6  # nearest cycles in speed, with which a cycle's friction is held
+SURE = 3.0  # standard errors below zero: negative beyond noise
+NEIGHBOURS = 6  # nearest cycles in speed for the comparison of a cycle's friction
 ENOUGH = 4
-FAR = 10.0  # times more or less friction than at neighbouring speeds: a sensor, a unit or a range, no seal
+FAR = 10.0  # factor of friction to neighbouring speeds: an error of sensor, unit or range, not a seal
 
 
 def implausible_friction(
@@ -71,7 +71,7 @@ def implausible_friction(
     friction_n: NDArray[np.float64],
     stderr_n: NDArray[np.float64],
 ) -> tuple[str, ...]:
-    """Say of each cycle of a campaign, shape (n,), whether its friction cannot be; "" where it can."""
+    """Return for each cycle of a campaign, shape (n,), why its friction is impossible; "" if possible."""
     pace = np.log(np.maximum(speed_m_s, 1e-12))
     found: list[str] = [""] * friction_n.size
     for here in (np.flatnonzero(condition == k) for k in np.unique(condition)):

@@ -1,4 +1,4 @@
-"""Breakaway peaks after reversals, with what spoils them."""
+"""Breakaway peaks after reversals, with flags of their faults."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from pneudrive.signals.recording import Recording
 
 NEEDED_RISE_SAMPLES = 10
-# A pressure change during the rise spoils the peak when it moves the force by this share of it.
+# A pressure change during the rise spoils the peak if it changes the force by this share of it.
 TRANSIENT_SHARE = 0.1
-# Inertia of the mass beyond the sensor spoils it likewise: acceleration from positions is late, smoothed and noisy.
+# Inertia of the mass beyond the sensor does so too: acceleration from positions is late, smoothed and noisy.
 INERTIA_SHARE = 0.1
-# The peak is sought from the start of a stroke over this share of its travel.
+# Share of a stroke's travel, from its start, in which the peak is searched.
 SOUGHT_SHARE = 0.25
-# The offset at the turn follows from the line through what lies between these shares of the travel from it.
+# The offset at the turn is extrapolated from a line between these shares of the travel from it.
 OFFSET_FROM = (0.1, 0.35)
 FEWEST_BINS = 3
 
@@ -34,9 +34,9 @@ FEWEST_BINS = 3
 class ReversalPeak:
     """Largest friction after one reversal.
 
-    ``friction_n`` is the peak, offset taken out; ``sliding_n`` the friction level of the window.
+    ``friction_n`` is the peak without the offset; ``sliding_n`` the friction level of the window.
     ``excess_n`` is their difference, ``significant`` whether it exceeds the noise of a single peak.
-    ``rise_samples`` counts samples while it rises from 10 % to 90 %; ``flags`` names what spoils it:
+    ``rise_samples`` counts samples while it rises from 10 % to 90 %; ``flags`` names its faults:
     ``undersampled``, ``pressure_transient``, ``inertia``, ``gap``, ``no_peak``.
     """
 
@@ -65,11 +65,11 @@ def find_reversal_peaks(
     recording
         Cleaned recording.
     strokes
-        Strokes of one speed level, of which the recording's first has no reversal before it.
+        Strokes of one speed class; the recording's first one has no reversal before it.
     balance_n
         Shape (n,).
     profile
-        Of the same level. Its offset is taken out, see `offset_line`.
+        Of the same level. Its offset is removed, see `offset_line`.
     """
     if (np.isfinite(profile.offset_n) & profile.in_window).sum() < FEWEST_BINS:
         return []
@@ -101,7 +101,7 @@ def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
     """Fit a line through the offset near a turn: slope, N/m, and intercept at x = 0, N.
 
     At the turn itself one direction is still in its transient, and half the sum is not the offset; far from it the
-    offset may have bent. Where too few bins lie between, those of the window are taken.
+    offset may differ. With too few bins between, those of the window are used.
     """
     known = np.isfinite(profile.offset_n)
     away = np.abs(profile.position_m - turn_m) / float(np.ptp(profile.position_m))
@@ -135,7 +135,7 @@ def _peak(
     flags = _peak_flags(recording, stroke, part, (low, high, top), float(friction[top] - friction[low]), usual)
     excess = float(friction[top] - usual.sliding_n)
     if top >= friction.size - 2:
-        flags.append("no_peak")  # still rising where the search ends: no maximum of its own
+        flags.append("no_peak")  # still rising at the end of the search: no maximum
     return ReversalPeak(
         recording=recording.name,
         stroke=stroke.index,
@@ -157,7 +157,7 @@ def _peak(
 def _rise(friction_n: NDArray[np.float64]) -> tuple[int, int, int]:
     """Find a peak and its rise: last sample below 10 % of the swing, first one above 90 %, the peak itself.
 
-    A slow drift up to the peak, after the rise, is no part of it.
+    A slow drift up to the peak, after the rise, does not belong to it.
     """
     top = int(np.argmax(friction_n))
     bottom = float(friction_n[: top + 1].min())
@@ -168,7 +168,7 @@ def _rise(friction_n: NDArray[np.float64]) -> tuple[int, int, int]:
 
 
 def _run_up(recording: Recording, stroke: Stroke) -> float:
-    """Mean acceleration until the stroke has 80 % of its speed, at least one sample, m/s2."""
+    """Return the mean acceleration until the stroke has 80 % of its speed, at least one sample, m/s2."""
     time = recording.time_s[stroke.samples]
     velocity = local_slope(time, recording.position_m[stroke.samples])
     reached = max(int(np.argmax(np.abs(velocity) >= 0.8 * abs(stroke.speed_m_s))), 1)
@@ -185,7 +185,7 @@ def _peak_flags(
     moved = 0.0
     for side in ("a", "b"):
         channel = getattr(recording, f"pressure_{side}_pa")
-        pressure = channel[part][: top + 1]  # what moves in the rest before counts too
+        pressure = channel[part][: top + 1]  # motion in the rest before it counts too
         # Noise alone spreads n samples over about 2 sqrt(2 ln n) deviations.
         by_noise = 2 * usual.pressure_noise_pa[side] * np.sqrt(2 * np.log(max(pressure.size, 2)))
         moved += max(float(np.ptp(pressure)) - by_noise, 0.0) * getattr(recording, f"area_{side}_m2")
@@ -201,12 +201,12 @@ def _peak_flags(
 
 
 def breakaway(peaks: Sequence[ReversalPeak], strokes: Sequence[Stroke]) -> dict[str, float]:
-    """Give the breakaway of one direction: medians over the reversals before its strokes, NaN where there is none.
+    """Return the breakaway of one direction: medians over the reversals before its strokes, NaN if there are none.
 
     Returns
     -------
     dict
-        ``breakaway_n`` of the peaks that nothing spoils, ``dwell_s``, ``loading_rate_n_s``.
+        ``breakaway_n`` of the usable peaks, ``dwell_s``, ``loading_rate_n_s``.
     """
     return {
         "breakaway_n": median([p.friction_n for p in peaks if not p.flags]),
@@ -216,5 +216,5 @@ def breakaway(peaks: Sequence[ReversalPeak], strokes: Sequence[Stroke]) -> dict[
 
 
 def median(values: Sequence[float]) -> float:
-    """Median of a few values, most often of one, for which NumPy takes long; NaN where there is none."""
+    """Return the median of a few values, most often of one, for which NumPy takes long; NaN if there are none."""
     return float(np.median(values)) if len(values) > 1 else values[0] if values else float("nan")

@@ -1,4 +1,4 @@
-"""Which samples of a stroke count: a settling criterion, or the source paper's protocol."""
+"""Selection of the samples of a stroke: a settling criterion, or the source paper's protocol."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
 
     from pneudrive.friction.reduction.sliding import SlidingMotion
 
-LEVEL_BINS = 40  # over the travel: what the balance of one direction is read from
-LEAST_SWING = 0.5  # of its median: where a friction that varies over position is followed no further
+LEVEL_BINS = 40  # bins over the travel for the balance of one direction
+LEAST_SWING = 0.5  # of its median: limit of the variation of friction over position
 
 
 @dataclass(frozen=True)
 class Settled:
-    """Samples after the reversal's transient, with no need for a controlled speed.
+    """Samples after the reversal's transient, without need of a controlled speed.
 
     A stroke has settled after ``speed_travels`` times the travel in which its speed reaches ``speed_share`` of its
     own middle speed, and after ``force_travels`` times the travel in which the balance goes through ``force_share`` of
     its swing from the opposite direction's level at the same position, which an offset that changes along the stroke
     moves with it. Presliding approaches like  1 - 2 exp(-x/l):  80 % of the swing takes
-    1.6 l, and after three times that 2 % are left; a higher share would wait for a friction that varies over position.
+    1.6 l, and after three times that 2 % are left; a higher share would depend on friction that varies over position.
     At the end, samples below the speed share are dropped. The whole swing is a line through both directions'
     difference over the middle 60 % of the travel, so neither speed nor force needs to be constant.
     """
@@ -41,7 +41,7 @@ class Settled:
     uses_window: bool = True
 
     def choose(self, motion: SlidingMotion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-        """Give the mask of settled samples and the balance as it is."""
+        """Return the mask of settled samples and the unchanged balance."""
         position_m, balance_n = motion.position_m, motion.balance_n
         velocity = motion.velocity_m_s
         levels = _levels(motion)
@@ -69,7 +69,7 @@ class SourcePaper:
     """The source paper's protocol: first 5 % dropped, moving average of 5 samples, mean of the rest.
 
     The moving average leaves the mean nearly unchanged; it is kept so that published numbers can be
-    compared. Dropping 5 % is not enough where the distance to reach speed is longer.
+    compared. Dropping 5 % is not enough if the distance to reach speed is longer.
     """
 
     dropped_share: float = 0.05
@@ -78,19 +78,19 @@ class SourcePaper:
     uses_window: bool = False
 
     def choose(self, motion: SlidingMotion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-        """Give the mask of samples after the first 5 % of each stroke's time and the smoothed balance."""
+        """Return the mask of samples after the first 5 % of each stroke's time and the smoothed balance."""
         mask = np.zeros(motion.time_s.size, dtype=bool)
         smooth = motion.balance_n.copy()
         for stroke in motion.strokes:
             time = motion.time_s[stroke.samples]
-            # By time, which for even samples is by their number: a burst after the reversal is no larger share.
+            # By time, so that a burst after the reversal does not count more.
             mask[stroke.samples] = time >= time[0] + self.dropped_share * (time[-1] - time[0])
             smooth[stroke.samples] = moving_average(motion.balance_n[stroke.samples], self.average_samples)
         return mask, smooth
 
 
 def moving_average(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Centred mean of ``count`` samples, of fewer at the ends; same shape."""
+    """Return the centred mean of ``count`` samples, of fewer at the ends; same shape."""
     kernel = np.ones(count)
     return np.convolve(values, kernel, "same") / np.convolve(np.ones(values.size), kernel, "same")
 
@@ -111,14 +111,14 @@ class _Levels:
     def share_risen(
         self, position_m: NDArray[np.float64], balance_n: NDArray[np.float64], direction: int
     ) -> NDArray[np.float64]:
-        """Way that the balance has gone from the opposite direction's level to its own: 0 to 1, and noise."""
+        """Return the share of the balance's way from the opposite direction's level to its own: 0 to 1, with noise."""
         start = np.interp(position_m, self.position_m[-direction], self.balance_n[-direction])
         line = (self.slope_n_m * position_m + self.intercept_n) / self.swing_n
         return direction * (balance_n - start) / (self.swing_n * np.clip(line, LEAST_SWING, 1 / LEAST_SWING))
 
 
 def _levels(motion: SlidingMotion) -> _Levels | None:
-    """Levels of both directions; None where one is missing, or nothing tells them apart."""
+    """Return the levels of both directions; None if one is missing, or they do not differ."""
     ends = [value for stroke in motion.strokes for value in (stroke.from_m, stroke.to_m)]
     low, high = min(ends), max(ends)
     edges = np.linspace(low, high, LEVEL_BINS + 1)

@@ -1,4 +1,4 @@
-"""From samples to the strokes of a motion, the samples that count, and what each stroke leaves of them."""
+"""From samples to the strokes of a motion, their settled samples, and the results of each stroke."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# A stroke counts in the window when it has settled samples in at least this share of its bins.
+# A stroke counts in the window if it has settled samples in at least this share of its bins.
 COVERED_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class SlidingMotion:
-    """A cleaned recording, its strokes and its force balance, shape (n,): what a choice of samples looks at."""
+    """A cleaned recording, its strokes and its force balance, shape (n,), for the selection of samples."""
 
     recording: Recording
     strokes: list[Stroke]
@@ -54,7 +54,7 @@ class SlidingMotion:
 
 
 class SampleChoice(Protocol):
-    """A way to choose, and perhaps smooth, the samples of a stroke that enter its mean."""
+    """A rule that chooses, and perhaps smooths, the samples of a stroke for its mean."""
 
     @property
     def name(self) -> str:
@@ -63,17 +63,17 @@ class SampleChoice(Protocol):
 
     @property
     def uses_window(self) -> bool:
-        """Whether the mean is over equal positions of the window; otherwise over all samples that count."""
+        """Whether the mean is over equal positions of the window; else over all chosen samples."""
         ...
 
     def choose(self, motion: SlidingMotion) -> tuple[NDArray[np.bool_], Array]:
-        """Give the mask of samples that count, shape (n,), and the balance to average, shape (n,)."""
+        """Return the mask of chosen samples, shape (n,), and the balance to average, shape (n,)."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Sliding:
-    """A recording after its samples were judged: ``settled`` marks those that count, ``balance_n`` is averaged."""
+    """A recording with chosen samples: ``settled`` marks them, ``balance_n`` is averaged."""
 
     recording: Recording
     strokes: tuple[Stroke, ...]
@@ -82,18 +82,18 @@ class Sliding:
 
 
 def find_motion(recording: Recording, *, inertia: bool = True) -> SlidingMotion:
-    """Find the strokes of a cleaned recording, and the force that is left for friction.
+    """Find the strokes of a cleaned recording, and its force balance.
 
     Parameters
     ----------
     recording : Recording
     inertia : bool
-        Whether the mass beyond the sensor times its acceleration is taken out.
+        Whether inertia of the mass beyond the sensor is subtracted.
 
     Raises
     ------
     RecordingError
-        No motion, too few samples, or what no rig can have measured.
+        Without motion, with too few samples, or with impossible values.
     """
     strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
     refuse_impossible(recording, strokes)
@@ -104,7 +104,7 @@ def find_motion(recording: Recording, *, inertia: bool = True) -> SlidingMotion:
 
 
 def judge(motion: SlidingMotion, choice: SampleChoice) -> Sliding:
-    """Choose the samples that count."""
+    """Choose the samples."""
     return Sliding(motion.recording, tuple(motion.strokes), *choice.choose(motion))
 
 
@@ -119,21 +119,21 @@ class WindowMeans:
 
 @dataclass(frozen=True, eq=False)
 class StrokeFriction:
-    """What one stroke leaves for its speed level: it grows with the bins, and not with the samples.
+    """The results of one stroke for its speed class; their size grows with the bins, not with the samples.
 
     Attributes
     ----------
     stroke : Stroke
     time_s : float
-        Its beginning.
+        Its start.
     first : int
         Number of its first bin, see `Grid`.
     balance_n : ndarray, shape (bins,)
-        Mean balance in each bin, NaN where nothing has settled.
+        Mean balance in each bin, NaN without settled samples.
     mean_n : float
-        Mean balance of all samples that count.
+        Mean balance of all chosen samples.
     inside : WindowMeans or None
-        None where it does not cover the window.
+        None if it does not cover the window.
     peak : ReversalPeak or None
     stick_slip : StickSlip or None
     """
@@ -151,23 +151,23 @@ class StrokeFriction:
 def stroke_frictions(
     sliding: Sliding, strokes: Sequence[Stroke], window: tuple[float, float], bins: int | None = None
 ) -> tuple[Grid, list[StrokeFriction]]:
-    """Take from the samples what a level of these strokes needs.
+    """Return the results of strokes for their speed class.
 
     Parameters
     ----------
     sliding : Sliding
     strokes : sequence of Stroke
-        Of one speed level.
+        Strokes of one speed class.
     window : tuple of float
         Positions between which friction is averaged, m.
     bins : int, optional
-        Of the window; None: as many as the samples fill.
+        Bins of the window; None: by the number of samples.
 
     Returns
     -------
     Grid
     list of StrokeFriction
-        Empty where no stroke covers the window.
+        Empty if no stroke covers the window.
     """
     recording, balance = sliding.recording, sliding.balance_n
     grid = stroke_grid(recording.position_m, strokes, window, bins)
@@ -208,7 +208,7 @@ def stroke_grid(
 def stroke_rows(
     position_m: Array, balance_n: Array, settled: NDArray[np.bool_], strokes: Sequence[Stroke], grid: Grid
 ) -> list[Array]:
-    """Average the balance of each stroke in each bin, over the samples that count."""
+    """Average the balance of each stroke in each bin, over the chosen samples."""
     edges, rows = grid.edges_m, []
     for stroke in strokes:
         use = settled[stroke.samples]
@@ -243,21 +243,21 @@ def _window_means(
 
 
 def mean_speed(recording: Recording, index: NDArray[np.intp], otherwise: float) -> float:
-    """Way between the first and the last of some samples over the time between them."""
+    """Return the mean speed between the first and the last of some samples."""
     time = recording.time_s[index[-1]] - recording.time_s[index[0]]
     way = recording.position_m[index[-1]] - recording.position_m[index[0]]
     return float(way / time) if time > 0 else otherwise
 
 
 def mean_of_strokes(strokes: Sequence[WindowMeans]) -> WindowMeans:
-    """Put the strokes of one direction together; each counts alike."""
+    """Average the strokes of one direction with equal weight."""
     means = {name: float(np.mean([getattr(s.means, name) for s in strokes])) for name in vars(strokes[0].means)}
     moves = float(np.median([s.pressure_moves_n for s in strokes]))
     return WindowMeans(DirectionMeans(**means), sum(s.samples for s in strokes), moves)
 
 
 def _usual_range(values: Array) -> float:
-    """Range that holds all but the lowest and highest 5 % of the values."""
+    """Return the range that holds all but the lowest and highest 5 % of the values."""
     some = np.sort(thinned(values))
     margin = int(0.05 * some.size)
     return float(some[some.size - 1 - margin] - some[margin])

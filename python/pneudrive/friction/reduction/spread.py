@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 TREND_LEVEL = 0.05
 MINIMUM_FOR_TREND = 5
-MOST_PAIRED = 1000  # strokes of which every pair gives a slope: of more, so many evenly spread ones
+MOST_PAIRED = 1000  # most strokes for slopes of all pairs; of more, this many evenly spread ones
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Spread:
     """Spread of stroke means in one direction.
 
     ``stderr_n`` is NaN for a single stroke. ``slope_n`` is the robust drift per stroke (Theil-Sen),
-    ``trend_p`` the two-sided probability of Kendall's test that it is chance (1 where not testable).
-    ``effective`` is the number of independent strokes, smaller than ``strokes`` where they drift.
+    ``trend_p`` the two-sided probability of Kendall's test that it is chance (1 if not testable).
+    ``effective`` is the number of independent strokes, smaller than ``strokes`` if they drift.
     """
 
     strokes: int
@@ -86,9 +86,9 @@ def _effective_number(values: NDArray[np.float64], *, has_trend: bool) -> float:
 
 
 def pair_stderr(up: Spread, down: Spread) -> float:
-    """Give the standard error of half the difference of both directions' means; NaN where no spread is known.
+    """Return the standard error of half the difference of both directions' means; NaN without a known spread.
 
-    Where one direction has a single stroke, the other one's spread stands for it.
+    If one direction has a single stroke, the spread of the other one applies to it.
     """
     deviations = [s.deviation_n for s in (up, down) if np.isfinite(s.deviation_n)]
     if not deviations:
@@ -99,9 +99,9 @@ def pair_stderr(up: Spread, down: Spread) -> float:
 
 
 def profile_stderr(profile_n: NDArray[np.float64]) -> float:
-    """Estimate the standard error of a profile's mean from the profile alone, for where there is one stroke only.
+    """Estimate the standard error of a profile's mean from the profile alone, for a single stroke.
 
-    A straight line is taken out (the pattern over position is not chance, its coarse part least of
+    A straight line is removed (the pattern over position is not chance, its coarse part least of
     all) and the correlation of neighbouring bins is summed until it first falls below zero.
     """
     values = profile_n[np.isfinite(profile_n)]
@@ -117,7 +117,7 @@ def profile_stderr(profile_n: NDArray[np.float64]) -> float:
 def within_stderr(strokes_n: NDArray[np.float64]) -> float:
     """Estimate the standard error of the mean of all strokes that noise inside the strokes alone would cause.
 
-    The spread of two or three stroke means may be small by chance, but never is their error below this.
+    The spread of two or three stroke means may be small by chance, but their error is never below this.
 
     Parameters
     ----------

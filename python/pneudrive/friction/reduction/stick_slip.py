@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from pneudrive.signals.motion import Stroke
 
 STUCK_SHARE = 0.2  # below this share of the mean speed the piston counts as stuck
-SLIP_SHARE = 1.2  # above it a slip has begun; the gap between the two keeps noise from counting
+SLIP_SHARE = 1.2  # above it a slip has begun; the gap between the two suppresses noise
 MINIMUM_PERIODS = 3
 FEWEST_SAMPLES = 20  # of a section
-# Glitches of a position sensor look like short rests with jumps after them, but the travel is made between them.
-SLIPPED_SHARE = 0.5  # of the travel is made in slips at least
-RESTED_SHARE = 0.05  # of the time is spent stuck at least
+# Glitches of a position sensor look like short rests followed by jumps, but most travel lies between them.
+SLIPPED_SHARE = 0.5  # least share of the travel in slips
+RESTED_SHARE = 0.05  # least share of the time stuck
 
 
 @dataclass(frozen=True, repr=False)
@@ -34,7 +34,7 @@ class StickSlip(Shown):
     periods, ``peak_speed_m_s`` the median of the slips' peaks, ``stuck_share`` the share of time below
     20 % of the mean speed, ``mean_speed_m_s`` the mean over the section, ``ripple`` (standard
     deviation of speed over its mean). ``resolution_s`` is the shortest period that sampling and noise
-    let one see.
+    resolve.
     """
 
     found: bool
@@ -65,20 +65,20 @@ def find_stick_slip(
     time_s, position_m
         Shape (n,), SI, time increasing.
     velocity_m_s
-        Shape (n,) where it is known (a simulation); otherwise it is taken from the position, smoothed
-        as far as the position noise demands.
+        Shape (n,) if known (a simulation); else from the position, smoothed
+        according to the position noise.
     trim
         Share of each stroke's travel that is left out at both ends.
 
     Returns
     -------
     list of StickSlip
-        One per stroke, also where nothing was found.
+        One per stroke, also without stick-slip.
 
     Raises
     ------
     RecordingError
-        Fewer than 20 samples, or no motion.
+        With fewer than 20 samples, or without motion.
     """
     time_s, position_m = np.asarray(time_s, dtype=float), np.asarray(position_m, dtype=float)
     if time_s.shape != position_m.shape or time_s.ndim != 1:
@@ -90,7 +90,7 @@ def find_stick_slip(
 
 
 def middle_of(stroke: Stroke, position_m: NDArray[np.float64], trim: float = 0.1) -> slice | None:
-    """Give the samples of a stroke without its ends, a share of its travel each; None where they are too few."""
+    """Return the samples of a stroke without its ends, a share of its travel each; None if too few."""
     share = (position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
     inside = np.flatnonzero((share >= trim) & (share <= 1 - trim))
     if inside.size < FEWEST_SAMPLES:
@@ -105,7 +105,7 @@ def stick_slip_of(
     velocity_m_s: NDArray[np.float64] | None = None,
     trim: float = 0.1,
 ) -> StickSlip | None:
-    """Measure stick-slip in the middle of a stroke; None where that has too few samples."""
+    """Measure stick-slip in the middle of a stroke; None with too few samples."""
     part = middle_of(stroke, position_m, trim)
     if part is None:
         return None
@@ -154,7 +154,7 @@ def measure_stick_slip(
 
 
 def _smoothing(time_s: NDArray[np.float64], position_m: NDArray[np.float64], mean: float) -> int:
-    """Half width of the slope window at which position noise gives at most 5 % of the mean speed."""
+    """Return half width of the slope window at which position noise gives at most 5 % of the mean speed."""
     step = float(time_s[-1] - time_s[0]) / max(time_s.size - 1, 1)
     noise = noise_level(position_m)
     if mean <= 0 or step <= 0:
@@ -168,7 +168,7 @@ def _smoothing(time_s: NDArray[np.float64], position_m: NDArray[np.float64], mea
 
 
 def _spacing(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Time that each sample stands for: half the way between its neighbours, at the ends the step."""
+    """Return the time that each sample stands for: half the way between its neighbours, at the ends the step."""
     if time_s.size < 2:
         return np.ones(time_s.size)
     spacing = np.empty_like(time_s)
@@ -180,7 +180,7 @@ def _spacing(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
 def _slips(
     speed: NDArray[np.float64], stuck: NDArray[np.bool_], slipping: NDArray[np.bool_]
 ) -> tuple[list[int], list[float]]:
-    """First sample of each slip that follows a stick, and each slip's peak speed."""
+    """Return the first sample of each slip that follows a stick, and each slip's peak speed."""
     if not stuck.any() or not slipping.any():
         return [], []
     # Samples between the two thresholds decide nothing.

@@ -1,1 +1,1 @@
-"""A layout proposed for a foreign recording."""
+"""Proposal of a layout for a foreign recording."""

@@ -1,4 +1,4 @@
-"""What each column of a foreign table seems to be: by its name where it has one, else by its course."""
+"""Guesses of the columns of a foreign table: by name if there is one, else by the signal."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ KNOWN_UNITS = {
     "pressure": {"bar", "mbar", "Pa", "kPa", "MPa", "psi"},
     "command": {"V", "mV", "mA"},
 }
-GROUPED = ("tdms", "mf4")  # formats whose names begin with that of a group: group/channel
-HELD_SHARE = 0.9  # of its samples equal the one before: a command that is held, no measured force
-FEWEST = 3  # numbers of a column from which anything is guessed
-SAME_SIGNAL = 0.98  # columns that correlate at least like this may be one signal in two units
+GROUPED = ("tdms", "mf4")  # formats with names group/channel
+HELD_SHARE = 0.9  # share of samples equal to the previous one: a held command, not a measured force
+FEWEST = 3  # least number of values for a guess
+SAME_SIGNAL = 0.98  # least correlation of columns that may be one signal in two units
 SIDE_IN_NAME = re.compile(r"(?:^|[\W_]|p)(a|b|1|2)(?=$|[\W_])")
 
 
 @dataclass(frozen=True)
 class Guess:
-    """What a column seems to be: ``role`` time, position, force, command, pressure, pressure_a or pressure_b."""
+    """A guess of a column: ``role`` time, position, force, command, pressure, pressure_a or pressure_b."""
 
     role: str
     column: int | str
@@ -54,7 +54,7 @@ class Guess:
 
 
 def _roles_by_name(reading: FileForm) -> dict[str, tuple[int, str]]:
-    """Role -> column and reason, where a name says what its column is; of several the first."""
+    """Return role -> column and reason for columns identified by name; of several the first."""
     roles: dict[str, tuple[int, str]] = {}
     for index, name in enumerate(reading.names):
         bare = name.rpartition("/")[2] if reading.format in GROUPED else name
@@ -67,18 +67,18 @@ def _roles_by_name(reading: FileForm) -> dict[str, tuple[int, str]]:
 
 
 def guess_columns(path: Path, reading: FileForm, columns: list[NDArray[np.float64]]) -> list[Guess]:
-    """Guess the role and unit of each column that matters, by name where there is one, else by its course."""
+    """Guess the role and unit of each relevant column, by name if there is one, else by its signal."""
     roles = _roles_by_name(reading)
     taken = {index for index, _ in roles.values()}
     if "time" not in roles and (found := _time_column(columns, taken)) is not None:
         roles["time"] = (found, "grows in even steps")
     if "time" not in roles:
-        raise RecordingError("no column grows like a time", where=str(path), remedy="write the layout by hand")
+        raise RecordingError("no column rises like a time", where=str(path), remedy="write the layout by hand")
     time = columns[roles["time"][0]]
     taken.add(roles["time"][0])
     groups = _signals(columns, taken | {roles["time"][0]})
     if "position" not in roles and (found := _position_column(columns, groups, taken)) is not None:
-        roles["position"] = (found, "goes forth and back in even strokes")
+        roles["position"] = (found, "moves back and forth in even strokes")
     if "position" in roles:
         taken.add(roles["position"][0])
         taken |= next((set(g) for g in groups if roles["position"][0] in g), set())
@@ -87,7 +87,7 @@ def guess_columns(path: Path, reading: FileForm, columns: list[NDArray[np.float6
     if "force" not in roles and "command" not in roles and rest and "position" in roles:
         swings = rest.pop()
         if len(rest) >= 2 and _is_held(columns[swings]):
-            roles["command"] = (swings, "held from step to step, as no force is")
+            roles["command"] = (swings, "held from step to step, unlike a force")
         else:
             roles["force"] = (swings, "changes most with direction")
     if not any(role.startswith("pressure") for role in roles):
@@ -95,7 +95,7 @@ def guess_columns(path: Path, reading: FileForm, columns: list[NDArray[np.float6
             most_even = sorted(rest[:2]) if "command" in roles else rest[:2]
             roles |= {f"pressure {n}": (index, "held more evenly than the force") for n, index in enumerate(most_even)}
         elif len(rest) == 1 and not reading.names:
-            roles["pressure 0"] = (rest[0], "the one signal beside the time")
+            roles["pressure 0"] = (rest[0], "the only signal beside the time")
     return _with_units(reading, columns, roles, time)
 
 
@@ -108,7 +108,7 @@ def _time_column(columns: list[NDArray[np.float64]], taken: set[int]) -> int | N
 
 
 def _is_held(values: NDArray[np.float64]) -> bool:
-    """Whether a column stays as it is from sample to sample, and steps now and then."""
+    """Return whether a column is constant from sample to sample, with occasional steps."""
     steps = np.diff(values[np.isfinite(values)])
     return bool(steps.size and steps.any() and (steps == 0).mean() > HELD_SHARE)
 
@@ -129,7 +129,7 @@ def _signals(columns: list[NDArray[np.float64]], taken: set[int]) -> list[list[i
 
 
 def _same_signal(first: NDArray[np.float64], second: NDArray[np.float64]) -> bool:
-    """Whether two columns are one signal in two units: a straight line apart, but for the steps of their numbers."""
+    """Return whether two columns are one signal in two units: related by a straight line, except for rounding."""
     if abs(np.corrcoef(first, second)[0, 1]) < SAME_SIGNAL:
         return False
     slope, intercept = np.polyfit(first, second, 1)
@@ -139,7 +139,7 @@ def _same_signal(first: NDArray[np.float64], second: NDArray[np.float64]) -> boo
 
 
 def _position_column(columns: list[NDArray[np.float64]], groups: list[list[int]], taken: set[int]) -> int | None:
-    """Find the signal that moves evenly between its turning points: little more path than strokes need."""
+    """Find the signal that moves evenly between its turning points, with little extra path."""
     best, found = 3.0, None
     for group in groups:
         if set(group) & taken:
@@ -182,7 +182,7 @@ def _with_units(
 
 
 def _unit(reading: FileForm, index: int, kind: str, values: NDArray[np.float64]) -> tuple[str, bool]:
-    """Give the unit that the header says, otherwise guess it from the size of the numbers."""
+    """Return the unit in the header, else guess it from the size of the numbers."""
     if index in reading.dates:
         return UNIT, True
     words = [reading.units[index].strip("[]() ")] if index < len(reading.units) else []
@@ -196,7 +196,7 @@ def _unit(reading: FileForm, index: int, kind: str, values: NDArray[np.float64])
             return (word if word in KNOWN_UNITS[kind] else known[word.lower()]), True
     finite = values[np.isfinite(values)]
     if finite.size < FEWEST:
-        finite = np.zeros(FEWEST)  # nothing to guess from
+        finite = np.zeros(FEWEST)  # no values for a guess
     largest = float(np.abs(finite).max())
     if kind == "time":
         step = float(np.median(np.diff(finite)))
@@ -209,7 +209,7 @@ def _unit(reading: FileForm, index: int, kind: str, values: NDArray[np.float64])
 
 
 def _sides(guesses: list[Guess], columns: list[NDArray[np.float64]], time: NDArray[np.float64]) -> list[Guess]:
-    """Say which chamber a pressure belongs to: where the rig must push towards +x against it, it is chamber b."""
+    """Return the chamber of a pressure: if the rig must push towards +x against it, it is chamber b."""
     by_role = {g.role: g for g in guesses}
     force, command = by_role.get("force"), by_role.get("command")
     sign = -1.0 if force_levels(guesses, columns)[0] == "-x" else 1.0
@@ -218,7 +218,7 @@ def _sides(guesses: list[Guess], columns: list[NDArray[np.float64]], time: NDArr
         if not guess.role.startswith("pressure"):
             named.append(guess)
             continue
-        side, why = "b", "taken for the chamber that shrinks as position grows"
+        side, why = "b", "assumed to be the chamber that shrinks as position grows"
         in_name = SIDE_IN_NAME.search(_without_unit(guess.column)) if isinstance(guess.column, str) else None
         if in_name:
             side = {"1": "a", "2": "b"}.get(in_name.group(1), in_name.group(1))
@@ -242,14 +242,14 @@ def _sides(guesses: list[Guess], columns: list[NDArray[np.float64]], time: NDArr
 
 
 def _without_unit(name: str) -> str:
-    """Name of a pressure column in lower case, without the unit: the a of kPa names no chamber."""
+    """Return the name of a pressure column in lower case, without the unit: the a of kPa is not a chamber."""
     bare = UNIT_IN_NAME.sub("", name).strip()
     head, _, tail = bare.replace(" ", "_").rpartition("_")
     return (head if tail in KNOWN_UNITS["pressure"] else bare).lower()
 
 
 def force_levels(guesses: list[Guess], columns: list[NDArray[np.float64]]) -> tuple[str, float] | tuple[None, None]:
-    """Sign of the force (friction opposes motion) and half the sum of both directions' levels towards +x, raw unit."""
+    """Return the sign of the force (friction opposes motion) and half the sum of both levels towards +x, raw unit."""
     by_role = {g.role: g for g in guesses}
     if not {"time", "position", "force"} <= set(by_role):
         return None, None
@@ -257,7 +257,7 @@ def force_levels(guesses: list[Guess], columns: list[NDArray[np.float64]]) -> tu
     good = np.isfinite(time) & np.isfinite(position) & np.isfinite(force)
     good[1:] &= np.diff(time) > 0
     if good.sum() < FEWEST:
-        return None, None  # what is named so holds no numbers
+        return None, None  # a column with this name holds no numbers
     velocity = local_slope(time[good], position[good])
     fast = np.abs(velocity) > 0.5 * np.median(np.abs(velocity))
     up, down = (force[good][fast & (velocity * d > 0)] for d in (1, -1))

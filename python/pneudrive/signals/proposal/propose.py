@@ -1,4 +1,4 @@
-"""A layout proposed for a foreign recording: what each column seems to be, every guess marked as one."""
+"""Proposal of a layout for a foreign recording, with every guess marked."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ STAGES = 3
 
 @dataclass(frozen=True)
 class Proposal:
-    """A proposed layout and what was understood, for the eye.
+    """A proposed layout, and the data as read, for a picture.
 
-    ``kind`` says of what it is a recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``columns`` holds the raw
-    numbers of every column; ``recording`` and ``strokes`` are what the layout makes of the file, None and empty where
-    it is no recording of a rig, or cannot be read that way, ``problem`` saying why.
+    ``kind`` is the kind of recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``columns`` holds the raw
+    numbers of every column; ``recording`` and ``strokes`` are the file as read by the layout, None and empty if
+    it is not a recording of a rig, or cannot be read so; ``problem`` says why.
     """
 
     path: Path
@@ -59,17 +59,17 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     path
         The file.
     watch
-        Is told what is being done.
+        Receives the present step.
 
     Returns
     -------
     Proposal
-        ``text`` is the layout file; what was guessed is marked as such in it.
+        ``text`` is the layout file, with guesses marked.
 
     Raises
     ------
     RecordingError
-        No such file, empty, binary of an unknown kind, no table of numbers, or a table that is no recording of a rig,
+        If the file does not exist, is empty or of an unknown format, has no table of numbers, or no recording of a rig,
         a drive or a fixed volume.
     """
     path = Path(path)
@@ -109,12 +109,12 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
 
 
 def _kind(path: Path, reading: FileForm, guesses: list[Guess]) -> str:
-    """Tell of what the file is a recording.
+    """Return the kind of recording.
 
     Raises
     ------
     RecordingError
-        Of nothing that is known: a layout of it would be nonsense.
+        If the kind is unknown: a layout would be meaningless.
     """
     roles = {guess.role for guess in guesses}
     pressures = [role for role in roles if role.startswith("pressure")]
@@ -127,12 +127,12 @@ def _kind(path: Path, reading: FileForm, guesses: list[Guess]) -> str:
     found = ", ".join(f"{g.role}: column {g.column!r}" for g in guesses)
     named = f"; columns: {', '.join(reading.names)}" if reading.names else ""
     raise RecordingError(
-        "this table is no recording, as far as its names and numbers tell",
+        "this table is not a recording, by its names and numbers",
         where=str(path),
         value=f"{found}{named}"[:300],
         rule="time, position and force of a rig; time, command, position and pressures of a drive; time and pressure "
         "of a fixed volume",
-        remedy="if it is one all the same, write the layout by hand: see the guide, Your own recordings",
+        remedy="if it is a recording, write the layout by hand: see the guide, Your own recordings",
     )
 
 

@@ -1,4 +1,4 @@
-"""The text of a proposed layout, every guess marked as one."""
+"""The text of a proposed layout, with every guess marked."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SIGNALS = {"V": ((0.0, 5.0), (0.0, 10.0), (-5.0, 5.0), (-10.0, 10.0)), "mA": ((0
 def layout_text(
     path: Path, reading: FileForm, guesses: list[Guess], columns: list[NDArray[np.float64]], kind: str
 ) -> str:
-    """Write the layout file."""
+    """Return the text of the layout file."""
     lines = _file_lines(path, reading, kind)
     lines += ["", "[columns]"]
     sign, bore, why = _sign_and_bore(guesses, columns)
@@ -51,7 +51,7 @@ def layout_text(
 
 
 def _file_lines(path: Path, reading: FileForm, kind: str) -> list[str]:
-    """Say how the file is written."""
+    """Return the lines on the format of the file."""
     form = reading.form
     lines = [f"# Proposed for {path.name}. Check every line that says guess, above all units and signs.", ""]
     if kind == "fixed-volume":
@@ -70,7 +70,7 @@ def _file_lines(path: Path, reading: FileForm, kind: str) -> list[str]:
 
 
 def _column_line(guess: Guess, reading: FileForm, values: NDArray[np.float64], sign: str) -> str:
-    """Say what one column is."""
+    """Return the line of a column."""
     place = f'"{guess.column}"' if isinstance(guess.column, str) else str(guess.column)
     if guess.role == "command":
         return f"command = {{ column = {place}{_signal(guess, values)} }}  # guess: {guess.reason}"
@@ -86,7 +86,7 @@ def _column_line(guess: Guess, reading: FileForm, values: NDArray[np.float64], s
 
 
 def _signal(guess: Guess, values: NDArray[np.float64]) -> str:
-    """Write unit and range of a command that is no share of full opening: the narrowest usual signal that holds it."""
+    """Return unit and range of a command that is not a share of full opening: the narrowest usual signal around it."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     unit = guess.unit or "V"
     if low >= -1.0 and high <= 1.0 and guess.unit == "":
@@ -101,10 +101,10 @@ def _signal(guess: Guess, values: NDArray[np.float64]) -> str:
 
 
 def _sign_and_bore(guesses: list[Guess], columns: list[NDArray[np.float64]]) -> tuple[str, float, str]:
-    """Sign of the force and the bore that closes the balance on the mean."""
+    """Return the sign of the force and the bore that closes the balance on average."""
     sign, half_sum = force_levels(guesses, columns)
     if sign is None or half_sum is None:
-        return "+x", 0.025, "no force and position to take it from; write the real bore"
+        return "+x", 0.025, "no force and position to estimate it from; write the real bore"
     by_role = {g.role: g for g in guesses}
     pressures = [g for g in guesses if g.role.startswith("pressure")]
     if len(pressures) != 1:

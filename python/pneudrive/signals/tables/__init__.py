@@ -1,1 +1,1 @@
-"""Tables of foreign files: formats, forms of text, units of columns, dates."""
+"""Tables of foreign files: formats, text, units of columns, dates."""

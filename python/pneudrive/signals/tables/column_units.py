@@ -25,12 +25,12 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
     text
         Such as ``"mm"`` or ``"bar gauge"``.
     si_unit
-        What the column must be: ``"s"``, ``"m"``, ``"m/s"``, ``"N"``, ``"Pa"``, ``"K"``.
+        Unit of the column's quantity: ``"s"``, ``"m"``, ``"m/s"``, ``"N"``, ``"Pa"``, ``"K"``.
 
     Raises
     ------
     DescriptionError
-        Unknown unit, wrong dimension, gauge or absolute not said.
+        If the unit is unknown, has the wrong dimension, or lacks gauge or absolute.
 
     Examples
     --------
@@ -38,13 +38,13 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
     ColumnUnit(factor=100000.0, gauge=True, shift=0.0)
     """
     if not isinstance(text, str):
-        raise DescriptionError(f"{text!r} is no unit")
+        raise DescriptionError(f"{text!r} is not a unit")
     if si_unit != "Pa":
         factor, shift = converter(text, si_unit)
         return ColumnUnit(factor, shift=shift)
     words = text.split()
     if not words or words[-1] not in ("gauge", "abs"):
-        converter(text, si_unit)  # another dimension is the greater mistake: say that first
+        converter(text, si_unit)  # a wrong dimension is the greater mistake: report it first
         raise DescriptionError(
             f'unit "{text}" does not say gauge or abs',
             rule="a pressure is absolute (abs) or above ambient (gauge)",
@@ -56,8 +56,8 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
 def uncertainty(text: str, si_unit: str) -> float:
     """Read a standard uncertainty; that of a pressure is neither gauge nor absolute."""
     if si_unit == "Pa" and isinstance(text, str) and text.split()[-1:] in (["gauge"], ["abs"]):
-        raise DescriptionError(f'uncertainty "{text}": gauge or abs has no meaning for a difference')
+        raise DescriptionError(f'uncertainty "{text}": gauge and abs do not apply to a difference')
     value = parse(text, si_unit)
     if value < 0:
-        raise DescriptionError(f'uncertainty "{text}" is negative', rule="an uncertainty is not negative")
+        raise DescriptionError(f'uncertainty "{text}" is negative', rule="an uncertainty must not be negative")
     return value

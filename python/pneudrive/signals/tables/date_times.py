@@ -1,4 +1,4 @@
-"""Columns that hold dates and times instead of seconds: read to the nanosecond, from the first one on."""
+"""Columns of dates and times instead of seconds: read to the nanosecond, counted from the first one."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-UNIT = "date-time"  # what a layout gives as the unit of such a column
-ISO = ""  # form of dates that are written as ISO 8601 says; the time of day may stand alone
+UNIT = "date-time"  # the unit of such a column in a layout
+ISO = ""  # format of ISO 8601; the time of day may stand alone
 _DATE = r"\d{4}-\d\d?-\d\d?|\d\d?\.\d\d?\.\d{4}|\d\d?/\d\d?/\d{4}|\d{4}/\d\d?/\d\d?"
 _CLOCK = r"\d\d?:\d\d(?::\d\d(?:[.,]\d+)?)?(?:\s?[AaPp][Mm])?(?:\s?Z|\s?[+-]\d\d:?\d\d)?"
 _LOOKS = re.compile(rf"\s*(?:(?:{_DATE})(?:[T\s]\s*(?:{_CLOCK}))?|{_CLOCK})\s*")
-# date, hour and minute, second, zone; each may be left out, and what is left counts from midnight UTC
+# date, hour and minute, second, zone; each is optional; the rest counts from midnight UTC
 _ISO_PARTS = r"^(?:(\d{4}-\d\d?-\d\d?)(?:[T\s]\s*|$))?(?:(\d\d?:\d\d)(?::(\d\d(?:\.\d+)?))?\s*(Z|[+-]\d\d:?\d\d)?)?$"
 GUESSES = ("%d.%m.%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f", "%m/%d/%Y %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S.%f",
            "%m/%d/%Y %I:%M:%S.%f %p", "%d.%m.%Y %H:%M")  # fmt: skip
@@ -28,7 +28,7 @@ NOT_A_TIME = np.iinfo(np.int64).min
 
 
 def looks_like_date_time(text: str) -> bool:
-    """Whether a field is a date, a time of day, or both.
+    """Return whether a field is a date, a time of day, or both.
 
     Examples
     --------
@@ -39,7 +39,7 @@ def looks_like_date_time(text: str) -> bool:
 
 
 def guess_form(texts: Sequence[str]) -> str | None:
-    """Find the form in which dates are written; None where none of the usual ones fits all of them.
+    """Return the format of dates; None if no usual one fits all of them.
 
     Examples
     --------
@@ -53,14 +53,14 @@ def guess_form(texts: Sequence[str]) -> str | None:
 
 
 def seconds(values: NDArray | Sequence[str], form: str, path: Path) -> NDArray[np.float64]:
-    """Give the seconds since the first date and time of a column.
+    """Return the seconds since the first date and time of a column.
 
     Parameters
     ----------
     values
         Texts, or NumPy's ``datetime64``.
     form
-        As `datetime.strptime` takes it (``%d.%m.%Y %H:%M:%S.%f``; the fraction may be left out, a comma in it is a
+        Format of `datetime.strptime` (``%d.%m.%Y %H:%M:%S.%f``; the fraction is optional, a comma in it is a
         point); ``ISO`` for ISO 8601.
     path
         File, for the message.
@@ -68,12 +68,12 @@ def seconds(values: NDArray | Sequence[str], form: str, path: Path) -> NDArray[n
     Returns
     -------
     ndarray
-        NaN where there is no date.
+        NaN without a date.
 
     Raises
     ------
     RecordingError
-        No text is a date of that form.
+        If no text is a date of that format.
     """
     if isinstance(values, np.ndarray) and values.dtype.kind == "M":
         count = values.astype("datetime64[ns]").astype(np.int64)
@@ -82,8 +82,8 @@ def seconds(values: NDArray | Sequence[str], form: str, path: Path) -> NDArray[n
     there = count != NOT_A_TIME
     if count.size and not there.any():
         shown = form or "2026-11-03T10:15:00.123 (ISO 8601)"
-        remedy = 'say how they are written: format = "%d.%m.%Y %H:%M:%S.%f"'
-        what = f"no value of the time column is a date of the form {shown}"
+        remedy = 'state their format: format = "%d.%m.%Y %H:%M:%S.%f"'
+        what = f"no value of the time column is a date of the format {shown}"
         raise RecordingError(what, where=str(path), value=str(values[0])[:60], remedy=remedy)
     out = np.full(count.size, np.nan)
     if there.any():
@@ -92,7 +92,7 @@ def seconds(values: NDArray | Sequence[str], form: str, path: Path) -> NDArray[n
 
 
 def _nanoseconds(texts: Sequence[str], form: str) -> NDArray[np.int64]:
-    """Count nanoseconds from some day on; `NOT_A_TIME` where a text has not that form."""
+    """Return nanoseconds since a fixed day; `NOT_A_TIME` for texts of another format."""
     import polars as pl
 
     column = pl.Series("texts", [text.strip().replace(",", ".") for text in texts], dtype=pl.String)
@@ -107,6 +107,6 @@ def _nanoseconds(texts: Sequence[str], form: str) -> NDArray[np.int64]:
             column, parts = "1970-01-01 " + column, f"%Y-%m-%d {parts}"
     try:
         found = column.str.to_datetime(parts, strict=False, time_unit="ns")
-    except pl.exceptions.PolarsError:  # a form that has no meaning
+    except pl.exceptions.PolarsError:  # an invalid format
         return np.full(len(texts), NOT_A_TIME)
     return found.dt.epoch("ns").fill_null(NOT_A_TIME).to_numpy()

@@ -1,4 +1,4 @@
-"""Recordings that are not text: Parquet and netCDF, and what optional libraries read."""
+"""Recordings that are not text: Parquet, netCDF, and formats of optional libraries."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 TEXT_KINDS = frozenset("OSTU")  # kinds of arrays of texts
-GUESSED_FROM = 400  # values from which the form of dates is guessed
+GUESSED_FROM = 400  # number of values for a guess of the format of dates
 
 
 def read_columns(
@@ -38,18 +38,18 @@ def read_columns(
     wanted : list of int or str
         Numbers or names of columns.
     dates : dict, optional
-        Those that hold dates and times, with the form of texts; they become seconds since the first one.
+        Columns of dates and times, with the format of texts; they become seconds since the first one.
     rows : tuple of int, optional
-        First row and the one behind the last, of Parquet; None: all.
+        First row and the one after the last, for Parquet; None: all.
 
     Raises
     ------
     RecordingError
-        No such column, not a file of this format, or a column that does not hold numbers.
+        If a column is missing or does not hold numbers, or the file has another format.
     """
     opened = open_table(path, form)
     short: dict[str, list[str]] = {}
-    for name in opened.names:  # a TDMS channel may go without its group where that is unique
+    for name in opened.names:  # a TDMS channel may omit its group if unique
         short.setdefault(name.rpartition("/")[2], []).append(name)
     full = [short[w][0] if isinstance(w, str) and len(short.get(w, [])) == 1 else w for w in wanted]
     names = [opened.names[column_number(column, opened.names, len(opened.names), path)] for column in full]
@@ -58,19 +58,19 @@ def read_columns(
     columns = [as_numbers(np.asarray(values[name]), name, path, forms.get(name)) for name in names]
     if len({column.size for column in columns}) > 1:
         sizes = ", ".join(f"{n}: {c.size}" for n, c in zip(names, columns, strict=True))
-        rule = "all channels are sampled together; channels of other rates are brought to one before"
+        rule = "all channels must have one rate; resample others before"
         raise RecordingError("the columns differ in length", where=str(path), value=sizes, rule=rule)
     return NumberTable(names=[str(w) for w in wanted], columns=columns)
 
 
 def read_all(form: str, path: Path) -> tuple[list[str], list[NDArray[np.float64]], dict[int, str], list[str]]:
-    """Read every column that holds numbers, or dates and times, and is as long as most of them are.
+    """Read every column of numbers, or dates and times, with the most common length.
 
     Returns
     -------
     list of str, list of ndarray, dict, list of str
-        Names, columns, those of the columns (by place) that hold dates, with their form, and the units that the file
-        says (TDMS: ``unit_string``), empty where it says none.
+        Names, columns, columns of dates (by place) with their format, and the units that the file
+        states (TDMS: ``unit_string``), else empty.
     """
     opened = open_table(path, form)
     found: dict[str, tuple[NDArray[np.float64], str | None]] = {}
@@ -92,12 +92,12 @@ def read_all(form: str, path: Path) -> tuple[list[str], list[NDArray[np.float64]
 
 
 def as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | None = None) -> NDArray[np.float64]:
-    """Give a column as float64, dates and times as seconds since the first one.
+    """Return a column as float64, dates and times as seconds since the first one.
 
     Raises
     ------
     RecordingError
-        It holds something else than the layout says.
+        If it does not hold what the layout says.
     """
     if column.ndim == 1 and column.dtype.kind in {*TEXT_KINDS, "M"} and date_form is not None:
         return seconds(column if column.dtype.kind == "M" else column.astype(object).tolist(), date_form, path)
@@ -111,9 +111,9 @@ def as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | Non
         )
     if date_form is not None:
         raise RecordingError(
-            f"column '{name}' holds numbers, no dates and times",
+            f"column '{name}' holds numbers, not dates and times",
             where=str(path),
             value=f"{column[:1].tolist()}",
-            remedy='say the unit in which it counts: unit = "s", or unit = "day"',
+            remedy='state its unit: unit = "s", or unit = "day"',
         )
     return measurable(column.astype(np.float64))

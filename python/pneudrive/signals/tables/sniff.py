@@ -1,4 +1,4 @@
-"""How a foreign file is written: format, delimiter, decimal sign, header, first row of numbers."""
+"""Format of a foreign file: type, delimiter, decimal sign, header, first row of numbers."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SAMPLED_LINES = 400
-MOSTLY = 0.95  # share of lines that must be numbers for a reading to count
+MOSTLY = 0.95  # least share of lines with numbers for a valid reading
 # First bytes of formats that are not text.
 MAGIC = {b"PAR1": "parquet", b"\x89HDF": "netcdf", b"TDSm": "tdms", b"MDF ": "mf4", b"MATL": "mat"}
 DELIMITERS: tuple[str | None, ...] = ("\t", ";", ",", "|", None)
-TABLE_ROWS = 3  # rows of numbers below one another that are a table
-NO_UNIT = ("-", "1", "%", "V", "mV", "A", "mA", "raw", "date-time")  # stand in rows of units beside those that are read
+TABLE_ROWS = 3  # successive rows of numbers that make a table
+NO_UNIT = ("-", "1", "%", "V", "mV", "A", "mA", "raw", "date-time")  # appear in rows of units beside known units
 _GROUPED = re.compile(r"[-+]?\d{1,3}([.,'])\d{3}(?:\1\d{3})+$")
 
 
 @dataclass(frozen=True)
 class FileForm:
-    """How a file is read: ``form`` for text, names of the columns where there are any, their number.
+    """Form of a file: ``form`` for text, names of the columns if any, their number.
 
-    ``dates`` holds the columns of dates and times, by number, and how they are written.
+    ``dates`` holds the columns of dates and times, by number, with their formats.
     """
 
     format: str
@@ -42,7 +42,7 @@ class FileForm:
 
 
 def sniff_format(path: Path) -> str:
-    """Tell the format from the first bytes; ``csv`` where they are text."""
+    """Return the format from the first bytes; ``csv`` for text."""
     check_file(path, RecordingError)
     if path.suffix in COMPRESSIONS:
         return "csv"
@@ -59,7 +59,7 @@ def sniff_text(path: Path) -> FileForm:
     Raises
     ------
     RecordingError
-        Empty, binary, or no table of numbers in it.
+        If the file is empty, binary, or has no table of numbers.
     """
     lines = decode(read_bytes(path), path).splitlines()
     tail = [line for line in lines if line.strip() and not line.startswith("#")]
@@ -68,7 +68,7 @@ def sniff_text(path: Path) -> FileForm:
     best: tuple[float, TextForm, int] | None = None
     for form in _candidates(sample):
         share, width = _score(sample, form)
-        # More columns of numbers explain a line better than fewer; of equals the earlier candidate stays.
+        # More columns of numbers explain a line better than fewer; among equals the earlier candidate wins.
         if share >= MOSTLY and width >= 2 and (best is None or width * share > best[0] + 1e-9):
             best = (width * share, form, width)
     if best is None:
@@ -94,7 +94,7 @@ def _candidates(sample: list[str]) -> list[TextForm]:
 
 
 def _score(sample: list[str], form: TextForm) -> tuple[float, int]:
-    """Share of lines that are numbers in the usual number of columns, and that number."""
+    """Return the share of lines that are numbers in the usual number of columns, and that number."""
     rows = [split_row(line, form.delimiter) for line in sample]
     widths = [len(row) for row in rows]
     usual = max(set(widths), key=widths.count)
@@ -103,7 +103,7 @@ def _score(sample: list[str], form: TextForm) -> tuple[float, int]:
 
 
 def _is_numbers(fields: list[str], form: TextForm) -> bool:
-    """Whether a row holds numbers, dates and empty fields, and not only empty ones."""
+    """Return whether a row holds numbers, dates and empty fields, and not only empty ones."""
     if not any(fields):
         return False
     try:
@@ -116,7 +116,7 @@ def _is_numbers(fields: list[str], form: TextForm) -> bool:
 
 
 def _with_header(lines: list[str], form: TextForm, width: int) -> FileForm:
-    """Find the first row of numbers and what stands above it."""
+    """Find the first row of numbers and the header above it."""
     first = _first_of_numbers(lines, form, width)
     names, units, skip = _names_above(lines[:first], form, width)
     delimiter = None if form.delimiter == "\t" and not names else form.delimiter
@@ -131,7 +131,7 @@ def _with_header(lines: list[str], form: TextForm, width: int) -> FileForm:
 
 
 def _first_of_numbers(lines: list[str], form: TextForm, width: int) -> int:
-    """First line of the table: a row of numbers that more of them follow, since a preamble may hold some, too."""
+    """Return the first line of the table: a row of numbers followed by others, since a preamble may hold some, too."""
     first = length = 0
     longest = (0, 0)
     for i, line in enumerate(lines):
@@ -148,11 +148,11 @@ def _first_of_numbers(lines: list[str], form: TextForm, width: int) -> int:
 
 
 def _names_above(above: list[str], form: TextForm, width: int) -> tuple[list[str], list[str], int]:
-    """Names and units of the columns, and the number of lines above the names; no names where no line can be them.
+    """Return names and units of the columns, and the number of lines above the names; no names if no line fits.
 
-    The names stand in the line above the numbers, or above a row of units that stands there: any line further up is
-    a preamble, however many delimiters it was padded with. A name stands over every column, but for columns without
-    one; a line that names fewer than half of them names none.
+    The names are in the line above the numbers, or above a row of units: any line further up is
+    a preamble, even if padded with delimiters. Every column has a name, except columns without
+    one; a line with names for fewer than half of them is not a header.
     """
     filled = [i for i, line in enumerate(above) if line.strip()]
     rows = [(i, _header_row(above[i], form, width)) for i in reversed(filled[-2:])]
@@ -165,9 +165,9 @@ def _names_above(above: list[str], form: TextForm, width: int) -> tuple[list[str
 
 
 def _header_row(line: str, form: TextForm, width: int) -> list[str]:
-    """Fields of a line that may name the columns, as many as there are; empty where it cannot.
+    """Return the fields of a line that may name the columns, as many as there are; empty if it cannot.
 
-    Loggers put a column of comments behind the last one that holds numbers.
+    Loggers put a column of comments after the last column of numbers.
     """
     fields = split_row(line.lstrip("# "), form.delimiter)
     may_be_longer = form.delimiter is not None
@@ -181,14 +181,14 @@ def _names_most(fields: list[str]) -> bool:
 
 
 def _are_units(fields: list[str]) -> bool:
-    """Whether every field that is filled is a unit, and not all of them are without one."""
+    """Return whether every non-empty field is a unit, and at least one is not dimensionless."""
     bare = [text.strip("[]() ") for text in fields]
     known = [text for text in bare if text and text not in NO_UNIT]
     return bool(known) and all(is_unit(text) for text in known)
 
 
 def _dates(lines: list[str], form: TextForm, width: int) -> dict[int, str]:
-    """Find the columns of dates and times, and how these are written."""
+    """Find the columns of dates and times, and their formats."""
     rows = [row for line in lines if len(row := split_row(line, form.delimiter)) == width]
     found = {}
     for column in range(width):

@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 NO_SENSOR = 1e100
-UNREADABLE_SHARE = 0.01  # more rows than this share that are not numbers: not such a file at all
+UNREADABLE_SHARE = 0.01  # largest share of rows that are not numbers
 
 
 @dataclass(frozen=True)
 class TextForm:
-    """How a text table is written.
+    """Format of a text table.
 
     ``delimiter`` None means any white space; ``thousands`` is a separator inside numbers: all but
-    the last are removed where it equals ``decimal``.
+    the last are removed if it equals ``decimal``.
     """
 
     delimiter: str | None = None
@@ -48,7 +48,7 @@ class NumberTable:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file, decompressed by its suffix, with one clear message where that fails."""
+    """Read a file, decompressed by its suffix, with one clear message on failure."""
     data = b"".join(pieces(path, RecordingError, folder="name the files, as in folder/*.csv"))
     if not data.strip():
         raise RecordingError("the file is empty", where=str(path))
@@ -59,7 +59,7 @@ def read_bytes(path: Path) -> bytes:
 def _check_lines(data: bytes, path: Path) -> None:
     """Refuse text in which a line does not end within the bound."""
     most, begin = int(bound("line_bytes")), 0
-    while len(data) - begin > most and b"\0" not in data[:4096]:  # what is binary is refused elsewhere
+    while len(data) - begin > most and b"\0" not in data[:4096]:  # binary data are refused elsewhere
         end = max(data.rfind(sign, begin, begin + most) for sign in (b"\n", b"\r"))
         if end < 0:
             within("line_bytes", most + 1, f"a line is longer than {most:,} bytes", RecordingError, str(path))
@@ -67,7 +67,7 @@ def _check_lines(data: bytes, path: Path) -> None:
 
 
 def decode(data: bytes, path: Path) -> str:
-    """Text of a file; binary content is refused."""
+    """Return the text of a file; binary content is refused."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return data.decode("utf-16", errors="replace")
     head = data[:4096]
@@ -77,7 +77,7 @@ def decode(data: bytes, path: Path) -> str:
             "the file is binary, not text",
             where=str(path),
             value=repr(head[:16]),
-            remedy="say its format in the layout (parquet, netcdf, tdms, mf4, mat), or export it as text",
+            remedy="state its format in the layout (parquet, netcdf, tdms, mf4, mat), or export it as text",
         )
     try:
         return data.decode("utf-8-sig")
@@ -86,12 +86,12 @@ def decode(data: bytes, path: Path) -> str:
 
 
 def split_row(line: str, delimiter: str | None) -> list[str]:
-    """Fields of one line, without white space around them."""
+    """Return the fields of one line, without white space around them."""
     return line.split() if delimiter is None else [part.strip().strip('"') for part in line.split(delimiter)]
 
 
 def to_number(text: str, form: TextForm) -> float:
-    """Read one field; an empty field is NaN, anything else that is no number a ValueError."""
+    """Read one field; an empty field is NaN; raise a ValueError for text."""
     if not text:
         return float("nan")
     if form.thousands:
@@ -103,12 +103,12 @@ def to_number(text: str, form: TextForm) -> float:
 
 
 def measurable(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give numbers with NaN for what no sensor shows: infinite, or so large that their squares are."""
+    """Return numbers with NaN for infinite ones and for those with infinite squares."""
     return np.where(np.abs(values) < NO_SENSOR, values, np.nan)
 
 
 def is_words(fields: list[str], form: TextForm) -> bool:
-    """Whether no field of a line is a number: a header or a row of units."""
+    """Return whether no field of a line is a number: a header or a row of units."""
     for text in fields:
         try:
             to_number(text or "empty", form)
@@ -132,12 +132,12 @@ def read_text(
     wanted : list of int or str
         Numbers or names of columns.
     dates : dict, optional
-        Those that hold dates and times, with their form; they become seconds since the first one.
+        Columns of dates and times, with their format; they become seconds since the first one.
 
     Raises
     ------
     RecordingError
-        A column is not there; more than 1 % of the rows are not numbers.
+        If a column is missing, or more than 1 % of the rows are not numbers.
     """
     text = decode(data, path)
     lines = text.splitlines()
@@ -168,7 +168,7 @@ def read_text(
 
 
 def column_number(column: int | str, names: list[str], width: int, path: Path) -> int:
-    """Give the number of a column that is named or numbered; one that is not there is refused."""
+    """Return the number of a column given by name or number; refuse a missing one."""
     if isinstance(column, str):
         if column not in names:
             raise RecordingError(
@@ -182,7 +182,7 @@ def column_number(column: int | str, names: list[str], width: int, path: Path) -
             raise RecordingError(
                 f"{len(places)} columns are named '{column}'",
                 where=str(path),
-                rule="a name tells one column",
+                rule="a name must be unique",
                 remedy=f"give its number in the layout: column = {' or '.join(map(str, places))}",
             )
         return places[0]
@@ -200,9 +200,9 @@ def column_number(column: int | str, names: list[str], width: int, path: Path) -
 def _parse(
     lines: list[str], start: int, form: TextForm, use: list[int], dates: dict[int, str], path: Path
 ) -> tuple[list[NDArray[np.float64]], dict[str, int]]:
-    """Parse the columns to use; single broken rows are counted, many are an error that names the first.
+    """Parse the used columns; count single broken rows, refuse many with the first one in the message.
 
-    `dates` gives the form of those that hold dates and times, by their place in `use`.
+    `dates` gives the format of columns of dates and times, by their place in `use`.
     """
     import polars as pl
 
@@ -236,7 +236,7 @@ def _parse(
 
 
 def _numbers(text: pl.Series, form: TextForm) -> pl.Series:
-    """Read fields as `to_number` does, a comment behind a number left out; null where one is no number."""
+    """Read fields like `to_number`, without a comment after a number; null if not a number."""
     import polars as pl
 
     text = text.str.replace(rf"\s*{re.escape(form.comment)}.*$", "")

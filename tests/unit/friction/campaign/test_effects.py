@@ -85,7 +85,7 @@ def test_equal_pressures_tell_the_sum_and_no_more(measured, quick):
     (effect,) = found.pressure
     assert inside(effect.mean_sum, 4.0 / BAR)
     assert (effect.mean_a, effect.mean_b, effect.interaction) == (None, None, None)
-    assert "cannot be told" in not_carried(found, "pressure")
+    assert "cannot be determined" in not_carried(found, "pressure")
     assert "one chamber only" in not_carried(found, "pressure")
     assert "below the 3 to 10 bar" in not_carried(found, "range")
 
@@ -161,7 +161,7 @@ def test_a_drift_is_told_by_sentinels_and_not_at_all_where_speed_and_time_went_t
     assert np.ptp(found.drift.drift_n) == pytest.approx(0.10 * level, rel=0.25)
     blind = measured(quick(drift_share=-0.10, repeats=1, order="ascending", sentinel_every=0))
     assert blind.drift.per_hour is None
-    assert "cannot be told from the curve" in not_carried(blind, "drift")
+    assert "cannot be separated from the curve" in not_carried(blind, "drift")
     assert "sentinels" in not_carried(blind, "drift")
 
 

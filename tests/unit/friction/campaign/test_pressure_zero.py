@@ -78,4 +78,4 @@ def test_the_zeros_of_a_simulated_rig_are_told_apart(tmp_path):
     tare = next(t for t in true.values() if t["key"].endswith("tare"))
     assert found.zero.zero_n == pytest.approx(tare["sensors"]["force_zero_n"], abs=0.02)
     shown = [s.text for s in found.statements if s.topic == "zero"]
-    assert sum("taken off all cycles" in text for text in shown) == 2
+    assert sum("subtracted from all cycles" in text for text in shown) == 2

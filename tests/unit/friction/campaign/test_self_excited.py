@@ -53,7 +53,7 @@ def test_swinging_points_are_shown_and_not_counted(found):
     assert {round(1e3 * p.speed_m_s, 1) for p in found.stick_slip} == {round(1e3 * v, 1) for v in SWINGING}
     threshold = found.stick_slip_thresholds[0]
     assert (threshold.low_m_s, threshold.high_m_s) == pytest.approx((max(SWINGING), 0.018), rel=0.02)
-    assert "no points of F(v)" in " ".join(s.text for s in found.statements if not s.carried)
+    assert "not points of F(v)" in " ".join(s.text for s in found.statements if not s.carried)
 
 
 def test_what_is_counted_is_the_friction_of_steady_sliding(found):

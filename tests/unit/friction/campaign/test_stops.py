@@ -201,7 +201,7 @@ def test_pressures_are_separated_where_the_pairs_allow_it(tmp_path):
     _, _, series, _ = found(tmp_path, together, 1)
     assert series[0].pressure.slope_a is None
     assert series[0].pressure.slope_sum is not None
-    assert "cannot be told apart" in series[0].pressure.statement
+    assert "cannot be separated" in series[0].pressure.statement
 
 
 def test_what_the_stops_do_not_carry_is_said(tmp_path):
@@ -214,18 +214,18 @@ def test_what_the_stops_do_not_carry_is_said(tmp_path):
     assert "drift" in drifts
     assert "randomise" in drifts
     assert "5 kHz" in said(StopWorld(burst_hz=0.0, samples=400, durations_s=(1.0, 10.0, 100.0)), 3)
-    assert "do not carry" in said(StopWorld(durations_s=(10.0,), repeats=3), 4)
+    assert "do not determine" in said(StopWorld(durations_s=(10.0,), repeats=3), 4)
     slow = StopWorld(durations_s=(0.1, 1.0, 10.0), stiffness_n_m=2e4, speed_m_s=5e-4, released=True)
-    assert "aged for longer" in said(slow, 5).replace("\n", " ")
+    assert "aged longer" in said(slow, 5).replace("\n", " ")
 
 
 def test_peaks_that_differ_between_the_directions_are_said(tmp_path):
     world = StopWorld(durations_s=(1.0, 10.0, 100.0, 300.0), repeats=3, directions=(1, -1))
     stops, _, _, statements = found(tmp_path, world)
-    assert not [s for s in statements if "in +x peak" in s.text]
+    assert not [s for s in statements if "peaks in +x" in s.text]
     uneven = [replace(s, increment_n=s.increment_n + 0.5 * s.direction) for s in stops]
-    (text,) = [s.text for s in fit_dwell(uneven, AMBIENT_PA)[1] if "in +x peak" in s.text]
-    value, low, high = (float(x) for x in re.search(r"in \+x peak (\S+) N \((\S+) to (\S+)\)", text).groups())
+    (text,) = [s.text for s in fit_dwell(uneven, AMBIENT_PA)[1] if "peaks in +x" in s.text]
+    value, low, high = (float(x) for x in re.search(r"peaks in \+x differ by (\S+) N \((\S+) to (\S+)\)", text).groups())
     assert 0.0 < low < 1.0 < high
     assert low < value < high
 
@@ -271,7 +271,7 @@ def test_peaks_that_are_none_are_flagged_and_not_counted(tmp_path, spoil, flag):
     assert all(flag in s.flags and not s.usable for s in stops)
     series, statements = fit_dwell(stops, AMBIENT_PA)
     assert series[0].slope is None
-    assert any("spoiled" in s.text and not s.carried for s in statements)
+    assert any("unusable" in s.text and not s.carried for s in statements)
 
 
 @pytest.mark.parametrize("numbered", [True, False])

@@ -54,7 +54,7 @@ def test_a_pressure_in_the_wrong_chamber_is_noticed(make):
 def test_one_pressure_says_nothing_about_the_area(make):
     found = characterise_recordings([make(seed=1), make(seed=2, name="b")])
     assert found.closures == ()
-    assert any("cannot be told" in note for note in found.notes)
+    assert any("cannot be determined" in note for note in found.notes)
 
 
 def test_two_points_have_no_interval(make):
@@ -97,7 +97,7 @@ def test_pressures_that_change_together_give_one_factor_or_nothing(make):
     equal = [(p, p) for p in (1e5, 2e5, 4e5, 6e5)]
     assert both(make, equal).closures == (), "on equal areas equal pressures cancel"
     (fit,) = both(make, equal, area_b=0.8).closures
-    assert "one factor stands for both" in fit.statement
+    assert "one factor applies to both" in fit.statement
     for side in ("a", "b"):
         assert fit.areas_m2[side].value == pytest.approx(1.02 * fit.nominal_m2[side], rel=0.005)
 
@@ -107,7 +107,7 @@ def test_what_is_left_of_opposed_pressures_is_not_taken_for_a_signal_where_it_is
     # On noise alone the factor falls to zero: an area of -100 % with a narrow interval.
     found = both(make, [(p, p) for p in np.linspace(0.5e5, 7e5, 15)], area_b=area_b, sensor=0.05e5)
     assert found.closures == ()
-    assert any("cannot be told" in note for note in found.notes)
+    assert any("cannot be determined" in note for note in found.notes)
 
 
 def test_noise_that_is_small_against_the_change_takes_nothing_away(make):

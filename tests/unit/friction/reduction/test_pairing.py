@@ -148,7 +148,7 @@ def test_no_motion_and_too_few_samples_are_refused(make):
         characterise(make(travel=1e-6))
     with pytest.raises(RecordingError, match="too few samples"):
         characterise(make(strokes=1, rate=3.0))
-    with pytest.raises(RecordingError, match="no recording is named"):
+    with pytest.raises(RecordingError, match="no recording is given"):
         characterise([])
 
 

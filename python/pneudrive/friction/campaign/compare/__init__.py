@@ -1,1 +1,1 @@
-"""Two campaigns against each other."""
+"""Comparison of two campaigns."""

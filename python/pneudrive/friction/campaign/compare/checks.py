@@ -1,4 +1,4 @@
-"""Whether two campaigns can be compared at all: what rig and protocol should share (checks.toml)."""
+"""Comparability of two campaigns: what rig and protocol should share (checks.toml)."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ TABLE = Path(__file__).with_name("checks.toml")
 
 @dataclass(frozen=True)
 class Check:
-    """Something about rig or protocol that both campaigns should share.
+    """A property of rig or protocol that both campaigns should share.
 
     Attributes
     ----------
     what, first, second : str
     comparable : bool
     consequence : str
-        What follows where it differs.
+        Consequence of a difference.
     """
 
     what: str
@@ -42,7 +42,7 @@ class Check:
 def checks_of(
     first: CampaignCharacteristics, second: CampaignCharacteristics, about: dict[str, Any], other: dict[str, Any]
 ) -> Iterator[Check]:
-    """Hold rigs and protocols of two campaigns against each other."""
+    """Compare rigs and protocols of two campaigns."""
     one, two = _shared(first, about), _shared(second, other)
     for what, row in read(TABLE)[0].items():
         a, b = one[what], two[what]
@@ -58,7 +58,7 @@ def checks_of(
 
 
 def _shared(found: CampaignCharacteristics, about: dict[str, Any]) -> dict[str, str | float | None]:
-    """Give the values that are held against each other; NaN for what was not measured."""
+    """Return the compared values; NaN if not measured."""
     rig = found.identity
     rates = [s.sample_rate_hz for s in found.stops if np.isfinite(s.sample_rate_hz)]
     stated = about.get("filter")

@@ -1,7 +1,7 @@
-"""Two campaigns against each other: new and worn, one seal and another, before and after grease.
+"""Comparison of two campaigns: new and worn, one seal and another, before and after grease.
 
-Each question is one test; Holm's correction [holm1979] keeps the chance that equal campaigns are called different at
-5 % for all questions together. Whether the campaigns can be compared at all is said first.
+Each question is one test; Holm's correction [holm1979] keeps the chance of a false difference at
+5 % for all questions together. A check of comparability comes first.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
 
-#: Two cycles of one campaign differ by less than this many of its standard deviations, 19 times of 20.
+#: Two cycles of one campaign differ by less than this many standard deviations, 19 times of 20.
 REPEATABILITY_FACTOR = 2.77
 
 
 @dataclass(frozen=True)
 class Test:
-    """One question.
+    """A test of one question.
 
     Attributes
     ----------
     what : str
     difference : Estimate or None
-        Second less first; None where it has several parts.
+        Second less first; None if it has several parts.
     p : float
-        Probability of as large a difference by chance; NaN where there is no test.
+        Probability of such a difference by chance; NaN without a test.
     adjusted_p : float
         After Holm's correction for the number of tests.
     different : bool
     beyond_repeatability : bool or None
-        The difference exceeds what two cycles of either campaign differ by; None where that is no question.
+        The difference exceeds that of two cycles of either campaign; None if not applicable.
     note : str
     """
 
@@ -88,11 +88,11 @@ class Comparison(Shown):
 
     @property
     def attributable(self) -> bool:
-        """Whether a difference of curves can be told from one of mounting and day: both have several blocks."""
+        """Whether a difference of curves can be separated from mounting and day: both have several blocks."""
         return self.curves is None or self.curves.several_blocks
 
     def _card(self) -> Card:
-        """Show what it comes to, then a line for each question."""
+        """Return the result, then a line for each question."""
         rows = []
         for test in self.tests:
             e = test.difference
@@ -103,7 +103,7 @@ class Comparison(Shown):
         return Card(title, head, rows, [str(statement) for statement in self.statements])
 
     def __str__(self) -> str:
-        """Say in a sentence what it comes to."""
+        """Return the result in a sentence."""
         if not self.tests:
             return "Nothing can be compared."
         if not self.different:
@@ -122,7 +122,7 @@ def compare(first: CampaignCharacteristics, second: CampaignCharacteristics) -> 
     Parameters
     ----------
     first, second : CampaignCharacteristics
-        As `characteristics` gives them. Differences are second less first.
+        Results of `characteristics`. Differences are second less first.
 
     Returns
     -------
@@ -160,9 +160,9 @@ def _about(found: CampaignCharacteristics) -> dict[str, Any]:
 
 
 def _gain(first: CampaignCharacteristics, second: CampaignCharacteristics, abouts: list[dict[str, Any]]) -> float:
-    """How far the gains of both force sensors may differ, relative; one sensor has one gain.
+    """Return the relative uncertainty of the ratio of both force sensors' gains; 0 for the same sensor.
 
-    Simulated sensors are drawn anew for each seed.
+    Simulated sensors differ between seeds.
     """
     a, b = first.identity, second.identity
     drawn = a.synthetic and abouts[0].get("seed") != abouts[1].get("seed")
@@ -186,14 +186,14 @@ def _curve_tests(
     note = f"mean of {curves.points.speed_m_s.size} common points, {100 * curves.mean.value:+.2g} % of friction"
     yield Test("friction over speed", mean, curves.shape.p, beyond_repeatability=beyond, note=note)
     if curves.pressure is not None:
-        note = "how much friction grows with pressure, relative to friction"
+        note = "growth of friction with pressure, relative to friction"
         yield Test("effect of pressure", None, curves.pressure.p, note=note)
 
 
 def _pairs(
     first: CampaignCharacteristics, second: CampaignCharacteristics
 ) -> Iterator[tuple[DwellSeries, DwellSeries]]:
-    """Series of stops with one restart speed and way of holding in each campaign."""
+    """Return the series of stops with one restart speed and way of holding in each campaign."""
     single = all(len({series.levels for series in found.dwell}) == 1 for found in (first, second))
     for a, b in product(first.dwell, second.dwell):
         same = a.released == b.released and abs(a.speed_m_s - b.speed_m_s) < 0.01 * a.speed_m_s
@@ -202,7 +202,7 @@ def _pairs(
 
 
 def _common(a: DwellSeries, b: DwellSeries) -> list[tuple[int, int]]:
-    """Conditions of both series with the same pressures."""
+    """Return the conditions of both series with the same pressures."""
     pressures = (np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in s.conditions]) for s in (a, b))
     one, two = (p.reshape(-1, 1, 2) for p in pressures)
     near = (np.abs(one - two.swapaxes(0, 1)) < SAME_PRESSURE_PA).all(axis=2)
@@ -237,9 +237,9 @@ def _drift_test(first: CampaignCharacteristics, second: CampaignCharacteristics)
 
 
 def _repeatability_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Iterator[Test]:
-    """Compare the scatter of repeated cycles by an F test, where both campaigns repeat some.
+    """Compare the scatter of repeated cycles by an F test, if both campaigns have some.
 
-    What cycles leave of a smooth curve is no scatter alone: no test is made of that.
+    Residuals of a smooth curve are not scatter alone and are not tested.
     """
     from scipy.special import fdtr, fdtrc, fdtri
 
@@ -266,7 +266,7 @@ def _adjusted(tests: list[Test]) -> tuple[Test, ...]:
 
 
 def _statements(found: Comparison, not_comparable: str) -> Iterator[Statement]:
-    """Say what makes the tests doubtful; `not_comparable` says why there are no curves."""
+    """Return cautions on the tests; `not_comparable` says why there are no curves."""
     for check in found.checks:
         if not check.comparable:
             yield say("data.rigs_differ", what=capitalised(check.what), check=check)

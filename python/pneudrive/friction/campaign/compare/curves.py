@@ -1,4 +1,4 @@
-"""Friction over speed of two campaigns against each other, cycle by cycle in one model.
+"""Comparison of friction over speed of two campaigns, cycle by cycle in one model.
 
   log F = point + campaign (level + slope u + bend u^2 + pressures) + block + drift + cycle,   u = log10 speed
 
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SAME_SPEED = 0.03
-SAME_PRESSURE_PA = 2000.0  # planned pressures that differ by less are the same point
+SAME_PRESSURE_PA = 2000.0  # planned pressures that differ by less are one point
 FEWEST_CYCLES = 6  # of both campaigns at common points
-BEND_SPEEDS = 4  # from which on a difference may bend over speed
-DRIFT_CYCLES = 8  # of a campaign, from which on its drift is looked for
+BEND_SPEEDS = 4  # least number of speeds for a bend over speed
+DRIFT_CYCLES = 8  # least number of cycles of a campaign for a drift
 USUAL = 0.02  # relative scatter that is usual
-MOST_POINTS = 300  # of which the difference is tested: more are thinned out evenly
+MOST_POINTS = 300  # points that are tested: more are thinned evenly
 KINDS = ("sweep", "sentinel")
 
 
@@ -49,7 +49,7 @@ class CommonPoints:
     log_n, noise : ndarray
         Logarithm of friction, variance of its noise.
     count : ndarray
-        Cycles that a row is the mean of.
+        Number of cycles in a row.
     campaign : ndarray of int
         0 or 1.
     point : ndarray of int
@@ -102,7 +102,7 @@ class CurveComparison(Shown):
     friction_n : ndarray, shape (2, m)
         Mean of each campaign at the points.
     several_blocks : bool
-        Both campaigns have more than one block, so that what blocks differ by is in the tests.
+        Both campaigns have more than one block, so the tests include differences of blocks.
     """
 
     points: CommonPoints
@@ -124,12 +124,12 @@ def compare_curves(
     ----------
     first, second : CampaignCharacteristics
     gain : float
-        Relative standard uncertainty by which the gains of the two force sensors may differ; 0 for the same sensor.
+        Relative standard uncertainty of the ratio of both force sensors' gains; 0 for the same sensor.
 
     Returns
     -------
     CurveComparison or str
-        A string says why they cannot be compared.
+        A string gives the reason if they cannot be compared.
     """
     points = common_points(first, second)
     if points.speed_m_s.size == 0:
@@ -142,7 +142,7 @@ def compare_curves(
 
 
 def _compared(points: CommonPoints, u: float) -> CurveComparison:
-    """Test for a difference; means are less certain by `u` than chance makes them."""
+    """Test for a difference; `u` adds to the uncertainty of means."""
     sign = points.campaign.astype(np.float64) - 0.5
     m = points.speed_m_s.size
     dummies = (points.point[:, None] == np.arange(m)[None, :]).astype(float)
@@ -170,7 +170,7 @@ def _compared(points: CommonPoints, u: float) -> CurveComparison:
 
 
 def holm(p: Array) -> Array:
-    """Correct probabilities for their number so that any false one is as rare as each was [holm1979].
+    """Correct probabilities for their number (Holm) [holm1979].
 
     Examples
     --------
@@ -236,7 +236,7 @@ def common_points(first: CampaignCharacteristics, second: CampaignCharacteristic
 
 
 def _places(keys: list[tuple[str, float, float, float]]) -> NDArray[np.int64]:
-    """Give one number to all cycles at the same levels, pressures and speed."""
+    """Return one number to all cycles at the same levels, pressures and speed."""
     if not keys:
         return np.zeros(0, dtype=np.int64)
     title, a, b, speed = zip(*keys, strict=True)
@@ -245,7 +245,7 @@ def _places(keys: list[tuple[str, float, float, float]]) -> NDArray[np.int64]:
 
 
 def _groups(campaign: NDArray[np.int64], point: NDArray[np.int64], blocks: list[int]) -> list[list[int]]:
-    """Rows that are cycles; of large campaigns, neighbouring repeats at one point of one campaign together."""
+    """Return the cycles of each row: one, or in large campaigns neighbouring repeats at one point."""
     if campaign.size <= MOST_CELLS:
         return [[i] for i in range(campaign.size)]
     stretch = np.array(blocks, dtype=np.int64)
@@ -254,7 +254,7 @@ def _groups(campaign: NDArray[np.int64], point: NDArray[np.int64], blocks: list[
 
 
 def _usable(found: CampaignCharacteristics) -> list[CycleResult]:
-    """Cycles that are points of F(v): both directions, positive, not excluded from the curves."""
+    """Return the cycles that are points of F(v): both directions, positive, not excluded from the curves."""
     reasons = {p.reason for curve in found.curves for p in curve.excluded}
     return [
         c
@@ -268,7 +268,7 @@ def _usable(found: CampaignCharacteristics) -> list[CycleResult]:
 
 
 def _shape_columns(points: CommonPoints) -> Array:
-    """Level, slope and bend over log speed, centred over the points, shape (m, 1 to 3)."""
+    """Return the level, slope and bend over log speed, centred over the points, shape (m, 1 to 3)."""
     u = np.log10(points.speed_m_s)
     u = u - u.mean()
     columns = [np.ones(u.size)]
@@ -281,7 +281,7 @@ def _shape_columns(points: CommonPoints) -> Array:
 
 
 def _pressure_columns(points: CommonPoints) -> Array:
-    """Pressures of both chambers, or their sum where they are always equal; per bar, centred."""
+    """Return the pressures of both chambers, or their sum where they are always equal; per bar, centred."""
     bar = points.gauge_pa / 1e5
     if np.allclose(bar[:, 0], bar[:, 1], atol=0.02):
         bar = bar[:, :1]
@@ -304,7 +304,7 @@ def _model(points: CommonPoints, x: Array) -> MixedModel:
 
 
 def _each(points: CommonPoints, dummies: Array, sign: Array, u: float) -> tuple[Estimate, ...]:
-    """Difference at each point by itself."""
+    """Return the difference at each point by itself."""
     m = dummies.shape[1]
     x = np.c_[dummies, dummies * sign[:, None]]
     fit = _model(points, x).fit()
@@ -312,7 +312,7 @@ def _each(points: CommonPoints, dummies: Array, sign: Array, u: float) -> tuple[
 
 
 def _means(points: CommonPoints) -> Array:
-    """Mean of each campaign at the points, shape (2, m)."""
+    """Return the mean of each campaign at the points, shape (2, m)."""
     m = points.speed_m_s.size
     cell = m * points.campaign + points.point
     total = np.bincount(cell, points.count * points.log_n, 2 * m)

@@ -1,4 +1,4 @@
-"""Cycles of large campaigns, put together: neighbouring repeats at one place count as one row of a model.
+"""Grouping of the cycles of large campaigns: neighbouring repeats at one place count as one row of a model.
 
 Memory of a mixed model grows with the square of its rows, time with their cube.
 """
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def grouped(place: Whole, stretch: Whole, level: Whole, rows: int, cells: int) -> tuple[list[list[int]], int]:
-    """Put cycles of one place, level and stretch of the campaign that follow one another together.
+    """Group successive cycles of one place, level and stretch of the campaign.
 
     Where there are very many combinations of the three, neighbouring stretches of the same levels count as one, then
     neighbouring levels.
@@ -26,16 +26,16 @@ def grouped(place: Whole, stretch: Whole, level: Whole, rows: int, cells: int) -
     place, stretch, level : ndarray of int, shape (n,)
         Of each cycle, in the order in which they were run; from 0.
     rows : int
-        About how many groups there should be.
+        Approximate number of groups.
     cells : int
-        Most combinations that are kept apart.
+        Most combinations that stay separate.
 
     Returns
     -------
     list of list of int
         Members of each group, in the order of their middle ones; together every cycle once.
     int
-        How many neighbouring levels count as one.
+        Number of neighbouring levels that count as one.
     """
     stretches = levels = 1
     while np.unique(cell := _cells(place, stretch // stretches, level // levels)).size > cells:
@@ -55,5 +55,5 @@ def grouped(place: Whole, stretch: Whole, level: Whole, rows: int, cells: int) -
 
 
 def _cells(place: Whole, stretch: Whole, level: Whole) -> Whole:
-    """Give one number for each combination."""
+    """Return one number for each combination."""
     return (place * (level.max() + 1) + level) * (stretch.max() + 1) + stretch

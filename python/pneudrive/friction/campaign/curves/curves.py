@@ -1,4 +1,4 @@
-"""Curves of friction over speed from the cycles of a campaign, with a band that holds every source seen or stated."""
+"""Curves of friction over speed from the cycles of a campaign, with a band for all observed and stated sources."""
 
 from __future__ import annotations
 
@@ -38,21 +38,21 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SATURATED_SHARE = 0.005  # of a cycle's samples: more at the sensor's limit, and the mean is not the friction's
+SATURATED_SHARE = 0.005  # of a cycle's samples: with more at the sensor's limit, the mean is not that of friction
 SAME_SPEED = 0.05  # measured speeds closer than this are one point of the curve
-BETWEEN = 24  # speeds per curve at which it is also given between the measured ones
-POSITIVE_SHARE = 0.2  # of the median friction: below it, chance is not taken as relative
+BETWEEN = 24  # speeds of a curve between the measured ones
+POSITIVE_SHARE = 0.2  # of the median friction: least friction for relative scatter
 FEWEST = 4  # cycles
-MOST_CYCLES = 600  # that are fitted one by one: memory grows with their square, time with their cube
-#: Of the scatter of the cycles at a speed: the least that chance counts there, however surely neighbouring speeds and
-#: other pressures seem to tell the curve (assumed).
+MOST_CYCLES = 600  # cycles that are fitted one by one: memory grows with their square, time with their cube
+#: Least standard error at a speed, share of the scatter of its cycles, even if neighbouring speeds and
+#: other pressures seem to determine the curve better (assumed).
 OWN_SHARE = 0.8
 MOST_CELLS = 1200  # condition, speed level and block: beyond it, neighbouring blocks are joined, then speed levels
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Cycles with both directions, and which of them are points of F(v).
+    """Cycles with both directions, and the selection of points of F(v).
 
     Attributes
     ----------
@@ -65,11 +65,11 @@ class Points:
         Index of each cycle's speed level; levels ascend.
     level_speeds_m_s : ndarray, shape (levels,)
     reasons : tuple of str, length n
-        Why a cycle is no point of F(v); "" where it is one.
+        Why a cycle is not a point of F(v); "" if it is one.
     unpaired : tuple of CycleData
         With one direction only.
     members : tuple of tuple of CycleData, length n
-        Cycles that each one stands for: more than one where a large campaign was condensed.
+        Cycles of each point: more than one if a large campaign was condensed.
     """
 
     reduced: Reduced
@@ -83,7 +83,7 @@ class Points:
 
     @property
     def count(self) -> Array:
-        """Number of cycles that each one stands for, shape (n,)."""
+        """Number of cycles of each point, shape (n,)."""
         return np.array([len(some) for some in self.members], dtype=float)
 
     @property
@@ -97,16 +97,16 @@ class Points:
         return cells(self.condition, self.level)
 
     def cycles(self, members: NDArray[np.bool_]) -> list[CycleData]:
-        """Give the cycles that are marked."""
+        """Return the marked cycles."""
         return [d for d, member in zip(self.reduced.data, members, strict=True) if member]
 
     def __len__(self) -> int:
-        """Give the number of cycles with both directions."""
+        """Return the number of cycles with both directions."""
         return len(self.reduced.data)
 
 
 def points_of(reading: CampaignData) -> Points | None:
-    """Sort the sliding cycles; None where none has both directions."""
+    """Return the sliding cycles as points; None if no cycle has both directions."""
     paired = [d for d in reading.sliding if len(d.sides) == 2]
     unpaired = tuple(d for d in reading.sliding if len(d.sides) != 2)
     if not paired:
@@ -125,7 +125,7 @@ def points_of(reading: CampaignData) -> Points | None:
 def _reasons(
     data: Sequence[CycleData], unsteady: Sequence[str], condition: NDArray[np.int64], level: NDArray[np.int64]
 ) -> tuple[str, ...]:
-    """Say of each cycle why it is no point of F(v). Stick-slip is a matter of a condition and speed, not of a cycle."""
+    """Return why each cycle is not a point of F(v). Stick-slip concerns a condition and speed, not a single cycle."""
     cell = cells(condition, level)
     first = {int(c): reason for c, reason in zip(cell[::-1], unsteady[::-1], strict=True) if reason}
     share = np.bincount(cell, [bool(reason) for reason in unsteady]) / np.bincount(cell)
@@ -151,11 +151,11 @@ class Fits:
     offset : CurveFit
         Of half the sum, with the tares.
     drift_share : float
-        Share of a steady drift that the design cannot tell from the curves.
+        Share of a steady drift that the design cannot separate from the curves.
     block_kind : str
         block, day, or "" where there is none.
     doubtful : tuple of int
-        Cycles of the points that lie off what the others say, not beyond doubt: curves average over both.
+        Points that are possible outliers: curves average over both cases.
     """
 
     points: Points
@@ -166,12 +166,12 @@ class Fits:
     doubtful: tuple[int, ...] = ()
 
     def rest(self) -> Array:
-        """Give what cycles in use are off their curves, drift taken out, in the response's unit, shape (used,)."""
+        """Return the residuals of the used cycles without drift, in the response's unit, shape (used,)."""
         return self.friction.data.y - self.friction.drift - self.friction.steady()
 
     @property
     def blocks(self) -> Array | None:
-        """Share of each block, or day, in each point; None where the design does not carry their deviations."""
+        """Share of each block, or day, in each point; None if the design does not determine their deviations."""
         return self.friction.data.blocks
 
     @property
@@ -191,10 +191,10 @@ class Fits:
 
 
 def fit_points(reading: CampaignData, points: Points) -> Fits | None:
-    """Fit the models; None where too few cycles are points of F(v).
+    """Fit the models; return None with too few points of F(v).
 
-    A cycle that lies far off all others, as a sensor that failed makes it, is taken out, and the rest fitted again.
-    Of a large campaign, neighbouring repeats are fitted as one.
+    A cycle far off all others (a failed sensor) is removed, and the rest fitted again.
+    In a large campaign, neighbouring repeats are fitted as one.
     """
     if points.use.sum() > MOST_CYCLES:
         return _fit_points(reading, condensed(points))
@@ -216,7 +216,7 @@ def fit_points(reading: CampaignData, points: Points) -> Fits | None:
 
 
 def condensed(points: Points) -> Points:
-    """Put repeats of one condition, speed level and block that follow one another together.
+    """Group successive repeats of one condition, speed class and block.
 
     Where there are very many cells, neighbouring blocks of the same levels count as one, then neighbouring speeds.
     """
@@ -290,11 +290,11 @@ def fit_response(reading: CampaignData, fits: Fits, y: Array, stderr: Array, *, 
     ----------
     reading : CampaignData
     fits : Fits
-        The models of friction, whose order, curves and blocks are taken.
+        The models of friction, whose order, curves and blocks are used.
     y, stderr : ndarray, shape (n,)
         Of all cycles with both directions.
     drift : bool
-        Whether it may drift as friction does.
+        Whether it may drift like friction.
     """
     use, like = fits.points.use, fits.friction.data
     order = np.array([reading.order(d.head) for d in fits.points.reduced.data])[use]
@@ -303,12 +303,12 @@ def fit_response(reading: CampaignData, fits: Fits, y: Array, stderr: Array, *, 
 
 
 def block_shares(reading: CampaignData, points: Points) -> tuple[Array | None, str]:
-    """Find blocks whose own deviation can be told from the levels: some levels have several blocks, or several days.
+    """Find blocks whose deviation can be separated from the levels: some levels have several blocks, or several days.
 
     Returns
     -------
     ndarray or None, shape (used, blocks)
-        Share of each in the cycles that a point stands for.
+        Share of each in the cycles of a point.
     str
         block, day, or "" where there is none.
     """
@@ -328,7 +328,7 @@ def block_shares(reading: CampaignData, points: Points) -> tuple[Array | None, s
 
 
 def shares_of(labels: Sequence[Sequence[int]]) -> Array:
-    """Share of each label in each row of them, shape (rows, labels)."""
+    """Return the share of each label in each row of them, shape (rows, labels)."""
     column = {label: k for k, label in enumerate(sorted({label for row in labels for label in row}))}
     shares = np.zeros((len(labels), len(column)))
     for i, row in enumerate(labels):
@@ -338,7 +338,7 @@ def shares_of(labels: Sequence[Sequence[int]]) -> Array:
 
 
 def _better(data: CurveData) -> CurveFit:
-    """Fit friction or its logarithm, whichever makes the observations more likely, with chance of either kind."""
+    """Fit friction or its logarithm, whichever is more likely, with both forms of scatter."""
     plain = fit_curves(data)
     if data.y.min() <= POSITIVE_SHARE * np.median(data.y):
         return plain
@@ -347,7 +347,7 @@ def _better(data: CurveData) -> CurveFit:
     freedom = len(data) - plain.fit.model.x.shape[1]
     likelier = relative.fit.log_likelihood() - freedom * float(np.mean(np.log(data.y)))
     better = relative if likelier > plain.fit.log_likelihood() else plain
-    del plain, relative  # the other one goes before a third one comes: each takes much memory
+    del plain, relative  # free the other one before a third: each takes much memory
     return either_chance(better)
 
 
@@ -371,8 +371,8 @@ def _with_tares(reading: CampaignData, data: CurveData) -> CurveData:
 class Systematic:
     """Standard uncertainties that all points of a curve share, N, shape (m,).
 
-    ``state_n`` is how far friction in another state of the campaign lies from that in its mean state: no uncertainty
-    of the curve, which is that of the mean state, but of what a single cycle tells of it.
+    ``state_n`` is the difference between friction in another state of the campaign and its mean state: no uncertainty
+    of the curve of the mean state, but of the information from a single cycle.
     """
 
     gain_n: Array
@@ -382,16 +382,16 @@ class Systematic:
     zero_n: Array
 
     def friction_n(self) -> Array:
-        """Of half the difference of both directions, in the mean state of the campaign."""
+        """Return that of half the difference of both directions, in the mean state of the campaign."""
         return np.sqrt(self.gain_n**2 + self.hysteresis_n**2 + self.position_n**2)
 
     def direction_n(self) -> Array:
-        """Of one direction."""
+        """Return that of one direction."""
         return np.hypot(self.friction_n(), self.zero_n)
 
 
 def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int) -> Systematic:
-    """State what all points share, at these frictions and half sums (without zero where tares show it)."""
+    """Return the uncertainties that all points share, at these frictions and half sums (without zero if known)."""
     points = fits.points
     members = points.use & (points.condition == condition)
     data = points.cycles(members)
@@ -414,7 +414,7 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
 
 
 def curves_of(fits: Fits, *, contains_air: bool) -> tuple[Curve, ...]:
-    """Give the curves of all conditions: half the difference of both directions, then +x and -x."""
+    """Return the curves of all conditions: half the difference of both directions, then +x and -x."""
     curves: list[Curve] = []
     for at in curve_speeds(fits.points):
         value, low, high = by_chance(fits, fits.friction, at)
@@ -450,7 +450,7 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[Curve, ...]:
 
 
 def in_newton(fit: CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
-    """Value, low and high of the statistical 95 % interval, N."""
+    """Return the value, low and high of the statistical 95 % interval, N."""
     half = found.half_width()
     if fit.logarithmic:
         return np.exp(found.mean), np.exp(found.mean - half), np.exp(found.mean + half)
@@ -458,10 +458,10 @@ def in_newton(fit: CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
 
 
 def by_chance(fits: Fits, fit: CurveFit, at: CurveSpeeds) -> tuple[Array, Array, Array]:
-    """Value, low and high of the 95 % interval by chance, N; no narrower than a share of how cycles there scatter.
+    """Return the value, low and high of the 95 % interval by chance, N, with a least width from the scatter there.
 
-    Neighbouring speeds and other pressures count too, so that the model may be surer of a point than its own cycles
-    make it. That is believed down to `OWN_SHARE`. Between the measured speeds the number of cycles is interpolated.
+    Neighbouring speeds and other pressures contribute, so the model may be more certain of a point than its own cycles
+    are. This is accepted down to `OWN_SHARE`. Between the measured speeds the number of cycles is interpolated.
     """
     value, low, high = in_newton(fit, fit.at(at.number, at.speed_m_s))
     known, u = at.cycles > 0, np.log(at.speed_m_s)
@@ -477,7 +477,7 @@ class CurveSpeeds:
     Attributes
     ----------
     number, index : int
-        Of the curve in the models, and of its condition among those of the points.
+        Index of the curve in the models, and of its condition among those of the points.
     condition : Condition
     speed_m_s : ndarray
     measured : ndarray of bool
@@ -499,7 +499,7 @@ class CurveSpeeds:
 
 
 def curve_speeds(points: Points) -> tuple[CurveSpeeds, ...]:
-    """Give the speeds of all curves, in the order of the models' numbers."""
+    """Return the speeds of all curves, in the order of the models' numbers."""
     kept = sorted(set(points.condition[points.use].tolist()))
     return tuple(_speeds(points, number, index) for number, index in enumerate(kept))
 
@@ -530,7 +530,7 @@ def _excluded(points: Points, condition: int) -> tuple[ExcludedPoint, ...]:
 
 
 def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
-    """Give the standard deviation that a source of chance adds to a single cycle, at these frictions, N."""
+    """Return the standard deviation that a source of chance adds to a single cycle, at these frictions, N."""
     fit = fits.friction
     sd = fit.fit.most_probable_sd(source) * fits.scale_n
     relative = fit.relative if source == "cycle" else float(fit.logarithmic)

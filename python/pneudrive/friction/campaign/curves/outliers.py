@@ -1,11 +1,11 @@
-"""Single cycles that no curve can follow, found one at a time, each held against all others without it.
+"""Wild cycles, which no curve can follow, found one at a time: each is compared with all others.
 
-Two wild cycles inflate the scatter that either is judged by, and a wild cycle makes its good twin look wild. So each
-cycle is held against its prediction from all others [cook1982]: neighbours in speed, other pressures, repeats. The one
-that is furthest off by the robust scatter of all is taken out, the model is fitted again, and so on. How many of them
-are wild is a question of probability [box1968]: a cycle that is none of the others may show any friction, but seldom
-occurs. Then each that was taken out is held against what the good ones say, and comes back where that does not exclude
-it. Where the data leave open whether a cycle is wild, it is told as doubtful.
+Two wild cycles inflate the scatter by which each is judged, and a wild cycle makes its good twin look wild. So each
+cycle is compared with its prediction from all others [cook1982]: neighbours in speed, other pressures, repeats. The one
+that is furthest off by the robust scatter of all is removed, the model is fitted again, and so on. The number of wild
+cycles follows from probability [box1968]: a wild cycle may show any friction, but seldom
+occurs. Then each removed cycle is compared with the prediction of the good ones, and returns if that does not exclude
+it. A cycle that the data do not decide is doubtful.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-ENOUGH = 9  # cycles; fewer do not tell which of them is wild
-SUSPECT = 3.0  # robust deviations of what cycles are off by, beyond which one is looked at
-SURE = 5.0  # standard deviations of the prediction from the others, beyond which a cycle is none of them
-TRIED = 3  # suspects of which the one is looked for without which all others fit best
-LEAST_SHARE = 0.1  # of the friction: less is no failure of a sensor
-WILD = 0.02  # probability of a cycle to be wild, before its friction is seen (assumed)
-WILD_SPREAD = 0.5  # of the friction: standard deviation of wild cycles (assumed)
+ENOUGH = 9  # least number of cycles to find a wild one
+SUSPECT = 3.0  # robust deviations beyond which a cycle is examined
+SURE = 5.0  # standard deviations of the prediction from the others, beyond which a cycle is wild
+TRIED = 3  # suspects among which the one is sought without which all others fit best
+LEAST_SHARE = 0.1  # share of friction: a smaller deviation is not a failure of a sensor
+WILD = 0.02  # prior probability of a wild cycle (assumed)
+WILD_SPREAD = 0.5  # share of friction: standard deviation of wild cycles (assumed)
 OPEN = 4.0  # difference of logarithms: readings less than 2 % as probable as the likeliest are left out (assumed)
 FEW = 100  # cycles, among which wild ones hide each other
-ON_TRIAL = 2  # cycles that are taken out though none stands out
-MOST_SHARE = 0.1  # of the cycles (and at least two): more of them are no outliers but how the rig is
+ON_TRIAL = 2  # cycles that are removed though none stands out
+MOST_SHARE = 0.1  # share of the cycles (and at least two): more are not outliers, but typical of the rig
 
 
 @dataclass(frozen=True, eq=False)
 class _Taken:
-    """Cycles taken out, the standard deviations of the rest, and how improbable all of it is."""
+    """Removed cycles, the standard deviations of the rest, and their improbability."""
 
     rows: list[int]
     sd: Array
@@ -49,14 +49,14 @@ class _Taken:
 
 
 def wild_cycles(data: CurveData) -> tuple[list[int], list[list[int]]]:
-    """Find the cycles that are none of the others, as rows of the data.
+    """Find the wild cycles, as rows of the data.
 
     Returns
     -------
     list of int
         Wild cycles.
     list of list of int
-        Where it is open whether more are wild: which, by each reading that is possible beside that none is. Each
+        Further cycles that may be wild, for each possible reading other than none. Each
         holds those of the one before.
     """
     if len(data) < ENOUGH:
@@ -77,7 +77,7 @@ def wild_cycles(data: CurveData) -> tuple[list[int], list[list[int]]]:
 
 
 def _path(data: CurveData) -> list[_Taken]:
-    """Take cycles out, each time the one without which the others are likeliest; none first, most last."""
+    """Remove cycles, each time the one without which the others are likeliest; return the steps from none to most."""
     size = len(data)
     most = max(2, int(MOST_SHARE * size))
     price = _price(data)
@@ -90,25 +90,25 @@ def _path(data: CurveData) -> list[_Taken]:
         large = (np.abs(off) > LEAST_SHARE * data.level) & _spare(data, rows)
         suspect = (z > SUSPECT * usual) & large
         if not suspect.any():
-            # Among few, two wild cycles hide each other in the scatter that they make: neither stands out before both
-            # are out. So some are taken out on trial.
+            # Among few cycles, two wild ones hide each other by their scatter: neither stands out before both
+            # are removed. So some are removed on trial.
             best = min(range(len(path)), key=lambda k: path[k].cost)
             if size > FEW or len(path) - 1 - best >= ON_TRIAL or not large.any():
                 break
             suspect = large
         order = rows[np.flatnonzero(suspect)[np.argsort(-z[suspect])]].tolist()
-        # Among very many cycles a few wild ones change nothing: all at once. Among few, one that bends the curve makes
-        # its neighbours look wild: it is the one without which the others are likeliest.
+        # Among very many cycles a few wild ones change nothing: remove all at once. Among few, one that bends the
+        # curve makes its neighbours look wild: remove the one without which the others are likeliest.
         tries = [order[: most - len(taken)]] if size > MOST_FOR_SEARCH else [[i] for i in order[:TRIED]]
         found = [(_deviations(data, [*taken, *some], sd), [*taken, *some]) for some in tries]
         (sd, cost), taken = min(found, key=lambda one: one[0][1])
         path.append(_Taken(taken, sd, cost + price * len(taken)))
-    # Of very many cycles the standard deviations are found from some: costs of different ones are not comparable.
+    # With very many cycles the standard deviations come from some of them: their costs are not comparable.
     return path if size <= MOST_FOR_SEARCH else path[-1:]
 
 
 def _price(data: CurveData) -> float:
-    """Negative logarithm of the odds of a wild cycle times its density, less what each cycle's density has."""
+    """Return the negative logarithm of the odds of a wild cycle times its density, relative to a good cycle's."""
     return float(np.log((1.0 - WILD) / WILD) + np.log(WILD_SPREAD * data.level))
 
 
@@ -121,19 +121,19 @@ def _deviations(data: CurveData, taken: list[int], start: Array | None) -> tuple
 
 
 def _off(data: CurveData, taken: list[int], sd: Array) -> tuple[NDArray[np.intp], Array, Array]:
-    """Cycles that are left, what each is off by from the others, and the standard deviation of that."""
+    """Return the remaining cycles, the deviation of each from the others, and its standard deviation."""
     rows = _rows(data, taken)
     return rows, *curve_model(data.part(rows)).left_out(sd)
 
 
 def _against(data: CurveData, taken: list[int], one: int, sd: Array) -> float:
-    """Give the standard deviations that a cycle taken out is off by from those that are left."""
+    """Return the deviation of a removed cycle from the others, in standard deviations."""
     rows, off, far = _off(data, [i for i in taken if i != one], sd)
     at = int(np.searchsorted(rows, one))
     return abs(float(off[at])) / float(far[at]) if abs(off[at]) > LEAST_SHARE * data.level else 0.0
 
 
 def _spare(data: CurveData, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Mark cycles whose curve has others too."""
+    """Mark cycles whose curve has other cycles too."""
     curve = data.curve[rows]
     return np.bincount(curve[curve >= 0], minlength=int(curve.max()) + 1)[curve] > 1

@@ -1,4 +1,4 @@
-"""What is said of a campaign that no rig can have measured: friction that drives, and heads in other units."""
+"""Checks for a campaign that no rig can have measured: negative friction, and headers in other units."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.curves.curves import Points
     from pneudrive.friction.campaign.cycles.reading import CampaignData
 
-OTHER_SPEED = 1.5  # measured speed over that of the head, either way
-#: A pressure that was measured further than this from the one that was set, or than this share of the gauge pressure,
-#: or so many standard uncertainties of the sensor, whichever is most, is no regulator's error (assumed).
+OTHER_SPEED = 1.5  # ratio of measured speed to that in the header, either way
+#: A measured pressure that differs from the set one by more than this, or than this share of the gauge pressure,
+#: or so many standard uncertainties of the sensor, whichever is most, is not an error of the regulator (assumed).
 SET_PA, SET_SHARE, PRESSURE_ACCURACIES = 1e4, 0.1, 4.0
 
 
 def suspicions(reading: CampaignData, points: Points | None) -> Iterator[Statement]:
-    """Name cycles whose signs, speeds or pressures look like another convention than that of the folder's format."""
+    """Return statements on cycles whose signs, speeds or pressures do not follow the conventions of the folder."""
     if points is not None and (negative := [i for i, r in enumerate(points.reasons) if r == NEGATIVE]):
         keys = named(points.reduced.data[i].head.cycle.key for i in negative)
         yield say("data.negative", negative=len(negative), count=len(points), keys=keys)
@@ -49,9 +49,9 @@ def suspicions(reading: CampaignData, points: Points | None) -> Iterator[Stateme
 
 
 def _set_and_measured(reading: CampaignData) -> Iterator[Statement]:
-    """Hold the pressures of the samples against those that the heads say were set.
+    """Compare the pressures of the samples with the set ones in the headers.
 
-    Both directions together: what the air does in motion raises one of them and lowers the other.
+    Both directions together: motion of the air raises one of them and lowers the other.
     """
     ambient = reading.identity.ambient_pressure_pa
     for side in ("a", "b"):

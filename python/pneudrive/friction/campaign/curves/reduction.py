@@ -1,7 +1,7 @@
 """All sliding cycles of a campaign over common positions: one friction, one offset, one force of the air per cycle.
 
-Cycles at high speed have settled over a shorter way than slow ones. Friction varies over the way, so that means over
-different parts of it are different things: the pattern over position is found from all cycles together, and each
+Cycles at high speed settle over a shorter way than slow ones. Friction varies over the way, so means over
+different parts of it differ: the pattern over position is found from all cycles together, and each
 cycle's mean is the one that it would have over the common range.
 """
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 ITERATIONS = 8
-ENOUGH_CYCLES = 4  # fewer do not tell a pattern over position from noise
+ENOUGH_CYCLES = 4  # least number for a pattern over position
 COMMON_SHARE = 0.5  # of the cycles have settled in a bin of the common range
-SMALL_FRICTION = 0.2  # of the median: a pattern relative to less than this is none
+SMALL_FRICTION = 0.2  # of the median: least friction for a relative pattern
 BEYOND_SHARE = 0.05  # of the drive's stroke, at its ends, that the moves of a campaign leave out (assumed)
-FREEDOM_PER_CYCLE = 10.0  # behind the noise of one cycle: independent stretches of about 60 bins
+FREEDOM_PER_CYCLE = 10.0  # degrees of freedom of the noise of one cycle: independent stretches of about 60 bins
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class Reduced:
         Half the difference and half the sum of the balance; half the difference of the chambers' force, positive
         against the motion.
     friction_stderr_n, offset_stderr_n, air_stderr_n, total_stderr_n : ndarray
-        By noise within the cycle alone.
+        From noise within the cycle only.
     position_m : ndarray, shape (bins,)
     common : ndarray of bool, shape (bins,)
     pattern : ndarray, shape (bins,)
@@ -55,7 +55,7 @@ class Reduced:
     relative_n : ndarray, shape (n, bins)
         Friction of each cycle over its mean; NaN where nothing has settled.
     coverage : float
-        Share of the way moved along that the common range covers.
+        Share of the whole way that the common range covers.
     """
 
     data: tuple[CycleData, ...]
@@ -76,18 +76,18 @@ class Reduced:
 
     @property
     def total_n(self) -> Array:
-        """Half the difference of what the force sensor shows, weight and inertia taken out."""
+        """Half the difference of the force sensor's readings, without weight and inertia."""
         return self.friction_n + self.air_n
 
     @property
     def u_position(self) -> float:
-        """Standard uncertainty, relative to friction, of the mean over the common range for the whole way."""
+        """Relative standard uncertainty of the mean over the common range as a mean over the whole way."""
         known = self.pattern[self.common]
         return self.unseen * float(known.std()) if known.size else 0.0
 
     @property
     def unseen(self) -> float:
-        """Share of the drive's stroke over which the mean does not go."""
+        """Share of the drive's stroke outside the mean."""
         return 1.0 - self.coverage * (1.0 - BEYOND_SHARE)
 
 
@@ -100,7 +100,7 @@ def reduce(data: Sequence[CycleData], edges_m: Array, steady: NDArray[np.bool_])
         With both sides.
     edges_m : ndarray, shape (bins + 1,)
     steady : ndarray of bool, shape (n,)
-        Cycles that may tell the pattern: those without stick-slip.
+        Cycles used for the pattern: those without stick-slip.
     """
     up = np.array([d.sides[1].balance_n for d in data])
     down = np.array([d.sides[-1].balance_n for d in data])
@@ -146,7 +146,7 @@ def reduce(data: Sequence[CycleData], edges_m: Array, steady: NDArray[np.bool_])
 
 
 def _relative_pattern(values: Array, common: NDArray[np.bool_]) -> Array:
-    """Deviation from the mean of each row, relative to it, mean over rows; zero where too few rows tell it."""
+    """Return the relative deviation from the mean of each row, mean over rows; zero with too few rows."""
     bins = values.shape[1]
     level = _additive_means(values, np.zeros(bins), common)
     if values.shape[0] < ENOUGH_CYCLES or level.min() < SMALL_FRICTION * np.median(level):
@@ -170,7 +170,7 @@ def _additive_pattern(values: Array, common: NDArray[np.bool_]) -> Array:
 
 
 def _relative_means(values: Array, pattern: Array, common: NDArray[np.bool_]) -> Array:
-    """Mean of each row over the common bins, those that it lacks filled by the pattern."""
+    """Return the mean of each row over the common bins, with missing bins filled from the pattern."""
     here = np.isfinite(values) & _used(values, common)
     total = np.where(here, values, 0.0).sum(axis=1)
     return total / (here * (1.0 + pattern)).sum(axis=1)
@@ -183,7 +183,7 @@ def _additive_means(values: Array, pattern: Array, common: NDArray[np.bool_]) ->
 
 
 def _used(values: Array, common: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mark the common bins; all bins in a row that has none of these."""
+    """Mark the common bins; all bins in a row without them."""
     has = np.asarray((np.isfinite(values) & common).any(axis=1))
     return np.where(has[:, None], common[None, :], True)
 

@@ -1,8 +1,8 @@
-"""Curves over speed with the chance that lies between cycles: a smoothing spline inside a mixed model.
+"""Curves over speed with scatter between cycles: a smoothing spline inside a mixed model.
 
-A curve is a line and a deviation from it that is as smooth as the data say: an integrated Wiener process, whose
+A curve is a line and a deviation from it whose smoothness follows from the data: an integrated Wiener process, whose
 estimate is the cubic smoothing spline and whose posterior gives the band [wahba1983]. Curves of one campaign share
-their shape as far as the data say so. Smoothness is meant over a stretched speed, in which the Stribeck part
+their shape as far as the data show it. Smoothness refers to a stretched speed, in which the Stribeck part
 (decades) and the viscous part (proportion) both bend slowly.
 """
 
@@ -23,22 +23,22 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Speed from which on a stretched speed grows with speed itself; below, with its logarithm (assumed).
+#: Speed above which stretched speed is proportional to speed; below, to its logarithm (assumed).
 PROPORTIONAL_FROM_M_S = 0.1
-CYCLE_SCALE = 0.02  # of the response: standard deviations that are usual from cycle to cycle, block to block, in drift
+CYCLE_SCALE = 0.02  # usual standard deviations, shares of the response: cycle to cycle, block to block, drift
 #: Stretched speed over which a curve may leave the common shape by itself: a factor of 7 at low speed, about the width
 #: of a Stribeck fall (assumed).
 LOCAL_REACH = 2.0
-#: Power of a standard deviation with which its prior falls towards zero: a few sentinels that happen to agree do not
-#: make a rig that repeats perfectly, least of all where a curve may follow each of its points (assumed).
+#: Power with which the prior of a standard deviation falls towards zero: a few sentinels that agree by chance do not
+#: prove a perfectly repeatable rig, especially if a curve may follow each of its points (assumed).
 FEW_AGREE = 4.0
-LEAST_FRICTION = 0.1  # over the mean friction, below which chance in proportion to it falls no further (assumed)
-CARRIED = 0.98  # share of a drift that the curves could take for their own, beyond which the design does not carry it
-CURVE_DEGREE = 5  # polynomials in stretched speed that stand for all curves in that question
+LEAST_FRICTION = 0.1  # share of the mean friction below which proportional scatter falls no further (assumed)
+CARRIED = 0.98  # share of a drift that curves could absorb, above which the design does not determine it
+CURVE_DEGREE = 5  # polynomials in stretched speed that represent all curves there
 
 
 def stretched(speed_m_s: Array, lowest_m_s: float) -> Array:
-    """Stretched speed: logarithmic at low, proportional at high speed; zero at the lowest.
+    """Return the stretched speed: logarithmic at low, proportional at high speed; zero at the lowest.
 
     Examples
     --------
@@ -51,27 +51,27 @@ def stretched(speed_m_s: Array, lowest_m_s: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class CurveData:
-    """Observations of curves, shape (n,) each, and what may act on them beside the curves.
+    """Observations of curves, shape (n,) each, with other possible effects on them.
 
     Attributes
     ----------
     y, noise : ndarray
         Response and the variance of its noise within the cycle.
     speed_m_s : ndarray
-        NaN where an observation lies on no curve: a tare, which shows the zero alone.
+        NaN for a tare, which lies on no curve and shows only the zero.
     curve : ndarray of int
-        Which curve, from 0; -1: none.
+        Index of the curve; -1: none.
     order : ndarray
         Place of the cycle in the campaign, 0 to 1.
     count : ndarray
-        Cycles that an observation is the mean of.
+        Number of cycles in an observation.
     chance : ndarray
-        Standard deviation of a cycle over that at the mean friction: 1 everywhere where it is the same, in the unit of
+        Standard deviation of a cycle over that at the mean friction: 1 everywhere if it is equal, in the unit of
         the response, at all frictions.
     blocks : ndarray, shape (n, blocks), or None
-        Share of each block (or day) in each observation, where the design carries their own deviations.
+        Share of each block (or day) in each observation, if the design determines their deviations.
     drift : bool
-        Whether the design carries a drift (see `carried_drift`).
+        Whether the design determines a drift (see `carried_drift`).
     logarithmic : bool
         The response is the logarithm: curves share their shape, blocks and drift act, in proportion to friction.
     """
@@ -92,16 +92,16 @@ class CurveData:
 
     @property
     def level(self) -> float:
-        """Median size of the response, 1 where it is a logarithm: what shares of friction are taken of."""
+        """Median size of the response, 1 for a logarithm: the reference of shares of friction."""
         return 1.0 if self.logarithmic else float(np.median(np.abs(self.y)))
 
     def part(self, rows: NDArray[np.intp]) -> CurveData:
-        """Take some observations."""
+        """Return some of the observations."""
         arrays = {name: values[rows] for name, values in vars(self).items() if isinstance(values, np.ndarray)}
         return replace(self, **arrays)
 
     def logarithms(self) -> CurveData:
-        """Take the logarithm of a positive response."""
+        """Return the data with the logarithm of a positive response."""
         return replace(self, y=np.log(self.y), noise=self.noise / self.y**2, logarithmic=True)
 
 
@@ -114,7 +114,7 @@ class CurveFit:
     data : CurveData
     fit : MixedFit
     relative : float
-        Probability that a cycle's own chance is in proportion to friction, not the same in newton at all frictions.
+        Probability that the scatter of a cycle is proportional to friction, not equal in newton at all frictions.
     drift : ndarray, shape (n,)
         Best estimate of the drift at each observation, mean zero.
     drift_half : ndarray, shape (n,)
@@ -130,23 +130,23 @@ class CurveFit:
 
     @property
     def logarithmic(self) -> bool:
-        """The response is the logarithm of friction."""
+        """Whether the response is the logarithm of friction."""
         return self.data.logarithmic
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Names of the sources of chance that the design carries."""
+        """Names of the sources of scatter that the design determines."""
         return tuple(c.name for c in self.fit.model.components if c.name in {"cycle", "drift", "block"})
 
     def at(self, curve: int, speed_m_s: Array) -> Predicted:
-        """Curve at these speeds, in the unit of the response (its logarithm where `logarithmic`)."""
+        """Return the curve at these speeds, in the unit of the response (its logarithm if `logarithmic`)."""
         key = (curve, speed_m_s.tobytes())
         if key not in self.known:
             self.known[key] = self.over(curve, speed_m_s).predict()
         return self.known[key]
 
     def over(self, curve: int, speed_m_s: Array) -> Functionals:
-        """Curve at these speeds as linear functions of the model."""
+        """Return the curve at these speeds as linear functions of the model."""
         basis = _Basis.of(self.data)
         number = np.full(speed_m_s.size, curve, dtype=np.int64)
         fixed = basis.fixed(speed_m_s, number, observed=False)[:, basis.kept]
@@ -154,7 +154,7 @@ class CurveFit:
         return Functionals(self.fit, fixed, basis.with_data(speed_m_s, number), own)
 
     def steady(self) -> Array:
-        """Curves at the observations, in the unit of the response, shape (n,); NaN for those on no curve."""
+        """Return the curves at the observations, in the unit of the response, shape (n,); NaN for those on no curve."""
         found = np.full(len(self.data), np.nan)
         for number in range(int(self.data.curve.max()) + 1):
             members = self.data.curve == number
@@ -181,24 +181,24 @@ class _Basis:
         return replace(basis, kept=independent(basis.fixed(data.speed_m_s, data.curve, observed=True)))
 
     def place(self, speed_m_s: Array) -> Array:
-        """Stretched speed from 0 to 1 over the measured range."""
+        """Return the stretched speed from 0 to 1 over the measured range."""
         return np.nan_to_num(stretched(speed_m_s, self.lowest) / self.width)
 
     def fixed(self, speed_m_s: Array, curve: NDArray[np.int64], *, observed: bool) -> Array:
-        """One level per curve, a common slope, and the zero where there is one: seen, but no part of a curve."""
+        """Return one level per curve, a common slope, and the zero if there is one."""
         levels = (curve[:, None] == np.arange(self.curves)[None, :]).astype(float)
         slope = np.where(curve >= 0, self.place(speed_m_s) - 0.5, 0.0)
         zero = np.full((curve.size, int((self.data.curve < 0).any())), float(observed))
         return np.column_stack([zero, levels, slope])
 
     def with_data(self, speed_m_s: Array, curve: NDArray[np.int64]) -> dict[str, Array]:
-        """Covariance of the smooth deviations with the observations'."""
+        """Return the covariance of the smooth deviations with the observations'."""
         return self.kernels((speed_m_s, curve), (self.data.speed_m_s, self.data.curve))
 
     def kernels(
         self, first: tuple[Array, NDArray[np.int64]], second: tuple[Array, NDArray[np.int64]]
     ) -> dict[str, Array]:
-        """Covariance of the smooth deviations between speeds on curves."""
+        """Return the covariance of the smooth deviations between speeds on curves."""
         (s, i), (t, j) = first, second
         s, t = self.place(s), self.place(t)
         on = (i >= 0)[:, None] & (j >= 0)[None, :]
@@ -212,7 +212,7 @@ class _Basis:
 
 
 def carried_drift(data: CurveData) -> float:
-    """Share of a steady drift that curves could take for their own: 1 where order and speed are one thing."""
+    """Return the share of a steady drift that curves could absorb: 1 if speed changes only with order."""
     on = data.curve >= 0
     if on.sum() < 3 or np.ptp(data.order[on]) == 0:
         return 1.0
@@ -242,15 +242,15 @@ def _described(data: CurveData, fit: MixedFit, relative: float) -> CurveFit:
 
 
 def either_chance(fitted: CurveFit) -> CurveFit:
-    """Average over both ways in which a cycle's own chance may act, in newton and in proportion to friction.
+    """Average over both forms of a cycle's scatter, in newton and in proportion to friction.
 
-    Which response describes the curves better, friction or its logarithm, is one question; how cycles scatter is
-    another, and few cycles answer it: what they leave open has to be in the band.
+    The better response (friction or its logarithm) and the form of the scatter are separate questions. Few cycles
+    decide the second one, so the band covers both forms.
 
     Parameters
     ----------
     fitted : CurveFit
-        With a chance that is the same at all frictions in the unit of its response; of positive friction.
+        With a scatter that is equal at all frictions in the unit of its response; of positive friction.
     """
     steady = np.exp(fitted.steady()) if fitted.logarithmic else fitted.steady()
     share = np.maximum(steady / steady.mean(), LEAST_FRICTION)
@@ -260,18 +260,18 @@ def either_chance(fitted: CurveFit) -> CurveFit:
 
 
 def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: float, odds: float) -> CurveFit:
-    """Average over several readings of doubtful cycles: that they count as all others do, or that some tell little.
+    """Average over several readings of doubtful cycles: all are good, or some are wild.
 
     Parameters
     ----------
     fitted : CurveFit
-        In which all of them count.
+        Fit with all of them as good cycles.
     readings : sequence of ndarray of int
-        Rows of its data that tell little, of each other reading.
+        Rows of its data that are wild, for each other reading.
     spread : float
-        Standard deviation of a cycle that tells little, in the unit of the response.
+        Standard deviation of a wild cycle, in the unit of the response.
     odds : float
-        That a cycle tells little, before the data are seen.
+        Prior odds of a wild cycle.
     """
     model = fitted.fit.model
     others = []
@@ -284,7 +284,7 @@ def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: f
 
 
 def curve_model(data: CurveData) -> MixedModel:
-    """Give the model that `fit_curves` fits."""
+    """Return the model that `fit_curves` fits."""
     basis = _Basis.of(data)
     on = data.curve >= 0
     spread = max(float(np.std(data.y[on])), 1e-9 * float(np.abs(data.y[on]).max() + 1e-12), 1e-12)

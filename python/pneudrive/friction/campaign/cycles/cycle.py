@@ -1,7 +1,7 @@
-"""One cycle of a campaign, from raw samples to what the campaign's models need: friction over bins of position.
+"""One cycle of a campaign, from raw samples to friction over bins of position for the campaign's models.
 
-Samples may lie at any times: inside a bin they count by the time for which they stand, and bins count alike, so that
-a burst around a reversal weighs no more than the way that it covers.
+Samples may be unevenly spaced: inside a bin they are weighted by their duration, and bins have equal weight, so
+a burst around a reversal has the weight of its travel only.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-BINS = 60  # over the way that a campaign moves along
-#: A pressure is a level of its own where it differs by this much from the others, Pa: 1 mbar.
+BINS = 60  # bins over the way of a campaign
+#: Difference at which a pressure is a separate level, Pa: 1 mbar.
 PRESSURE_STEP_PA = 100.0
-SAME_SPEED = 0.1  # strokes of one cycle whose speeds differ by more are not one point
-END_TRAVELS = 2.0  # of the distance from the stroke's end at which its speed falls below 80 %: left out
-EVEN_SAMPLES = 2000  # on which the ripple of the speed is measured, even in time
-TARE_SETTLING = 0.5  # share of a tare at its beginning that is left out: seals relax when they are released
+SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
+END_TRAVELS = 2.0  # of the distance from the stroke's end at which its speed falls below 80 %: excluded
+EVEN_SAMPLES = 2000  # evenly spaced samples for the ripple of the speed
+TARE_SETTLING = 0.5  # initial share of a tare that is left out: seals relax after the release
 MINIMUM_SAMPLES = 20
 SIDES = ("a", "b")
 
@@ -58,18 +58,18 @@ class Side:
     Attributes
     ----------
     balance_n : ndarray, shape (bins,)
-        Force balance (see `Recording.balance_n`) in each bin of position, NaN where nothing has settled.
+        Force balance (see `Recording.balance_n`) in each bin of position, NaN without settled samples.
     air_n : ndarray, shape (bins,)
         Its part from the chamber pressures, p_a A_a - p_b A_b - p_ambient (A_a - A_b).
     velocity_m_s, pressure_a_pa, pressure_b_pa, force_n : float
         Means over the settled part.
     samples, strokes : int
     breakaway_n, dwell_s, loading_rate_n_s : float
-        Of the reversal before it; NaN where there is no usable peak.
+        Of the preceding reversal; NaN without a usable peak.
     ripple, period_s, step_m, swing_n : float
         Standard deviation of speed over its mean; period, travel and swing of the balance in stick-slip (NaN without).
     piston_ripple : float
-        The same of the piston's speed behind the rig's spring; NaN where its stiffness is not known.
+        The same for the piston's speed behind the rig's spring; NaN if its stiffness is unknown.
     scatter_n : float
         Standard deviation of the balance within the bins.
     stick_slip : bool
@@ -95,7 +95,7 @@ class Side:
     stick_slip: bool
 
     def means(self) -> DirectionMeans:
-        """Means at which the systematic uncertainty is taken."""
+        """Return the means for the systematic uncertainty."""
         return DirectionMeans(self.force_n, self.pressure_a_pa, self.pressure_b_pa, self.velocity_m_s)
 
 
@@ -109,7 +109,7 @@ class OpenPressure:
 
     @classmethod
     def of(cls, values: Array) -> OpenPressure | None:
-        """Sum the samples up; None where the pressure was not measured."""
+        """Summarise the samples; return None if the pressure was not measured."""
         if np.ptp(values) == 0:
             return None
         first, second = np.array_split(values, 2)
@@ -118,12 +118,12 @@ class OpenPressure:
 
 @dataclass(frozen=True, eq=False)
 class CycleData:
-    """What a cycle leaves for the campaign's models.
+    """Data of a cycle for the campaign's models.
 
     Attributes
     ----------
     head : Head
-        Without the rig's memory.
+        Without the rig's snapshot.
     file : str
     condition : Condition
     sides : dict of Side
@@ -131,22 +131,22 @@ class CycleData:
     flags : dict
         Counts of damaged samples by kind.
     temperature_k : float
-        NaN where it was not measured.
+        NaN if not measured.
     duration_s : float
     standing_n, standing_stderr_n, standing_sd_n : float
         Mean of force (vented: of the balance), its standard error and standard deviation while standing released: the
         sensor's zero and noise.
     standing_pressures : dict
-        Chamber -> what its transducer shows in an open tare; empty where that was not measured.
+        Chamber -> reading of its transducer in an open tare; empty if not measured.
     u_gain_n, u_hysteresis_n : float
-        Standard systematic uncertainty of friction: in proportion to it, and the same in newton at all frictions, as
-        hysteresis and what a calibration curve leaves.
+        Standard systematic uncertainty of friction: proportional to it, and equal in newton at all frictions, such as
+        hysteresis and residuals of a calibration curve.
     u_offset_n, u_air_n : float
-        The same of half the sum of both directions beside the zero, and of the chambers' force in half the difference.
+        The same for half the sum of both directions without zero, and for the chambers' force in half the difference.
     u_pressures_n : dict
         Chamber -> the part of its transducer in `u_offset_n`.
     u_force_n : dict
-        Source -> the parts of the force sensor in both, where its calibration names them.
+        Source -> the parts of the force sensor in both, if its calibration names them.
     assumed : bool
         Whether the accuracy of the force sensor is assumed.
     """
@@ -172,7 +172,7 @@ class CycleData:
 
 
 def condition_of(head: Head) -> Condition:
-    """Give the condition of a cycle: planned pressures in steps of 1 mbar, and the levels of its block."""
+    """Return the condition of a cycle: planned pressures in steps of 1 mbar, and the levels of its block."""
     cycle = head.cycle
     a, b = (PRESSURE_STEP_PA * round(p / PRESSURE_STEP_PA) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa))
     levels = {name: str(cycle.levels.get(name, "")) for name in ("mounting", "seal", "drive")}
@@ -182,7 +182,7 @@ def condition_of(head: Head) -> Condition:
 def read_sliding(
     file: CycleFile, samples: Samples, identity: Identity, choice: SampleChoice, edges_m: Array
 ) -> CycleData:
-    """Make sense of a cycle that slides.
+    """Read a sliding cycle.
 
     Parameters
     ----------
@@ -199,10 +199,10 @@ def read_sliding(
     Raises
     ------
     CampaignError, RecordingError
-        If more than half of it is damaged, it does not move, holds what no rig can do, or has no settled part.
+        If more than half of it is damaged, it does not move, has impossible values, or has no settled part.
     """
     recording, flags = recording_of(file, identity, samples)
-    # In the settled part the piston does not accelerate but for ripple, whose mean is nothing: acceleration from
+    # In the settled part the piston accelerates only by ripple, whose mean is zero: acceleration from
     # positions would only add their noise. The source paper's protocol keeps the ramp at the end.
     motion = find_motion(recording, inertia=not choice.uses_window)
     _one_speed(motion)
@@ -228,12 +228,12 @@ def read_sliding(
 
 
 def read_standing(file: CycleFile, samples: Samples, identity: Identity) -> CycleData:
-    """Make sense of a tare or a known weight: the mean force while the axis stands released, and how sure it is.
+    """Read a tare or a known weight: mean force while the axis is released at rest, and its uncertainty.
 
     Raises
     ------
     CampaignError, RecordingError
-        If more than half of it is damaged, it holds pressures or forces that no rig has, or has too few samples.
+        If more than half of it is damaged, it has impossible pressures or forces, or too few samples.
     """
     recording, flags = recording_of(file, identity, samples)
     steps = steps_of(recording, samples)
@@ -243,7 +243,7 @@ def read_standing(file: CycleFile, samples: Samples, identity: Identity) -> Cycl
     begin, end = (float(t) for t in np.quantile(recording.time_s[standing], [0.0, 1.0]))
     standing &= recording.time_s >= begin + TARE_SETTLING * (end - begin)
     if standing.sum() < MINIMUM_SAMPLES:
-        raise RecordingError("too few samples of standing", where=recording.name, value=int(standing.sum()))
+        raise RecordingError("too few samples at rest", where=recording.name, value=int(standing.sum()))
     vented = max(abs(p - identity.ambient_pressure_pa) for p in _pressures(file.head)) < PRESSURE_STEP_PA
     force = (recording.balance_n() + recording.weight_n if vented else recording.force_n)[standing]
     shown = {c: OpenPressure.of(getattr(recording, f"pressure_{c}_pa")[standing]) for c in SIDES} if vented else {}
@@ -277,12 +277,12 @@ def _one_speed(motion: SlidingMotion) -> None:
             "the strokes of the cycle have different speeds",
             where=motion.recording.name,
             value=f"{1e3 * speeds.min():.4g} to {1e3 * speeds.max():.4g} mm/s",
-            rule="a cycle is one point of the characteristic",
+            rule="a cycle must have one speed: it is one point of the characteristic",
         )
 
 
 def _ends(motion: SlidingMotion) -> NDArray[np.bool_]:
-    """Mark what lies near the end of each stroke, where the axis brakes."""
+    """Mark the samples near the end of each stroke, where the axis brakes."""
     mask = np.zeros(motion.time_s.size, dtype=bool)
     velocity = motion.velocity_m_s
     for stroke in motion.strokes:
@@ -300,7 +300,7 @@ def _side(
     direction: int,
     edges_m: Array,
 ) -> Side | None:
-    """Put the strokes of one direction together; None where nothing has settled."""
+    """Combine the strokes of one direction; return None without settled samples."""
     recording = motion.recording
     strokes = [s for s in motion.strokes if s.direction == direction and settled[s.samples].sum() >= MINIMUM_SAMPLES]
     if not strokes:
@@ -317,7 +317,7 @@ def _side(
     weight = np.bincount(place, weights=stands, minlength=bins)
     covered = _covered(motion.position_m[index], edges_m) & (weight > 0)
     if not covered.any():
-        return None  # what has settled is shorter than a bin
+        return None  # the settled part is shorter than a bin
     ambient = recording.ambient_pressure_pa
     air = (recording.pressure_a_pa - ambient) * recording.area_a_m2
     air -= (recording.pressure_b_pa - ambient) * recording.area_b_m2
@@ -352,14 +352,14 @@ def _side(
 
 
 def _covered(position_m: Array, edges_m: Array) -> NDArray[np.bool_]:
-    """Bins whose whole width lies in the settled part: a bin that is cut is not at its own mean position."""
+    """Return the bins that lie entirely in the settled part: a cut bin has another mean position."""
     width = edges_m[1] - edges_m[0]
     slack = 0.1 * width
     return (edges_m[:-1] >= position_m.min() - slack) & (edges_m[1:] <= position_m.max() + slack)
 
 
 def _breakaway(motion: SlidingMotion, settled: NDArray[np.bool_], strokes: list[Stroke]) -> dict[str, float]:
-    """Breakaway after the reversals before these strokes."""
+    """Return the breakaway after the reversals before these strokes."""
     peaks: list[ReversalPeak] = []
     if any(s.index > 0 for s in strokes):  # the first stroke has no reversal before it
         position = motion.position_m
@@ -373,10 +373,10 @@ def _breakaway(motion: SlidingMotion, settled: NDArray[np.bool_], strokes: list[
 
 
 def _ripple(recording: Recording, balance_n: Array, strokes: list[Stroke]) -> tuple[bool, dict[str, float]]:
-    """Stick-slip in the middle 80 % of the strokes, on samples that are even in time.
+    """Return the stick-slip in the middle 80 % of the strokes, on evenly spaced samples.
 
-    The axis may run evenly while the piston behind a soft force sensor does not: where the stiffness is known, the
-    piston's own position is the axis' less the deflection.
+    The axis may run evenly while the piston behind a soft force sensor does not: if the stiffness is known, the
+    piston's position is the axis' less the deflection.
     """
     found, behind, swings = [], [], []
     for part in [part for stroke in strokes if (part := middle_of(stroke, recording.position_m)) is not None]:
@@ -398,7 +398,7 @@ def _ripple(recording: Recording, balance_n: Array, strokes: list[Stroke]) -> tu
 
 
 def _even(time_s: Array, *values: Array) -> tuple[Array, ...]:
-    """Values at even times, where the samples were not even: means over equal intervals."""
+    """Return evenly spaced values of uneven samples: means over equal intervals."""
     steps = np.diff(time_s)
     if steps.max() <= 2.0 * middle(steps):
         return time_s, *values

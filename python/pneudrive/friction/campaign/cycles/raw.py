@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pneudrive.rig.interface import Identity, Samples
 
 T = TypeVar("T")
-LOST_SHARE = 0.5  # of a cycle's samples: more of them damaged, and the rest is no longer that cycle
+LOST_SHARE = 0.5  # of a cycle's samples: largest share of damaged ones
 
 
 def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple[Recording, dict[str, int]]:
@@ -31,7 +31,7 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     Raises
     ------
     RecordingError
-        If more than half of the samples are damaged, or hold what no rig can have.
+        If more than half of the samples are damaged, or have impossible values.
     """
     name = file.head.cycle.key
     count = len(samples)
@@ -39,7 +39,7 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     good, backwards = _forwards(samples)
     if backwards:
         flags["time_backwards"] = backwards
-    # A released axis creeps by single counts: that is no sensor that is stuck.
+    # A released axis creeps by single counts: this is not a stuck sensor.
     stands = bool(file.head.cycle.steps) and not any(isinstance(step, Move) for step in file.head.cycle.steps)
     position = samples.position_m[good]
     if stands and np.isfinite(position).any():
@@ -76,16 +76,16 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
         raise RecordingError("more than half of the samples are damaged", where=name, value=f"{found} of {count}")
     refuse_channels(recording)
     for kind, number in recording.flags.items():
-        if kind != "gap":  # bursts are denser than the rest: an interval says nothing by its length
+        if kind != "gap":  # bursts are denser than the rest: the length of an interval means nothing
             flags[kind] = max(flags.get(kind, 0), number)
     return recording, flags
 
 
 def _forwards(samples: Samples) -> tuple[NDArray[np.bool_], int]:
-    """Mark the samples whose time goes forwards, and count those that it does not.
+    """Mark the samples with increasing time, and count the others.
 
-    Samples that came twice are dropped the second time. Where a clock jumped back, what follows has other times than
-    it says: the longest stretch without a jump is kept.
+    Repeated samples are dropped. After a clock jumped back, times are wrong:
+    the longest stretch without a jump is kept.
     """
     finite = np.isfinite(samples.time_s)
     time = np.where(finite, samples.time_s, -np.inf)
@@ -107,7 +107,7 @@ def _forwards(samples: Samples) -> tuple[NDArray[np.bool_], int]:
 
 
 def steps_of(recording: Recording, samples: Samples) -> NDArray[np.int64]:
-    """Step of the cycle to which each cleaned sample belongs."""
+    """Return the step of the cycle to which each cleaned sample belongs."""
     order = np.argsort(samples.time_s, kind="stable")
     place = np.searchsorted(samples.time_s[order], recording.time_s)
     return samples.step[order[np.minimum(place, order.size - 1)]]
@@ -116,7 +116,7 @@ def steps_of(recording: Recording, samples: Samples) -> NDArray[np.int64]:
 def read_or_skip(
     read: Callable[[CycleFile, Samples], T], file: CycleFile, samples: Samples | CampaignError
 ) -> T | Skipped:
-    """Read a cycle; where it cannot be read, say why.
+    """Read a cycle, or return the reason why it cannot be read.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def read_or_skip(
         Makes a result of file and samples.
     file : CycleFile
     samples : Samples or CampaignError
-        Its raw samples, or why there are none.
+        Its raw samples, or the error of reading them.
     """
     try:
         if isinstance(samples, CampaignError):
@@ -133,6 +133,6 @@ def read_or_skip(
     except PneudriveError as error:
         reason = f"{error.what} ({error.value})" if error.value is not None else error.what
     except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as error:
-        # Samples that no check has foreseen cost their own cycle, not the campaign.
+        # Unforeseen samples spoil their own cycle, not the campaign.
         reason = f"{type(error).__name__}: {error}"
     return Skipped(file.head.cycle.key, file.path.name, reason)

@@ -1,4 +1,4 @@
-"""All cycles of a campaign folder, read in several processes; what cannot be read is named and left out."""
+"""Reader of all cycles of a campaign folder, in several processes; unreadable cycles are named and left out."""
 
 from __future__ import annotations
 
@@ -41,33 +41,33 @@ if TYPE_CHECKING:
 SLIDING = ("sweep", "sentinel")  # kinds of cycles that are points of a characteristic over speed
 STANDING = ("tare", "weight")
 WORTH_WORKERS = 100  # cycles below which starting processes costs more than it saves
-LOOKED_AT = 8  # cycles from which the way that the campaign moves along is taken
-SAMPLES_OF_WAY = 2000  # of a cycle, from which its way is taken where no steps are written
-ENDS = (0.001, 0.999)  # quantiles of position: what single damaged samples show does not count
+LOOKED_AT = 8  # cycles that determine the way of the campaign
+SAMPLES_OF_WAY = 2000  # samples of a cycle that determine its way if it has no steps
+ENDS = (0.001, 0.999)  # quantiles of position, without single damaged samples
 
 
 @dataclass(frozen=True, eq=False)
 class CampaignData:
-    """Everything that was read of a campaign.
+    """The data of a campaign.
 
     Attributes
     ----------
     identity : Identity
     files : tuple of CycleFile
-        All usable ones, in the order in which they were run.
+        All usable files in running order.
     heads : tuple of Head
-        Of all usable files, whatever they are for, in the order in which they were run.
+        Headers of all usable files of any kind, in running order.
     sliding, tares : tuple of CycleData
-        Gain of the force sensor corrected where known weights tell it, zeros of the pressures where tares do.
+        With corrected gain of the force sensor (known weights) and zeros of the pressures (tares).
     gain : Gain
     pressure_zeros : dict
-        Chamber -> zero of its transducer, where tares show it.
+        Chamber -> zero of its transducer, if tares show it.
     skipped : tuple of Skipped
     notes : tuple of str
     edges_m : ndarray, shape (bins + 1,)
         Bins of position.
     travel_m : dict
-        Key -> way that the seal has gone up to the middle of the cycle.
+        Key -> travel of the seal up to the middle of the cycle.
     """
 
     identity: Identity
@@ -87,12 +87,12 @@ class CampaignData:
         return min(h.index for h in self.heads), max(h.index for h in self.heads)
 
     def order(self, head: Head) -> float:
-        """Place of a cycle in the campaign, 0 to 1."""
+        """Return the place of a cycle in the campaign, 0 to 1."""
         first, last = self._span
         return (head.index - first) / max(last - first, 1)
 
     def days(self) -> dict[str, int]:
-        """Key -> day on which the cycle was run, from 1; all 1 where the dates are not told."""
+        """Return key -> day of the cycle, from 1; all 1 without dates."""
         dates = {head.cycle.key: _date(head.started) for head in self.heads}
         known = sorted({date for date in dates.values() if date})
         return {key: known.index(date) + 1 if date else 1 for key, date in dates.items()}
@@ -115,12 +115,12 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     choice : SampleChoice
         Which samples count.
     processes : int, optional
-        None: as many as there are processors, for 100 cycles or more.
+        None: one for each processor, for 100 cycles or more.
 
     Raises
     ------
     CampaignError
-        If no cycle can be used at all.
+        If no cycle can be used.
     """
     files, problems = campaign.scan()
     skipped = [Skipped("", p.where, p.what) for p in problems if p.lost]
@@ -130,7 +130,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
             "the campaign has no cycle that can be used",
             where=str(campaign.path),
             value="; ".join(f"{s.file}: {s.reason}" for s in skipped[:3]) or "no file in cycles/",
-            remedy="run it, or see docs/reference/campaign-folder.md for what a cycle's file holds",
+            remedy="run it, or see docs/reference/campaign-folder.md for the files of cycles",
         )
     wanted = [_light(f) for f in files if f.head.cycle.kind in (*SLIDING, *STANDING) or not f.head.cycle.steps]
     edges = _edges([f for f in wanted if f.head.cycle.kind in SLIDING])
@@ -158,9 +158,9 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """What was read of a cycle: the way of its moves by its samples, and what it leaves or why it leaves nothing.
+    """A cycle that was read: the way of its moves, and its data or the reason why there are none.
 
-    The way is zero where the samples cannot be read; nothing is left where the cycle is no point of a characteristic.
+    The way is zero if the samples cannot be read; there are no data if the cycle is not a point of a characteristic.
     """
 
     key: str
@@ -170,7 +170,7 @@ class Read:
 
 @many_objects()
 def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoice, edges_m: Array) -> list[Read]:
-    """Read some cycles one after the other; one that cannot be used leaves its reason."""
+    """Read some cycles in turn; an unusable one gives its reason."""
     found = []
     for file, samples in zip(files, read_samples(files, STANDING), strict=True):
         cycle = file.head.cycle
@@ -192,12 +192,12 @@ def _read(
 
 
 def _light(file: CycleFile) -> CycleFile:
-    """Leave the rig's memory behind: nobody needs it here, and it would go to every process."""
+    """Drop the rig's snapshot: it is not needed here, and would go to every process."""
     return CycleFile(file.path, replace(file.head, memory={}))
 
 
 def _travel(files: Sequence[CycleFile], ways: dict[str, float]) -> dict[str, float]:
-    """Way of all moves up to the middle of each cycle: as planned, or by its samples where no plan is written."""
+    """Return the travel up to the middle of each cycle: as planned, or by its samples without a plan."""
     travel: dict[str, float] = {}
     total, at = 0.0, None
     for file in files:
@@ -214,15 +214,15 @@ def _travel(files: Sequence[CycleFile], ways: dict[str, float]) -> dict[str, flo
 
 
 def _way(samples: Samples) -> float:
-    """Way of a cycle by its samples, so few of them that their noise adds nothing."""
+    """Return the way of a cycle by few of its samples, so that their noise is negligible."""
     position = samples.position_m[np.isfinite(samples.position_m)]
     return float(np.abs(np.diff(position[:: max(position.size // SAMPLES_OF_WAY, 1)])).sum())
 
 
 def _edges(files: Sequence[CycleFile]) -> Array:
-    """Bins over the way that sliding cycles move along, from the positions of some of them.
+    """Return the bins over the way that sliding cycles move along, from the positions of some of them.
 
-    One that lies a whole way beside the others (millimetres for metres) does not move the bins of all.
+    A cycle far beside the others (millimetres for metres) does not affect the bins.
     """
     ends: list[Array] = []
     for i in np.unique(np.linspace(0, len(files) - 1, LOOKED_AT).astype(int)) if files else ():
@@ -233,7 +233,7 @@ def _edges(files: Sequence[CycleFile]) -> Array:
         position = position[np.isfinite(position)]
         if position.size:
             ends.append(np.quantile(position, ENDS))
-    low, high = 0.0, 1.0  # nothing moves: the cycles themselves say so
+    low, high = 0.0, 1.0  # nothing moves: the cycles report this
     if ends:
         known = np.array(ends)
         usual = np.median(known, axis=0)

@@ -1,4 +1,4 @@
-"""Points that are no points of F(v): the piston did not slide steadily behind the rig's spring.
+"""Excluded points: the piston did not slide steadily behind the rig's spring.
 
 Seen in three ways: the axis itself runs unevenly; the piston's position, which is the axis' less the deflection of the
 force sensor, does; or, where samples are too far apart to show either, the force swings by far more than the sensor's
@@ -21,17 +21,17 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-RIPPLE_LIMIT = 0.2  # of the mean speed: above it the mean friction is no point of F(v)
+RIPPLE_LIMIT = 0.2  # of the mean speed: above it the mean friction is not a point of F(v)
 SWING_SHARE = 0.05  # of the friction: smaller swings are roughness or noise
 SWING_FLOOR = 3.0  # times the noise while standing
-UNRESOLVED = 0.4  # ripple of the piston's speed that a swing at the natural frequency means; it is a worst case
+UNRESOLVED = 0.4  # worst-case ripple of the piston's speed for a swing at the natural frequency
 UNNAMED = "speed ripple"
 STICK_SLIP = ("stick-slip", "force swing")
 NAMES = (*STICK_SLIP, UNNAMED)
 
 
 def reasons(data: Sequence[CycleData], tares: Sequence[CycleData], identity: Identity) -> tuple[str, ...]:
-    """Say of each cycle in which way its sliding was not steady; "" where it was."""
+    """Return for each cycle why its sliding was not steady; "" if it was steady."""
     floor = _noise(data, tares)
     return tuple(_reason(d, floor, identity) for d in data)
 
@@ -56,9 +56,9 @@ def _reason(d: CycleData, floor: float, identity: Identity) -> str:
 
 
 def _noise(data: Sequence[CycleData], tares: Sequence[CycleData]) -> float:
-    """Noise of the force: while standing released; without tares, the lower quartile of the slower half of the cycles.
+    """Return the noise of the force at rest; without tares, the lower quartile of the slower half of the cycles.
 
-    Noise that lasts for a while shows within a bin of a slow cycle, not of a fast one: fast ones do not tell it.
+    Slow noise is visible within a bin of a slow cycle, but not of a fast one.
     """
     if tares:
         return float(np.median([t.standing_sd_n for t in tares]))

@@ -1,4 +1,4 @@
-"""What cycles at rest tell of the sensors: gain of the force sensor by known weights, zeros of the pressures by tares.
+"""Sensors from cycles at rest: gain of the force sensor by known weights, zeros of the pressures by tares.
 
 In an open tare both chambers should show ambient pressure.
 """
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SURPRISE = 3.0  # standard uncertainties between what is stated and what weights show
-GROWING = ("force: gain", "force: creep")  # sources in proportion to the force
-PLAUSIBLE = 0.1  # a gain that is off by more was not the sensor's: the weight was another one, or was carried
-REACH = 5.0  # stated accuracies: what is further from ambient is no zero of a sound transducer (assumed)
+SURPRISE = 3.0  # standard uncertainties between stated accuracy and known weights
+GROWING = ("force: gain", "force: creep")  # sources proportional to the force
+PLAUSIBLE = 0.1  # a larger gain error is not the sensor's: the weight was wrong or supported
+REACH = 5.0  # stated accuracies: a larger deviation from ambient is not the zero of a sound transducer (assumed)
 
 
 @dataclass(frozen=True)
@@ -37,15 +37,15 @@ class Gain:
     Attributes
     ----------
     error : float
-        What is taken out of the force: measured error, weighted against the stated accuracy.
+        Correction of the force: measured error, weighted against the stated accuracy.
     stderr : float
-        Standard uncertainty of what is left; NaN where no weight was hung on.
+        Standard uncertainty after correction; NaN without a weight.
     measured, measured_stderr : float
-        From the weights alone; NaN where there are none.
+        From the weights alone; NaN without weights.
     cycles : int
     plausible : bool
     surprising : bool
-        Further off than the stated accuracy and the scatter allow: the weights are then believed alone.
+        The error exceeds stated accuracy and scatter: then only the weights count.
     """
 
     error: float = 0.0
@@ -58,7 +58,7 @@ class Gain:
 
 
 def sensor_gain(identity: Identity, weights: Sequence[CycleData], tares: Sequence[CycleData]) -> Gain:
-    """Compare what the sensor shows under known weights with what it shows released.
+    """Compare the sensor's readings under known weights with those when released.
 
     A weight that pulls the piston in +x makes the rig hold it back: the sensor shows less by that force.
     """
@@ -90,7 +90,7 @@ def sensor_gain(identity: Identity, weights: Sequence[CycleData], tares: Sequenc
 
 
 def stated_gain(identity: Identity) -> float | None:
-    """Relative gain error that calibration or stated accuracy allow; None where nothing is stated."""
+    """Return the relative gain error that calibration or stated accuracy allow; None if nothing is stated."""
     if identity.force_calibration is not None:
         return identity.force_calibration.u_gain
     if "force_n" not in identity.accuracy or "force_n" not in identity.limits:
@@ -99,7 +99,7 @@ def stated_gain(identity: Identity) -> float | None:
 
 
 def corrected(data: Sequence[CycleData], gain: Gain) -> tuple[CycleData, ...]:
-    """Take the gain's error out of cycles, and put its remaining uncertainty in the place of the stated one."""
+    """Correct the gain of cycles, and replace the stated uncertainty by the remaining one."""
     if not np.isfinite(gain.stderr):
         return tuple(data)
     return tuple(_corrected(d, gain) for d in data)
@@ -135,13 +135,13 @@ class PressureZero:
     Attributes
     ----------
     blocks : dict
-        Block -> zero that is taken off its cycles, Pa; empty where none can be.
+        Block -> zero that is subtracted from its cycles, Pa; empty if unknown.
     mean_pa, stderr_pa : float
-        Over all tares that count; standard uncertainty by noise and by how much tares differ.
+        Over all usable tares; standard uncertainty from noise and from differences of tares.
     tares : int
         That count.
     far, unsteady : dict
-        Key of a tare that does not count -> by how much it is off ambient, and changes, Pa.
+        Key of an unusable tare -> its deviation from ambient, and its change, Pa.
     """
 
     blocks: dict[int, float] = field(default_factory=dict)
@@ -152,7 +152,7 @@ class PressureZero:
     unsteady: dict[str, float] = field(default_factory=dict)
 
     def at(self, block: int) -> float:
-        """Give what is taken off a cycle of this block, Pa: the zero of its own tares, else of all."""
+        """Return the zero for a cycle of this block, Pa: from its own tares, else from all."""
         return self.blocks.get(block, self.mean_pa if self.tares else 0.0)
 
 
@@ -192,9 +192,9 @@ def _zero(seen: list[tuple[CycleData, OpenPressure]], ambient_pa: float, accurac
 def without_zeros(
     data: Sequence[CycleData], zeros: dict[str, PressureZero], identity: Identity
 ) -> tuple[CycleData, ...]:
-    """Take the zeros off cycles, tares as well: their zero is then that of the force sensor alone.
+    """Subtract the zeros from cycles and tares: the zero of a tare is then that of the force sensor alone.
 
-    Of the accuracy of a transducer, its gain is left, which grows with the reading. Where its range is not stated, it
+    The accuracy of a transducer is then that of its gain, which grows with the reading. If its range is not stated, it
     is the usual one that holds the highest pressure of the campaign.
     """
     known = {side: zero for side, zero in zeros.items() if zero.tares}
@@ -231,7 +231,7 @@ def _without(d: CycleData, zeros: dict[str, PressureZero], identity: Identity, s
     for side in zeros:
         channel = f"pressure_{side}_pa"
         if channel in identity.limits:
-            continue  # counted by its reading already
+            continue  # already counted by its reading
         gauge = np.mean([getattr(s, channel) for s in sides.values()]) - identity.ambient_pressure_pa
         left = identity.accuracy[channel] * abs(area[side]) * min(abs(float(gauge)) / spans[side], 1.0)
         variance += left**2 - d.u_pressures_n[side] ** 2

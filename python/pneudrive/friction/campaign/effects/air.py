@@ -1,8 +1,8 @@
-"""What the force sensor shows, divided into the force of the air and the friction of the seal.
+"""The reading of the force sensor, divided into the force of the air and the friction of the seal.
 
 While the piston drags, it pumps air through ports, lines and regulators: pressure falls in the chamber that grows and
-rises in the other one. That force opposes the motion as friction does and rises with speed. Where pressures are
-measured in the chambers it is known and taken out; where they are measured at the regulator it is not.
+rises in the other one. That force opposes the motion like friction and rises with speed. If pressures are
+measured in the chambers, it is known and subtracted; if they are measured at the regulator, it is unknown.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def air_shares(reading: CampaignData, fits: Fits) -> tuple[AirShare, ...]:
     def drag(fit: CurveFit) -> list[tuple[Array, Array, Array]]:
         return [_drag(fits, fit, at) for at in asked]
 
-    # One model after the other, each of which takes much memory.
+    # One model after the other: each needs much memory.
     whole = drag(fit_response(reading, fits, reduced.total_n, reduced.total_stderr_n, drift=True))
     part = seal = [(nan, nan, nan) for nan in unknown]
     if separated:
@@ -63,7 +63,7 @@ def _drag(fits: Fits, fit: CurveFit, at: CurveSpeeds) -> tuple[Array, Array, Arr
 
 
 def _pressure_part(fits: Fits, index: int) -> float:
-    """Give the standard uncertainty of the chambers' force by the accuracy of their sensors, N."""
+    """Return the standard uncertainty of the chambers' force by the accuracy of their sensors, N."""
     points = fits.points
     return float(np.mean([d.u_air_n for d in points.cycles(points.use & (points.condition == index))]))
 

@@ -1,4 +1,4 @@
-"""Where the width of the band comes from: one entry per source, over all points of all curves."""
+"""Sources of the width of the band: one entry per source, over all points of all curves."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-CONSTANT = ("force: linearity", "force: hysteresis")  # sources of the force sensor that are the same at all forces
+CONSTANT = ("force: linearity", "force: hysteresis")  # sources of the force sensor that are equal at all forces
 
 
 def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[UncertaintySource, ...]:
@@ -41,7 +41,7 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[Unc
     chance = ", ".join(("noise within cycles", *fits.friction.sources))
     named = _named(fits)
     grow, turn = (_without(_rms(parts), named, names) for parts, names in ((gains, GROWING), (turns, CONSTANT)))
-    words = "" if known is None else f"{known.words()}: the same in all cycles"
+    words = "" if known is None else f"{known.words()}: equal in all cycles"
     other, turning = ("force sensor", "sensors") if known is None else ("other sensors", "other sensors")
     return (
         UncertaintySource("scatter of the cycles", _rms(scatter), "A", "data", f"{chance}; from the mixed model"),
@@ -59,7 +59,7 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[Unc
 
 
 def _named(fits: Fits) -> dict[str, float]:
-    """Parts of the force sensor that its calibration names, root mean square over the cycles, N."""
+    """Return the parts of the force sensor that its calibration names, root mean square over the cycles, N."""
     data = fits.points.cycles(fits.points.use)
     names = (name for name in (*GROWING, *CONSTANT) if name in data[0].u_force_n)
     found = {name: _rms([np.array([d.u_force_n[name] for d in data])]) for name in names}

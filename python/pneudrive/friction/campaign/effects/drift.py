@@ -1,4 +1,4 @@
-"""What passes: drift with time, run-in with travel, temperature, interruptions; and how well a cycle repeats."""
+"""Changes: drift with time, run-in with travel, temperature, interruptions; and repeatability of a cycle."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ if TYPE_CHECKING:
 
 HOUR_S = 3600.0
 UNITS = {"time": "N/h", "travel": "N/decade", "temperature": "N/K"}  # of the effects of these causes
-LEAST_KELVIN = 0.5  # of a temperature's range: less tells nothing of its effect
+LEAST_KELVIN = 0.5  # least range of temperature for an effect
 LEAST_DECADES = 0.5  # of travel
-FIRST_TRAVEL_M = 1.0  # below which the logarithm of travel means nothing
+FIRST_TRAVEL_M = 1.0  # least travel for its logarithm
 LONG_REST_S, LONG_REST_RATIO = 30.0, 5.0  # a rest is an interruption beyond both, the ratio to the usual rest
 FEWEST_INTERRUPTED = 3
-ENOUGH_FOR_LINE = 3  # degrees of freedom beyond which a line over the campaign is taken out of repeats
-TOGETHER = 0.95  # correlation of two causes beyond which they cannot be told apart
+ENOUGH_FOR_LINE = 3  # degrees of freedom above which a line over the campaign is removed from repeats
+TOGETHER = 0.95  # correlation above which two causes cannot be separated
 
 
 @dataclass(frozen=True, eq=False)
 class Causes:
-    """What may make friction change over a campaign, shape (n,) each for the cycles that are points of F(v).
+    """Possible causes of a change of friction over a campaign, shape (n,) each, for the cycles that are points of F(v).
 
     Attributes
     ----------
     columns : dict
-        time (h), travel (decades), temperature (K), where they change enough to have an effect.
+        time (h), travel (decades), temperature (K), if they change enough to have an effect.
     interrupted : ndarray of bool
         Cycles that follow a long rest, or a cycle with a stop.
     together : tuple of (str, str, float)
-        Pairs that cannot be told apart, and their correlation.
+        Pairs that cannot be separated, and their correlation.
     """
 
     columns: dict[str, Array]
@@ -83,7 +83,7 @@ def _interrupted(reading: CampaignData, data: list[CycleData]) -> NDArray[np.boo
 
 
 def drift_of(reading: CampaignData, fits: Fits, found: Causes) -> Drift:
-    """Describe the drift; effects are None where the design does not carry them."""
+    """Describe the drift; effects are None if the design does not determine them."""
     points, fit, scale = fits.points, fits.friction, fits.scale_n
     carried = fits.drift_share < CARRIED
     effects = {name: _effect(fits, column, UNITS[name]) for name, column in found.columns.items()} if carried else {}
@@ -111,7 +111,7 @@ def drift_of(reading: CampaignData, fits: Fits, found: Causes) -> Drift:
 
 
 def _effect(fits: Fits, column: Array, unit: str) -> Estimate | None:
-    """Effect of one cause on friction at its mean, the smooth drift being part of what is unknown."""
+    """Return the effect of one cause on friction at its mean, the smooth drift being part of what is unknown."""
     model = fits.friction.fit.model
     x = np.column_stack([model.x, column - column.mean()])
     if independent(x).size < x.shape[1] or x.shape[0] <= x.shape[1] + 1:
@@ -124,7 +124,7 @@ def _repeated(fits: Fits) -> bool:
 
 
 def repeatability(fits: Fits) -> Repeatability:
-    """Give the standard deviations of a cycle's friction: of repeats and sentinels themselves, where there are any."""
+    """Return the standard deviations of a cycle's friction, from repeats and sentinels if there are any."""
     fit, pure = fits.friction, pure_scatter(fits)
     scale = pure.level_n if pure is not None and fit.logarithmic else fits.scale_n
     if pure is not None:
@@ -157,10 +157,10 @@ class Pure:
 
 
 def pure_scatter(fits: Fits) -> Pure | None:
-    """Estimate the standard deviation of a cycle from repeats and sentinels alone, whatever the curves make of them.
+    """Estimate the standard deviation of a cycle from repeats and sentinels alone, independent of the curves.
 
-    What is left of cycles at one condition and speed when their mean, a line over the campaign and the means of the
-    blocks are taken out. A point that stands for several cycles scatters less, and weighs as many. None where nothing
+    Residuals of cycles at one condition and speed without their mean, a line over the campaign and the means of the
+    blocks. A point of several cycles scatters less, and has their weight. None if nothing
     was repeated.
     """
     from scipy.special import chdtri
@@ -193,7 +193,7 @@ def pure_scatter(fits: Fits) -> Pure | None:
     value = float(np.sqrt(rest @ rest / free))
     low, high = (value * float(np.sqrt(free / chdtri(free, p))) for p in (0.025, 0.975))
     sentinel = np.array([d.head.cycle.kind == "sentinel" for d in data])
-    others = np.bincount(cell[~sentinel], minlength=int(cell.max()) + 1)  # one sweep more at the place of the sentinels
+    others = np.bincount(cell[~sentinel], minlength=int(cell.max()) + 1)  # one more sweep at the point of the sentinels
     kinds = (["repeats"] if others.max() > 1 else []) + (["sentinels"] if sentinel.any() else [])
     basis = " and ".join(kinds)
     estimate = Estimate(value, low, high, value / float(np.sqrt(2.0 * free)), "N", free)

@@ -26,12 +26,12 @@ class PressureEffects:
     speed_m_s : ndarray, shape (m,)
         Speeds that were measured at all pressure pairs used.
     slope_a, slope_b, slope_sum : tuple of Estimate
-        N/Pa at each speed; slope_a and slope_b are empty where only their sum can be told, slope_sum where they are
+        N/Pa at each speed; slope_a and slope_b are empty if only their sum is determined, slope_sum if they are
         separate.
     mean_a, mean_b, mean_sum : Estimate or None
         Over all speeds.
     interaction : FTest or None
-        Of p_a p_b, its mean and its change with log speed; None where the design does not carry it.
+        Of p_a p_b, its mean and its change with log speed; None if the design does not determine it.
     interaction_n_pa2 : Estimate or None
         Mean over speeds, N/Pa2.
     curvature : FTest or None
@@ -39,8 +39,8 @@ class PressureEffects:
     gauge_pa : tuple of (float, float)
         Pressure pairs used, gauge.
     hidden_n : float
-        Change of friction over the campaign that the plan does not tell from that with pressure, N: its standard
-        uncertainty is in the intervals. 0 where the plan tells them apart.
+        Change of friction over the campaign that the plan does not separate from that with pressure, N: its standard
+        uncertainty is in the intervals. 0 if the plan separates them.
     statement : str
     """
 
@@ -62,7 +62,7 @@ class PressureEffects:
 
 @dataclass(frozen=True, eq=False)
 class AirShare:
-    """What the force sensor shows, divided into air and seal, at one condition; half the difference of directions.
+    """The reading of the force sensor, divided into air and seal, at one condition; half the difference of directions.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class AirShare:
         Pressures were measured in the chambers.
     speed_m_s : ndarray, shape (m,)
     total_n, total_low_n, total_high_n : ndarray, shape (m,)
-        As the force sensor shows it, inertia and weight taken out.
+        Reading of the force sensor without inertia and weight.
     air_n, air_low_n, air_high_n : ndarray, shape (m,)
         NaN where not separated.
     seal_n, seal_low_n, seal_high_n : ndarray, shape (m,)
@@ -147,11 +147,11 @@ class Asymmetry:
     ----------
     condition : Condition
     speed_m_s, half_difference_n, low_n, high_n : ndarray, shape (m,)
-        (F(+x) - F(-x)) / 2, zero of the sensor taken out where there are tare cycles.
+        (F(+x) - F(-x)) / 2, without the zero of the sensor if there are tare cycles.
     mean : Estimate
         Over all speeds; its p tests symmetry.
     basis : str
-        "tare", or "not separable": without tare cycles the zero of the sensor is in it.
+        "tare", or "not separable": without tare cycles it includes the zero of the sensor.
     """
 
     condition: Condition
@@ -174,7 +174,7 @@ class Loop:
     condition : Condition
     speed_m_s : float
     time_s, position_m, velocity_m_s, friction_n : ndarray, shape (m,)
-        friction_n has the sign of the balance: positive where it opposes +x; the offset is taken out.
+        friction_n has the sign of the balance: positive where it opposes +x; without the offset.
     presliding_m : float
         Travel in which it goes from 10 % to 90 % of its swing.
     width_n : float
@@ -231,14 +231,14 @@ class Drift:
     sentinel_time_s, sentinel_n : ndarray, shape (k,)
         Friction of each sentinel.
     per_hour, per_decade_of_travel, per_kelvin : Estimate or None
-        Linear in time, in the logarithm of the travel, in temperature; None where the design does not carry it.
+        Linear in time, in the logarithm of the travel, in temperature; None if the design does not determine it.
     interrupted : Estimate or None
         Friction after an interruption less that of continuous operation.
     basis : str
         sentinels, repeats, smooth curve, not determined.
     spread_n : float
-        Standard deviation of the drift over the cycles: how far friction in another state of this campaign is from the
-        curves, which are those of its mean state. The bands of the curves do not hold it.
+        Standard deviation of the drift over the cycles: how friction in other states of this campaign differs from the
+        curves, which are those of its mean state. The bands of the curves do not cover it.
     """
 
     time_s: Array
@@ -261,7 +261,7 @@ class Repeatability:
 
     ``within`` a block at equal conditions, ``between`` blocks and days, ``total`` of both, at the mean friction of the
     cycles that were repeated. ``relative`` says whether they scale with friction. ``basis``: repeats, sentinels,
-    repeats and sentinels; smooth curve where nothing was repeated, and what cycles leave of their curves is told.
+    repeats and sentinels; smooth curve (from residuals of the curves) if nothing was repeated.
     """
 
     within: Estimate | None

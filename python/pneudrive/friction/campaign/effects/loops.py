@@ -28,8 +28,8 @@ SHOWN_CONDITIONS = 2
 SHOWN_SPEEDS = 3
 SHOWN_SAMPLES = 400
 BEFORE, AFTER = 0.05, 0.1  # of the stroke, shown before and after the reversal
-SPEED_BINS = 8  # between 20 % and 80 % of the speed, in which speeding up and slowing down are compared
-PRESLIDINGS = 5.0  # of travel after the reversal: before, the difference is the presliding itself
+SPEED_BINS = 8  # between 20 % and 80 % of the speed, range for comparing speeding up and slowing down
+PRESLIDINGS = 5.0  # least travel after the reversal: before it, the difference is presliding
 
 
 def loops(points: Points, files: dict[str, CycleFile], identity: Identity) -> tuple[Loop, ...]:
@@ -46,7 +46,7 @@ def loops(points: Points, files: dict[str, CycleFile], identity: Identity) -> tu
             try:
                 loop = reversal_loop(file, identity, float(points.reduced.offset_n[place]))
             except PneudriveError:
-                continue  # it was readable before; a loop less is no loss of a result
+                continue  # it was readable before; a missing loop does not change a result
             if loop is not None:
                 assert loop.condition == condition
                 found.append(loop)
@@ -54,7 +54,7 @@ def loops(points: Points, files: dict[str, CycleFile], identity: Identity) -> tu
 
 
 def reversal_loop(file: CycleFile, identity: Identity, offset_n: float) -> Loop | None:
-    """Give friction around the first reversal of a cycle.
+    """Return friction around the first reversal of a cycle.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def reversal_loop(file: CycleFile, identity: Identity, offset_n: float) -> Loop 
     identity : Identity
         Of the rig.
     offset_n : float
-        Half the sum of both directions, which is taken out.
+        Half the sum of both directions, which is subtracted.
 
     Returns
     -------
@@ -100,7 +100,7 @@ def reversal_loop(file: CycleFile, identity: Identity, offset_n: float) -> Loop 
 
 
 def _presliding(recording: Recording, friction: Array, before: Stroke, after: Stroke) -> float:
-    """Travel after the reversal in which friction goes from 10 % to 90 % of its way."""
+    """Return the travel after the reversal in which friction goes from 10 % to 90 % of its way."""
     part = slice(before.stop - 1, after.stop)
     start = float(np.median(friction[max(before.stop - 20, before.start) : before.stop]))
     middle = slice(after.start + (after.stop - after.start) // 3, after.start + 2 * (after.stop - after.start) // 3)
@@ -115,7 +115,7 @@ def _presliding(recording: Recording, friction: Array, before: Stroke, after: St
 
 
 def _width(recording: Recording, friction: Array, velocity: Array, stroke: Stroke, presliding: float) -> float:
-    """Mean difference of friction between slowing down and speeding up, at equal speeds of one stroke."""
+    """Return the mean difference of friction between slowing down and speeding up, at equal speeds of one stroke."""
     part = stroke.samples
     speed = np.abs(velocity[part]) / abs(stroke.speed_m_s)
     gone = np.abs(recording.position_m[part] - stroke.from_m)

@@ -23,21 +23,21 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Waves are looked for that fit 0.9 to 8 times into the range, which is shorter than the stroke; less is a trend.
+#: Waves that fit 0.9 to 8 times into the range, which is shorter than the stroke; fewer are a trend.
 MOST_WAVES = 4
 TIMES = np.arange(0.9, 8.01, 0.1)
 FINER = (0.02, 0.004, 0.001)
-#: Fall of chi-square by a wave (three parameters, some fifty places to look) that chance does not give (p = 0.001).
+#: Fall of chi-square by a wave (three parameters, some fifty places) that exceeds chance (p = 0.001).
 CLEAR = 25.0
 FEWEST_BINS = 16
 FEWEST_CYCLES = 4
-MOST_FITTED = 100  # cycles whose slopes are fitted one by one: of more, neighbours in speed are put together
-APART = 2.0  # times the slowest over the fastest cycle's time and force, from which on a drift of the zero can be told
-COVERED = 0.9  # of the common bins: cycles that lack more do not tell of trend and harmonics
+MOST_FITTED = 100  # cycles whose slopes are fitted one by one; if there are more, neighbours in speed are grouped
+APART = 2.0  # least ratio of the slowest to the fastest cycle's time and force for a drift of the zero
+COVERED = 0.9  # of the common bins: cycles that lack more are not used for trend and harmonics
 
 
 def position_dependence(points: Points) -> tuple[PositionPattern, ...]:
-    """Describe friction over position: all cycles together, then each condition that has enough of them."""
+    """Describe friction over position: all cycles together, then each condition with enough cycles."""
     use = points.use
     groups: list[tuple[Condition | None, NDArray[np.bool_]]] = [(None, use)]
     if len(points.conditions) > 1:
@@ -76,11 +76,11 @@ def _describe(points: Points, condition: Condition | None, members: NDArray[np.b
 def _trend(
     position: Array, rows: Array, slowness: Array, waves: Sequence[float], length: float
 ) -> tuple[Estimate, float]:
-    """Estimate the change along x that all cycles share, and the rate of the sensor's zero, N/s, taken out of it.
+    """Estimate the common change along x without the drift of the sensor's zero, and the rate of that drift, N/s.
 
     While a cycle lasts, the zero moves: over +x it has risen more the further the stroke is, over -x less, which half
-    their difference shows as rate / speed along x. Slow cycles show it most, and as the rate is not steady, they also
-    tell least of the trend. How long the waves are is not known either: a wave of a little other length is a trend in
+    their difference shows as rate / speed along x. Slow cycles show it most, and because the rate varies, they also
+    contribute least to the trend. The lengths of the waves are uncertain: a wave of another length is a trend in
     part, so that each cycle has waves that may be a little longer or shorter.
     """
     found, variance = _slopes(position, rows, waves, length)
@@ -103,19 +103,19 @@ def _trend(
 
 
 def _slopes(position: Array, rows: Array, waves: Sequence[float], length: float) -> tuple[Array, Array]:
-    """Relative change of friction along x in each cycle, and its variance by noise within the cycle."""
+    """Return the relative change of friction along x in each cycle, and its variance by noise within the cycle."""
     columns = _columns(position, waves, length)
     columns = np.hstack([columns, _stretches(position, np.nanmean(rows, axis=0), columns, length)])
     found = _each(columns, rows)
     rest = np.nan_to_num(rows - found @ columns.T)
     weights = np.linalg.pinv(columns)[1]
-    spare = rest.shape[1] / (rest.shape[1] - columns.shape[1])  # what the columns took of the noise
+    spare = rest.shape[1] / (rest.shape[1] - columns.shape[1])  # noise absorbed by the columns
     variance = spare * (rest.shape[1] * stderrs_of_means(rest * weights)) ** 2
     return found[:, 1], np.maximum(variance, 1e-12 * float(np.var(found[:, 1])) + 1e-30)
 
 
 def _columns(position: Array, waves: Sequence[float], length: float) -> Array:
-    """Mean, trend, and cosine and sine of waves that fit so many times into the range; shape (n, 2 + 2 waves)."""
+    """Return columns of mean, trend, cosine and sine of waves of these orders; shape (n, 2 + 2 waves)."""
     away = position - position.mean()
     columns = [np.ones(away.size), away]
     for times in waves:
@@ -125,10 +125,10 @@ def _columns(position: Array, waves: Sequence[float], length: float) -> Array:
 
 
 def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[float]:
-    """Find how many times each wave fits into the range: rarely whole, or it would pass for a trend in part.
+    """Find the order of each wave: how many times it fits into the range, rarely a whole number.
 
-    One after the other, the strongest first, as long as it takes more from the pattern than chance would; with each
-    new one all are adjusted.
+    One after the other, the strongest first, while it explains more of the pattern than chance; with each
+    new one all orders are adjusted.
     """
     weight = 1.0 / np.maximum(stderr, 1e-3 * float(np.median(stderr)) + 1e-12)
 
@@ -152,7 +152,7 @@ def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[f
 
 
 def _stretches(position: Array, mean: Array, columns: Array, length: float) -> Array:
-    """Change of the mean pattern with how many times each of its waves fits into the range; shape (n, waves)."""
+    """Change of the mean pattern with the order of each of its waves; shape (n, waves)."""
     found = np.linalg.lstsq(columns, mean, rcond=None)[0]
     phase = 2.0 * np.pi * (position - position.mean()) / length
     pairs = [(k, k + 1) for k in range(2, columns.shape[1], 2)]
@@ -161,10 +161,10 @@ def _stretches(position: Array, mean: Array, columns: Array, length: float) -> A
 
 
 def _each(columns: Array, rows: Array) -> Array:
-    """Coefficients of the columns in each cycle, shape (cycles, columns)."""
+    """Return the coefficients of the columns in each cycle, shape (cycles, columns)."""
     masks, which = np.unique(np.isfinite(rows), axis=0, return_inverse=True)
     found = np.empty((rows.shape[0], columns.shape[1]))
-    for number, here in enumerate(masks):  # cycles that lack the same bins are one problem
+    for number, here in enumerate(masks):  # cycles that lack the same bins form one problem
         members = which.ravel() == number
         found[members] = np.linalg.lstsq(columns[here], rows[np.ix_(members, here)].T, rcond=None)[0].T
     return found

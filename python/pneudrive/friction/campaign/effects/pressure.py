@@ -1,4 +1,4 @@
-"""Effects of both chamber pressures on friction: slopes at each speed, their interaction, what the design carries."""
+"""Effects of both chamber pressures on friction: slopes at each speed, interaction, and what the design determines."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Change of friction over a campaign, over its mean, that may be hidden in effects of pressure where the order of the
-#: cycles follows pressure and nothing tells the two apart: a seal that runs in or wears (assumed standard uncertainty).
+#: Change of friction over a campaign, over its mean, that may be hidden in effects of pressure if the order of the
+#: cycles follows pressure and nothing separates the two: a seal that runs in or wears (assumed standard uncertainty).
 HIDDEN_CHANGE = 0.1
-#: Of that change, the share that a pressure takes over its range from which on it is said to go with time.
+#: Least share of that change within the effect of a pressure for a warning.
 FOLLOWS_TIME = 0.1
 
 
@@ -36,8 +36,8 @@ FOLLOWS_TIME = 0.1
 class _Design:
     """Cycles of one set of levels. Pressures are in bar, gauge; ``kind`` is both, a, b, sum or line.
 
-    ``beside`` has a column for each set of equal cycles at other speeds, such as sentinels: they say nothing of
-    pressure, and tell what time did. Their ``level`` is -1.
+    ``beside`` has a column for each set of equal cycles at other speeds, such as sentinels: they do not depend on
+    pressure, and show the effect of time. Their ``level`` is -1.
     """
 
     kind: str
@@ -52,11 +52,11 @@ class _Design:
 
     @property
     def compared(self) -> NDArray[np.bool_]:
-        """Cycles at speeds that were measured at all pressure pairs."""
+        """Return the cycles at speeds that were measured at all pressure pairs."""
         return self.level >= 0
 
     def centred(self, values: Array) -> Array:
-        """Values less their mean over the compared cycles, and zero beside them."""
+        """Return the values less their mean over the compared cycles, and zero beside them."""
         return np.where(self.compared, values - values[self.compared].mean(), 0.0)
 
 
@@ -83,10 +83,10 @@ def _effects(reading: CampaignData, fits: Fits, members: NDArray[np.bool_], titl
     count = design.speeds.size
     base = np.hstack([design.beside, speed])
     x = np.hstack([base, *(speed * p[:, None] for p in slopes)])
-    if x.shape[0] <= x.shape[1] + 1:  # too few cycles for a slope at each speed: one for all of them
+    if x.shape[0] <= x.shape[1] + 1:  # too few cycles for a slope at each speed: one common slope
         count = 1
         x = np.hstack([base, *(p[:, None] for p in slopes)])
-    # Where pressures act together, that is no scatter and no drift: slopes are taken beside it, at the mean pressures.
+    # An interaction is neither scatter nor drift: slopes are estimated with it, at the mean pressures.
     together = _together(design, x) if design.kind == "both" else np.zeros((x.shape[0], 0))
     x = np.hstack([together, x])
     fit = _fit(fits, members, x, design.order) if x.shape[0] > x.shape[1] + 1 else None
@@ -125,7 +125,7 @@ def _effects(reading: CampaignData, fits: Fits, members: NDArray[np.bool_], titl
 
 
 def _design(reading: CampaignData, fits: Fits, members: NDArray[np.bool_]) -> tuple[_Design | None, NDArray[np.bool_]]:
-    """Keep the speeds that were measured at all pressure pairs, and say what the pairs can tell."""
+    """Keep the speeds that were measured at all pressure pairs, and classify what the pairs determine."""
     points = fits.points
     absolute = np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in points.conditions])
     gauge = np.round((absolute - reading.identity.ambient_pressure_pa) / PA_PER_BAR, 3) + 0.0
@@ -136,7 +136,7 @@ def _design(reading: CampaignData, fits: Fits, members: NDArray[np.bool_]) -> tu
     if len(pairs) < 2 or not kept:
         return None, members
     compared = members & np.isin(points.level, kept)
-    # Equal cycles at other speeds, in one set each; a single one would say nothing.
+    # Equal cycles at other speeds, in one set each; a single cycle carries no information.
     cell = points.cell
     sets, counts = np.unique(cell[members & ~compared], return_counts=True)
     beside = members & ~compared & np.isin(cell, sets[counts > 1])
@@ -162,8 +162,8 @@ def _fit(fits: Fits, members: NDArray[np.bool_], x: Array, order: Array) -> Mixe
     if independent(x).size < x.shape[1]:
         return None
     y = reduced.friction_n[members]
-    # Where a source is relative, it acts in proportion to friction: to what the fixed effects make of it, not to
-    # the values themselves, which a source in proportion to them would explain to the last digit.
+    # A relative source is proportional to friction as predicted by the fixed effects, not to
+    # the values themselves, which such a source would explain exactly.
     steady = x @ np.linalg.lstsq(x, y, rcond=None)[0]
     level = steady / steady.mean()
     share, relative = (level if fits.friction.logarithmic else np.ones(y.size)), fits.friction.relative
@@ -181,13 +181,13 @@ def _fit(fits: Fits, members: NDArray[np.bool_], x: Array, order: Array) -> Mixe
 
 
 def accuracy_n(fits: Fits, members: NDArray[np.bool_]) -> float:
-    """Give the standard uncertainty by which the sensors may make friction change from one pressure to another."""
+    """Return the standard uncertainty of a change of friction between pressures from the sensors, N."""
     return float(np.mean([np.hypot(d.u_gain_n, d.u_hysteresis_n) for d in fits.points.cycles(members)]))
 
 
 @dataclass(frozen=True, eq=False)
 class _Hidden:
-    """A change of friction over the campaign that the design does not tell from what it looks for.
+    """A change of friction over the campaign that the design does not separate from its effects.
 
     ``size_n`` is its standard uncertainty; ``of_order`` are the coefficients of the columns that make the same as a
     steady change by 1 N from the first cycle to the last.
@@ -197,12 +197,12 @@ class _Hidden:
     of_order: Array
 
     def share(self, row: Array) -> float:
-        """Part of the change that a contrast takes for its own."""
+        """Return the part of the change that a contrast would absorb."""
         return abs(float(row @ self.of_order))
 
 
 def _hidden(fits: Fits, model: MixedModel, design: _Design) -> _Hidden | None:
-    """Give the change that is hidden; None where the design carries a drift, which is then in the model."""
+    """Return the change that is hidden; None where the design carries a drift, which is then in the model."""
     if fits.drift_share < CARRIED:
         return None
     size = HIDDEN_CHANGE * float(np.abs(model.y).mean())
@@ -215,13 +215,13 @@ def _slope(fit: MixedFit, row: Array, u: float, hidden: _Hidden | None) -> Estim
 
 
 def _over_speed(design: _Design, columns: list[Array]) -> list[Array]:
-    """Columns, and each of them with the logarithm of speed."""
+    """Return the columns, and each of them with the logarithm of speed."""
     tilt = design.centred(design.place)
     return [*columns, *(c * tilt for c in columns)] if design.speeds.size > 1 else columns
 
 
 def _together(design: _Design, x: Array) -> Array:
-    """Columns of the product of both pressures, its mean over speeds and its change with their logarithm.
+    """Return the columns of the product of both pressures, its mean over speeds and its change with their logarithm.
 
     Centred, so that slopes beside it are those at the mean of the other pressure; none where the design does not carry
     it.
@@ -277,7 +277,7 @@ def _names(kind: str, both: str) -> list[str]:
 
 
 def _order(design: _Design, hidden: _Hidden | None, follows: list[bool]) -> str:
-    """Say that a pressure changed with time alone, and what that leaves open."""
+    """Return the text on a pressure that changed with time, and on what stays open."""
     if hidden is None or not any(follows):
         return ""
     of = zip(_names(design.kind, "the pressures"), follows, strict=True)
@@ -286,7 +286,7 @@ def _order(design: _Design, hidden: _Hidden | None, follows: list[bool]) -> str:
 
 
 def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> Statement:
-    """Say whether the effects add; an interaction that the sensors' accuracy could make is none that is proved."""
+    """Return the text on whether the effects add; an interaction within the sensors' accuracy is not proved."""
     reach = max(abs(joint.low), abs(joint.high)) * PA_PER_BAR**2
     most = reach * float(np.abs(design.a * design.b).max())
     numbers = f"F({test.numerator:.0f}, {test.denominator:.0f}) = {test.f:.2f}, {_chance(test.p)}"
@@ -298,5 +298,5 @@ def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> Sta
 
 
 def _chance(p: float) -> str:
-    """Write a probability; below 0.001 its digits mean nothing."""
+    """Return a probability as text; below 0.001 without digits."""
     return f"p = {p:.2g}" if p >= 0.001 else "p < 0.001"

@@ -1,4 +1,4 @@
-"""Stick-slip in a campaign: where it is, how large, and below which speed it starts."""
+"""Stick-slip in a campaign: place, size, and the speed below which it starts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def stick_slip_points(points: Points) -> tuple[StickSlipPoint, ...]:
-    """Give the conditions and speeds at which sliding was not steady."""
+    """Return the conditions and speeds at which sliding was not steady."""
     found = []
     for index, condition in enumerate(points.conditions):
         for level in range(points.level_speeds_m_s.size):
@@ -47,14 +47,14 @@ def _members(points: Points, condition: int, level: int) -> list[int]:
 
 
 def thresholds(points: Points) -> tuple[StickSlipThreshold, ...]:
-    """Give the speed below which stick-slip starts, as the interval between two measured speeds."""
+    """Return the speed below which stick-slip starts, as the interval between two measured speeds."""
     found = []
     for index, condition in enumerate(points.conditions):
         with_it, without = [], []
         for level, speed in enumerate(points.level_speeds_m_s.tolist()):
             members = _members(points, index, level)
             if members:
-                # A speed that is merely uneven may be the axis or its encoder: it tells neither way.
+                # An uneven speed alone may come from the axis or its encoder: it shows neither.
                 slips = sum(points.reasons[i] in STICK_SLIP for i in members)
                 steady = sum(points.reasons[i] not in NAMES for i in members)
                 if slips > 0.5 * len(members):

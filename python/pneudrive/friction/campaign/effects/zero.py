@@ -1,4 +1,4 @@
-"""Zero of the force sensor from tares, and the difference between the directions that is left when it is taken out."""
+"""Zero of the force sensor from tares, and the difference between the directions without it."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.cycles.reading import CampaignData
 
 HOUR_S = 3600.0
-FEWEST_TARES = 3  # from which a drift is told
+FEWEST_TARES = 3  # least number of tares for a drift
 
 
 def sensor_zero(reading: CampaignData) -> SensorZero:
-    """Give the zero of each tare and its drift."""
+    """Return the zero of each tare and its drift."""
     tares = reading.tares
     if not tares:
         return SensorZero(np.zeros(0), np.zeros(0), np.zeros(0), None, "not measured")
@@ -39,13 +39,13 @@ def sensor_zero(reading: CampaignData) -> SensorZero:
 
 
 def asymmetries(fits: Fits) -> tuple[Asymmetry, ...]:
-    """Give half the difference of friction between the directions at each condition."""
+    """Return half the difference of friction between the directions at each condition."""
     found = []
     for at in curve_speeds(fits.points):
         speeds = at.speed_m_s[at.measured]
         offset = fits.offset.at(at.number, speeds)
         friction = np.full(speeds.size, fits.points.reduced.friction_n[fits.points.condition == at.index].mean())
-        # Without tares the zero is in it, and no uncertainty makes a statement on symmetry of that.
+        # Without tares it includes the zero, and no statement on symmetry is possible.
         shared = systematic(fits, friction, offset.mean if fits.has_zero else np.zeros(speeds.size), at.index)
         u = shared.zero_n
         half = np.hypot(offset.half_width(), NORMAL_95 * u)

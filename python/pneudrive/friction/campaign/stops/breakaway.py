@@ -1,8 +1,8 @@
-"""How high a breakaway peak is, from noisy samples.
+"""Height of a breakaway peak from noisy samples.
 
-The largest of many noisy samples lies too high, the largest of smoothed ones too low. Here every second sample says
-where the peak is and the others how high it is there, and the reverse: the noise that chose the place is not the noise
-that is read. Samples are smoothed by local parabolas; their width is the largest whose peak agrees with those of all
+The largest of many noisy samples is too high, the largest of smoothed ones too low. Here every second sample gives
+the place of the peak and the others its height, and the reverse: the noise that chose the place is not in the height.
+Samples are smoothed by local parabolas; their width is the largest whose peak agrees with those of all
 narrower ones within noise, so that a sharp peak is smoothed little and a flat one much.
 """
 
@@ -26,26 +26,26 @@ if TYPE_CHECKING:
 WIDTHS = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 #: Peaks at two widths agree when they differ by less than this many standard errors of the narrower one.
 AGREE = 2.0
-#: A single sample: the largest among so many on each side, how far noise lifts it (of three alike),
-#: in deviations, and how much more uncertain than noise it is.
+#: A single sample: largest among so many on each side; its bias by noise (of three equal ones),
+#: in deviations; and the factor of its uncertainty over noise.
 SINGLE, SINGLE_EXCESS, SINGLE_DOUBT = 3, 0.85, 1.5
 #: Fewer samples than this around the peak make it undersampled.
 FEWEST = 12
-#: A peak has ended when the force has fallen by this share of what it rose above running friction, and beyond noise.
+#: A peak has ended when the force has fallen by this share of its rise above running friction, and beyond noise.
 FALLEN = 0.25
 FALLEN_DEVIATIONS = 9.0
-#: Travel, in units of that in which the force reaches running friction, within which a peak is sought at first; and
-#: share of the move beyond which it is not.
+#: First range of the search for a peak, in units of the travel to running friction; and
+#: largest range, share of the move.
 REACH, MOST_TRAVEL = 1.5, 0.25
 LEAST_TRAVEL_M, LEAST_SAMPLES = 2e-4, 40
-#: The top of a peak is what lies within this share of its excess; it needs so many samples.
+#: The top of a peak lies within this share of its excess; it needs so many samples.
 TOP, FEWEST_AT_TOP = 0.1, 5
-#: Noise is estimated on at most so many samples, about a parabola of this half-width; a memory of it must stand out.
+#: Noise is estimated on at most so many samples, about a parabola of this half-width; correlation must be significant.
 NOISE_SAMPLES, NOISE_HALF_WIDTH, SIGNIFICANT = 3000, 40, 4.0
-UNEVEN = 0.3  # steps of time that differ by less than this share are one rate
+UNEVEN = 0.3  # time steps that differ by less than this share have one rate
 NEAR_CHANGE = 8  # samples from a change of rate within which a peak belongs to both sides of it
-SPAN_AT_CHANGE = 60  # samples of the lower rate that are then looked at on each side
-QUICK = 5  # samples of the mean that the place of a peak is sought in
+SPAN_AT_CHANGE = 60  # samples of the lower rate that are then used on each side
+QUICK = 5  # samples of the mean for the search of a peak's place
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class BreakawayPeak:
     index : int
         Nearest sample.
     rate_hz : float
-        Of the samples around it.
+        Rate of the samples around it.
     loading_rate_n_s : float
     flags : tuple of str
         undersampled, no_peak.
@@ -93,9 +93,9 @@ def find_breakaway(
     running_n : float
         Level of uninterrupted sliding there.
     stiffness_n_m : float, optional
-        Of the rig, where it is known.
+        Stiffness of the rig, if known.
     bandwidth_hz : float, optional
-        Of the force sensor, where it is known: what its lag takes off the peak is in the standard error.
+        Bandwidth of the force sensor, if known: the loss of the peak by its lag is in the standard error.
     """
     noise = Noise.of(friction_n)
     end, peaked = _search_end(travel_m, friction_n, running_n, noise, stiffness_n_m)
@@ -106,7 +106,7 @@ def find_breakaway(
     top = first + int(np.argmax(_quick(friction[first:last]))) if last > first else int(np.argmin(np.abs(time - at)))
     corner = corner_height(friction, top, value - running_n, noise.total, noise.of_many())
     if corner is not None:
-        # What smoothing would have cut is put right, and stays in doubt.
+        # The loss by smoothing is corrected, and is part of the uncertainty.
         value, stderr = corner[0], float(np.hypot(corner[1], corner[0] - value))
     if bandwidth_hz is not None:
         stderr = float(np.hypot(stderr, lag_loss(time_s, friction_n, float(time[top]), bandwidth_hz)))
@@ -134,7 +134,7 @@ def find_breakaway(
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of the samples: white, and a part that forgets itself over some samples.
+    """Noise of the samples: a white part, and one correlated over some samples.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class Noise:
 
     @classmethod
     def of(cls, values: Array) -> Noise:
-        """Estimate it: the white part from second differences, the slow one from what is left of a smoothed curve.
+        """Estimate the white part from second differences, the slow one from residuals of a smoothed curve.
 
         The smoothed curve is taken behind the largest value, where nothing bends quickly.
         """
@@ -176,11 +176,11 @@ class Noise:
         return float(np.hypot(self.white, self.slow))
 
     def of_many(self) -> float:
-        """Give the deviation of one sample as a mean of many shows it: what remembers counts for longer."""
+        """Return the deviation of one sample for a mean of many: the correlated part counts more."""
         return float(np.sqrt(self.white**2 + self.slow**2 * (1.0 + 2.0 * self.memory)))
 
     def of_mean(self, weights: Array, spacing: int, share: float = 1.0) -> float:
-        """Give the deviation of a weighted sum over samples `spacing` apart; `share` is that of the white variance."""
+        """Return the deviation of a weighted sum of samples `spacing` apart; `share` is that of the white variance."""
         variance = share * self.white**2 * float(weights @ weights)
         if self.slow > 0.0:
             lags = np.arange(weights.size) * spacing
@@ -191,7 +191,7 @@ class Noise:
 
 
 def _run(mask: NDArray[np.bool_], at: int) -> int:
-    """Length of the run of marked samples around one, over single gaps."""
+    """Return the length of the run of marked samples around one, over single gaps."""
     filled = mask.copy()
     filled[1:-1] |= mask[:-2] & mask[2:]
     if not filled[at]:
@@ -201,7 +201,7 @@ def _run(mask: NDArray[np.bool_], at: int) -> int:
 
 
 def _quick(values: Array) -> Array:
-    """Centred mean of a few samples, fewer at the ends."""
+    """Return the centred mean of a few samples, fewer at the ends."""
     if values.size < QUICK:
         return values
     kernel = np.ones(QUICK)
@@ -211,7 +211,7 @@ def _quick(values: Array) -> Array:
 def _search_end(
     travel: Array, friction: Array, running: float, noise: Noise, stiffness: float | None
 ) -> tuple[int, bool]:
-    """Sample behind which the peak is not, and whether the force has fallen by then."""
+    """Return the last sample of the search, and whether the force has fallen by then."""
     smooth = _quick(friction)
     spread = noise.of_mean(np.full(QUICK, 1.0 / QUICK), 1)
     reached = np.flatnonzero(smooth >= running - 3.0 * spread)
@@ -236,7 +236,7 @@ def _search_end(
 
 
 def _even(time: Array, friction: Array) -> tuple[Array, Array]:
-    """Take samples of one rate around the highest; where the rate falls right there, thin the denser ones to it."""
+    """Return samples of one rate around the highest; if the rate changes there, thin the denser ones."""
     steps = np.diff(time)
     if steps.size < 2:
         return time, friction
@@ -261,7 +261,7 @@ def _one_rate(steps: Array, top: int) -> slice:
 
 
 def _height(time: Array, friction: Array, noise: Noise) -> tuple[float, float, float, float]:
-    """Height of the highest point with its standard error, its time, and the width of the parabola, s."""
+    """Return the height of the highest point with its standard error, its time, and the width of the parabola, s."""
     chosen = [_single(time, friction, noise)]
     halves = [slice(k, None, 2) for k in (0, 1)]
     most = min(friction[half].size for half in halves)
@@ -283,7 +283,7 @@ def _height(time: Array, friction: Array, noise: Noise) -> tuple[float, float, f
 
 
 def _single(time: Array, friction: Array, noise: Noise) -> tuple[float, float, float, float]:
-    """Give the largest sample less what noise adds to it: as uncertain as noise and as the step to the next one."""
+    """Return the largest sample less its bias by noise; its uncertainty is from noise and the step to the next."""
     top = int(np.argmax(_quick(friction)))
     near = friction[max(top - SINGLE, 0) : top + SINGLE + 1]
     at = max(top - SINGLE, 0) + int(np.argmax(near))
@@ -293,14 +293,14 @@ def _single(time: Array, friction: Array, noise: Noise) -> tuple[float, float, f
 
 
 def _parabola(half: int) -> Array:
-    """Weights of the value of a parabola fitted to 2 half + 1 even samples, at their middle."""
+    """Return the weights of the value of a parabola fitted to 2 half + 1 even samples, at their middle."""
     j = np.arange(-half, half + 1, dtype=float)
     weights = 3.0 * (3.0 * half * half + 3.0 * half - 1.0) - 15.0 * j * j
     return weights / ((2 * half - 1) * (2 * half + 1) * (2 * half + 3))
 
 
 def _rise(smooth: Array) -> tuple[int, int]:
-    """Last sample below 10 % and first above 90 % of the rise to the last one."""
+    """Return the last sample below 10 % and first above 90 % of the rise to the last one."""
     bottom = float(smooth.min())
     swing = float(smooth[-1]) - bottom
     high = int(np.argmax(smooth >= bottom + 0.9 * swing))

@@ -1,9 +1,9 @@
-"""The age of a contact from peaks after stops, as a drive's law of friction has it.
+"""The age of a contact from peaks after stops, in the form of a drive's friction.
 
   dphi/dt = 1 - phi |v|/L      age: that of the stop while the piston stands, L/|v| while it slides
   Fd = B (1 + s_a p_a + s_b p_b) psi(phi/tau)
 
-so that a peak after a stop of duration t stands above the friction before it, at the speed v, by
+so a peak after a stop of duration t exceeds the friction before it, at the speed v, by
 Fd(t) - Fd(L/v), and the excess after a restart has fallen to 5 % where
 
   psi(L/v + (t - L/v) exp(-travel/L)) = psi(L/v) + 0.05 [psi(t) - psi(L/v)]
@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Distance that renews the contact where no way back to sliding was seen, m.
+#: Distance that renews the contact if no return to sliding was observed, m.
 ASSUMED_DISTANCE_M = 1e-4
 FEWEST_STOPS = 3
-#: Times are sought from the shortest stop, divided by the first, to the longest, times the second.
+#: Times are searched from the shortest stop divided by the first factor to the longest times the second.
 REACH = (100.0, 1e4)
 TIMES, FINE = 60, 64
 HALVINGS = 40
@@ -50,7 +50,7 @@ class ContactAge:
     Attributes
     ----------
     growth : str
-        As a drive file names it.
+        Its name in a drive file.
     exponent : float
         Of the saturating growth.
     increment : Estimate
@@ -58,11 +58,11 @@ class ContactAge:
     time : Estimate
         tau, s.
     distance : Estimate or None
-        L, m; None where no way back was seen, and `ASSUMED_DISTANCE_M` was taken.
+        L, m; None if no return was observed, with `ASSUMED_DISTANCE_M` instead.
     share_a_pa, share_b_pa : float
-        s_a and s_b, 1/Pa; 0 where none differs from zero beyond chance.
+        s_a and s_b, 1/Pa; 0 if not different from zero beyond chance.
     together : bool
-        Both pressures moved together, and each chamber has half of their effect.
+        Both pressures changed together, and each chamber has half of their effect.
     """
 
     growth: str
@@ -80,7 +80,7 @@ class ContactAge:
         return ASSUMED_DISTANCE_M if self.distance is None else self.distance.value
 
     def sliding_n(self, speed_m_s: float) -> float:
-        """Force of the age that steady sliding leaves, at ambient pressure."""
+        """Return the force of the age in steady sliding at ambient pressure, N."""
         ratio = np.array([self.distance_m / speed_m_s / self.time.value])
         return float(self.increment.value * _psi(self.growth, ratio, self.exponent)[0])
 
@@ -95,14 +95,14 @@ def fit_contact_age(
     stops : sequence of Stop
         Usable ones of one series.
     form : DwellForm
-        Whose growth is taken.
+        The law whose growth is used.
     exponent : float
     ambient_pressure_pa : float
 
     Returns
     -------
     ContactAge or None
-        None where friction does not grow with the stops.
+        None if friction does not grow with the stops.
     """
     gauge = np.array([(s.condition.pressure_a_pa, s.condition.pressure_b_pa) for s in stops]) - ambient_pressure_pa
     varied = np.ptp(gauge, axis=0) > SAME_PRESSURE_PA
@@ -155,7 +155,7 @@ def _psi(growth: str, ratio: Array, exponent: float) -> Array:
 
 
 def _back(stop: Stop) -> float:
-    """Travel from the peak to where 5 % of the excess are left; NaN where that was not seen."""
+    """Return the travel from the peak to 5 % of the excess; NaN if not observed."""
     seen = stop.recovery is not None and stop.recovery.complete
     return stop.recovery.distance.value if seen else float("nan")  # type: ignore[union-attr]
 
@@ -168,7 +168,7 @@ def _distance(growth: str, exponent: float, time: float, dwell: Array, speed: Ar
 
 
 def _lengths(growth: str, exponent: float, time: float, dwell: Array, speed: Array, back: Array) -> Array:
-    """Distance L of each stop from its way back, by halving its logarithm."""
+    """Return the distance L of each stop from its way back, by halving its logarithm."""
 
     def psi(age: Array) -> Array:
         return _psi(growth, age / time, exponent)

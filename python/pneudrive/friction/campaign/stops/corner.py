@@ -1,10 +1,10 @@
-"""Height of a peak that a steep rise and a slow fall make: a corner, sharp or rounded.
+"""Height of a peak between a steep rise and a slow fall: a sharp or rounded corner.
 
   F(t) = p + r (t - c) + d S(t - c) + q S(t - c)^2,   S(u) = s ln(1 + exp(u / s))
 
-Any smoothing cuts a corner; a corner that is fitted is not cut. A peak that is round over several samples is not for
-here. p, r, d, q are linear; corner c and roundness s run over a grid, and the height is averaged over it by how well
-each place fits, so that what is not known of them is in its uncertainty.
+Smoothing cuts a corner; a fit does not. A peak that is round over several samples is outside this
+module. p, r, d, q are linear; corner c and roundness s run over a grid, and the height is averaged over it by how well
+each place fits, so its uncertainty covers that of c and s.
 """
 
 from __future__ import annotations
@@ -23,48 +23,48 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Parts of the excess down to which samples on both sides are fitted, the widest that a corner describes being taken.
+#: Parts of the excess down to which samples on both sides are fitted: the widest that a corner describes.
 DEPTHS = (0.6, 0.35, 0.2)
 LEAST_DEPTH = 8.0  # deviations of the noise
 BEHIND, BEFORE = 160, 60  # samples at most on either side
 FEWEST_BEFORE, FEWEST_BEHIND = 3, 12
 PLACES = 33  # of the corner
-FINER = 3  # times that they are put closer, where the samples tell the corner's place better than their spacing
-KNOWN = 1.5  # spacings: a standard deviation of the place that is larger is not told by them
+FINER = 3  # refinements of the grid, while samples resolve the corner better than its spacing
+KNOWN = 1.5  # spacings: largest standard deviation of the place without refinement
 ROUNDNESS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # samples
-SHARP = 1.0  # samples: a corner that is rounder is smoothed without a loss, and better told by parabolas
-FITS = 1.3  # squared residual over that of the noise, above which a corner describes the samples no more
-FINE = 8  # points per sample at which the highest of a fitted corner is looked for
-#: Times of the sensor's lag before and behind a peak between which its rise and its fall are taken, where the lag has
-#: died away; a lag of less than so many samples is taken as that many, or noise would be taken for slopes.
+SHARP = 1.0  # samples: a rounder corner is smoothed without loss, and parabolas describe it better
+FITS = 1.3  # largest ratio of squared residual to noise for a corner
+FINE = 8  # points per sample for the maximum of a fitted corner
+#: Multiples of the sensor's lag before and after a peak between which rise and fall are fitted, where the lag has
+#: died away; a shorter lag counts as this many samples, so that noise does not pass for slopes.
 RISE_LAGS, FALL_LAGS, FEWEST_ON_A_SIDE, LEAST_LAG = (1.0, 6.0), (2.0, 7.0), 3, 3.0
 
 
 def corner_height(
     friction_n: Array, top: int, excess_n: float, one_n: float, many_n: float
 ) -> tuple[float, float] | None:
-    """Give height and standard error of the peak.
+    """Return height and standard error of the peak.
 
     Parameters
     ----------
     friction_n : ndarray, shape (n,)
-        Samples that are even in time.
+        Evenly spaced samples.
     top : int
-        The highest, roughly.
+        Approximate index of the highest sample.
     excess_n : float
-        Of the peak above running friction, roughly.
+        Approximate excess of the peak over running friction.
     one_n : float
         Standard deviation of one sample.
     many_n : float
-        The same as a mean of many samples shows it: larger where noise remembers.
+        The same for a mean of many samples: larger for correlated noise.
 
     Returns
     -------
     (float, float) or None
-        None where no corner describes the samples.
+        None if no corner describes the samples.
     """
     if excess_n < LEAST_DEPTH * one_n:
-        return None  # hardly a peak: where a plateau begins is no corner that falls
+        return None  # hardly a peak: the start of a plateau is not a falling corner
     for depth in DEPTHS:
         part = _window(friction_n, top, max(depth * excess_n, LEAST_DEPTH * one_n))
         if part is None:
@@ -76,7 +76,7 @@ def corner_height(
 
 
 def lag_loss(time_s: Array, friction_n: Array, at_s: float, bandwidth_hz: float) -> float:
-    """Give what a sensor of first order lacks of a peak, N: of a corner exactly, of a round one at most.
+    """Return the loss of a peak by a sensor of first order, N: exact for a corner, an upper bound for a round peak.
 
     A rise r that turns into a fall q at a corner is shown lower by q tau ln(1 + r / q), tau = 1 / (2 pi f): the largest
     value of the lag's response to two ramps.
@@ -130,7 +130,7 @@ def _fit(friction: Array, top: int, one_n: float, many_n: float) -> tuple[float,
 
 
 def _places(friction: Array, top: int, many_n: float) -> tuple[Scan, Array]:
-    """Fit corners of all places and roundnesses, the places as close as the samples tell them, and weigh each."""
+    """Fit corners of all places and roundnesses, with places as close as the samples resolve, and weigh each."""
     low, high = max(top - 6.0, 0.5), top + 6.0
     tried = _scanned(friction, low, high, many_n)
     for _ in range(FINER):
@@ -153,7 +153,7 @@ def _scanned(friction: Array, low: float, high: float, many_n: float) -> tuple[S
 
 
 def _columns(t: Array, grid: Array) -> Array:
-    """Columns at times, shape (n,) or (g, n), of each corner and roundness, shape (g, 2); shape (g, n, 4)."""
+    """Return columns at times (n,) or (g, n) of each corner and roundness, shape (g, 2); shape (g, n, 4)."""
     corner, roundness = grid[:, :1], grid[:, 1:]
     away = t - corner
     width = np.where(roundness > 0.0, roundness, 1.0)

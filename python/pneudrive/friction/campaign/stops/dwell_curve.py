@@ -3,8 +3,8 @@
   y = level_c + slope_c u + bend + place + drift + block + block slope + scatter,   u = log10(stop duration)
 
 at each condition c. The bend is smooth over u (a slow and a quicker part), in part common to all conditions; it,
-blocks, their slopes and the scatter from cycle to cycle are random, and their sizes are averaged over, not picked
-(`pneudrive.estimate.mixed`). Intervals so cover the choice of the law as well as the scatter.
+blocks, their slopes and the scatter from cycle to cycle are random, and results are averages over their sizes
+(`pneudrive.estimate.mixed`). So intervals cover the choice of the law as well as the scatter.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Decades over which the bends keep their direction (the known laws turn within one or two), and their prior size as a
+#: Correlation length of the bends in decades (the known laws turn within one or two), and their prior size as a
 #: share of the swing of the increments (assumed; chosen by the coverage of simulated campaigns under six laws).
 BENDS = {"quick bend": (0.6, 0.05), "slow bend": (1.5, 0.2)}
 #: Share of the bend that conditions have in common: ageing at one pressure resembles that at another.
 COMMON_BEND = 0.8
 #: The scatter's variance grows with the increment, between these multiples of the mean one.
 GROWTH_RANGE = (0.25, 4.0)
-#: Least blocks that can tell how their slopes scatter.
+#: Least number of blocks for the scatter of their slopes.
 BLOCKS_FOR_SLOPES = 3
-#: Variance inflation of the slope by drift beyond which the two cannot be told apart.
+#: Variance inflation of the slope by drift above which the two cannot be separated.
 CONFOUNDED = 5.0
 #: Durations within this many decades (2 %) count as one.
 SAME_DURATION = 0.0086
-#: Huber's constant for stops that stand out, and how often their weights are found again.
+#: Huber's constant for outlying stops, and number of updates of their weights.
 HUBER_K, ROUNDS = 2.5, 3
 LEAST_FREEDOM = 2
-#: Stops beyond the unknowns from which on places and drift are unknowns too.
+#: Number of stops beyond the unknowns above which places and drift are unknowns too.
 SPARE_FOR_PLACES, SPARE_FOR_DRIFT = 4, 6
 
 
@@ -53,7 +53,7 @@ class DwellData:
     ----------
     key : tuple of str
     duration_s, increment_n, stderr_n : ndarray
-        stderr_n is what noise within the cycle leaves.
+        stderr_n comes from noise within the cycle.
     condition : ndarray of int
         Index into `conditions`.
     place : ndarray of int
@@ -63,7 +63,7 @@ class DwellData:
     block : ndarray of int
     conditions : tuple of Condition
     drift_prior_n : float
-        Standard deviation of the increments' drift over half the campaign where the order of the stops hides it.
+        Standard deviation of the increments' drift over half the campaign if the order of the stops hides it.
     """
 
     key: tuple[str, ...]
@@ -89,7 +89,7 @@ class DwellData:
         return max(np.unique(level[self.condition == c]).size for c in range(len(self.conditions)))
 
     def __len__(self) -> int:
-        """Give the number of stops."""
+        """Return the number of stops."""
         return self.duration_s.size
 
 
@@ -102,13 +102,13 @@ class DwellCurve:
     data : DwellData
     fit : MixedFit
     centre : float
-        log10 duration at which the levels are.
+        log10 duration of the levels.
     extra : ndarray, shape (n, .)
         Fixed columns beside levels and slopes: places, drift.
     inflation : float
         Variance inflation of the slope by drift.
     weight : ndarray, shape (n,)
-        Huber's weight of each stop; below 1 it stands out.
+        Huber's weight of each stop; below 1 for an outlying stop.
     """
 
     data: DwellData
@@ -119,21 +119,21 @@ class DwellCurve:
     weight: Array
 
     def values(self, log_s: Array) -> Functionals:
-        """Increment at log10 durations, N; condition by condition."""
+        """Return the increment at log10 durations, N; condition by condition."""
         return self._functionals(log_s, derivative=False)
 
     def slopes(self, log_s: Array) -> Functionals:
-        """Slope per decade at log10 durations, N."""
+        """Return the slope per decade at log10 durations, N."""
         return self._functionals(log_s, derivative=True)
 
     def gains(self, low: float, high: float) -> Functionals:
-        """Mean slope per decade between two log10 durations, at each condition."""
+        """Return the mean slope per decade between two log10 durations, at each condition."""
         row = np.array([[-1.0, 1.0]]) / (high - low)
         rows = np.kron(np.eye(len(self.data.conditions)), row)
         return self.values(np.array([low, high])).combine(rows.astype(np.float64))
 
     def scatter_covariance(self) -> Array:
-        """Covariance of the stops without the bends, shape (n, n): what laws are compared with."""
+        """Return the covariance of the stops without the bends, shape (n, n): for the comparison of laws."""
         model = self.fit.model
         kept = [i for i, c in enumerate(model.components) if c.name not in BENDS]
         part = replace(model, components=tuple(model.components[i] for i in kept))
@@ -159,7 +159,7 @@ class DwellCurve:
 
 
 def fit_curve(data: DwellData) -> DwellCurve | None:
-    """Fit the curve; None where too little is left to estimate the scatter from.
+    """Fit the curve; None if too few stops are left to estimate the scatter.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def fit_curve(data: DwellData) -> DwellCurve | None:
 
 
 def _places_and_drift(data: DwellData, x: Array) -> tuple[Array, Array, float]:
-    """Give fixed columns of places and drift, the column of a drift that the order hides, and how well it does."""
+    """Return fixed columns of places and drift, the column of a hidden drift, and its variance inflation."""
     n = len(data)
     names, member = np.unique(data.place, return_inverse=True)
     extra = (member[:, None] == np.arange(names.size)[None, :]).astype(float) - 1.0 / names.size
@@ -211,7 +211,7 @@ def _places_and_drift(data: DwellData, x: Array) -> tuple[Array, Array, float]:
 
 
 def _inflation(x: Array, conditions: int, drift: Array) -> float:
-    """How many times larger the variance of the mean slope becomes with drift as a further unknown."""
+    """Return the factor on the variance of the mean slope with drift as a further unknown."""
     wanted = np.zeros(x.shape[1])
     wanted[conditions : 2 * conditions] = 1.0 / conditions
     both = np.c_[x, drift]
@@ -223,7 +223,7 @@ def _inflation(x: Array, conditions: int, drift: Array) -> float:
 
 
 def _components(data: DwellData, x: Array, hidden: Array) -> tuple[RandomEffect, ...]:
-    """List the sources of chance, scatter first."""
+    """Return the sources of scatter, that from stop to stop first."""
     y, u = data.increment_n, data.log_s
     line = np.abs(x @ np.linalg.lstsq(x, y, rcond=None)[0])
     size = np.clip(line / max(float(line.mean()), 1e-300), *GROWTH_RANGE)
@@ -248,7 +248,7 @@ def _components(data: DwellData, x: Array, hidden: Array) -> tuple[RandomEffect,
 
 
 def _first_scatter(data: DwellData, x: Array) -> float:
-    """First estimate of the scatter beyond noise: within equal stops, or about lines where nothing is repeated."""
+    """Return a first estimate of the scatter beyond noise: within equal stops, else about lines."""
     y = data.increment_n
     cell = cells(data.condition, levels(data.log_s, SAME_DURATION))
     counts = np.bincount(cell)
@@ -263,7 +263,7 @@ def _first_scatter(data: DwellData, x: Array) -> float:
 
 
 def _standardised(curve: DwellCurve) -> Array:
-    """Distance of each stop from curve and blocks, in its own standard deviations."""
+    """Return the distance of each stop from curve and blocks, in its own standard deviations."""
     model, weight = curve.fit.model, curve.weight
     scatter = model.components[0]
     own = (model.noise + curve.fit.sd[0] ** 2 * scatter.kernel) * weight

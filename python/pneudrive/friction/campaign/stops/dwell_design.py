@@ -1,4 +1,4 @@
-"""Which stops tell most about a dwell law."""
+"""Optimal stops for a dwell law."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Durations that are tried, in logarithmic steps, and digits of those that are proposed.
+#: Number of candidate durations, in logarithmic steps, and digits of the proposed ones.
 DURATIONS, DIGITS = 120, 2
 #: Draws of the time constant over which the criterion is averaged, in standard deviations of its logarithm.
 DRAWS = np.linspace(-1.5, 1.5, 9)
-#: Kato's exponent where it is a parameter: the middle of what is found for slideways [kato1972].
+#: Kato's exponent if it is a parameter: the middle of the values for slideways [kato1972].
 KATO_M = 0.4
 
 
 @dataclass(frozen=True, repr=False)
 class StopDesign(Shown):
-    """Stops to be measured.
+    """Proposed stops.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class StopDesign(Shown):
         Parameter -> expected half-width of its 95 % interval: ``a_n`` and ``increment_n`` in N for an increment of 1 N,
         and the relative one of the time constant.
     seconds : float
-        Time that the stops alone take.
+        Time of the stops alone.
     """
 
     form: str
@@ -53,13 +53,13 @@ class StopDesign(Shown):
     def __str__(self) -> str:
         """Return the stops and the expected intervals."""
         times = ", ".join(f"{t:g} s x {n}" for t, n in zip(self.durations_s, self.repeats, strict=True))
-        lines = [f"stops for the {self.form} law: {times}; {self.seconds / 60.0:.3g} min of standing"]
-        lines.append("expected half-width of the 95 % interval, for an increment of 1 N over the noise that was given:")
+        lines = [f"stops for the {self.form} law: {times}; {self.seconds / 60.0:.3g} min at rest"]
+        lines.append("expected half-width of the 95 % interval, for an increment of 1 N and the given noise:")
         lines += [f"  {name:<18} {value:.3g}" for name, value in self.half_widths.items()]
         return "\n".join(lines)
 
     def protocol(self, name: str = "Next stops") -> str:
-        """Return a protocol that ``pneudrive campaign plan`` takes; every stop as often as the one that needs most."""
+        """Return a protocol for ``pneudrive campaign plan``; every stop has the largest number of repeats."""
         listed = ", ".join(f'"{t:g} s"' for t in self.durations_s)
         lines = ["schema = 1", f'name = "{name}"', f'about = "optimal stops for the {self.form} dwell law"']
         lines += [f"repeats = {max(self.repeats)}", "", "[stop]", f"durations = [{listed}]"]
@@ -78,8 +78,8 @@ def design_stops(
 ) -> StopDesign:
     """Choose the durations of stops that determine level, increment and time constant of a dwell law.
 
-    D-optimal by exchange, averaged over a time constant that is known within a factor only. The increment is linear, so
-    that its size matters for the expected interval of the time constant alone.
+    D-optimal by exchange, averaged over a time constant known within a factor only. The increment is linear, so
+    its size affects only the expected interval of the time constant.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def design_stops(
     if form not in laws:
         raise FitError(f"there is no dwell law {form!r}", remedy=nearest(form, laws))
     if not (0.0 < range_s[0] < range_s[1] and scale_s > 0.0 and factor >= 1.0 and noise_n > 0.0):
-        raise FitError("durations, time constant and noise are positive, and a factor is 1 or more")
+        raise FitError("durations, time constant and noise must be positive, and a factor 1 or more")
     t = np.geomspace(*range_s, DURATIONS)
     t = np.array([float(f"{v:.{DIGITS}g}") for v in t])
     gradients = np.array([_gradient(laws[form], t, scale_s * factor**z, increment_n) for z in DRAWS]) / noise_n

@@ -2,7 +2,7 @@
 
   y = a_c + B_c psi(t; shape)      at each condition c; the shape is common to all of them
 
-psi is a growth of the core, as drive files name it, at a time and an exponent. The shape's interval is that of its
+psi is a growth of the core, named as in drive files, with a time and an exponent. The shape's interval is that of its
 profile: open where the data set no bound.
 """
 
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-KATO_EXPONENT = 0.4  # assumed where it is not free: stops of a few decades do not determine it
+KATO_EXPONENT = 0.4  # assumed if not free: stops of a few decades do not determine it
 EXPONENTS = np.round(np.linspace(0.15, 1.0, 18), 3)
 PER_DECADE = 10  # points of the first profile over a time
-FINE = 64  # and of the second one, over what the first leaves
-#: A time is sought from the shortest stop, divided by the first factor, to the longest, times the second: beyond the
+FINE = 64  # and of the second one, over the range of the first
+#: A time is searched from the shortest stop divided by the first factor to the longest times the second: beyond the
 #: first the law is a straight line over log t, beyond the second a straight line over t (or a power of it).
 REACH = {"log": (100.0, 10.0), "kato": (100.0, 1e5), "kato-free": (100.0, 1e5)}
 USUAL_REACH = (30.0, 30.0)
 LEAST_DURATIONS = 3
 CONCLUSIVE = 10.0  # difference of AICc beyond which a law has essentially no support [burnham2002]
-EMPTY = np.zeros((1, 0))  # the one shape of a law without any
-UNCERTAIN = 2.0  # and below which two laws are equally good
+EMPTY = np.zeros((1, 0))  # the shape of a law without parameters
+UNCERTAIN = 2.0  # and difference below which two laws are equally good
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,13 @@ class DwellForm:
     Attributes
     ----------
     name, title, formula, source : str
-        As shown.
+        Texts for display.
     growth : str
-        That of the core; "": breakaway does not depend on the stop.
+        Growth of the core; "": breakaway does not depend on the stop.
     units : dict
-        Parameters of its shape: time, and exponent where it is free, with their units.
+        Parameters of its shape: time, and exponent if free, with their units.
     exponent : float
-        Where it is not free.
+        Exponent if not free.
     """
 
     name: str
@@ -63,7 +63,7 @@ class DwellForm:
     exponent: float = 1.0
 
     def __str__(self) -> str:
-        """Title."""
+        """Return the title."""
         return self.title
 
     @property
@@ -72,12 +72,12 @@ class DwellForm:
         return self.growth in {"saturating", "hyperbolic"}
 
     def derivatives(self, duration_s: Array, time_s: float, exponent: float | None = None) -> Array:
-        """Give psi and its derivatives by duration, time and exponent, shape (n, 4)."""
+        """Return psi and its derivatives by duration, time and exponent, shape (n, 4)."""
         m = self.exponent if exponent is None else exponent
         return _core.dwell_growth(self.growth, np.asarray(duration_s, dtype=float), float(time_s), float(m))
 
     def psi(self, duration_s: Array, *shape: float) -> Array:
-        """Give psi, shape (n,)."""
+        """Return psi, shape (n,)."""
         return self.derivatives(duration_s, *shape)[:, 0] if self.growth else np.zeros(np.shape(duration_s))
 
     def slope(self, duration_s: float, *shape: float) -> float:
@@ -130,7 +130,7 @@ class DwellLawFit(Shown):
     slope_n, slope_low_n, slope_high_n : float
         Slope per decade at the reference duration, mean over conditions, with its profile interval.
     aicc, bic : float
-        inf where there are too few stops.
+        inf with too few stops.
     parameters : int
     delta : float
         AICc above that of the best law.
@@ -160,7 +160,7 @@ class DwellLawFit(Shown):
         return self.form.name
 
     def increment_n(self, duration_s: Array, condition: int) -> Array:
-        """Breakaway increment after stops of these durations."""
+        """Return the breakaway increment after stops of these durations."""
         psi = self.form.psi(np.asarray(duration_s, dtype=float), *self.shape.values())
         return self.level_n[condition] + self.amplitude_n[condition] * psi
 
@@ -172,12 +172,12 @@ def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[DwellLawFit, ...]:
     ----------
     curve : DwellCurve
     reference_s : float
-        Where the slope is told.
+        Duration of the slope.
 
     Returns
     -------
     tuple of DwellLawFit
-        Best first. Empty where fewer than three durations were run.
+        Best first. Empty with fewer than three durations.
     """
     if curve.data.durations < LEAST_DURATIONS:
         return ()
@@ -231,7 +231,7 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
 
 
 def _at(curve: DwellCurve, form: DwellForm, whitener: Array, times: Array) -> Scan:
-    """Fit a law at these times, and at all exponents where they are free."""
+    """Fit a law at these times, and at all exponents if they are free."""
     data, conditions = curve.data, len(curve.data.conditions)
     own = (data.condition[:, None] == np.arange(conditions)[None, :]).astype(float)
     columns = [times, EXPONENTS][: len(form.units)]

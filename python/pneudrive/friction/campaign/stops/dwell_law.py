@@ -1,4 +1,4 @@
-"""Breakaway against stop duration and pressure: slope per decade, laws side by side, what the stops cannot carry."""
+"""Breakaway against stop duration and pressure: slope per decade, laws in comparison, limits of the stops."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Where the slope is told: the stop that the source paper shows [bracha].
+#: Duration of the slope: the stop of the source paper [bracha].
 REFERENCE_S = 15.0
-INSIDE = 1.5  # factor by which the durations must go beyond it on both sides
+INSIDE = 1.5  # factor by which the durations must exceed it on both sides
 GRID_POINTS = 61
-FEWEST_PAIRS = 4  # of durations and conditions that were restarted both ways
+FEWEST_PAIRS = 4  # share of durations and conditions with restarts in both directions
 SAME_PLACE_M = 1e-3
 SAME_PRESSURE_PA = 100.0
-#: Stops not longer than this leave the time of saturation open, whatever law is best (of the order of hours to days
+#: Stops up to this leave the time of saturation open for every law (of the order of hours to days
 #: for elastomers: assumed).
 LONG_S = 1000.0
 RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
@@ -48,7 +48,7 @@ class DwellPressure:
     Attributes
     ----------
     slope_a, slope_b, slope_sum : Estimate or None
-        Change of the slope per decade with each pressure, N/Pa; `slope_sum` where both moved together.
+        Change of the slope per decade with each pressure, N/Pa; `slope_sum` if both changed together.
     increment_a, increment_b, increment_sum : Estimate or None
         Change of the increment at the reference duration, N/Pa.
     statement : str
@@ -65,12 +65,12 @@ class DwellPressure:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DwellSeries(Shown):
-    """Breakaway against stop duration for one set of levels, restart speed and way of holding.
+    """Breakaway against stop duration for one set of levels, restart speed and axis (held, released).
 
     Attributes
     ----------
     levels : str
-        Mounting, seal, drive; "" where there are none.
+        Mounting, seal, drive; "" without levels.
     speed_m_s : float
         Of the restart.
     released : bool
@@ -78,9 +78,9 @@ class DwellSeries(Shown):
     stops : tuple of Stop
         Those used.
     left_out : int
-        Stops of the series that were not.
+        Stops of the series that were not used.
     reference_s : float
-        Duration at which slopes are told.
+        Duration of the slopes.
     slopes : tuple of Estimate
         Slope per decade of the increment at the reference duration, at each condition, N. Law-free.
     mean_slopes : tuple of Estimate
@@ -90,7 +90,7 @@ class DwellSeries(Shown):
     share : Estimate or None
         `slope` over running friction.
     running_n : float
-        Mean running friction; both directions where they were run, otherwise with the offset in it.
+        Mean running friction of both directions; of one direction, with the offset.
     duration_s : ndarray, shape (m,)
         For the curves below.
     increment_n, low_n, high_n : ndarray, shape (C, m)
@@ -101,7 +101,7 @@ class DwellSeries(Shown):
     scatter_n, block_n : float
         Standard deviation from stop to stop, and of blocks.
     outlying : tuple of str
-        Keys of stops that stand out and count less.
+        Keys of outlying stops, which have less weight.
     curve : DwellCurve or None
     """
 
@@ -132,13 +132,13 @@ class DwellSeries(Shown):
 
     @property
     def name(self) -> str:
-        """Levels, speed and way of holding in words."""
+        """Levels, speed and axis in words."""
         held = "released" if self.released else "held"
         parts = [self.levels, f"restart at {1e3 * self.speed_m_s:.3g} mm/s", held]
         return ", ".join(part for part in parts if part)
 
     def slope_at(self, duration_s: float) -> tuple[Estimate, ...]:
-        """Slope per decade at another duration, at each condition, N. Law-free."""
+        """Return the slope per decade at another duration, at each condition, N. Law-free."""
         if self.curve is None:
             return ()
         return tuple(self.curve.slopes(np.log10([duration_s])).estimates())
@@ -155,7 +155,7 @@ def fit_dwell(stops: Sequence[Stop], ambient_pressure_pa: float) -> tuple[tuple[
     Returns
     -------
     tuple of DwellSeries, list of Statement
-        One series for each set of levels, restart speed and way of holding; what they carry and what not.
+        One series for each set of levels, restart speed and axis (held, released); what they determine and what not.
     """
     groups: dict[tuple, list[Stop]] = {}
     for stop in stops:
@@ -191,7 +191,7 @@ def _results(series: DwellSeries, curve: DwellCurve, ambient: float) -> dict[str
     at = np.log10([series.reference_s])
     low, high = float(curve.data.log_s.min()), float(curve.data.log_s.max())
     slopes, gains = curve.slopes(at), curve.gains(low, high)
-    # Inertia adds to every peak, but less where the contact gives way more: at most all of it over the durations.
+    # Inertia adds to every peak, but less if the contact is softer: at most all of it over the durations.
     u = _inertia(series.stops) / max(high - low, 0.3) / np.sqrt(12.0)
     grid = np.linspace(low, high, GRID_POINTS)
     shown = curve.values(grid).estimates()
@@ -233,7 +233,7 @@ def _reference(durations: list[float]) -> float:
 
 
 def _running(stops: Sequence[Stop]) -> float:
-    """Average running friction; the mean of both directions takes the offset out."""
+    """Average running friction; the mean of both directions removes the offset."""
     by_direction = [np.mean([s.running_n for s in stops if s.direction == d]) for d in {s.direction for s in stops}]
     return float(np.mean(by_direction)) if by_direction else float("nan")
 
@@ -255,7 +255,7 @@ def _data(stops: list[Stop], conditions: list[Condition]) -> DwellData:
 
 
 def _running_drift(stops: Sequence[Stop]) -> float:
-    """Relative change of running friction over half the campaign: what ageing may have drifted by, too (assumed)."""
+    """Return the relative drift of running friction over half the campaign, assumed for ageing too."""
     time = np.array([s.began_s for s in stops])
     if np.ptp(time) == 0:
         return 0.0
@@ -268,7 +268,7 @@ def _running_drift(stops: Sequence[Stop]) -> float:
 
 
 def _pressure(curve: DwellCurve, at: Array, ambient: float) -> DwellPressure | None:
-    """Regress slopes and increments of the conditions on their pressures, as functionals of the one model."""
+    """Regress slopes and increments of the conditions on their pressures, as functionals of one model."""
     gauge = np.array([(c.pressure_a_pa - ambient, c.pressure_b_pa - ambient) for c in curve.data.conditions])
     if len(gauge) < 2 or not (np.ptp(gauge, axis=0) > SAME_PRESSURE_PA).any():
         return None
@@ -285,7 +285,7 @@ def _pressure(curve: DwellCurve, at: Array, ambient: float) -> DwellPressure | N
     return DwellPressure(say(f"stops.pressure_{kind}").text, **found)
 
 
-# --- what the stops carry ------------------------------------------------------------------------------------------
+# --- what the stops determine ---------------------------------------------------------------------------------------
 
 
 def _statements(series: DwellSeries, stops: list[Stop]) -> Iterator[Statement]:
@@ -301,7 +301,7 @@ def _statements(series: DwellSeries, stops: list[Stop]) -> Iterator[Statement]:
         numbers = {"slope": slope, "reference": series.reference_s, "stops": len(series.stops), "durations": durations}
         yield say(f"stops.{'slope' if slope.differs else 'slope_not_shown'}", where=where, share=share, **numbers)
     yield from _directions(where, series)
-    if slope is None or slope.differs:  # otherwise there is no effect to be one
+    if slope is None or slope.differs:  # else there is no effect
         yield from _laws(where, series, durations)
     yield from _confounding(where, series, series.curve)
     yield say("stops.peaks", where=where)
@@ -316,7 +316,7 @@ def _spoiled(where: str, stops: list[Stop]) -> Iterator[Statement]:
 
 
 def _one_duration(where: str, stops: list[Stop]) -> Iterator[Statement]:
-    """Say the increment after stops of one duration, where no law over duration can be told."""
+    """Return statements on the increment after stops of one duration, without a law over duration."""
     durations = _durations(stops)
     if len(stops) > 1 and durations == 1:
         inertia = _inertia(stops)
@@ -329,7 +329,7 @@ def _one_duration(where: str, stops: list[Stop]) -> Iterator[Statement]:
 
 
 def _directions(where: str, series: DwellSeries) -> Iterator[Statement]:
-    """Say by how much the peaks of one direction stand higher, from cells that have both."""
+    """Return statements on the difference of peaks between directions, from cells with both."""
     cells: dict[tuple, dict[int, list[float]]] = {}
     for s in series.stops:
         cells.setdefault((s.condition, round(s.stop_s, 6)), {1: [], -1: []})[s.direction].append(s.increment_n)

@@ -1,4 +1,4 @@
-"""Stops as files: one row per stop, and what each series says of breakaway over duration."""
+"""Stops as files: one row per stop, and the results of each series on breakaway over duration."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
 
 STOPS_FILE = "stops.parquet"
-NESTED = {"condition", "relaxation", "recovery", "trace", "flags"}  # what is no column by itself
+NESTED = {"condition", "relaxation", "recovery", "trace", "flags"}  # fields that are not columns
 
 
 def dwell_tables(found: CampaignCharacteristics) -> list[dict[str, Any]]:
-    """List the series in a form that files can hold."""
+    """Return the series as plain data for files."""
     return [_series(series) for series in found.dwell]
 
 
@@ -72,7 +72,7 @@ def write_stops(found: CampaignCharacteristics, path: str | Path) -> Path:
     Raises
     ------
     CommandError
-        The file cannot be written.
+        If the file cannot be written.
     """
     path = check_target(path, (".parquet", ".csv"))
     write_frame(pl.DataFrame([_row(stop) for stop in found.stops], infer_schema_length=None), path)

@@ -1,4 +1,4 @@
-"""Where in a cycle the stop is: approach, rest, restart; from its steps, or from motion where they do not tell."""
+"""The stop within a cycle: approach, rest, restart; from its steps, else from motion."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Least samples that make a phase.
+#: Least number of samples of a phase.
 FEWEST = 5
 #: Speeds within this share of the usual one belong to the part of a move at constant speed.
 STEADY = 0.1
 #: A piston slower than this share of the move's speed rests.
 RESTS = 0.1
-#: Times the noise of position, within which two rests are one.
+#: Multiple of the noise of position within which two rests are one.
 SAME_PLACE = 10.0
-#: A rest that is longer or shorter than planned by more than this factor is not the stop.
+#: Largest factor between the duration of a rest and the planned stop.
 OTHER_DURATION = 1.5
 #: Least and largest time over which speed is taken.
 SPEED_WINDOW_S = (0.005, 2.0)
@@ -41,11 +41,11 @@ class Phases:
     ----------
     approach, rest, restart : slice
     rest_s, restart_s : float
-        When the axis came to rest and when it began to move again.
+        Times at which the axis came to rest and began to move again.
     direction : int
         Of the restart.
     reversed : bool
-        The approach came from the other side, or there is none.
+        The approach came from the other side, or is missing.
     by_steps : bool
         Found by the steps of the cycle; by motion otherwise.
     """
@@ -76,7 +76,7 @@ def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[np
     Returns
     -------
     Phases or str
-        A string says why there is none.
+        A string says why there is no stop.
     """
     hold = stop_step(cycle) if cycle.steps else _resting_step(cycle, time_s, position_m, step)
     if hold is not None and np.unique(step).size > 1:
@@ -92,7 +92,7 @@ def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[np
 
 
 def stop_step(cycle: Cycle) -> int | None:
-    """Find the hold that is the stop of a cycle, before a move and as long as planned; None where there is none."""
+    """Find the hold that is the stop of a cycle, before a move and as long as planned; None if there is none."""
     held = {
         i: step.duration_s
         for i, (step, following) in enumerate(pairwise(cycle.steps))
@@ -121,7 +121,7 @@ def _resting_step(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[
 
 
 def speed_of(time_s: Array, position_m: Array, speed_m_s: float) -> Array:
-    """Signed speed over a time in which a move of this speed goes well beyond the noise of position, shape (n,)."""
+    """Return the signed speed over a time long enough for the noise of position, shape (n,)."""
     noise = max(noise_level(position_m), 1e-12)
     width = float(np.clip(20.0 * noise / max(speed_m_s, 1e-9), *SPEED_WINDOW_S))
     low, high = np.maximum(time_s - width / 2, time_s[0]), np.minimum(time_s + width / 2, time_s[-1])
@@ -130,7 +130,7 @@ def speed_of(time_s: Array, position_m: Array, speed_m_s: float) -> Array:
 
 
 def steady_part(recording: Recording, part: slice) -> slice:
-    """Part of one move at constant speed, from the first to the last sample near its usual speed."""
+    """Return the part of one move at constant speed, from the first to the last sample near its usual speed."""
     time_s, position_m = recording.time_s[part], recording.position_m[part]
     n = time_s.size
     share = np.abs(position_m - position_m[0]) / max(abs(float(position_m[-1] - position_m[0])), 1e-12)
@@ -144,13 +144,13 @@ def steady_part(recording: Recording, part: slice) -> slice:
 
 
 def mean_velocity(recording: Recording, part: slice) -> float:
-    """Way over time of a part of a recording, signed."""
+    """Return the mean signed velocity of a part of a recording."""
     time, position = recording.time_s[part], recording.position_m[part]
     return float(position[-1] - position[0]) / max(float(time[-1] - time[0]), 1e-12)
 
 
 def _by_motion(cycle: Cycle, time_s: Array, position_m: Array) -> Phases | str:
-    """Take the rest that is as long as planned, or the longest one between two moves in one direction."""
+    """Find the rest that is as long as planned, or the longest one between two moves in one direction."""
     if time_s.size < 4 * FEWEST or np.ptp(position_m) <= 20 * noise_level(position_m):
         return "nothing moves"
     planned = [step.speed_m_s for step in cycle.steps if isinstance(step, Move)]
@@ -160,7 +160,7 @@ def _by_motion(cycle: Cycle, time_s: Array, position_m: Array) -> Phases | str:
         usual = middle(moving[moving > 0]) if (moving > 0).any() else 0.0
     speed = speed_of(time_s, position_m, usual)
     resting = np.abs(speed) < RESTS * usual
-    # A slow move turns within less than a sample: there the sign changes and nothing rests.
+    # A slow move reverses within less than a sample: the sign changes without a rest.
     turns = np.r_[False, np.sign(speed[1:]) * np.sign(speed[:-1]) < 0] | resting
     edges = np.flatnonzero(np.diff(np.r_[False, resting, False].astype(int)))
     whole = _without_gaps(edges.reshape(-1, 2).tolist(), position_m)

@@ -1,9 +1,9 @@
-"""How far and how long after a restart friction is back at that of uninterrupted sliding.
+"""Distance and time after a restart until friction is back at that of uninterrupted sliding.
 
   excess(s) = E exp(-s/L) + c        s: travel since the breakaway peak
 
-c is what is left at the end of the move. Friction counts as back where the excess over c has fallen to 5 % of what it
-was: a distance that does not depend on noise, as "no longer distinguishable" would.
+c is the rest at the end of the move. Friction counts as back when the excess over c has fallen to 5 % of its
+start: this distance does not depend on noise, unlike "no longer distinguishable".
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BINS_PER_DECADE = 14
 LEAST_IN_BIN = 4
 FEWEST_BINS = 8
 LENGTHS = 60
-MISFIT = 0.05  # of the excess: an exponential that misses by less than this is good enough to read a distance from
+MISFIT = 0.05  # of the excess: largest misfit of an exponential for reading a distance
 #: An excess below this many standard errors cannot be followed.
 SIGNIFICANT = 3.0
 
@@ -39,7 +39,7 @@ class Recovery:
     Attributes
     ----------
     distance : Estimate
-        m, from the peak to where 5 % of the excess are left; high is inf where the move ends before.
+        m, from the peak to 5 % of the excess; high is inf if the move ends before.
     time : Estimate
         s, likewise.
     length_m : float
@@ -47,9 +47,9 @@ class Recovery:
     left : Estimate
         c: friction at the end less that before the stop, N.
     seen_m : float
-        Travel after the peak that the move has.
+        Travel of the move after the peak.
     complete : bool
-        The move is long enough to see it.
+        The move is long enough.
     exponential : bool
         The excess is an exponential within its noise; otherwise the distance is read from the bins.
     """
@@ -74,14 +74,14 @@ class Excess:
 
 
 def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, texture_n: float) -> Excess | None:
-    """Average over bins that widen with travel; None where there are too few.
+    """Average over bins that widen with travel; None with too few samples.
 
     Parameters
     ----------
     travel_m, time_s, excess_n : ndarray, shape (n,)
         Since the peak.
     noise_n : float
-        Of one sample.
+        Noise of one sample.
     texture_n : float
         Standard deviation of friction over position in uninterrupted sliding, which bins do not average out.
     """
@@ -110,7 +110,7 @@ def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, 
 
 
 def recover(bins: Excess, running_stderr_n: float, speed_m_s: float) -> Recovery | None:
-    """Find the way back.
+    """Fit the return to uninterrupted sliding.
 
     Parameters
     ----------
@@ -118,12 +118,12 @@ def recover(bins: Excess, running_stderr_n: float, speed_m_s: float) -> Recovery
     running_stderr_n : float
         Standard error of the level of uninterrupted sliding.
     speed_m_s : float
-        Of the restart.
+        Speed of the restart.
 
     Returns
     -------
     Recovery or None
-        None where the excess at the peak is not distinguishable from zero.
+        None if the excess at the peak is not distinguishable from zero.
     """
     s, y, sigma = bins.travel_m, bins.excess_n, bins.stderr_n
     first = slice(0, max(2, s.size // 10))
@@ -166,7 +166,7 @@ def _scan(s: Array, y: Array, sigma: Array, lengths: Array) -> Scan:
 
 
 def _by_bins(bins: Excess, left_n: float) -> tuple[float, float, float]:
-    """Read the distance from the bins: where the excess begins to stay below 5 %, give or take its error."""
+    """Return the distance from the bins: where the excess falls below 5 % for good, with its error."""
     above = bins.excess_n - left_n
     top = float(above[: max(2, above.size // 10)].mean())
 
@@ -182,7 +182,7 @@ def _by_bins(bins: Excess, left_n: float) -> tuple[float, float, float]:
 
 
 def _time(travel: float, known_m: Array, known_s: Array, speed_m_s: float) -> float:
-    """Time at a travel; beyond what was seen at the speed of the move."""
+    """Return the time at a travel; beyond the observed travel at the speed of the move."""
     if not np.isfinite(travel):
         return float("inf")
     beyond = max(travel - float(known_m[-1]), 0.0) / max(speed_m_s, 1e-9)

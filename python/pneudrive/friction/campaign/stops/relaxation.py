@@ -1,4 +1,4 @@
-"""Relaxation of the force while the piston is held: how much, how fast, and in which form.
+"""Relaxation of the force while the piston is held: amount, rate and form.
 
   log           f = a - R log10(1 + t/t0)          R per decade: creep of an elastomer
   exponential   f = a - A [1 - exp(-t/tau)]        one time constant: a film that is squeezed out
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 PER_DECADE = 12
 FEWEST_BINS = 6
-#: Start and end of the hold that the amount is the difference of: the force falls fastest at first.
+#: Start and end of the hold for the amount: the force falls fastest at first.
 START_S, END_SHARE = 0.1, 0.1
 LEAST_SAMPLES = 3
-#: Times are sought from the first bin, divided by this, to the last one, times this.
+#: Factor by which the search for times extends beyond the first and last bin.
 REACH = 5.0
 TIMES = 60
 CHI_SQUARE_95 = 3.84  # of one quantity
@@ -38,7 +38,7 @@ CHI_SQUARE_95 = 3.84  # of one quantity
 
 @dataclass(frozen=True)
 class ForceRelaxation:
-    """What the force did while the piston was held, friction positive in the direction of the restart.
+    """Relaxation of the force in a hold; friction is positive in the direction of the restart.
 
     Attributes
     ----------
@@ -51,11 +51,11 @@ class ForceRelaxation:
     times_s : tuple of float
         t0 of the log, time constants of the others.
     time_intervals_s : tuple of (float, float)
-        0 or inf where open; of two times none is told.
+        0 or inf if open; none for two times.
     amplitudes_n : tuple of float
         R of the log, A of the others.
     per_decade : Estimate or None
-        R, whatever form is best; None where the hold is too short for it.
+        R, for any form; None if the hold is too short.
     aicc : dict
         Form -> AICc above that of the best one.
     """
@@ -70,7 +70,7 @@ class ForceRelaxation:
     aicc: dict[str, float]
 
     def force_n(self, time_s: Array, start_n: float) -> Array:
-        """Force over time since the rest began, N, for a force at its beginning."""
+        """Return the force over time since the rest began, N, for a force at its beginning."""
         basis = _basis(self.form, np.asarray(time_s, dtype=float), np.array([self.times_s]))[0]
         return start_n - basis @ np.array(self.amplitudes_n)
 
@@ -88,7 +88,7 @@ def relax(time_s: Array, friction_n: Array) -> ForceRelaxation | None:
     Returns
     -------
     ForceRelaxation or None
-        None where fewer than six samples were taken.
+        None with fewer than six samples.
     """
     if time_s.size < 2 * LEAST_SAMPLES:
         return None
@@ -116,13 +116,13 @@ def relax(time_s: Array, friction_n: Array) -> ForceRelaxation | None:
 
 
 def _basis(form: str, time: Array, times: Array) -> Array:
-    """Fall for amplitude 1 at time, shape (n,), of all sets of times, shape (g, k); shape (g, n, k)."""
+    """Return the fall for amplitude 1 at time, shape (n,), of all sets of times, shape (g, k); shape (g, n, k)."""
     ratio = time[None, :, None] / times[:, None, :]
     return np.log10(1.0 + ratio) if form == "log" else -np.expm1(-ratio)
 
 
 def _forms(time: Array, force: Array, variance: Array) -> dict[str, Any]:
-    # Slow noise that bins share is no part of the samples' noise: the least variance that a cubic in log time leaves.
+    # Slow noise that bins share is not in the samples' noise: least variance from a cubic in log time.
     root = np.sqrt(1.0 / (variance + _slow_variance(time, force, variance)))
     grid = np.geomspace(time[0] / REACH, time[-1] * REACH, TIMES)
     pairs = [(a, b) for i, a in enumerate(grid[::3]) for b in grid[::3][i + 2 :]]

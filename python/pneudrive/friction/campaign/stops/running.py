@@ -1,4 +1,4 @@
-"""Uninterrupted sliding, with which a stop is compared: strokes without one, its level at a stop, and along the way."""
+"""Uninterrupted sliding as the reference of a stop: strokes without a stop, level at the stop, and along the way."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SAME_SPEED = 0.05  # speeds that differ by less than this share are the same
+SAME_SPEED = 0.05  # speeds that differ by less than this share are equal
 POINTS = 400  # over a stroke: means of neighbouring samples
-#: Of the approach at constant speed whose friction counts: its beginning may still recover from a start.
+#: Part of the approach at constant speed whose friction counts: its start may still recover.
 LAST_SHARE = 0.5
 BINS = 24
 MOST_REFERENCES = 8
@@ -56,7 +56,7 @@ class UninterruptedStroke:
 def strokes_of(
     file: CycleFile, recording: Recording, step: NDArray[np.int64], *, leave: int | None = None
 ) -> list[UninterruptedStroke]:
-    """Strokes of a cycle at the speed that it is for.
+    """Return the strokes of a cycle at its planned speed.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def strokes_of(
         Its samples.
     step : ndarray of int, shape (n,)
     leave : int or None
-        Step that is a stop: the moves before and after it are none.
+        Step of a stop: the moves before and after it are excluded.
     """
     planned, out = file.head.cycle.speed_m_s, []
     balance = recording.balance_n()
@@ -90,7 +90,7 @@ def strokes_of(
 
 
 def read_strokes(files: Iterable[CycleFile], identity: Identity) -> list[UninterruptedStroke]:
-    """Uninterrupted strokes of whole cycles; cycles that cannot be read have none."""
+    """Return the uninterrupted strokes of whole cycles; unreadable cycles give none."""
 
     def read(file: CycleFile, samples: Samples) -> list[UninterruptedStroke]:
         recording, _ = recording_of(file, identity, samples)
@@ -98,12 +98,12 @@ def read_strokes(files: Iterable[CycleFile], identity: Identity) -> list[Uninter
 
     found = list(files)
     every = [read_or_skip(read, file, samples) for file, samples in zip(found, read_samples(found), strict=True)]
-    # What was skipped is named where the cycle itself is characterised.
+    # The characterisation of the cycle reports skipped parts.
     return [stroke for strokes in every if not isinstance(strokes, Skipped) for stroke in strokes]
 
 
 def _means(values: Array, most: int) -> tuple[Array, float]:
-    """Means over equal parts, at most so many, and the mean number of samples in one."""
+    """Return the means over equal parts, at most so many, and the mean number of samples in one."""
     edges = np.linspace(0, values.size, min(most, values.size) + 1).astype(int)
     sizes = np.diff(edges)
     return np.add.reduceat(values, edges[:-1]) / sizes, float(sizes.mean())
@@ -121,15 +121,15 @@ class Running:
     Attributes
     ----------
     level_n, stderr_n : float
-        At the stop; NaN where nothing tells.
+        Level at the stop; NaN if unknown.
     texture_n : float
-        How friction scatters along the way about that level, beyond noise.
+        Scatter of friction along the way about that level, beyond noise.
     basis : str
         approach, approach and reference, reference, none.
     stop_m : float
-        Position to which the level belongs.
+        Position of the level.
     reference_m, reference_n : ndarray, shape (m,)
-        Uninterrupted friction along the way; empty where there is none.
+        Uninterrupted friction along the way; empty if unknown.
     """
 
     level_n: float
@@ -141,7 +141,7 @@ class Running:
     reference_n: Array
 
     def shape(self, position_m: Array) -> Array:
-        """Uninterrupted friction at these positions less that at the stop; 0 where no reference tells."""
+        """Return the uninterrupted friction at these positions less that at the stop; 0 without a reference."""
         if not self.reference_m.size:
             return np.zeros(position_m.size)
         at = np.interp(np.r_[self.stop_m, position_m], self.reference_m, self.reference_n)
@@ -165,7 +165,7 @@ def running_level(
         direction * balance.
     phases : Phases
     own, others : sequence of UninterruptedStroke
-        Of this cycle, and of others.
+        Strokes of this cycle, and of others.
     condition : Condition
     """
     steady = steady_part(recording, phases.restart)
@@ -194,7 +194,7 @@ def running_level(
 
 
 def _of_approach(friction: Array) -> tuple[float, float, float]:
-    """Give mean, standard error and texture of friction before the stop."""
+    """Return mean, standard error and texture of friction before the stop."""
     bins, each = _means(friction, int(min(BINS, max(friction.size // 4, 4))))
     noise = _noise(friction) / np.sqrt(each)
     stderr = profile_stderr(bins)
@@ -204,7 +204,7 @@ def _of_approach(friction: Array) -> tuple[float, float, float]:
 
 
 def _approach(recording: Recording, phases: Phases, speed: float) -> slice | None:
-    """Last part of an approach in the same direction and at the same speed; None where there is none."""
+    """Return the last part of an approach in the same direction and at the same speed; None where there is none."""
     if phases.reversed or phases.approach.stop - phases.approach.start < 4 * FEWEST:
         return None
     steady = steady_part(recording, phases.approach)
@@ -219,7 +219,7 @@ def _approach(recording: Recording, phases: Phases, speed: float) -> slice | Non
 def _references(
     strokes: Sequence[UninterruptedStroke], direction: int, speed: float, low: float, high: float, condition: Condition
 ) -> list[UninterruptedStroke]:
-    """Strokes in the same direction, speed and condition that cover the way."""
+    """Return the strokes in the same direction, speed and condition that cover the way."""
     out = []
     for s in strokes:
         alike = s.direction == direction and s.condition == condition
@@ -230,7 +230,7 @@ def _references(
 
 
 def _averaged(strokes: Sequence[UninterruptedStroke]) -> tuple[Array, Array, float]:
-    """Friction along the way, mean of the strokes, smoothed over three points, and the noise of such a mean."""
+    """Return the mean friction of the strokes along the way, smoothed over three points, and its noise."""
     if not strokes:
         return np.zeros(0), np.zeros(0), 0.0
     ends = max(float(s.position_m[0]) for s in strokes), min(float(s.position_m[-1]) for s in strokes)

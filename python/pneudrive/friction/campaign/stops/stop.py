@@ -1,6 +1,6 @@
 """Stops in the middle of a move: relaxation while held, breakaway peak, way back to uninterrupted sliding.
 
-Every number is a difference within one move (or to an uninterrupted one of the same cycle), so that the zero of the
+Every number is a difference within one move (or to an uninterrupted one of the same cycle), so the zero of the
 sensor and slow drift cancel. Samples are raw; friction here is direction * balance, with the offset still in it.
 """
 
@@ -45,12 +45,12 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: A change of the air's force, or inertia, beyond this share of the increment spoils a peak; so does a loading that
+#: A change of the air's force, or inertia, above this share of the increment spoils a peak; so does a loading that
 #: lasts longer than this share of the stop, but then only the duration is in doubt.
 SPOILS = 0.1
-LEAST_RATE_HZ = 5000.0  # of the samples around a restart
-SAME_DURATION = 0.2  # a rest that differs from the planned stop by more than this share is named
-MOST_CYCLES = 24  # without a stop, of one condition and speed, that are read for comparison
+LEAST_RATE_HZ = 5000.0  # share of the samples around a restart
+SAME_DURATION = 0.2  # share by which a rest may differ from the planned stop without a flag
+MOST_CYCLES = 24  # cycles without a stop, of one condition and speed, that are read for comparison
 WORTH_WORKERS = 60  # stops below which starting processes costs more than it saves
 AROUND_PEAK = 3.0  # times from restart to peak, in which missing samples count
 TRACE_SAMPLES = (120, 160, 480)  # of approach, rest and restart that are kept for figures
@@ -62,7 +62,7 @@ SPOILING = frozenset(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StopTrace(Shown):
-    """Friction around one stop, thinned; shape (m,) each. Time counts from the begin of the rest."""
+    """Friction around one stop, thinned; shape (m,) each. Time counts from the start of the rest."""
 
     time_s: Array
     position_m: Array
@@ -71,41 +71,41 @@ class StopTrace(Shown):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Stop(Shown):
-    """What one stop did.
+    """The results of one stop.
 
     Attributes
     ----------
     index, key, block, repeat
-        As in the head of its file.
+        As in the header of its file.
     condition : Condition
     direction : int
         Of the restart.
     speed_m_s, position_m : float
-        Speed of the restart as planned, and where the stop was.
+        Planned speed of the restart, and position of the stop.
     began_s : float
-        The rig's clock at the begin of the cycle.
+        The rig's clock at the start of the cycle.
     stop_s, dwell_s : float
         Duration as planned and as measured.
     released : bool
-        The axis gave way during the stop.
+        The axis was released during the stop.
     running_n, running_stderr_n : float
         Friction of uninterrupted sliding at the stop.
     basis : str
-        Where it is from: approach, approach and reference, reference, or none.
+        Its basis: approach, approach and reference, reference, or none.
     breakaway_n, breakaway_stderr_n : float
         Peak after the restart.
     increment_n, increment_stderr_n : float
         Peak less running friction.
     loading_rate_n_s, loading_s : float
-        Rate at which the force rose, and how long from restart to peak.
+        Rate of rise of the force, and time from restart to peak.
     sample_rate_hz : float
-        Around the peak.
+        Rate of samples around the peak.
     inertia_n : float
-        Most that the mass which breaks loose can add to the peak: v sqrt(k m), like after every stop.
+        Largest contribution of the moving mass to the peak: v sqrt(k m), equal for all stops.
     relaxation : ForceRelaxation or None
-        None where the axis gave way, or too few samples were taken.
+        None if the axis was released, or with too few samples.
     recovery : Recovery or None
-        None where the peak cannot be told from running friction.
+        None if the peak cannot be separated from running friction.
     trace : StopTrace
     flags : tuple of str
         Those of `SPOILING`, and inertia, slow_samples, long_loading, duration, reversed, by_motion.
@@ -204,7 +204,7 @@ def _restart(recording: Recording, friction: Array, phases: Phases) -> tuple[Arr
 
 
 def _recovery(recording: Recording, friction: Array, part: slice, direction: int, running: Running) -> Recovery | None:
-    """Find the way back over what follows the peak at constant speed."""
+    """Fit the return over the part after the peak at constant speed."""
     if not np.isfinite(running.level_n) or part.stop - part.start < 2:
         return None
     position = recording.position_m[part]
@@ -219,7 +219,7 @@ def _recovery(recording: Recording, friction: Array, part: slice, direction: int
 def _flags(
     file: CycleFile, recording: Recording, phases: Phases, peak: BreakawayPeak, running: Running, samples: Samples
 ) -> tuple[str, ...]:
-    # Samples at the sensor's limit are left out on reading: some are missing about the peak.
+    # Samples at the sensor's limit were left out on reading: some are missing around the peak.
     begin, end = phases.restart_s, phases.restart_s + AROUND_PEAK * peak.time_s
     here, kept = (int(((t >= begin) & (t <= end)).sum()) for t in (samples.time_s, recording.time_s))
     planned = file.head.cycle.stop_s
@@ -238,7 +238,7 @@ def _flags(
 
 
 def _spoiled(recording: Recording, phases: Phases, stop: Stop, at_peak: int, in_chamber: bool) -> Iterator[str]:
-    """Name what of the increment may not be friction: air that moved meanwhile, a mass that breaks loose."""
+    """Return flags for parts of the increment that may not be friction: air, a mass that breaks loose."""
     size = max(abs(stop.increment_n), 3.0 * stop.increment_stderr_n)
     begin = max(phases.restart.start - 3, 0)
     moved = 0.0
@@ -247,7 +247,7 @@ def _spoiled(recording: Recording, phases: Phases, stop: Stop, at_peak: int, in_
         ends = [float(channel[max(i - 20, 0) : i + 20].mean()) for i in (begin, at_peak)]
         noise = noise_level(channel, quantisation=False) / np.sqrt(20.0)
         moved += max(abs(ends[1] - ends[0]) - 3.0 * noise, 0.0) * getattr(recording, f"area_{side}_m2")
-    # What is measured in the chamber is taken out of the balance; it spoils only where it is as large as the result.
+    # A force of the air measured in the chambers is corrected; it spoils the result only if it is as large.
     if moved > (1.0 if in_chamber else SPOILS) * size:
         yield "pressure_transient"
     if stop.inertia_n > SPOILS * size:
@@ -255,8 +255,8 @@ def _spoiled(recording: Recording, phases: Phases, stop: Stop, at_peak: int, in_
 
 
 def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float | None) -> float:
-    """Overshoot of a mass that breaks loose on the rig's spring, at the speed that the axis has by then."""
-    speed = 2.0 * peak.travel_m / max(peak.time_s, 1e-12)  # at constant acceleration; less than that in a longer move
+    """Return the overshoot of a mass that breaks loose on the rig's spring, at the speed of the axis then."""
+    speed = 2.0 * peak.travel_m / max(peak.time_s, 1e-12)  # at constant acceleration; less in a longer move
     speed = min(speed, speed_m_s) if speed_m_s is not None else speed
     stiffness = recording.stiffness_n_m or abs(np.nan_to_num(peak.loading_rate_n_s)) / max(speed, 1e-12)
     return speed * float(np.sqrt(max(stiffness, 0.0) * recording.mass_beyond_sensor_kg))
@@ -266,7 +266,7 @@ def _trace(recording: Recording, friction: Array, phases: Phases) -> StopTrace:
     chosen = []
     for part, most in zip((phases.approach, phases.rest, phases.restart), TRACE_SAMPLES, strict=True):
         size = part.stop - part.start
-        # Dense where the peak is.
+        # Dense around the peak.
         ranks = np.geomspace(1, size, most) - 1 if part is phases.restart else np.linspace(0, size - 1, most)
         chosen.append(part.start + np.unique(ranks.astype(int)) if size > 0 else np.zeros(0, dtype=int))
     index = np.concatenate(chosen)
@@ -282,14 +282,14 @@ def find_stops(
     ----------
     campaign : Campaign
     processes : int, optional
-        None: as many as there are processors, where there are enough stops.
+        None: one for each processor, with enough stops.
     files : sequence of CycleFile, optional
-        Its usable files, where they are known.
+        Its usable files, if known.
 
     Returns
     -------
     tuple of Stop, tuple of Skipped
-        In the order in which they were run; what could not be read, and why.
+        Stops in running order; and unreadable ones with reasons.
     """
     known = campaign.scan()[0] if files is None else files
     files = [CycleFile(f.path, replace(f.head, memory={})) for f in known]
@@ -306,7 +306,7 @@ def find_stops(
 def read_stops(
     files: Sequence[CycleFile], identity: Identity, others: Sequence[UninterruptedStroke]
 ) -> list[Stop | Skipped]:
-    """Read some stops one after the other.
+    """Read some stops in turn.
 
     Parameters
     ----------
@@ -314,7 +314,7 @@ def read_stops(
     identity : Identity
         Of the rig.
     others : sequence of UninterruptedStroke
-        Of other cycles, for where a cycle has none of its own.
+        Strokes of other cycles, for cycles without their own.
     """
 
     def read(file: CycleFile, samples: Samples) -> Stop | Skipped:
@@ -324,7 +324,7 @@ def read_stops(
 
 
 def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[CycleFile]:
-    """Cycles without a stop, at condition and speed of one with a stop that has no uninterrupted stroke of its own."""
+    """Return cycles without a stop, at condition and speed of a stop without its own uninterrupted stroke."""
     alone = [f.head for f in stops if not _has_reference(f.head.cycle)]
     wanted = {(condition_of(h), _speed_key(h.cycle)) for h in alone}
     found: dict[tuple, list[CycleFile]] = {}
@@ -344,7 +344,7 @@ def _speed_key(cycle: Cycle) -> float:
 
 
 def _has_reference(cycle: Cycle) -> bool:
-    """Whether a move of the cycle, away from the stop, is at the speed of the restart."""
+    """Return whether a move of the cycle, away from the stop, is at the speed of the restart."""
     hold = stop_step(cycle)
     return hold is not None and any(
         isinstance(step, Move) and abs(i - hold) > 1 and step.speed_m_s == cycle.speed_m_s
