@@ -43,7 +43,7 @@ def test_expected_intervals_come_true():
 
 
 @pytest.mark.parametrize(
-    ("form", "options", "said"), [("logarithm", {}, "no dwell law"), ("log", {"range_s": (0.0, 10.0)}, "must be positive")]
+    ("form", "options", "said"), [("logarithm", {}, "no dwell law"), ("log", {"range_s": (0.0, 10.0)}, "be positive")]
 )
 def test_messages(form, options, said):
     with pytest.raises(FitError, match=said):

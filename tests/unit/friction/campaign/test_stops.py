@@ -225,7 +225,9 @@ def test_peaks_that_differ_between_the_directions_are_said(tmp_path):
     assert not [s for s in statements if "peaks in +x" in s.text]
     uneven = [replace(s, increment_n=s.increment_n + 0.5 * s.direction) for s in stops]
     (text,) = [s.text for s in fit_dwell(uneven, AMBIENT_PA)[1] if "peaks in +x" in s.text]
-    value, low, high = (float(x) for x in re.search(r"peaks in \+x differ by (\S+) N \((\S+) to (\S+)\)", text).groups())
+    value, low, high = (
+        float(x) for x in re.search(r"peaks in \+x differ by (\S+) N \((\S+) to (\S+)\)", text).groups()
+    )
     assert 0.0 < low < 1.0 < high
     assert low < value < high
 

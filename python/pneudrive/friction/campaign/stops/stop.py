@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 #: A change of the air's force, or inertia, above this share of the increment spoils a peak; so does a loading that
 #: lasts longer than this share of the stop, but then only the duration is in doubt.
 SPOILS = 0.1
-LEAST_RATE_HZ = 5000.0  # share of the samples around a restart
+LEAST_RATE_HZ = 5000.0  # least rate of samples around a restart
 SAME_DURATION = 0.2  # share by which a rest may differ from the planned stop without a flag
 MOST_CYCLES = 24  # cycles without a stop, of one condition and speed, that are read for comparison
 WORTH_WORKERS = 60  # stops below which starting processes costs more than it saves
