@@ -89,4 +89,4 @@ def test_campaigns_without_some_parts_are_reported_too(tmp_path):
             assert "cannot be separated" in page
         else:
             assert 'id="curves"' not in page
-            assert "do not carry" in page
+            assert "do not determine" in page
