@@ -114,6 +114,8 @@ class Differentiator:
             Of a trajectory file.
         derivatives : bool
             False leaves them out: the last axis then has length 0.
+        watch : Watch
+            May end the run.
 
         Raises
         ------
