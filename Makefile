@@ -38,7 +38,7 @@ test-rust: setup
 test-python: setup
 	$(PY) -m pytest -n $(PYTEST_WORKERS)
 
-test-extras: setup $(EXTRAS)/.deps  ## studies on a Dask cluster whose workers are killed; in an environment of its own
+test-extras: setup $(EXTRAS)/.deps  ## a Dask cluster whose workers are killed, JAX, PyTorch; in an environment of its own
 	PYTHONPATH=python $(EXTRAS)/bin/python -m pytest tests/extras
 
 check: setup  ## what CI runs before the tests: format, lint, types, layers, repetition, stub, spelling, locks

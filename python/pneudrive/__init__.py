@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.characteristics import characterise as characterise
     from pneudrive.friction.campaign.characteristics import characteristics as characteristics
     from pneudrive.friction.campaign.compare.comparison import compare as compare
+    from pneudrive.gradients.differentiable import Differentiable as Differentiable
     from pneudrive.identify import fit_any_law as fit_any_law
     from pneudrive.identify import fit_friction as fit_friction
     from pneudrive.identify.design import design as design
@@ -73,6 +74,7 @@ _HOME = {
     "save": "pneudrive.trajectory",
     **dict.fromkeys(["characterise", "characteristics"], "pneudrive.friction.campaign.characteristics"),
     "compare": "pneudrive.friction.campaign.compare.comparison",
+    "Differentiable": "pneudrive.gradients.differentiable",
     **dict.fromkeys(["fit_any_law", "fit_friction"], "pneudrive.identify"),
     "compare_laws": "pneudrive.identify.laws",
     "survey": "pneudrive.identify.survey",

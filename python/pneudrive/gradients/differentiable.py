@@ -1,0 +1,221 @@
+"""Results of a run as a function of numbers of the drive, with its exact Jacobian."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.ensemble.outputs import SignalNames, reductions
+from pneudrive.errors import CommandError, SimulationError
+from pneudrive.free.derivatives import Differentiator
+from pneudrive.simulate import positive
+from pneudrive.start import start
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from pneudrive.command import Commands
+    from pneudrive.describe.drive import Drive
+    from pneudrive.describe.parts import Initial
+    from pneudrive.ensemble.outputs import Output, Reduction
+    from pneudrive.free.derivatives import Sensitivities
+
+    Array = NDArray[np.float64]
+
+WORDS = ("final", "max", "min", "mean", "integral", "time_when", "samples")
+#: Into how many parts the time between two samples is cut where a result lies between them.
+_BETWEEN = 256
+
+
+class Differentiable:
+    """Results of a run as a function of numbers of the drive.
+
+    It is a plain function of an array for `scipy.optimize`, and what `jax` and `torch` make of it takes part in their
+    own differentiation.
+
+    Parameters
+    ----------
+    drive : Drive
+    command, duration, initial, rtol
+        As for `pneudrive.simulate`; the start is held.
+    vary : sequence of str
+        Numbers of the drive file: what the function is of.
+    outputs : sequence of str or Output
+        Its results: ``"final(position)"``, ``"max(pressure_a)"``, ``"integral(mass_flow_a)"``,
+        ``"time_when(position > 0.45 m)"``, ``"samples(position)"``; see `pneudrive.ensemble.outputs`.
+    sample_rate : str or float
+        At which integrals, means, extremes and samples are taken.
+
+    Attributes
+    ----------
+    names, units : list of str
+        Of the numbers, in the order of the argument.
+    start : ndarray, shape (p,)
+        Their values in the drive, SI.
+    output_names : list of str
+        One for each result; of samples one for each of them, ``"position[3]"``.
+
+    Raises
+    ------
+    CommandError
+        A name or an output that is not there, or an output without a derivative.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> drive = pn.Drive.load("catalogue:parker-osp-p25-sy5000")
+    >>> of = pn.Differentiable(drive, "0.6", "0.2 s", vary=["friction.coulomb"], outputs=["final(position)"])
+    >>> of(of.start).shape, of.jacobian(of.start).shape
+    ((1,), (1, 1))
+    """
+
+    def __init__(
+        self,
+        drive: Drive,
+        command: Commands,
+        duration: str | float,
+        *,
+        vary: Sequence[str],
+        outputs: Sequence[str | Output],
+        initial: Initial | Mapping[str, object] | str | None = None,
+        sample_rate: str | float = "1 kHz",
+        rtol: float = 1e-6,
+    ) -> None:
+        self._of = Differentiator(drive, vary, command, initial, rtol)
+        seconds = positive(duration, "s", "duration")
+        rate = positive(sample_rate, "1/s", "sample_rate")
+        self._times = np.append(np.arange(round(seconds * rate)) / rate, seconds)
+        columns = [one.name for one in start(drive).variables if one.kind == "output"]
+        self._reductions = reductions(outputs, SignalNames(columns))
+        for one in self._reductions:
+            if one.word not in WORDS:
+                raise CommandError(f"{one.name} has no derivative", rule=f"one of {', '.join(WORDS)}")
+        self._columns = list(dict.fromkeys(column for one in self._reductions for column in one.columns))
+        self.names = [one.name for one in self._of.parameters]
+        self.units = [one.unit for one in self._of.parameters]
+        self.start = np.array([one.value for one in self._of.parameters])
+        self.output_names = [name for one in self._reductions for name in self._names(one)]
+
+    def _names(self, one: Reduction) -> list[str]:
+        return [f"{one.name}[{i}]" for i in range(len(self._times))] if one.word == "samples" else [one.name]
+
+    def __call__(self, values: ArrayLike) -> Array:
+        """Return the results, shape (k,), of the numbers' values in SI, shape (p,).
+
+        Raises
+        ------
+        SimulationError
+            The run stops, or a signal does not pass the level of a ``time_when``.
+        """
+        return self._reduce(self._run(values, derivatives=False))[0]
+
+    def jacobian(self, values: ArrayLike) -> Array:
+        """Return the derivatives of the results, shape (k, p); errors as when called."""
+        return self.value_and_jacobian(values)[1]
+
+    def value_and_jacobian(self, values: ArrayLike) -> tuple[Array, Array]:
+        """Return results and derivatives of one run, shapes (k,) and (k, p); errors as when called."""
+        return self._reduce(self._run(values, derivatives=True))
+
+    def jax(self) -> Any:  # noqa: ANN401 - a function of JAX
+        """Return a function of a JAX array; forward and backward differentiation go through it."""
+        from pneudrive.gradients.frameworks import jax_function
+
+        return jax_function(self)
+
+    def torch(self) -> Any:  # noqa: ANN401 - a function of PyTorch
+        """Return a function of a PyTorch tensor that takes part in autograd."""
+        from pneudrive.gradients.frameworks import torch_function
+
+        return torch_function(self)
+
+    def _run(self, values: ArrayLike, *, derivatives: bool) -> tuple[Array, Sensitivities]:
+        """Run the drive, with more samples where a level is passed or an extreme lies."""
+        sought = [one for one in self._reductions if one.word in SOUGHT]
+        times, given = self._times, self._times
+        if sought:
+            coarse = self._of.run(values, given, self._columns, derivatives=False)
+            for one in sought:
+                first, last = _where(coarse.values[:, self._columns.index(one.columns[0])], one)
+                times = np.union1d(times, np.linspace(given[first], given[last], _BETWEEN * (last - first) + 1))
+        return times, self._of.run(values, times, self._columns, derivatives=derivatives)
+
+    def _reduce(self, ran: tuple[Array, Sensitivities]) -> tuple[Array, Array]:
+        times, found = ran
+        given, parts = np.searchsorted(times, self._times), []
+        for one in self._reductions:
+            column = self._columns.index(one.columns[0])
+            x, by = found.values[:, column], found.derivatives[:, column]
+            sought = one.word in SOUGHT
+            parts.append(
+                SOUGHT[one.word](one, times, x, by) if sought else _reduced(one, self._times, x[given], by[given])
+            )
+        values, derivatives = zip(*parts, strict=True)
+        return np.concatenate(values), np.concatenate(derivatives)
+
+
+def _passes(x: Array, one: Reduction) -> int:
+    """Return the sample before the first one at which a condition holds."""
+    holds = x > one.level if one.above else x < one.level
+    if holds[0] or not holds.any():
+        side = "above" if one.above else "below"
+        when = "from the start on" if holds[0] else "never"
+        raise SimulationError(
+            f"{one.columns[0]} is {when} {side} {one.level:g}", remedy="Choose a level that the run passes."
+        )
+    return int(holds.argmax()) - 1
+
+
+def _crossing(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array, Array]:
+    """Return the time at which a signal passes a level, and its derivatives: of the signal, by its slope in time."""
+    k = _passes(x, one)
+    share = (one.level - x[k]) / (x[k + 1] - x[k])
+    near = slice(max(k - 1, 0), k + 3)
+    slopes = np.asarray(np.gradient(x[near], times[near]))
+    first = k - near.start
+    weights = np.array([1.0 - share, share])
+    slope = float(weights @ slopes[first : first + 2])
+    moved: Array = weights @ by[k : k + 2]
+    return np.array([times[k] + share * (times[k + 1] - times[k])]), (-moved / slope)[None]
+
+
+def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array, Array]:
+    """Return the extreme, that of a parabola about the largest or smallest sample, and its derivatives."""
+    k = int(x.argmax() if one.word == "max" else x.argmin())
+    if not 0 < k < len(x) - 1:
+        return x[k : k + 1], by[k : k + 1]
+    before, after = times[k] - times[k - 1], times[k + 1] - times[k]
+    slopes = (x[k] - x[k - 1]) / before, (x[k + 1] - x[k]) / after
+    if slopes[0] == slopes[1]:
+        return x[k : k + 1], by[k : k + 1]
+    # where the parabola is level; moving along it changes nothing there
+    at = 0.5 * (times[k - 1] + times[k]) - slopes[0] * 0.5 * (before + after) / (slopes[1] - slopes[0])
+    t = times[k - 1 : k + 2]
+    weights = np.array([np.prod((at - np.delete(t, i)) / (t[i] - np.delete(t, i))) for i in range(3)])
+    return np.array([weights @ x[k - 1 : k + 2]]), (weights @ by[k - 1 : k + 2])[None]
+
+
+#: Results that lie between samples.
+SOUGHT = {"time_when": _crossing, "max": _extreme, "min": _extreme}
+
+
+def _where(x: Array, one: Reduction) -> tuple[int, int]:
+    """Return the samples between which a result lies."""
+    if one.word == "time_when":
+        k = _passes(x, one)
+        return k, k + 1
+    k = int(x.argmax() if one.word == "max" else x.argmin())
+    return max(k - 1, 0), min(k + 1, len(x) - 1)
+
+
+def _reduced(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array, Array]:
+    """Return results, shape (k,), and their derivatives, shape (k, p), of a signal, shape (n,), and its, (n, p)."""
+    if one.word == "final":
+        return x[-1:], by[-1:]
+    if one.word == "samples":
+        return x, by
+    length = times[-1] - times[0] if one.word == "mean" else 1.0
+    return np.array([np.trapezoid(x, times) / length]), np.trapezoid(by, times, axis=0)[None] / length
