@@ -134,8 +134,8 @@ def simulate(
     sensitivities : sequence of str
         Numbers of the drive file, such as ``"friction.coulomb"``: for each variable the result then holds its exact
         derivatives by these numbers, ``sensitivity_position`` with dimensions parameter and time. They are derivatives
-        of the discrete solution, through impacts, sticking and slipping; the start is held. Not for a circuit, nor for a
-        command that is a function.
+        of the discrete solution, through impacts, sticking and slipping; the start is held. Not for a circuit, nor
+        for a command that is a function.
     budget : int, optional
         Attempted steps after which the run is given up. The default is 220,000 for the run, 100,000 for each second of
         motion and 100 for each entry of the command; more below rtol = 1e-6, down to half as many above 11 states.

@@ -174,12 +174,9 @@ def _crossing(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array,
     k = _passes(x, one)
     share = (one.level - x[k]) / (x[k + 1] - x[k])
     near = slice(max(k - 1, 0), k + 3)
-    slopes = np.asarray(np.gradient(x[near], times[near]))
-    first = k - near.start
-    weights = np.array([1.0 - share, share])
-    slope = float(weights @ slopes[first : first + 2])
-    moved: Array = weights @ by[k : k + 2]
-    return np.array([times[k] + share * (times[k + 1] - times[k])]), (-moved / slope)[None]
+    slopes = np.interp([share], [0.0, 1.0], np.gradient(x[near], times[near])[k - near.start :][:2])
+    moved: Array = (1.0 - share) * by[k] + share * by[k + 1]
+    return np.array([times[k] + share * (times[k + 1] - times[k])]), (-moved / slopes)[None]
 
 
 def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array, Array]:
@@ -218,4 +215,5 @@ def _reduced(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array, 
     if one.word == "samples":
         return x, by
     length = times[-1] - times[0] if one.word == "mean" else 1.0
-    return np.array([np.trapezoid(x, times) / length]), np.trapezoid(by, times, axis=0)[None] / length
+    both: Array = np.array(np.trapezoid(np.column_stack([x, by]), times, axis=0))
+    return np.array([both[0]]) / length, np.array([both[1:]]) / length
