@@ -40,7 +40,13 @@ def test_a_quick_look_takes_less_than_five_minutes(capsys):
     status, out, err = plan(capsys, "quick-look", "--rig", "default")
     assert (status, err) == (0, "")
     assert minutes(out) < 5
-    for words in ("tare 1, sweep 8, stop 8", "pre-flight: passed", "synthetic", "note: repeats = 1", "bytes a sample"):
+    for words in (
+        "tare 1, sweep 8, stop 8",
+        "pre-flight: passed",
+        "synthetic",
+        "note: repeats = 1",
+        "bytes per sample",
+    ):
         assert words in out
 
 
@@ -95,7 +101,7 @@ def test_a_protocol_that_takes_too_long_gets_a_fraction_that_fits(capsys, tmp_pa
         (["plan", "nowhere.toml"], "there is no file nowhere.toml"),
         (["plan", "quick-look", "--rig", "default1"], "Did you mean 'default'?"),
         (["plan", "quick-look", "--fraction", "no/such/folder.toml"], "a protocol cannot be written there"),
-        (["plan", "quick-look", "--fraction", "part.toml"], "fits as it is"),
+        (["plan", "quick-look", "--fraction", "part.toml"], "fits into the time"),
         (["plann"], "Did you mean 'plan'?"),
     ],
 )

@@ -177,7 +177,7 @@ def test_interrupted(folder):
     time.sleep(2.0)
     started.send_signal(signal.SIGINT)
     _, message = started.communicate(timeout=20)
-    assert (started.returncode, message) == (130, "Interrupted; what was finished is kept.\n")
+    assert (started.returncode, message) == (130, "Interrupted; finished results are kept.\n")
     assert [p.name for p in folder.iterdir()] == ["drive.toml"]
 
 

@@ -64,7 +64,7 @@ def test_run_and_status(folder, asked, capsys):
     ("arguments", "said"),
     [
         (["run", "nothing.toml", "--into", "c"], "nothing.toml"),
-        (["run", "quick-look", "--into", "c", "--rig", "nothing"], "'nothing' is no rig"),
+        (["run", "quick-look", "--into", "c", "--rig", "nothing"], "'nothing' is not a rig"),
         (["run", "quick-look", "--into", "c", "--label", "seal"], "--label seal has no value"),
         (["run", "quick-look", "--into", "c", "--patience", "long"], "--patience long is not a time"),
         (["resume", "c"], "this is not a campaign folder"),
@@ -111,12 +111,12 @@ def test_pause_resume_and_abort_by_the_command_line(folder, asked, capsys):
     run(["campaign", "status", str(folder)])
     assert f"in work by process {process.pid}" in capsys.readouterr().out
     assert run(["campaign", "resume", str(folder), "--operator", "eve"]) == 0
-    assert "It goes on" in capsys.readouterr().out
+    assert "The campaign continues" in capsys.readouterr().out
     assert run(["campaign", "abort", str(folder)]) == 0
-    assert "It has ended" in capsys.readouterr().out
+    assert "The campaign has ended" in capsys.readouterr().out
     out, _ = process.communicate(timeout=60.0)
     assert process.returncode == 130
-    assert "Go on: pneudrive campaign resume" in out
+    assert "Resume: pneudrive campaign resume" in out
 
 
 def test_a_lock_ends_with_its_process(tmp_path):

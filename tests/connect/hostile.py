@@ -258,7 +258,7 @@ def giant_acquires(url: str) -> None:
                     "Samples_Acknowledged": (2**31 - 1, "UInt32"),
                 }
                 await _command(node, 5, number, number, **{**usual, **plan})
-                if "connect anew" in await node("Answer.Fault").read_value():
+                if "connect again" in await node("Answer.Fault").read_value():
                     return
                 for beat in range(5):
                     await asyncio.sleep(0.2)

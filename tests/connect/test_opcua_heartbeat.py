@@ -56,7 +56,7 @@ def test_the_axis_stops(how, verb):
             assert not state.moving
             assert state.pressure_a_pa == pytest.approx(rig.identity().ambient_pressure_pa, abs=SENSOR_PA)
             words = "silent for 0.75 s" if how == "SIGSTOP" else "connection of .* ended"
-            assert re.search(f"{words}.*the axis was brought to rest, the pressure released", viewer.state().fault)
+            assert re.search(f"{words}.*the server stopped the axis and released the pressure", viewer.state().fault)
             viewer.close()
         finally:
             client.send_signal(signal.SIGKILL)

@@ -142,7 +142,7 @@ def test_lines_on_the_command_line(tmp_path, capsys):
     assert out.read_text().splitlines()[0].startswith("time_s,position_m,velocity_m_s,")
     assert run(["check", str(path)]) == 0
     said = capsys.readouterr().out
-    assert "9 components, nothing wrong" in said
+    assert "9 components, no errors" in said
     assert "  flow_control_a, flow_control_b: cracking_pressure = 0.1 bar, a usual spring\n" in said
     assert "  each joint of valve.4, tube_a.2, valve.2, tube_b.2 has" in said
     assert said.count("and no heat exchange") == 1

@@ -1,1 +1,1 @@
-"""The command line: parse, call, show. No numerics."""
+"""Command line: parse, call, show; no numerics."""

@@ -1,4 +1,4 @@
-"""``pneudrive apply``: what a fit has determined goes into a drive file."""
+"""``pneudrive apply``: write the determined values of a fit into a drive file."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ from pneudrive.cli.output import write_text
 def apply(
     fit: Annotated[
         Path,
-        typer.Argument(
-            help="A fit: what `pneudrive identify --out`, `fit` or `characterise` wrote.", metavar="FIT.toml"
-        ),
+        typer.Argument(help="Fit: a file of `pneudrive identify --out`, `fit` or `characterise`.", metavar="FIT.toml"),
     ],
     drive: Annotated[
         str | None,
@@ -42,13 +40,15 @@ def apply(
     found = read_fit(fit)
     if isinstance(found, VolumeFit):
         raise CommandError(
-            "this is the fit of a volume, which no drive has", remedy="`VolumeFit.apply` gives its tank."
+            "this is the fit of a volume, not of a drive",
+            remedy="Use `VolumeFit.apply` in Python: it returns the tank.",
         )
     if isinstance(found, DriveFit):
         after = found.apply(given)
     elif given is None:
         raise CommandError(
-            "this fit of friction does not say of which drive it is", remedy="Name the drive file after it."
+            "this fit of friction names no drive",
+            remedy="Add the drive file to the command: pneudrive apply FIT DRIVE.",
         )
     else:
         after = found.apply(given)

@@ -25,7 +25,7 @@ campaign = group(
 
 @campaign.callback()
 def _campaign() -> None:
-    """Friction campaigns: plan one, run it on a rig, watch it, go on after an interruption."""
+    """Friction campaigns: plan, run on a rig, watch, resume after an interruption."""
 
 
 def plan(
@@ -35,7 +35,7 @@ def plan(
         Path | None, typer.Option(help="Write a protocol that runs the proposed fraction.", metavar="FILE")
     ] = None,
 ) -> None:
-    """Show what a protocol would run on a rig: cycles, time, data; refuse what the rig must not be asked to do."""
+    """Show the plan of a protocol on a rig (cycles, time, data), and check it against the limits of the rig."""
     from pneudrive.campaign.fraction import propose, write_fraction
     from pneudrive.campaign.live import duration
     from pneudrive.campaign.plan import lay_out
@@ -55,9 +55,9 @@ def plan(
     if whole.time_s <= limit_s or asked.fraction is not None:
         if fraction is not None:
             raise CommandError(
-                f"--fraction: {asked.name} fits as it is",
+                f"--fraction: the whole protocol {asked.name} fits into the time",
                 rule=f"{duration(whole.time_s)} of limits.time = {duration(limit_s)}",
-                remedy="Lower [limits] time where it is still too long.",
+                remedy="If it is still too long, lower [limits] time.",
             )
         return
     proposal = propose(whole, limit_s)

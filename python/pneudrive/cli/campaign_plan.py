@@ -1,4 +1,4 @@
-"""What ``pneudrive campaign plan`` prints."""
+"""Output of ``pneudrive campaign plan``."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 
 
 def check_target(path: Path, protocol: Protocol) -> None:
-    """Refuse a place where the fraction cannot be written, before any work is done.
+    """Check that the fraction can be written, before any work is done.
 
     Raises
     ------
     CommandError
-        The file exists, its folder does not, or the protocol is a fraction already.
+        The file exists, its folder does not exist, or the protocol is already a fraction.
     """
     if protocol.fraction is not None:
-        raise CommandError("--fraction: the protocol is a fraction already", remedy="Name the whole protocol.")
+        raise CommandError("--fraction: the protocol is already a fraction", remedy="Name the whole protocol.")
     if path.exists():
         raise CommandError(f"--fraction {path}: the file exists", remedy="Name another one.")
     if path.suffix != ".toml" or not path.parent.is_dir():
@@ -38,7 +38,7 @@ def check_target(path: Path, protocol: Protocol) -> None:
 
 
 def show(plan: Plan) -> str:
-    """Return the whole text: rows of blocks, what is in them, how long they take, the verdict."""
+    """Return the whole text: blocks with their content and time, and the verdict."""
     rig = f'on "{plan.identity.name}"{" (simulated: its data are synthetic)" if plan.identity.synthetic else ""}'
     return "\n".join(
         [
@@ -54,11 +54,11 @@ def show(plan: Plan) -> str:
 
 
 def proposal_lines(proposal: CellProposal, whole: Plan, part: Plan, file: Path | None) -> list[str]:
-    """Return what a proposed fraction keeps and what it gives up."""
+    """Return lines on the kept and the lost effects of a proposed fraction."""
     limit_s = whole.protocol.limits.time_s
     out = ["", f"A fraction takes {duration(part.time_s)} instead of {duration(whole.time_s)}:"]
     if part.time_s > limit_s:
-        out.append(f"  more than {duration(limit_s)}, as no smaller one keeps every level and effect apart")
+        out.append(f"  more than {duration(limit_s)}: no smaller fraction keeps all levels and effects distinguishable")
     for family in proposal.families:
         levels = ", ".join(f"{name} {least}" for name, least in family.levels.items())
         first, second = family.interaction or ("", "")
@@ -69,7 +69,7 @@ def proposal_lines(proposal: CellProposal, whole: Plan, part: Plan, file: Path |
             f"    kept: every level of every factor (fewest cells at one level: {levels or 'one factor only'})",
             f"    kept: every main effect{slopes}",
             f"    standard errors: {family.error_ratio:.2g} times those of the full factorial (geometric mean)",
-            f"    given up: {'; '.join([*lost, 'interactions of three and more factors'])}",
+            f"    lost: {'; '.join([*lost, 'interactions of three and more factors'])}",
         ]
     if file is None:
         out.append("  --fraction FILE writes the protocol that runs it.")
@@ -77,7 +77,7 @@ def proposal_lines(proposal: CellProposal, whole: Plan, part: Plan, file: Path |
 
 
 def size(count: float) -> str:
-    """Write a number of bytes."""
+    """Return a number of bytes as text."""
     for unit, factor in (("GB", 1e9), ("MB", 1e6)):
         if count >= factor:
             return f"{count / factor:.3g} {unit}"
@@ -130,7 +130,7 @@ def _contents(plan: Plan) -> list[str]:
         f"order    {p.order.kind}{seed}; repeats {p.repeats}, replicates {p.order.replicates}",
         f"time     {duration(plan.time_s)}: axis {duration(axis_s)}{waits}{hands}",
         f"data     {plan.samples} samples, {size(plan.bytes)} "
-        f"({BYTES_PER_SAMPLE:g} bytes a sample, as measured on files of the simulated rig)",
+        f"({BYTES_PER_SAMPLE:g} bytes per sample, measured on files of the simulated rig)",
     ]
 
 
@@ -145,7 +145,7 @@ def _factors(plan: Plan) -> list[str]:
 
 
 def _pressures(levels: Sequence[Pair]) -> str:
-    """Name the pressures as they were stated."""
+    """Return the pressures as text, absolute or gauge as stated."""
     from pneudrive.describe.base import StatedPressure
 
     show, (a, b) = StatedPressure().show, levels[0]

@@ -22,15 +22,19 @@ if TYPE_CHECKING:
 EXIT_OTHER, EXIT_INTERRUPTED = 1, 130
 
 Folder = Annotated[Path, typer.Argument(help="Campaign folder.", metavar="DIR")]
-Operator = Annotated[str, typer.Option(help="Who is at the rig; kept with the campaign and with each operator's step.")]
-Yes = Annotated[bool, typer.Option("--yes", help="Take every step of the operator as done, without asking.")]
+Operator = Annotated[
+    str, typer.Option(help="Name of the operator; kept with the campaign and with each operator's step.")
+]
+Yes = Annotated[bool, typer.Option("--yes", help="Treat every step of the operator as done, without asking.")]
 Pace = Annotated[
     float | None,
-    typer.Option(help="Seconds of a simulated rig per second on the wall; 1: real time. Absent: as fast as it goes."),
+    typer.Option(help="Speed of a simulated rig relative to real time; 1: real time. Absent: as fast as possible."),
 ]
 Patience = Annotated[
     str,
-    typer.Option(help="How long to wait for conditions (supply pressure, temperature, force, a fault) to come back."),
+    typer.Option(
+        help="How long to wait until conditions (supply pressure, temperature, force, a fault) are normal again."
+    ),
 ]
 
 
@@ -46,7 +50,7 @@ def run(
     pace: Pace = None,
     patience: Patience = "10 min",
 ) -> None:
-    """Run a campaign on a rig into a folder; Ctrl-C pauses after the running cycle, twice stops the axis now."""
+    """Run a campaign on a rig into a folder; Ctrl-C pauses after the cycle, a second Ctrl-C stops the axis now."""
     from pneudrive.campaign.run import run_campaign
 
     labels = _labels(label or [])
@@ -60,18 +64,21 @@ def run(
 def resume(
     folder: Folder,
     rig: Annotated[
-        str, typer.Option(help="The rig; a simulated one or a replay is found by what the folder says.", metavar="RIG")
+        str,
+        typer.Option(
+            help="Rig; may be left out for a simulated rig or a replay, which the folder names.", metavar="RIG"
+        ),
     ] = "",
     allow_code: Annotated[
         str,
-        typer.Option(help="Run the code that the folder was made with, if its file has this hash.", metavar="SHA256"),
+        typer.Option(help="Allow the code that the folder names, if its file has this SHA-256.", metavar="SHA256"),
     ] = "",
     operator: Operator = "",
     yes: Yes = False,
     pace: Pace = None,
     patience: Patience = "10 min",
 ) -> None:
-    """Go on with a campaign: one that is paused in another process, or one whose process has ended."""
+    """Resume a campaign that is paused in another process, or whose process has ended."""
     from pneudrive.campaign.control import RESUME, ask, wait_for
     from pneudrive.campaign.lock import holder
     from pneudrive.campaign.run import resume_campaign
@@ -80,7 +87,7 @@ def resume(
     if running is not None and running.state in ("paused", "operator"):
         ask(folder, RESUME, _me(operator))
         after = wait_for(folder, ("running", "waiting", "pausing", "stopping"), 10.0)
-        typer.echo("It goes on." if after else "It has ended.")
+        typer.echo("The campaign continues." if after else "The campaign has ended.")
         return
     options = _options(operator, yes, patience)
     again = _again(folder, rig, allow_code)
@@ -92,7 +99,7 @@ def resume(
 
 
 def status(folder: Folder) -> None:
-    """Show how far a campaign is, what is flagged or damaged in it, and who works on it."""
+    """Show progress, flagged or damaged cycles, and the running process of a campaign."""
     from pneudrive.campaign.live import duration
     from pneudrive.campaign.status import status_of
 
@@ -101,7 +108,7 @@ def status(folder: Folder) -> None:
     synthetic = " (synthetic)" if found.campaign.synthetic else ""
     typer.echo(f"{about.get('name') or folder}{synthetic}, rig {found.campaign.identity.name}")
     if found.planned is None:
-        typer.echo(f"{len(found.files)} cycles; the folder does not say what was planned")
+        typer.echo(f"{len(found.files)} cycles; the folder has no plan")
     else:
         extra = f", {found.extra} beyond the plan" if found.extra else ""
         left = f"; {duration(found.remaining_s or 0.0)} left on the rig" if found.to_do else "; done"
@@ -117,16 +124,16 @@ def pause(
     folder: Folder,
     now: Annotated[bool, typer.Option("--now", help="Stop the axis now; the running cycle is repeated later.")] = False,
 ) -> None:
-    """Pause a campaign that runs in another process: after its cycle, or now."""
+    """Pause a campaign in another process, after its cycle or now."""
     from pneudrive.campaign.control import PAUSE, STOP, ask, wait_for
 
     before = ask(folder, STOP if now else PAUSE, _me(""))
     after = wait_for(folder, ("pausing", "paused", "operator"), 10.0)
-    typer.echo(str(after) if after else f"It has ended ({before}).")
+    typer.echo(str(after) if after else f"The campaign has ended ({before}).")
 
 
 def abort(folder: Folder) -> None:
-    """End a campaign that runs in another process; the axis is brought to rest, what is finished is kept."""
+    """End a campaign in another process: the axis comes to rest, finished cycles are kept."""
     from pneudrive.campaign.control import ABORT, ask, wait_for
     from pneudrive.errors import CampaignError
 
@@ -134,12 +141,12 @@ def abort(folder: Folder) -> None:
     after = wait_for(folder, (), 90.0)
     if after is not None:
         raise CampaignError(
-            "it has not ended yet",
+            "the campaign has not ended yet",
             value=str(after),
             where=str(folder),
-            remedy=f"See to the rig, then end process {after.pid} by hand: what is finished is kept.",
+            remedy=f"Check the rig, then end process {after.pid} by hand: finished cycles are kept.",
         )
-    typer.echo("It has ended. What is finished is kept.")
+    typer.echo("The campaign has ended. Finished cycles are kept.")
 
 
 def _labels(given: list[str]) -> dict[str, str]:
@@ -175,7 +182,7 @@ def _display() -> Display:
 
 
 def _again(folder: Path, rig: str, allow_code: str = "") -> str:
-    """Give the command that goes on; a rig that a folder may not name stands in it."""
+    """Return the command to resume, with the rig where a folder may not name it."""
     from pneudrive.rig.loading import must_be_named
 
     named = f" --rig {rig}" if must_be_named(rig) else ""
@@ -184,9 +191,9 @@ def _again(folder: Path, rig: str, allow_code: str = "") -> str:
 
 @contextmanager
 def _running(again: str) -> Iterator[None]:
-    """End with status 1 where a campaign that ran has ended by an error, and say how to go on.
+    """Exit with status 1 if a running campaign ends by an error, and print how to resume.
 
-    SIGTERM ends it as Ctrl-C does; while it runs, the campaign itself takes both.
+    SIGTERM acts as Ctrl-C; while the campaign runs, it handles both itself.
     """
     from pneudrive.campaign.run import can_be_resumed
     from pneudrive.errors import PneudriveError
@@ -199,7 +206,7 @@ def _running(again: str) -> Iterator[None]:
         if not can_be_resumed(error):
             raise
         sys.stderr.write(f"{type(error).__name__}: {error}\n")
-        sys.stderr.write(f"What is finished is kept. Go on: {again}\n")
+        sys.stderr.write(f"Finished cycles are kept. Resume: {again}\n")
         raise typer.Exit(EXIT_OTHER) from error
     finally:
         if in_main:
@@ -207,13 +214,13 @@ def _running(again: str) -> Iterator[None]:
 
 
 def _end(result: Result, again: str) -> None:
-    """Say how it ended; 130 where somebody ended it."""
+    """Print the end of a campaign; exit with status 130 if a user ended it."""
     from pneudrive.campaign.run import DONE
 
     if result.ended == DONE:
         typer.echo(f"{result.finished} cycles in {result.campaign.path}")
         return
-    typer.echo(f"Ended after {result.finished} of {result.planned} cycles. Go on: {again}")
+    typer.echo(f"Ended after {result.finished} of {result.planned} cycles. Resume: {again}")
     raise typer.Exit(EXIT_INTERRUPTED)
 
 

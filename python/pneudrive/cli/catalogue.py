@@ -21,7 +21,7 @@ def catalogue(
     catalogue: CatalogueFolders = None,
     out: Annotated[Path | None, typer.Option(help="Write the drive NAME as a file to start from: .toml.")] = None,
 ) -> None:
-    """List parts and drives; with a name, each of its values with its source, or why it is assumed."""
+    """List parts and drives; with a name, each of its values with its source or the reason of an assumption."""
     from pneudrive.describe.catalogue import entries, entry
 
     if out is not None:
@@ -80,7 +80,7 @@ def _show(e: Entry) -> None:
     lines += [(f"printed.{v.key}", _plain(v.value), v.said) for v in e.printed]
     typer.echo(aligned(lines))
     if not e.is_drive and e.open:
-        typer.echo(f"\nLeft open, to be given where it is used: {', '.join(e.open)}.")
+        typer.echo(f"\nNot in the catalogue, to be given with the part: {', '.join(e.open)}.")
     for note in filter(None, notes):
         typer.echo(f"\n{note}")
     from pneudrive.references import bibtex

@@ -1,4 +1,4 @@
-"""``pneudrive characterise``: recordings, or the folder of a campaign, into friction map, fit and report."""
+"""``pneudrive characterise``: friction map, fit and report from recordings or a campaign folder."""
 
 from __future__ import annotations
 
@@ -29,20 +29,18 @@ def characterise(
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            help="Recordings, compressed ones (.gz, .xz, .bz2) too; or the folder of a campaign.",
+            help="Recordings, also compressed (.gz, .xz, .bz2); or a campaign folder.",
             metavar="RECORDING...|CAMPAIGN",
         ),
     ],
-    layout: Annotated[
-        Path | None, typer.Option(help="How the files are read; default: layout.toml beside them.")
-    ] = None,
+    layout: Annotated[Path | None, typer.Option(help="Layout of the files; default: layout.toml beside them.")] = None,
     out: Results = Path("characterisation"),
     protocol: Samples = "settled",
     law: Annotated[str, typer.Option(help="Friction law of fit.toml: coulomb or stribeck.")] = "stribeck",
 ) -> None:
     """Characterise recordings: friction map (map.parquet, map.csv), fit (fit.toml), report.html.
 
-    Of a campaign also curves.parquet and effects.toml, and what its data carry and what not.
+    For a campaign also curves.parquet and effects.toml, and sentences on what its data show.
     """
     from pneudrive.friction.friction_map import write_map
     from pneudrive.friction.recording.characterisation import characterise_recordings
@@ -79,10 +77,10 @@ def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: Sa
 
     if len(recordings) > 1 or layout is not None:
         raise CommandError(
-            "a campaign cannot be characterised together with anything else",
+            "a campaign is characterised alone, without other files",
             value=" ".join(str(path) for path in recordings) + (f" --layout {layout}" if layout else ""),
-            rule="one folder, without recordings beside it and without a layout",
-            remedy="for two campaigns against each other: pneudrive compare",
+            rule="one folder, no recordings and no layout",
+            remedy="To compare two campaigns: pneudrive compare A B.",
         )
     with _output(out) as folder:
         found = characteristics(recordings[0], choice, progress=on_terminal().tell)
@@ -97,7 +95,7 @@ def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: Sa
 
 @contextmanager
 def _output(out: Path) -> Iterator[Path]:
-    """Make the output folder before any work is done; a new one that stays empty goes again."""
+    """Make the output folder before any work is done; remove a new one that stays empty."""
     is_new = not out.exists()
     writable_folder(out)
     try:
@@ -108,7 +106,7 @@ def _output(out: Path) -> Iterator[Path]:
 
 
 def _write_fits(fits: Fits, law: str, folder: Path, whole: str) -> list[Path]:
-    """Write fit.toml for the group of all, and fit-GROUP.toml for each other one."""
+    """Write fit.toml for all data, and fit-GROUP.toml for each group."""
     written = []
     for group, by_law in fits.items():
         if law in by_law:
@@ -119,7 +117,7 @@ def _write_fits(fits: Fits, law: str, folder: Path, whole: str) -> list[Path]:
 
 
 def _say(found: Characterisation, written: list[Path]) -> None:
-    """Print one line per recording, the notes, and where the results lie."""
+    """Print one line per recording, the notes, and the paths of the results."""
     heads = ("recording", "speed mm/s", "friction N", "U (k=2) N", "offset N", "<flags")
     rows = []
     for level in found.levels[:MOST_ROWS]:
@@ -132,7 +130,7 @@ def _say(found: Characterisation, written: list[Path]) -> None:
 
 
 def _say_campaign(found: CampaignCharacteristics, written: list[Path]) -> None:
-    """Print one line per curve, what the data carry and what not, and where the results lie."""
+    """Print one line per curve, sentences on what the data show, and the paths of the results."""
     ambient, rows = found.identity.ambient_pressure_pa, []
     what = "seal + air N" if any(curve.contains_air for curve in found.curves) else "friction N"
     for curve in (one for one in found.curves if one.direction == 0):

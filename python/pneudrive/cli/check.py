@@ -1,4 +1,4 @@
-"""``pneudrive check``: whether a description is right, and what was assumed and what is sourced in it."""
+"""``pneudrive check``: check a description, and list its assumptions and sources."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ def check(
     drive: Described,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Check a drive or a circuit, and list what was assumed and what has a source."""
+    """Check a drive or a circuit, and list assumed values and values with a source."""
     from pneudrive.cli.described import circuit_of, load
 
     described = load(drive)
     circuit = circuit_of(described)
     kinds = [f"{name} ({one.kind})" for name, one in circuit.components.items()]
-    typer.echo(f"{described.name}: {len(kinds)} components, nothing wrong\n  {', '.join(kinds)}")
+    typer.echo(f"{described.name}: {len(kinds)} components, no errors\n  {', '.join(kinds)}")
     for title, lines in (
         ("To note", described.notes),
         ("Values with a source", described.sources()),
@@ -33,7 +33,7 @@ def check(
 
 
 def _together(assumptions: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Give what was assumed; what is the same of several components or joints once."""
+    """Yield the assumptions, equal ones of several components or joints once."""
     names: dict[str, list[str]] = {}
     for line, name in assumptions:
         names.setdefault(line, []).append(name)

@@ -1,4 +1,4 @@
-"""``pneudrive compare``: two campaigns against each other."""
+"""``pneudrive compare``: compare two campaigns."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 
 def compare(
-    first: Annotated[Path, typer.Argument(help="Folder of a campaign.", metavar="A")],
-    second: Annotated[Path, typer.Argument(help="Folder of another one; differences are B less A.", metavar="B")],
+    first: Annotated[Path, typer.Argument(help="Folder of campaign A.", metavar="A")],
+    second: Annotated[Path, typer.Argument(help="Folder of campaign B; differences are B minus A.", metavar="B")],
     out: Results = Path("comparison"),
     protocol: Samples = "settled",
 ) -> None:
-    """Test two campaigns against each other (new and worn, one seal and another): report.html, comparison.toml."""
+    """Compare two campaigns (new and worn, two seals): report.html, comparison.toml."""
     from pneudrive.errors import CommandError
     from pneudrive.friction.campaign.characteristics import characteristics
     from pneudrive.friction.campaign.compare.comparison import compare as compared
@@ -41,7 +41,7 @@ def compare(
 
 
 def _say(comparison: Comparison) -> None:
-    """Print one line per question, and what should be kept in mind."""
+    """Print one line per question, and the notes."""
     show_lines(
         f"{letter}: {one.folder} ({one.name}, {len(one.cycles)} cycles)"
         for letter, one in zip("AB", (comparison.first, comparison.second), strict=True)
@@ -52,6 +52,6 @@ def _say(comparison: Comparison) -> None:
         size = f"{e.value:+.3g} ({e.low:+.3g} .. {e.high:+.3g}) {e.unit}" if e is not None else "-"
         chances = (f"{test.p:.2g}", f"{test.adjusted_p:.2g}")
         rows.append((test.what, size, *chances, "yes" if test.different else "not shown"))
-    show_table(("question", "B less A (95 %)", "p", "p corrected", "different"), rows, left=5)
+    show_table(("question", "B minus A (95 %)", "p", "p corrected", "different"), rows, left=5)
     show_statements(comparison.statements)
     show_lines([str(comparison)])

@@ -1,4 +1,4 @@
-"""``pneudrive components``: what a circuit can be made of, as the core lists it."""
+"""``pneudrive components``: list the components of circuits."""
 
 from __future__ import annotations
 
@@ -59,5 +59,5 @@ def _names(entry: Mapping[str, Any]) -> list[dict[str, str]]:
 
 def _flags(port: Mapping[str, Any]) -> str:
     if port["exhaust"]:
-        return "open to the ambient air where nothing is joined to it"
-    return "may stay free" if port["optional"] else ""
+        return "open to the ambient air if not joined"
+    return "may stay unconnected" if port["optional"] else ""

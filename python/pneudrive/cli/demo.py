@@ -1,4 +1,4 @@
-"""``make demo``: real recordings characterised, the source paper reproduced on a simulated rig, one report."""
+"""``make demo``: characterise real recordings, reproduce the source paper on a simulated rig, write one report."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def demo(
     if not files:
         raise CommandError(
             f"there are no recordings in {measurements}",
-            remedy="Run it in the project's folder, or say --measurements FOLDER.",
+            remedy="Run the command in the project's folder, or add --measurements FOLDER.",
         )
     found = characterise_recordings(list(files))
     for name in ("map.parquet", "map.csv"):

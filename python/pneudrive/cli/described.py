@@ -1,4 +1,4 @@
-"""What a command is given: a drive or a circuit, told apart by the file."""
+"""Reading of drives and circuits, distinguished by the content of the file."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ if TYPE_CHECKING:
 
 
 def load(source: str) -> Drive | Circuit:
-    """Read a drive file, a circuit file or ``catalogue:NAME``: what has components or connections is a circuit.
+    """Read a drive file, a circuit file or ``catalogue:NAME``; a file with components or connections is a circuit.
 
     Raises
     ------
     DescriptionError
-        Something is wrong with it.
+        The description is not valid.
     """
     from pneudrive.describe import toml
     from pneudrive.describe.drive import Drive
@@ -28,7 +28,7 @@ def load(source: str) -> Drive | Circuit:
 
 
 def circuit_of(described: Drive | Circuit) -> Circuit:
-    """Return the circuit that a drive is the short form of; a circuit as it is."""
+    """Return the circuit of a drive; a circuit unchanged."""
     from pneudrive.start import is_circuit
 
     return described if is_circuit(described) else described.circuit

@@ -1,4 +1,4 @@
-"""``pneudrive design``: where to measure next."""
+"""``pneudrive design``: propose the next points to measure."""
 
 from __future__ import annotations
 
@@ -15,32 +15,34 @@ if TYPE_CHECKING:
     from pneudrive.identify.result import FrictionFit
     from pneudrive.rig.interface import Envelope, Identity
 
-#: Lowest speed that is proposed where nothing is said, m/s.
+#: Lowest proposed speed by default, m/s.
 SLOWEST_M_S = 1e-3
-#: Highest gauge pressure that is proposed where nothing is said, Pa, if the rig goes as far; and how many levels.
+#: Highest proposed gauge pressure by default, Pa, within the range of the rig; and number of levels.
 HIGHEST_PA, LEVELS = 6e5, 4
-#: Share of the force range that the difference of the pressure forces may take; the rest is for friction and inertia.
+#: Share of the force range for the difference of the pressure forces; the rest is for friction and inertia.
 FORCE_SHARE = 0.5
-#: Designs that are tried until the protocol takes no longer than what was asked for, each for this share of its time.
+#: Largest number of designs until the protocol fits the requested time, and factor on the time of each next design.
 FITS, FIT_SHARE = 5, 0.97
-#: A protocol whose settling times are those that a protocol has by default.
+#: Protocol with the default settling times.
 ANY_PROTOCOL = 'schema = 1\nname = "any"\n[speed]\nlist = ["1 mm/s"]\n'
 
 
 def design(
-    fit: Annotated[Path, typer.Argument(help="A fit that `pneudrive fit` or `characterise` wrote.", metavar="FIT")],
+    fit: Annotated[Path, typer.Argument(help="Fit of `pneudrive fit` or `characterise`.", metavar="FIT")],
     rig: Annotated[str, typer.Option(help="Ready rig, rig file, or own code as own_rig.py:make_rig.")] = "default",
-    points: Annotated[int, typer.Option(help="Number of points, repeats counted; 0: twice the parameters.", min=0)] = 0,
+    points: Annotated[
+        int, typer.Option(help="Number of points, including repeats; 0: twice the number of parameters.", min=0)
+    ] = 0,
     time: Annotated[str, typer.Option(help="Time on the rig instead of a number of points, such as '1 h'.")] = "",
     criterion: Annotated[str, typer.Option(help="D: all parameters; I: prediction over the range.")] = "D",
-    speeds: Annotated[str, typer.Option(help="Range of speeds; default: 1 mm/s to what the rig reaches.")] = "",
-    noise: Annotated[str, typer.Option(help="Standard deviation of one point; default: that of the fit.")] = "",
-    strokes: Annotated[int, typer.Option(help="Strokes each way for one point.", min=1)] = 1,
+    speeds: Annotated[str, typer.Option(help="Range of speeds; default: 1 mm/s to the highest speed of the rig.")] = "",
+    noise: Annotated[str, typer.Option(help="Standard deviation of one point; default: from the fit.")] = "",
+    strokes: Annotated[int, typer.Option(help="Strokes in each direction for one point.", min=1)] = 1,
     stops: Annotated[str, typer.Option(help="Stops instead of speeds: the dwell law, such as log or hyperbolic.")] = "",
-    scale: Annotated[str, typer.Option(help="With --stops: guess of the law's time constant.")] = "1 s",
-    out: Annotated[Path | None, typer.Option(help="Write the protocol there.")] = None,
+    scale: Annotated[str, typer.Option(help="With --stops: estimated time constant of the law.")] = "1 s",
+    out: Annotated[Path | None, typer.Option(help="Protocol file to write.")] = None,
 ) -> None:
-    """Propose the next points of a fit, with the intervals to expect, as a protocol for `pneudrive campaign plan`."""
+    """Propose the next points for a fit, with expected intervals, as a protocol for `pneudrive campaign plan`."""
     from pneudrive.campaign.live import duration
     from pneudrive.campaign.plan import lay_out
     from pneudrive.campaign.protocol import parse_protocol
@@ -67,7 +69,7 @@ def design(
         options = {"criterion": criterion, "noise_n": noise_n}
         plan = designed(found, limits, points=points or None, seconds=asked_s, **options)
         text = _protocol(plan, identity, envelope)
-        for _ in range(FITS):  # a cycle takes more than its strokes
+        for _ in range(FITS):  # a cycle takes longer than its strokes
             if asked_s is None:
                 break
             over = lay_out(parse_protocol(text), identity, envelope).time_s / asked_s
@@ -87,7 +89,7 @@ def design(
 
 
 def _shared(fit: FrictionFit, plan: Design) -> list[str]:
-    """Say where what all rows share is more than what points can narrow."""
+    """Return a note on shared errors that exceed the errors that more points reduce."""
     from pneudrive.identify.base import shown_in
     from pneudrive.identify.model import unit_of
 
@@ -98,11 +100,14 @@ def _shared(fit: FrictionFit, plan: Design) -> list[str]:
             out.append(f"{name} ± {both / factor:.2g} {unit}")
     if not out:
         return []
-    return ["- errors that all values share (sensors, area) are more, and no point narrows them: " + ", ".join(out)]
+    return [
+        "- errors shared by all values (sensors, area) are larger, and more points do not reduce them: "
+        + ", ".join(out)
+    ]
 
 
 def _protocol(plan: Design, identity: Identity, envelope: Envelope) -> str:
-    """Return the protocol of a design, without the cells of the crossed table that were not proposed."""
+    """Return the protocol of a design, with only the proposed cells of the crossed table."""
     from pneudrive.campaign.plan import cell_name, lay_out
     from pneudrive.campaign.protocol import parse_protocol
     from pneudrive.describe.toml import value_text
@@ -120,11 +125,11 @@ def _protocol(plan: Design, identity: Identity, envelope: Envelope) -> str:
     if len(chosen) == len(cells):
         return text
     listed = "".join(f"    {value_text(name)},\n" for name in sorted(chosen))
-    return f"{text.rstrip()}\n\n[fraction]  # the points that were proposed\ncells = [\n{listed}]\n"
+    return f"{text.rstrip()}\n\n[fraction]  # proposed points\ncells = [\n{listed}]\n"
 
 
 def _limits(fit: FrictionFit, identity: Identity, envelope: Envelope, speeds: str, strokes: int) -> Limits:
-    """Give what the rig can do: speeds that it reaches and holds, and pressures on a grid."""
+    """Return the possible speeds of the rig, and its pressures on a grid."""
     from pneudrive.campaign.protocol import parse_protocol
     from pneudrive.errors import CommandError
     from pneudrive.identify.design import Limits
@@ -140,7 +145,7 @@ def _limits(fit: FrictionFit, identity: Identity, envelope: Envelope, speeds: st
             slowest, wanted = parse_range(speeds, "m/s")
         if wanted > fastest:
             raise CommandError(
-                f"--speeds {speeds!r} goes beyond what the rig reaches and holds over half of its stroke",
+                f"--speeds {speeds!r} exceeds the speed that the rig can hold over half of its stroke",
                 rule=f"at most {1e3 * fastest:.3g} mm/s",
             )
         fastest = wanted
@@ -149,7 +154,7 @@ def _limits(fit: FrictionFit, identity: Identity, envelope: Envelope, speeds: st
 
 
 def _gauges(fit: FrictionFit, identity: Identity, envelope: Envelope) -> tuple[tuple[float, float], ...]:
-    """Pairs of pressures that the rig can hold without more than half of its force going into them."""
+    """Return the pairs of pressures whose force takes at most half of the rig's force range."""
     top = min(HIGHEST_PA, 1e4 * ((envelope.pressure_pa[1] - identity.ambient_pressure_pa) // 1e4))
     if not fit.model.chambers or top <= 0.0:
         return ((0.0, 0.0),)

@@ -1,4 +1,4 @@
-"""``pneudrive draw``: the circuit of a drive, or a circuit, as a drawing."""
+"""``pneudrive draw``: draw a drive or a circuit."""
 
 from __future__ import annotations
 

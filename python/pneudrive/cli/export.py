@@ -12,7 +12,7 @@ from pneudrive.cli.options import option
 
 
 def export(
-    source: Annotated[str, typer.Argument(help="A fit (fit.toml), or a drive file.", metavar="FIT|DRIVE")],
+    source: Annotated[str, typer.Argument(help="Fit (fit.toml), or drive file.", metavar="FIT|DRIVE")],
     to: Annotated[str, typer.Option(help="simscape, modelica or csv.", metavar="TOOL")],
     out: Annotated[Path | None, typer.Option(help="File; default: standard output.")] = None,
     pressure_a: Annotated[
@@ -22,10 +22,10 @@ def export(
     pressure_b: Annotated[str | None, typer.Option(help="Pressure in chamber b.")] = None,
     speeds: Annotated[
         str | None,
-        typer.Option(help='Speeds over which it shall hold, "1 mm/s .. 500 mm/s"; default: the measured ones.'),
+        typer.Option(help='Range of speeds for the law, "1 mm/s .. 500 mm/s"; default: the measured speeds.'),
     ] = None,
 ) -> None:
-    """Write friction in another tool's form of the law, with how far it is off and what is lost."""
+    """Write friction as another tool's law, with the error and the losses of the conversion."""
     from pneudrive.describe.drive import Drive
     from pneudrive.errors import CommandError
     from pneudrive.identify.export.convert import check_tool

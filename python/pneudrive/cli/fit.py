@@ -1,4 +1,4 @@
-"""``pneudrive fit``: a friction law from a finished map, recordings, or the folder of a campaign."""
+"""``pneudrive fit``: fit friction laws to a map, recordings, or a campaign."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pneudrive.identify.laws import LawComparison
     from pneudrive.identify.result import FrictionFit
 
-MOST_NAMED = 6  # values of a label in a message
+MOST_NAMED = 6  # largest number of values of a label in a message
 MAP_SUFFIXES = (".parquet", ".csv")
 
 
@@ -26,32 +26,33 @@ def fit(
     source: Annotated[
         list[Path],
         typer.Argument(
-            help="Friction maps (map.parquet, map.csv) or campaigns, several together; or recordings.",
+            help="Friction maps (map.parquet, map.csv) or campaigns, one or several; or recordings.",
             metavar="MAP|RECORDING...",
         ),
     ],
     laws: Annotated[
-        str, typer.Option(help="Laws to compare, with commas; one alone is fitted. Default: all.", metavar="LAW,...")
+        str,
+        typer.Option(
+            help="Laws to compare, separated by commas; a single law is fitted. Default: all.", metavar="LAW,..."
+        ),
     ] = "",
     pressure: Annotated[
         str,
         typer.Option(help="Dependence on pressure: none, linear, quadratic, saturating, interaction. Default: all."),
     ] = "",
     hold_out: Annotated[
-        str, typer.Option(help="What is left out and predicted: pressure, speed, recording, or a column of the map.")
+        str, typer.Option(help="Groups for cross-validation: pressure, speed, recording, or a column of the map.")
     ] = "",
     direction: Annotated[str, typer.Option(help="both, +x or -x.")] = "both",
-    by: Annotated[str, typer.Option(help="Column of the map, each value of which is fitted by itself: seal, ...")] = "",
+    by: Annotated[str, typer.Option(help="Column of the map, such as seal: one fit for each of its values.")] = "",
     loss: Annotated[str, typer.Option(help="huber, soft-l1, tukey, or linear (not robust).")] = "huber",
-    ambient: Annotated[str, typer.Option(help="Ambient pressure, where the map does not say it.")] = "",
-    layout: Annotated[
-        Path | None, typer.Option(help="How recordings are read; default: layout.toml beside them.")
-    ] = None,
-    out: Annotated[Path, typer.Option(help="Where the fit goes; with --by one file for each.")] = Path("fit.toml"),
+    ambient: Annotated[str, typer.Option(help="Ambient pressure, if the map lacks it.")] = "",
+    layout: Annotated[Path | None, typer.Option(help="Layout of recordings; default: layout.toml beside them.")] = None,
+    out: Annotated[Path, typer.Option(help="Fit file to write; with --by one file for each value.")] = Path("fit.toml"),
 ) -> None:
-    """Fit friction laws to a finished map and say which one holds: fit.toml.
+    """Fit friction laws to a map and recommend one: fit.toml.
 
-    Laws are compared by AICc, BIC and, what counts, by prediction of conditions that were left out.
+    Laws are compared by AICc, BIC and, decisively, by cross-validation over conditions.
     """
     from pneudrive.errors import CommandError, nearest
     from pneudrive.identify.laws import CANDIDATES
@@ -86,7 +87,7 @@ def fit(
 
 
 def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
-    """Read a map, or make one."""
+    """Read a map, or make one from a campaign."""
     from pneudrive.errors import CommandError, PneudriveError
     from pneudrive.friction.campaign.characteristics import characteristics
     from pneudrive.friction.friction_map import read_map
@@ -98,9 +99,9 @@ def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
     finished = [path for path in source if path.is_dir() or path.suffix == ".parquet"]
     if finished and len(finished) < len(source):
         raise CommandError(
-            "campaigns and finished maps are fitted together, recordings by themselves",
+            "either campaigns and friction maps, or recordings",
             value=" ".join(map(str, source)),
-            remedy="make a map of the recordings first: pneudrive characterise",
+            remedy="First make a map of the recordings: pneudrive characterise.",
         )
     if finished:
         maps = [characteristics(one).friction_map if one.is_dir() else read_map(one) for one in finished]
@@ -112,7 +113,7 @@ def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
 
 
 def _joined(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
-    """Put the rows of several maps into one; each keeps its gauge pressures, whatever the air pressure was."""
+    """Join the rows of several maps; each keeps its gauge pressures at any ambient pressure."""
     import numpy as np
     import xarray as xr
 
@@ -132,7 +133,7 @@ def _joined(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
 
 
 def _seals(curves: xr.Dataset, by: str, ambient_pa: float, direction: int | None) -> list[str]:
-    """Say what several seals of one map share, or that they were averaged over."""
+    """Return sentences on the spread between several seals of one map, or a note that the fit averages over them."""
     from pneudrive.errors import FitError
     from pneudrive.identify.survey import survey
 
@@ -147,12 +148,12 @@ def _seals(curves: xr.Dataset, by: str, ambient_pa: float, direction: int | None
 
 
 def _averaged(curves: xr.Dataset, by: str) -> list[str]:
-    """Say which labels differ within what is fitted together, so that the fit averages over them."""
+    """Return notes on labels with several values, over which the fit averages."""
     from pneudrive.friction.friction_map import COLUMNS
 
     said = []
     for name, column in curves.data_vars.items():
-        # A label of the pressure repeats what the map has measured; "kind" is what a campaign's cycle is for.
+        # A label of pressure repeats a measured column; "kind" is the purpose of a campaign's cycle.
         if column.dtype.kind not in "OUS" or name in (*COLUMNS, by, "pressure", "kind"):
             continue
         values = sorted(set(column.to_numpy().astype(str)))
@@ -160,13 +161,13 @@ def _averaged(curves: xr.Dataset, by: str) -> list[str]:
             shown = ", ".join(v or "none" for v in values[:MOST_NAMED]) + (", ..." if len(values) > MOST_NAMED else "")
             said.append(
                 f"the map has {len(values)} values of {name} ({shown}) and the fit averages over them; "
-                f"--by {name} fits each"
+                f"--by {name} fits each value"
             )
     return said
 
 
 def _ambient(curves: xr.Dataset, said: str) -> float:
-    """Ambient pressure from the option, from the map, or standard: that is then said."""
+    """Return the ambient pressure from the option or the map; else the standard one, with a note."""
     from pneudrive.constants import STANDARD_ATMOSPHERE_PA
     from pneudrive.units import parse_pressure
 
@@ -175,9 +176,7 @@ def _ambient(curves: xr.Dataset, said: str) -> float:
             return parse_pressure(said if "abs" in said else f"{said} abs").value_pa
     if "ambient_pressure_pa" in curves.attrs:
         return float(curves.attrs["ambient_pressure_pa"])
-    typer.echo(
-        "- the map does not say the ambient pressure: 1.01325 bar is assumed; --ambient states another", err=True
-    )
+    typer.echo("- the map lacks the ambient pressure: 1.01325 bar is assumed; --ambient gives another one", err=True)
     return STANDARD_ATMOSPHERE_PA
 
 
@@ -195,7 +194,7 @@ def _groups(curves: xr.Dataset, by: str) -> list[tuple[str, xr.Dataset]]:
 def _fitted(
     curves: xr.Dataset, names: list[str], pressure: str, hold_out: str, options: dict
 ) -> tuple[FrictionFit, LawComparison | None]:
-    """Compare where there is a choice; fit the recommended law, or the only one."""
+    """Compare several laws and fit the recommended one; fit a single law directly."""
     from pneudrive.errors import FitError
     from pneudrive.identify.fit import fit_friction
     from pneudrive.identify.laws import CANDIDATES, compare_laws

@@ -1,4 +1,4 @@
-"""Groups of commands whose modules are imported when a command is asked for, so that start-up stays fast."""
+"""Groups of commands with lazy imports, so that start-up stays fast."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class LazyGroup(TyperGroup):
-    """A group of the commands in a table: name -> module, in which a function or a group has the command's name.
+    """Group of commands from a table: name -> module with a function or a group of that name.
 
     A command module itself imports heavy libraries inside its function.
     """
@@ -24,7 +24,7 @@ class LazyGroup(TyperGroup):
     hidden_names: ClassVar[frozenset[str]] = frozenset()
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401
-        """Read the arguments of the group; none ask for its help."""
+        """Parse the arguments of the group; without arguments, show its help."""
         return super().parse_args(ctx, args or ["--help"])
 
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401 - typer keeps its context type private
@@ -32,7 +32,7 @@ class LazyGroup(TyperGroup):
         return list(self.table)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401
-        """Import one command, or None where there is no such name."""
+        """Import one command; None for an unknown name."""
         if cmd_name not in self.table:
             return None
         found = getattr(import_module(self.table[cmd_name]), cmd_name)
@@ -46,12 +46,12 @@ class LazyGroup(TyperGroup):
         return typer.main.get_command(single)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401
-        """Find the command that the arguments begin with.
+        """Find the command at the beginning of the arguments.
 
         Raises
         ------
         CommandError
-            There is none of that name; the message names the nearest.
+            The command does not exist; the message gives the nearest name.
         """
         if args and not args[0].startswith("-") and args[0] not in self.table:
             shown = [name for name in self.table if name not in self.hidden_names]
@@ -61,7 +61,7 @@ class LazyGroup(TyperGroup):
 
 
 def command_paths(table: Mapping[str, str], hidden: frozenset[str] = frozenset()) -> Iterator[tuple[str, ...]]:
-    """Yield every command of a table as the words that call it, commands of groups after their group."""
+    """Yield every command of a table as a list of words, commands of groups after their group."""
     for name, module in table.items():
         if name in hidden:
             continue
@@ -73,16 +73,16 @@ def command_paths(table: Mapping[str, str], hidden: frozenset[str] = frozenset()
 
 
 def group(table: Mapping[str, str], hidden: frozenset[str] = frozenset(), *, completion: bool = False) -> typer.Typer:
-    """Make a group of lazily imported commands.
+    """Return a group of lazily imported commands.
 
     Parameters
     ----------
     table : mapping
-        Command -> module; ``module`` has a function, or a group that this function made, of the command's name.
+        Command -> module with a function, or a group from this function, of the command's name.
     hidden : frozenset of str
         Commands that the help leaves out.
     completion : bool
-        Offer ``--install-completion`` and ``--show-completion``: of the root alone.
+        Offer ``--install-completion`` and ``--show-completion``; only for the root.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""``pneudrive identify``: numbers of a drive from recordings of its motion."""
+"""``pneudrive identify``: identify parameters of a drive from recordings of its motion."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ if TYPE_CHECKING:
 def identify(
     drive: Annotated[
         str,
-        typer.Argument(help="Drive file (TOML), or catalogue:NAME; or the file of a tank: the start.", metavar="DRIVE"),
+        typer.Argument(help="Drive file (TOML), catalogue:NAME, or tank file, with the start values.", metavar="DRIVE"),
     ],
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            help="Recordings: time, command, position, pressures; of a tank time and pressure.", metavar="RECORDING..."
+            help="Recordings: time, command, position, pressures; for a tank, time and pressure.",
+            metavar="RECORDING...",
         ),
     ],
     free: Annotated[
         str,
         typer.Option(
-            help="Parameters to be found, with commas: friction.coulomb, ... Of a tank, where nothing is said, all.",
+            help="Free parameters, separated by commas: friction.coulomb, ... Default for a tank: all.",
             metavar="NAMES",
         ),
     ] = "",
@@ -36,21 +37,21 @@ def identify(
         list[str] | None,
         typer.Option(
             help='A sensor: "position: noise = 2 um, offset = free". Keys: noise, offset, offset_uncertainty, gain, '
-            "lag, resolution. Of the command its delay: 'command: delay = free'.",
+            "lag, resolution. For the command its delay: 'command: delay = free'.",
             metavar="CHANNEL: KEY = VALUE, ...",
         ),
     ] = None,
     segment: Annotated[str, typer.Option(help='Length of the segments; "whole" is single shooting.')] = "0.4 s",
-    robust: Annotated[bool, typer.Option(help="Let outlying samples count less.")] = False,
-    profile: Annotated[bool, typer.Option(help="Intervals by profile likelihood, too.")] = False,
-    layout: Annotated[Path | None, typer.Option(help="How foreign files are read.")] = None,
-    out: Annotated[Path | None, typer.Option(help="File for the fit (TOML).", metavar="FIT.toml")] = None,
+    robust: Annotated[bool, typer.Option(help="Reduce the weight of outliers.")] = False,
+    profile: Annotated[bool, typer.Option(help="Also compute intervals by profile likelihood.")] = False,
+    layout: Annotated[Path | None, typer.Option(help="Layout of foreign files.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Fit file to write (TOML).", metavar="FIT.toml")] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Identify numbers of a drive from recordings by output error, with intervals and what cannot be determined.
+    """Identify parameters of a drive from recordings by output error, with intervals; list undetermined ones.
 
-    Ctrl-C ends the search with the best values so far. A file with a table [volume] describes a tank: a fixed volume
-    whose line, heat transfer and leak are identified from its pressure.
+    Ctrl-C ends the search with the best values so far. A file with a table [volume] describes a tank, a fixed volume:
+    its line, heat transfer and leak are identified from its pressure.
     """
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tank import Tank
@@ -104,7 +105,11 @@ def _tank(
 
     for option, given in beside.items():
         if given:
-            raise CommandError(f"--{option} is for drives", where=tank, rule="a tank takes --free, --layout and --out")
+            raise CommandError(
+                f"--{option} is not an option for a tank",
+                where=tank,
+                rule="options for a tank: --free, --layout, --out",
+            )
     fit = identify_volume(Tank.load(tank), list(recordings), names or None, layout=layout, progress=on_terminal().tell)
     typer.echo(str(fit))
     if out is not None:

@@ -1,4 +1,4 @@
-"""``pneudrive layout``: propose how a foreign recording is read."""
+"""``pneudrive layout``: propose a layout for a foreign recording."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ import typer
 
 
 def layout(
-    file: Annotated[Path, typer.Argument(help="A recording in any supported format.", metavar="FILE")],
+    file: Annotated[Path, typer.Argument(help="Recording in any supported format.", metavar="FILE")],
     out: Annotated[Path | None, typer.Option(help="Layout file to write; default: standard output.")] = None,
     picture: Annotated[
         Path | None,
-        typer.Option(help="Picture of what was understood; default: beside the layout, or FILE.layout.png here."),
+        typer.Option(
+            help="Picture of the recording with the layout; default: beside the layout, or FILE.layout.png here."
+        ),
     ] = None,
 ) -> None:
-    """Propose how to read a foreign recording, with a picture of what was understood."""
+    """Propose a layout for a foreign recording, with a picture of the result."""
     from pneudrive.cli.progress import on_terminal
     from pneudrive.errors import CommandError, RecordingError
     from pneudrive.report.layout_figure import write_layout_figure
@@ -38,7 +40,7 @@ def layout(
     if not proposal.problem:
         what = "a fixed volume" if proposal.kind == "fixed-volume" else f"a {proposal.kind}"
         strokes = f": {len(proposal.strokes)} strokes" if proposal.strokes else ""
-        sys.stderr.write(f"A recording of {what}{strokes}; check the lines that say guess.\n")
+        sys.stderr.write(f"A recording of {what}{strokes}; check the lines marked guess.\n")
     for path in (out, picture):
         if path is not None:
             sys.stderr.write(f"{path}\n")
@@ -46,5 +48,5 @@ def layout(
         raise RecordingError(
             f"the proposed layout does not read the file yet: {proposal.problem}",
             where=str(file),
-            remedy="mend the lines that say guess or not found, and look at the picture",
+            remedy="Correct the lines marked guess or not found, and check the picture.",
         )

@@ -1,4 +1,4 @@
-"""``pneudrive lines``: what the tubes between valve and cylinder cost."""
+"""``pneudrive lines``: effect of the tubes between valve and cylinder."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TABLES = (".csv", ".parquet")
 SAID = (
     "Tubes are steady: C = 0.029 d^2/sqrt(L/d^1.25 + 510), an empirical formula (assumed; smooth-pipe theory gives "
     "10 to 15 % more), and their volume; waves are left out. Strokes are simulated from rest at the start of the "
-    "stroke, the chamber that empties at supply pressure; the choked speed is what the way out alone allows."
+    "stroke, the emptying chamber at supply pressure; the choked speed is the limit from the exhaust path alone."
 )
 
 
@@ -36,7 +36,7 @@ def lines(
     plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Show speed and stroke time of a drive against the length and the bore of the tubes at its cylinder."""
+    """Show speed and stroke time of a drive over length and bore of the tubes at its cylinder."""
     from pneudrive.cli.described import load
     from pneudrive.cli.progress import on_terminal
     from pneudrive.lines import study
@@ -86,7 +86,7 @@ def _cells(values: Mapping[str, Any], first: Mapping[str, Any]) -> tuple[str, ..
 
 
 def _save(study: xr.Dataset, path: Path) -> None:
-    """Write a row for each pair of tubes, units in the names of the columns."""
+    """Write a row for each length and bore, with units in the names of the columns."""
     import numpy as np
 
     from pneudrive.trajectory import save_columns

@@ -17,7 +17,7 @@ from pneudrive.errors import Cancelled, PneudriveError, PneudriveWarning, Simula
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-#: The commands; each is a function or a group of its name in a module of its name, imported when it is asked for.
+#: Commands; each is a function or a group in the module of its name, imported on use.
 COMMANDS = {
     name: f"pneudrive.cli.{name}"
     for name in (
@@ -26,7 +26,7 @@ COMMANDS = {
         *("components", "schema", "demo"),
     )
 }
-HIDDEN = frozenset({"demo"})  # `make demo` is its door
+HIDDEN = frozenset({"demo"})  # called by `make demo`
 
 EXIT_OTHER, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
 
@@ -43,17 +43,17 @@ def _root(version: bool = typer.Option(False, "--version", help="Show the versio
 
 
 def fail(error: PneudriveError) -> int:
-    """Print an error once, on stderr, and return the exit status that it means."""
+    """Print an error once, on stderr, and return its exit status."""
     sys.stderr.write(f"{type(error).__name__}: {error}\n")
     return EXIT_OTHER if isinstance(error, SimulationError) else EXIT_INPUT
 
 
 @contextmanager
 def _plain_warnings() -> Iterator[None]:
-    """Show a warning as one line of plain words on stderr, once; where in the package it arose tells a user nothing."""
+    """Print a warning once, as one line on stderr, without its place in the package."""
     otherwise, shown = warnings.showwarning, set()
 
-    def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:  # noqa: ANN401 - of the standard
+    def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:  # noqa: ANN401 - signature of the standard library
         if not issubclass(category, PneudriveWarning):
             otherwise(message, category, *rest)
         elif str(message) not in shown:
@@ -72,12 +72,12 @@ def run(arguments: Sequence[str]) -> int:
     Parameters
     ----------
     arguments : sequence of str
-        What follows ``pneudrive``.
+        Arguments after ``pneudrive``.
 
     Returns
     -------
     int
-        0 done; 2 the input is wrong; 1 anything else; 130 interrupted.
+        Exit status: 0 success; 2 wrong input; 1 other error; 130 interrupted.
     """
     first = next((word for word in arguments if not word.startswith("-")), None)
     if first is not None and first not in COMMANDS:
@@ -91,16 +91,16 @@ def run(arguments: Sequence[str]) -> int:
         status = EXIT_INTERRUPTED
     except PneudriveError as error:
         return fail(error)
-    except BrokenPipeError:  # the reader of our output has gone (pneudrive ... | head): no more to say
+    except BrokenPipeError:  # the reader of the output has closed it (pneudrive ... | head)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
-        if hasattr(error, "exit_code") and hasattr(error, "show"):  # typer's own: a wrong option
+        if hasattr(error, "exit_code") and hasattr(error, "show"):  # typer's error: a wrong option
             error.show()  # type: ignore[attr-defined]
             return int(error.exit_code)  # type: ignore[attr-defined]
         raise
-    if status == EXIT_INTERRUPTED:  # typer, too, returns it for Ctrl-C
-        sys.stderr.write("Interrupted; what was finished is kept.\n")
+    if status == EXIT_INTERRUPTED:  # as typer returns for Ctrl-C
+        sys.stderr.write("Interrupted; finished results are kept.\n")
     return status if isinstance(status, int) else 0
 
 

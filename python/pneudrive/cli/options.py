@@ -1,4 +1,4 @@
-"""Options that several commands share, and options that are read as quantities."""
+"""Options shared by several commands, and reading of quantities in options."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Value = TypeVar("Value")
 
 
 def _open_catalogue(context: typer.Context, paths: list[Path] | None) -> list[Path] | None:
-    """Take the folders as long as the command runs."""
+    """Add the folders to the catalogue while the command runs."""
     if paths:
         from pneudrive.describe.catalogue import catalogue_folders
 
@@ -25,41 +25,41 @@ def _open_catalogue(context: typer.Context, paths: list[Path] | None) -> list[Pa
     return paths
 
 
-#: Folders of the user's own parts and drives; a command that reads descriptions has this option and needs no more.
+#: Folders of the user's parts and drives; a command that reads descriptions needs only this option.
 CatalogueFolders = Annotated[
     list[Path] | None,
     typer.Option(
         "--catalogue",
-        help="Folder of your own parts and drives, beside the catalogue; may be given several times.",
+        help="Folder of your own parts and drives, in addition to the catalogue; repeatable.",
         metavar="DIR",
         callback=_open_catalogue,
     ),
 ]
 
 
-#: What a command reads that takes drives and circuits alike.
+#: Argument of commands for drives and circuits.
 Described = Annotated[
     str, typer.Argument(help="Drive or circuit file (TOML), or catalogue:NAME.", metavar="DRIVE|CIRCUIT")
 ]
 Protocol = Annotated[str, typer.Argument(help="Protocol file (TOML), or a ready one by name.", metavar="PROTOCOL")]
 BenchRig = Annotated[str, typer.Option("--rig", help="Rig file, ready rig, or address.", metavar="RIG")]
 Layout = Annotated[
-    Path | None, typer.Option("--layout", help="How foreign files are read; default: layout.toml beside them.")
+    Path | None, typer.Option("--layout", help="Layout of foreign files; default: layout.toml beside them.")
 ]
 Results = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 Samples = Annotated[
     str,
-    typer.Option("--protocol", help="Which samples count: settled, or source-paper (first 5 % dropped)."),
+    typer.Option("--protocol", help="Samples used: settled, or source-paper (first 5 % dropped)."),
 ]
 
 
 def one_of(option: str, word: str, known: Mapping[str, Value]) -> Value:
-    """Return what a word of an option means.
+    """Return the meaning of a word in an option.
 
     Raises
     ------
     CommandError
-        It means nothing.
+        The word is unknown.
     """
     if word not in known:
         raise CommandError(f"{option} {word} is not known", remedy=nearest(word, known))
@@ -67,7 +67,7 @@ def one_of(option: str, word: str, known: Mapping[str, Value]) -> Value:
 
 
 def names_in(text: str) -> list[str]:
-    """Return the names in a list with commas."""
+    """Return the names of a list separated by commas."""
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
@@ -77,7 +77,7 @@ def quantity(name: str, text: str, si_unit: str) -> float:
     Raises
     ------
     CommandError
-        It cannot be read.
+        The text is not such a quantity.
     """
     from pneudrive.units import parse
 
@@ -87,12 +87,12 @@ def quantity(name: str, text: str, si_unit: str) -> float:
 
 @contextmanager
 def option(name: str) -> Iterator[None]:
-    """Name the option whose text cannot be read.
+    """Add the name of the option to an error in its text.
 
     Raises
     ------
     CommandError
-        Instead of the DescriptionError of the text.
+        Replaces the DescriptionError of the text.
     """
     try:
         yield

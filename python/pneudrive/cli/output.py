@@ -1,4 +1,4 @@
-"""What commands write to: files, folders, and the terminal."""
+"""Output of commands: files, folders, and the terminal."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
     from pneudrive.friction.campaign.basics import Statement
 
-#: Columns of a table that goes to a file.
+#: Width of a table that is written to a file, characters.
 WIDTH = 160
-MOST_ROWS = 60  # of a table of results; the files hold all of them
+MOST_ROWS = 60  # rows of a table on the terminal; files have all of them
 
 
 def writable_folder(out: Path) -> Path:
-    """Make an output folder before any work is done.
+    """Make an output folder, before any work is done.
 
     Raises
     ------
     CommandError
-        It cannot be made or written to.
+        The folder cannot be made or written to.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -41,21 +41,21 @@ def writable_folder(out: Path) -> Path:
 
 
 def console() -> Console:
-    """Make a console that shows texts as they are: names of recordings and seals may hold brackets."""
+    """Return a console without markup, as names of recordings and seals may contain brackets."""
     from rich.console import Console
 
     return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False, markup=False)
 
 
 def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> None:
-    """Print a table as wide as the terminal.
+    """Print a table in the width of the terminal.
 
     Parameters
     ----------
     heads : sequence of str
     rows : iterable of sequences of str
     left : int
-        Columns that are set to the left; of the others all but those whose head begins with "<".
+        Number of left-aligned columns; others are right-aligned unless their head begins with "<".
     """
     from rich.table import Table
 
@@ -69,26 +69,26 @@ def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 
 
 
 def show_lines(lines: Iterable[str]) -> None:
-    """Print lines as they are, wrapped at the width of the terminal."""
+    """Print lines, wrapped at the width of the terminal."""
     shown = console()
     for line in lines:
         shown.print(line)
 
 
 def show_statements(statements: Iterable[Statement]) -> None:
-    """Print what data carry, and what not."""
+    """Print sentences on what the data show; "!" marks what they do not show."""
     show_lines(f"{'-' if statement.carried else '!'} {statement}" for statement in statements)
 
 
 def tell(paths: Iterable[Path | None]) -> None:
-    """Print where results lie, a line each; what was not written is left out."""
+    """Print the paths of results, one on each line; files that were not written are left out."""
     for path in paths:
         if path is not None:
             typer.echo(str(path))
 
 
 def write_text(text: str, out: Path | None) -> None:
-    """Write a text to a file, whole or not at all, and say so; to standard output where no file is named."""
+    """Write a text to a file, whole or not at all, and print its path; without a file, write to standard output."""
     from pneudrive.trajectory import whole
 
     if out is None:

@@ -7,19 +7,19 @@ import time
 
 from pneudrive.watch import Watch
 
-FIRST_S = 1.0  # shorter work shows nothing
-LINE_EVERY_S = 10.0  # where stderr is a file, one line now and then
+FIRST_S = 1.0  # s; shorter work shows nothing
+LINE_EVERY_S = 10.0  # s; between lines if stderr is a file
 
 
 class _Line:
-    """One line of stderr, written over itself; in a file, a line every ten seconds."""
+    """Progress line on stderr, overwritten in place; in a file, a line every ten seconds."""
 
     def __init__(self) -> None:
         self.began = self.written = time.monotonic()
         self.width = 0
 
     def __call__(self, done: float, total: float, task: str) -> None:
-        """Write where the work stands."""
+        """Write the progress."""
         now = time.monotonic()
         if now - self.began < FIRST_S:
             return
@@ -38,5 +38,5 @@ class _Line:
 
 
 def on_terminal() -> Watch:
-    """Return the watch of one command: it shows progress on stderr from its second second on."""
+    """Return the watch of a command, which shows progress on stderr after the first second."""
     return Watch(_Line())

@@ -1,4 +1,4 @@
-"""``pneudrive reproduce``: the source paper's figures from the simulated rig and drive."""
+"""``pneudrive reproduce``: reproduce the source paper's figures on the simulated rig and drive."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 
 def reproduce(
     out: Annotated[Path, typer.Option(help="Folder for the report and its figures.")] = Path("reproduction"),
-    seed: Annotated[int, typer.Option(help="Seed of the simulated sensors' noise.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the noise of the simulated sensors.", min=0)] = 0,
 ) -> None:
     """Reproduce figures 1 to 9 of the source paper: campaigns on simulated rigs, a simulated drive, one report."""
     from pneudrive.cli.output import writable_folder

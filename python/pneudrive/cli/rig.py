@@ -1,4 +1,4 @@
-"""``pneudrive rig``: serve a rig over OPC UA, and what its protection needs."""
+"""``pneudrive rig``: serve a rig over OPC UA; make certificates and users."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 @rig.callback()
 def _rig() -> None:
-    """Rigs behind OPC UA: serve one, make certificates, keep users."""
+    """Rigs behind OPC UA: serve a rig, make certificates, add users."""
 
 
 def serve(
     rig: Annotated[str, typer.Argument(help="Ready rig, rig file, or own code as own_rig.py:make_rig.")] = "default",
-    port: Annotated[int, typer.Option(help="Port; 0 takes a free one.", min=0, max=65535)] = 4840,
+    port: Annotated[int, typer.Option(help="Port; 0: a free one.", min=0, max=65535)] = 4840,
     bind: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
-    pace: Annotated[float, typer.Option(help="1: in real time; 10: ten times faster; 0: as fast as it goes.")] = 1.0,
+    pace: Annotated[float, typer.Option(help="1: real time; 10: ten times faster; 0: as fast as possible.")] = 1.0,
     seed: Annotated[int, typer.Option(help="Seed of all noise of a simulated rig.")] = 0,
-    map: Annotated[Path | None, typer.Option(help="Node map; default: the one that is shipped.")] = None,  # noqa: A002
+    map: Annotated[Path | None, typer.Option(help="Node map; default: the one of the package.")] = None,  # noqa: A002
     heartbeat: Annotated[
-        str, typer.Option(help="The axis stops where the client is silent for longer; default: as the map says.")
+        str, typer.Option(help="The axis stops if the client is silent for longer; default: from the node map.")
     ] = "",
     certificate: Annotated[
-        Path | None, typer.Option(help="Certificate of this server; everything is then signed and encrypted.")
+        Path | None, typer.Option(help="Certificate of this server; all messages are then signed and encrypted.")
     ] = None,
     key: Annotated[
         Path | None, typer.Option(help="Private key of the certificate; default: the same name with .key.")
@@ -41,13 +41,15 @@ def serve(
     trust: Annotated[
         list[Path] | None, typer.Option(help="Certificate of a client that may connect; repeatable.")
     ] = None,
-    user_file: Annotated[Path | None, typer.Option(help="Users that may log in; made by `pneudrive rig user`.")] = None,
+    user_file: Annotated[
+        Path | None, typer.Option(help="File of users that may log in; made by `pneudrive rig user`.")
+    ] = None,
     trust_user: Annotated[list[Path] | None, typer.Option(help="Certificate of a user; repeatable.")] = None,
     unprotected: Annotated[
-        bool, typer.Option("--unprotected", help="Let anyone on the network command the axis.")
+        bool, typer.Option("--unprotected", help="Allow anyone on the network to command the axis.")
     ] = False,
 ) -> None:
-    """Serve a rig over OPC UA, behind the nodes of a map, until Ctrl-C."""
+    """Serve a rig over OPC UA, with the nodes of a map, until Ctrl-C."""
     from pneudrive.errors import CommandError
     from pneudrive.rig.loading import load_rig
     from pneudrive.rig.opcua.access import Protection
@@ -59,8 +61,8 @@ def serve(
     if bind not in LOOPBACK and certificate is None and not unprotected:
         raise CommandError(
             f"--bind {bind} without --certificate",
-            rule="whoever reaches this address could move the axis",
-            remedy="name certificates (pneudrive rig certificate), or say --unprotected",
+            rule="anyone who reaches this address could move the axis",
+            remedy="Give certificates (pneudrive rig certificate), or add --unprotected.",
         )
     if pace < 0.0 or 0.0 < pace < 1.0:
         raise CommandError(f"--pace {pace:g}", rule="0, or at least 1")
@@ -73,19 +75,23 @@ def serve(
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
     with RigServer(bench, load_map(map), bind, port, protection, heartbeat_s) as server:
         name = bench.identity().name
-        typer.echo(f"{name} at {server.url} with seed {seed}; heartbeat {server.heartbeat_s:g} s. Ctrl-C ends it.")
+        typer.echo(
+            f"{name} at {server.url} with seed {seed}; heartbeat {server.heartbeat_s:g} s. Ctrl-C ends the server."
+        )
         sys.stdout.flush()
-        while not ended.wait(0.5):  # a wait without end would not let Ctrl-C through everywhere
+        while not ended.wait(0.5):  # an endless wait would block Ctrl-C on some systems
             pass
 
 
 def certificate(
-    name: Annotated[str, typer.Argument(help="Names the files and the application: NAME.pem, NAME.key.")],
+    name: Annotated[str, typer.Argument(help="Name of the files and of the application: NAME.pem, NAME.key.")],
     out: Annotated[Path, typer.Option(help="Folder for both files.")] = Path(),
-    host: Annotated[list[str] | None, typer.Option(help="Name of the computer; repeatable; default: this one.")] = None,
-    days: Annotated[int, typer.Option(help="How long it is valid.", min=1)] = 365,
+    host: Annotated[
+        list[str] | None, typer.Option(help="Name of the computer; repeatable; default: this computer.")
+    ] = None,
+    days: Annotated[int, typer.Option(help="Days of validity.", min=1)] = 365,
 ) -> None:
-    """Make a self-signed certificate of an OPC UA client or server, and its key."""
+    """Make a self-signed certificate and its key for an OPC UA client or server."""
     from pneudrive.rig.opcua.access import make_certificate
 
     for path in make_certificate(out, name, host, days):
@@ -93,10 +99,10 @@ def certificate(
 
 
 def user(
-    name: Annotated[str, typer.Argument(help="Name to log in with.")],
+    name: Annotated[str, typer.Argument(help="Name of the user.")],
     user_file: Annotated[Path, typer.Option(help="File of users; it keeps salted hashes, no passwords.")],
 ) -> None:
-    """Add a user who may log in, or change the password of one. It is asked for, or read from standard input."""
+    """Add a user, or change a password. The command asks for the password, or reads it from standard input."""
     from pneudrive.rig.opcua.access import add_user
 
     if sys.stdin.isatty():

@@ -1,4 +1,4 @@
-"""``pneudrive schema``: the JSON schemas of the files that users write, for editors and other programs."""
+"""``pneudrive schema``: JSON schemas of files that users write, for editors and other programs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 
 
 class SchemaKind(str, Enum):
-    """Files that have a schema."""
+    """Files with a schema."""
 
     drive = "drive"
     circuit = "circuit"
@@ -19,10 +19,10 @@ class SchemaKind(str, Enum):
 
 def schema(
     kind: Annotated[
-        SchemaKind, typer.Argument(help="Drive file, circuit file, or protocol of a campaign.")
+        SchemaKind, typer.Argument(help="Kind of file: drive, circuit, or protocol of a campaign.")
     ] = SchemaKind.drive,
 ) -> None:
-    """Print the JSON schema of the drive file, of the circuit file, or of a campaign's protocol."""
+    """Print the JSON schema of drive files, circuit files, or protocols."""
     if kind is SchemaKind.drive:
         from pneudrive.describe.schema import drive_schema as described
     elif kind is SchemaKind.circuit:

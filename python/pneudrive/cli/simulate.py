@@ -1,4 +1,4 @@
-"""``pneudrive simulate``: a drive or a circuit, commands, a trajectory file or picture."""
+"""``pneudrive simulate``: simulate a drive or a circuit into a trajectory file or picture."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from pneudrive.errors import CommandError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-MOST_IMPACTS = 5  # shown; the file holds all of them
+MOST_IMPACTS = 5  # printed impacts; the file has all of them
 
 
 def simulate(
     drive: Described,
-    duration: Annotated[str, typer.Option(help='How long, e.g. "2 s".')],
+    duration: Annotated[str, typer.Option(help='Duration, e.g. "2 s".')],
     command: Annotated[
         list[str] | None,
         typer.Option(
-            help='Valve command in -1 .. 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file (time_s,command). For a valve of '
-            'a circuit with its name in front, once for each: "valve_l: 0 s: 1, 0.5 s: -1".',
+            help='Valve command in -1 .. 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file (time_s,command). For a '
+            'circuit with the name of the valve in front, repeatable: "valve_l: 0 s: 1, 0.5 s: -1".',
             metavar="STEPS",
         ),
     ] = None,
     initial: Annotated[
         str | None,
         typer.Option(
-            help='Start state, e.g. "position = 50 mm, pressure_a = 3 bar abs"; of a circuit "left.position = 50 mm".'
+            help='Start state, e.g. "position = 50 mm, pressure_a = 3 bar abs"; for a circuit "left.position = 50 mm".'
         ),
     ] = None,
-    sample_rate: Annotated[str, typer.Option(help="Samples a second.")] = "1 kHz",
+    sample_rate: Annotated[str, typer.Option(help="Samples per second.")] = "1 kHz",
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-6,
     budget: Annotated[
-        int | None, typer.Option(help="Attempts at a step after which the run is given up.", metavar="ATTEMPTS")
+        int | None, typer.Option(help="Attempted steps after which the run is given up.", metavar="ATTEMPTS")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Trajectory file: .parquet, .csv or .nc.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture of the trajectory: .png, .svg, .pdf or .html.")] = None,
@@ -81,11 +81,11 @@ def simulate(
 
 
 def _only(commands: list[str] | None) -> str:
-    """Return the command of a drive."""
+    """Return the only command of a drive."""
     if not commands:
         raise CommandError("the command of the valve is missing", remedy='Add --command "0 s: 1", for instance.')
     if len(commands) > 1:
-        raise CommandError(f"a drive has one valve, and {len(commands)} commands are given", remedy="Keep one of them.")
+        raise CommandError(f"a drive has one valve, but {len(commands)} commands are given", remedy="Keep one of them.")
     return commands[0]
 
 
@@ -107,5 +107,5 @@ def _say(name: str, columns: dict, provenance: dict, written: Sequence[Path | No
             f"{impact['peak_force_n']:.0f} N"
         )
     if len(provenance["impacts"]) > MOST_IMPACTS:
-        typer.echo(f"and {len(provenance['impacts']) - MOST_IMPACTS} impacts more")
+        typer.echo(f"and {len(provenance['impacts']) - MOST_IMPACTS} more impacts")
     tell(written)

@@ -1,4 +1,4 @@
-"""``pneudrive validate``: a drive against recordings of it, or its friction law against a friction map."""
+"""``pneudrive validate``: validate a drive against recordings, or its friction law against a friction map."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def validate(
     drive: Annotated[
         str,
         typer.Argument(
-            help="Drive file (TOML), catalogue:NAME, or what `pneudrive identify --out` wrote: with the zeros of its "
+            help="Drive file (TOML), catalogue:NAME, or fit of `pneudrive identify --out` with the zeros of its "
             "sensors.",
             metavar="DRIVE|FIT",
         ),
@@ -29,7 +29,7 @@ def validate(
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            help="Recordings of the drive (time, command, position, both pressures); or one friction map or campaign.",
+            help="Recordings of the drive (time, command, position, both pressures), or one friction map or campaign.",
             metavar="RECORDING...|MAP|CAMPAIGN",
         ),
     ],
@@ -37,7 +37,7 @@ def validate(
     sensor: Annotated[
         list[str] | None,
         typer.Option(
-            help='What is known of a sensor: "pressure_a: offset = 0.02 bar"; gain; "command: delay = 3 ms".',
+            help='Known error of a sensor: "pressure_a: offset = 0.02 bar"; gain; "command: delay = 3 ms".',
             metavar="CHANNEL: KEY = VALUE, ...",
         ),
     ] = None,
@@ -45,9 +45,9 @@ def validate(
     out: Results = Path("validation"),
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Simulate what was recorded and compare: report.html, validation.toml; and why the model is off.
+    """Simulate recorded commands and compare: report.html, validation.toml, with a diagnosis of the model.
 
-    A friction map (map.parquet, map.csv) or the folder of a campaign is compared with the drive's friction law.
+    A friction map (map.parquet, map.csv) or a campaign folder is compared with the drive's friction law.
     """
     from pneudrive.describe.drive import Drive
     from pneudrive.errors import CommandError
@@ -80,7 +80,7 @@ def validate(
 
 
 def _fit(path: str) -> DriveFit | None:
-    """Read a fit of a drive, where the file is one."""
+    """Read a fit of a drive; None for another file."""
     from pneudrive.describe import toml
     from pneudrive.errors import DescriptionError
     from pneudrive.identify.dynamic.result import DriveFit
@@ -103,7 +103,7 @@ def _friction(drive: Drive, path: Path, out: Path) -> None:
 
 
 def _say(found: Validation) -> None:
-    """Print one line per recording, the verdicts and what the residuals point to."""
+    """Print one line per recording, the verdicts and the diagnosis."""
     heads = ("recording", "position fit %", f"from states, {found.window_s:g} s %", "pressure NRMSE %", "off from s")
     rows = []
     for record in found.records[:MOST_ROWS]:

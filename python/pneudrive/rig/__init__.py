@@ -1,8 +1,8 @@
-"""Rigs: what a campaign drives. Simulated ones know their truth.
+"""Rigs, real and simulated; simulated ones know their ground truth.
 
-A campaign knows a rig by the protocols of `pneudrive.rig.interface` alone: `Rig` (nine verbs); `Reproducible`
-(begin_cycle, memory, restore, truth) and `Changeable` (levels, change: mounting, seal, drive) where the rig is
-simulated. Times of samples are those of `pneudrive.rig.sampling.schedule`::
+A campaign uses a rig only through the protocols of `pneudrive.rig.interface`: `Rig` (nine verbs), and for simulated
+rigs `Reproducible` (begin_cycle, memory, restore, truth) and `Changeable` (levels, change: mounting, seal, drive).
+Times of samples are those of `pneudrive.rig.sampling.schedule`::
 
     rig = load_rig("default", seed=7)              # name, TOML file, folder, address, or a class as "module:Name"
     rig = load_rig("my_rig.toml", pace=1.0)        # in real time, for a live display or behind a server
@@ -12,15 +12,15 @@ simulated. Times of samples are those of `pneudrive.rig.sampling.schedule`::
         ...
 
 Simulated rigs are TOML files, each value with its source (`shipped_rigs` lists those of the package; one can extend
-another). `pneudrive.rig.faults.FaultyRig` puts faults on any rig; `pneudrive.rig.stability` tells at which speeds a
-piston dragged through a spring swings by itself, `pneudrive.rig.swing` what a mean over that is off by.
+another). `pneudrive.rig.faults.FaultyRig` adds faults to any rig; `pneudrive.rig.stability` computes the speeds at
+which a piston dragged through a spring oscillates by itself, `pneudrive.rig.swing` the error of a mean over that.
 
-A further kind of rig is a function (source, seed, pace) -> Rig and one line in `pneudrive.rig.loading.LOADERS`; the
+A new kind of rig needs a function (source, seed, pace) -> Rig and one line in `pneudrive.rig.loading.LOADERS`; the
 kind is the scheme of an address, ``kind = "..."`` in a TOML file, or ``folder``.
 
-Without a campaign, `SimulatedRig` is a stateless object: `drag` gives the true signals of cycles at one speed, `record`
-reads them by the sensors, `measure` does both, `sweep` over speeds and pressures; `session` makes the stateful
-`RigSession` that `load_rig` returns.
+Without a campaign, `SimulatedRig` is a stateless object: `drag` returns the true signals of cycles at one speed,
+`record` the readings of the sensors, `measure` does both, `sweep` over speeds and pressures; `session` returns the
+stateful `RigSession` of `load_rig`.
 """
 
 from __future__ import annotations

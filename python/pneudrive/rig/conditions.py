@@ -1,4 +1,4 @@
-"""What a rig's past does to its friction: temperature, run-in, and what differs from cycle to cycle and day to day."""
+"""Effect of a rig's history on its friction: temperature, run-in, and scatter between cycles and days."""
 
 from __future__ import annotations
 
@@ -27,30 +27,30 @@ DAY_S = 86400.0
 
 @dataclass
 class Past:
-    """All that earlier cycles have left behind; plain data.
+    """History of a simulated rig, as plain data.
 
     Attributes
     ----------
     key : str
-        Of the last cycle: the level of friction is drawn from it.
+        Key of the last cycle, from which its friction scale is drawn.
     clock_s : float
-        The rig's own clock.
+        Clock of the rig.
     travel_m : float
-        Way of the present seal.
+        Distance slid by the present seal.
     seal_rise_k : float
         Temperature of the seal above that of the room.
     commanded_m : float
-        Where the axis stands.
+        Position of the axis.
     pressure_a_pa, pressure_b_pa : float
         Set pressures.
     state : list of float or None
-        Of the core; None: at rest, the sensor unstressed, the chambers at their set pressures.
+        State of the core; None: at rest, the sensor unstressed, the chambers at their set pressures.
     shown : dict
         Last true values of the channels.
     levels : dict
-        What is mounted.
+        Mounted factor levels.
     changes : dict
-        How often each factor was changed by hand.
+        Number of changes of each factor by hand.
     """
 
     key: str = ""
@@ -66,26 +66,26 @@ class Past:
     changes: dict[str, int] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """Give plain data that JSON can hold, to the bit."""
+        """Return plain data for JSON, exact to the bit."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Past:
-        """Take back what `to_dict` gave.
+        """Return the history from the data of `to_dict`.
 
         Raises
         ------
         RigError
-            If it is something else.
+            The data are not such a history.
         """
         wrong = RigError(
-            "this is not the memory of a simulated rig",
+            "this is not the saved state of a simulated rig",
             value=data,
             rule="finite numbers, a key and levels that are texts",
         )
         try:
             copy: dict[str, Any] = json.loads(json.dumps(data, allow_nan=False, default=plain))
-            good = not check_fields(copy, cls, "its memory", RigError) and len(copy) == len(fields(cls))
+            good = not check_fields(copy, cls, "the saved state", RigError) and len(copy) == len(fields(cls))
             good = good and all(map(is_number, [*(copy["state"] or []), *copy["shown"].values()]))
             good = good and all(isinstance(level, str) for level in copy["levels"].values())
             good = good and all(isinstance(count, int) for count in copy["changes"].values())
@@ -96,7 +96,7 @@ class Past:
         return cls(**copy)
 
     def pass_time(self, d: RigDescription, duration_s: float, power_w: float) -> None:
-        """Let time pass in which friction heats the seal with this power."""
+        """Advance the time, with this power of friction heating the seal."""
         from pneudrive import _core
 
         thermal = d.thermal
@@ -106,31 +106,31 @@ class Past:
         self.clock_s += duration_s
 
     def room_k(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
-        """Temperature of the room, now or some seconds later."""
+        """Return the temperature of the room, K, now or some seconds later."""
         thermal = d.thermal
         turn = 2.0 * np.pi * (self.clock_s + after_s) / thermal["room_period"]
         return d.ambient_temperature_k + thermal["room_amplitude"] * np.sin(turn)
 
     def barrel_k(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
-        """Temperature of the barrel, where the thermometer is."""
+        """Return the temperature of the barrel, K, at the thermometer."""
         return self.room_k(d, after_s) + d.barrel_share * self.seal_rise_k
 
     def force_drift_n(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
-        """Drift of the force sensor's zero with temperature and time."""
+        """Return the drift of the force sensor's zero, N, with temperature and time."""
         warmer = self.room_k(d, after_s) - d.ambient_temperature_k
         return d.drift["per_k"] * warmer + d.drift["per_s"] * (self.clock_s + after_s)
 
 
 def stream(seed: int, *words: str) -> np.random.Generator:
-    """Make the random numbers that belong to some words and nothing else."""
+    """Return a generator of random numbers that depends only on some words."""
     digest = hashlib.sha256("\0".join(words).encode()).digest()
     return np.random.default_rng([seed, int.from_bytes(digest[:8], "little")])
 
 
 def friction_scale(d: RigDescription, past: Past, seed: int) -> float:
-    """Draw what cycle, day, mounting and seal make of the friction: relative to the rig file, of all its forces.
+    """Return the friction scale of cycle, day, mounting and seal: a factor on all friction forces of the rig file.
 
-    The factors are lognormal, each drawn from the seed and what it belongs to.
+    The factors are lognormal, each drawn from the seed and the name of its cycle, day, mounting or seal.
     """
     changed = {factor: past.changes.get(factor, 0) for factor in ("mounting", "seal")}
     drawn = {
@@ -147,10 +147,10 @@ def friction_scale(d: RigDescription, past: Past, seed: int) -> float:
 
 
 def friction_in_force(d: RigDescription, past: Past, seed: int) -> dict[str, Any]:
-    """Return the friction of the present step, as the core takes it.
+    """Return the friction of the present step in the core's form.
 
-    Run-in and temperature act as on a drive: on Coulomb and breakaway force, and on viscous friction by temperature
-    alone. Both are those at the beginning of the step (assumed: a step is short against the time of warming).
+    Run-in and temperature act as on a drive: both on Coulomb and breakaway force, only temperature on viscous friction.
+    They are evaluated at the beginning of the step (assumed: a step is short against the time constant of warming).
     """
     from pneudrive import _core
 

@@ -1,4 +1,4 @@
-"""What the core takes: a rig's description as plain data in SI."""
+"""Description of a rig in the core's form: plain data in SI."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def core_friction(d: RigDescription, mounting: RigMounting | None = None) -> dict[str, Any]:
-    """Return the friction of the piston; a side load of the mounting adds that of the guide."""
+    """Return the friction of the piston, including that of the guide under a side load of the mounting."""
     table = {"law": d.law, "parameters": d.parameters, "pressure": d.pressure, **d.dependences}
     if mounting is not None and mounting.side_load_n > 0.0:
         table["side_load"] = {"force_n": mounting.side_load_n, "coefficient": mounting.coefficient}
@@ -33,22 +33,22 @@ def steady_friction_n(
     gauges_pa: tuple[float, float] = (0.0, 0.0),
     position_m: float = 0.0,
 ) -> Array:
-    """Return the friction of steady sliding, N, of the sign of the velocity.
+    """Return the friction of steady sliding, N, with the sign of the velocity.
 
     Parameters
     ----------
     friction : dict
-        As `core_friction` gives it.
+        Result of `core_friction`.
     velocity_m_s : float or ndarray
     gauges_pa : (float, float)
         Gauge pressures in the chambers.
     position_m : float
-        Where, for friction that depends on it.
+        Position, m, for friction that depends on it.
 
     Returns
     -------
     ndarray
-        One-dimensional.
+        Friction, N, one-dimensional.
     """
     from pneudrive import _core
 
@@ -65,16 +65,16 @@ def core_rig(
     friction: dict[str, Any] | None = None,
     temperature_k: float | None = None,
 ) -> Dragged:
-    """Return the rig with its chambers held at, or its regulators set to, these absolute pressures.
+    """Return the rig with its chambers or regulators at these absolute pressures, Pa.
 
     Parameters
     ----------
     d : RigDescription
     pressures_pa : (float, float)
     friction : dict, optional
-        As `core_friction` gives it; the rig's own where nothing is said.
+        Result of `core_friction`; the default is the rig's friction.
     temperature_k : float, optional
-        Of the room; that of the file where nothing is said.
+        Temperature of the room, K; the default is that of the rig file.
     """
     (area_a, area_b), servo = d.areas_m2, d.servo
     rods = {"rodless": (0, 0), "single-rod": (0, 1), "through-rod": (1, 1)}[d.cylinder]
@@ -109,13 +109,13 @@ def core_rig(
 
 
 def _supply(rig: Dragged, d: RigDescription, pressures_pa: tuple[float, float]) -> None:
-    """Add the air of chambers: ports to the room, or regulators that can be shut off, with a volume and lines."""
+    """Add the air supply of the chambers: ports to the room, or regulators with shut-off, a volume and lines."""
     c = d.chambers
     kind, ratio, heat = c["kind"], c["critical_pressure_ratio"], c["heat_transfer"]
     if kind == "common" and pressures_pa[0] != pressures_pa[1]:
         raise SimulationError(
-            f"one regulator cannot give {pressures_pa[0]:g} Pa and {pressures_pa[1]:g} Pa",
-            rule="chambers on a common manifold have one pressure",
+            f"one regulator cannot set both {pressures_pa[0]:g} Pa and {pressures_pa[1]:g} Pa",
+            rule="chambers on a common manifold have the same pressure",
         )
 
     def regulator(volume: str, pressure: float) -> None:

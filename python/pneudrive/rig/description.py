@@ -1,4 +1,4 @@
-"""The description of a simulated rig: a TOML file in which each value states its source."""
+"""Description of a simulated rig: a TOML file in which each value states its source."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pneudrive.rig.sensors import CLOCKS, AnalogSensor, Encoder, EncoderClock, T
 
 DEFAULT = Path(__file__).with_name("default.toml")
 
-#: Share of its range that a gauge transducer still shows below zero before it saturates (assumed).
+#: Share of its range by which a gauge transducer reads below zero before it saturates (assumed).
 BELOW_ZERO = 0.02
 #: Range and resolution of the thermometer (assumed): a 4-wire Pt100 with a 16-bit converter.
 THERMOMETER_K, THERMOMETER_BITS = (253.15, 353.15), 16
@@ -27,7 +27,7 @@ THERMOMETER_K, THERMOMETER_BITS = (253.15, 353.15), 16
 
 @dataclass(frozen=True)
 class RigMounting:
-    """A way of mounting: the force across the axis and the coefficient of friction of the guide that takes it."""
+    """Mounting of the drive: force across the axis, and coefficient of friction of the guide that carries it."""
 
     side_load_n: float = 0.0
     coefficient: float = 0.0
@@ -35,7 +35,7 @@ class RigMounting:
 
 @dataclass(frozen=True)
 class RigDescription:
-    """All of a simulated rig in SI.
+    """Description of a simulated rig in SI.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class RigDescription:
     law, parameters, pressure : str, dict, dict or None
         Friction of the piston as in a drive file; `pressure` in N/Pa per chamber.
     dependences : dict
-        What else acts on friction (dwell, relaxation, position, direction), as the core takes it.
+        Other friction modifiers (dwell, relaxation, position, direction), in the core's form.
     mountings : dict of RigMounting
     cylinder, rod_diameter_m, bore_m, stroke_m, moving_mass_kg, incline_rad, ambient_pressure_pa, ambient_temperature_k
     limits, margin_m
@@ -53,10 +53,10 @@ class RigDescription:
     sampling : Sampling
         Usual sampling of a session.
     stiffness_n_m, damping_n_s_m : float
-        Of the force sensor.
+        Stiffness and damping of the force sensor.
     force_sensor, pressure_sensor, thermometer, encoder
     force_accuracy_n, pressure_accuracy_pa, temperature_accuracy_k : float
-        Standard uncertainties that the recordings state.
+        Standard uncertainties stated in recordings.
     barrel_share : float
         Share of the seal's rise of temperature that reaches the thermometer on the barrel.
     servo, chambers, drift, thermal, run_in, repeatability, supply, safety : dict
@@ -131,21 +131,21 @@ def read_description(path: str | Path = DEFAULT) -> RigDescription:
 
 
 def _check(tables: Any) -> None:  # noqa: ANN401 - of a class that is made of the keys
-    """Refuse values that do not fit together, all at once."""
+    """Check the values against each other, and raise all errors at once."""
     cylinder, servo, chambers, problems = tables.cylinder, tables.servo, tables.chambers, Problems()
 
     def refuse(key: str, what: str, rule: str) -> None:
         problems.add(wrong(key, what, rule=rule))
 
     if 2.0 * servo.margin >= cylinder.stroke:
-        refuse("servo.margin", "servo.margin leaves no way to go", "0 <= margin < stroke / 2")
+        refuse("servo.margin", "servo.margin leaves no stroke to move", "0 <= margin < stroke / 2")
     if cylinder.rod_diameter >= cylinder.bore:
-        refuse("cylinder.rod_diameter", "cylinder.rod_diameter leaves no piston", "rod_diameter < bore")
+        refuse("cylinder.rod_diameter", "cylinder.rod_diameter is not smaller than the bore", "rod_diameter < bore")
     if (servo.bandwidth is None) != (servo.damping_ratio is None):
         rule = "both, or neither for a rigid axis"
-        refuse("servo.bandwidth", "servo.bandwidth and servo.damping_ratio go together", rule)
+        refuse("servo.bandwidth", "servo.bandwidth and servo.damping_ratio are needed together", rule)
     if servo.ripple > 0.0 and servo.pitch is None:
-        refuse("servo.ripple", "servo.ripple needs servo.pitch", "the distance after which the ripple repeats")
+        refuse("servo.ripple", "servo.ripple needs servo.pitch", "servo.pitch is the period of the ripple")
     for key in NEEDED[chambers.kind]:
         if getattr(chambers, key) is None:
             refuse("chambers", f"chambers.{key} is missing", f'chambers of kind "{chambers.kind}" need it')

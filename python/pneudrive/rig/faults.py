@@ -1,4 +1,4 @@
-"""A rig on which something goes wrong, on purpose: for tests of what a campaign makes of it."""
+"""Rig with deliberate faults, to test how a campaign handles them."""
 
 from __future__ import annotations
 
@@ -15,39 +15,39 @@ if TYPE_CHECKING:
 
     from pneudrive.rig.interface import Rig, Samples, Sampling, Step
 
-#: Kind -> what happens to the samples of the interval, or to the state that is shown.
+#: Kind of fault -> its effect on the samples of the interval, or on the state.
 KINDS = {
-    "stuck": "a channel keeps the value that it had at the beginning",
-    "nan": "a channel shows no number",
-    "saturated": "a channel shows the upper end of its range, or `value`",
-    "offset": "a channel shows `value` more",
+    "stuck": "a channel keeps its value from the beginning of the interval",
+    "nan": "a channel reads NaN",
+    "saturated": "a channel reads the upper end of its range, or `value`",
+    "offset": "a channel reads too high by `value`",
     "dropped": "samples are lost",
-    "duplicated": "samples come twice",
-    "clock": "the clock shows `value` s less",
+    "duplicated": "samples are repeated",
+    "clock": "the clock jumps back by `value` s",
     "lost": "the connection is lost: RigError in the middle of a cycle",
-    "state": "the state shows `value` as its `channel`, or the fault `text`, for a number of looks",
+    "state": "`looks` readings of the state give `value` for `channel`, or the fault `text`",
 }
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that goes wrong.
+    """Fault of a rig.
 
     Parameters
     ----------
     kind : str
         One of `KINDS`.
     cycles : container of int, optional
-        Which calls of `acquire` it strikes, counted from 1; None: all.
+        Affected calls of `acquire`, counted from 1; None: all.
     begin_s, end_s : float
         Interval within the cycle.
     channel : str
-        Of the samples, or of `RigState` for kind ``state``.
+        Channel of the samples, or of `RigState` for kind ``state``.
     value : float, optional
     text : str
-        Fault that the state tells, or message of the lost connection.
+        Fault in the state, or message of the lost connection.
     looks : int
-        Kind ``state``: how many calls of `state` it lasts, counted from the first one since the cycle before it ended.
+        Kind ``state``: number of affected calls of `state`, from the first one after the previous cycle.
     """
 
     kind: str
@@ -60,7 +60,7 @@ class Fault:
     looks: int = 3
 
     def __post_init__(self) -> None:
-        """Refuse a kind or a channel that there is not."""
+        """Check the kind and the channel."""
         if self.kind not in KINDS:
             raise RigError(f"fault {self.kind!r} is unknown", remedy=nearest(self.kind, KINDS))
         shown = {entry.name for entry in fields(RigState)}
@@ -69,13 +69,13 @@ class Fault:
             raise RigError(f"channel {self.channel!r} is unknown", remedy=nearest(self.channel, known))
 
     def strikes(self, cycle: int) -> bool:
-        """Tell whether it strikes a cycle."""
+        """Return whether the fault affects a cycle."""
         return self.cycles is None or cycle in self.cycles
 
 
 @dataclass
 class FaultyRig:
-    """A rig with faults; everything else is as on the rig itself, memory and truth included.
+    """Rig with faults; all other verbs are passed on unchanged, including `memory` and `truth`.
 
     Parameters
     ----------
@@ -95,14 +95,14 @@ class FaultyRig:
     cycle: int = field(default=0, init=False)
     looks: int = field(default=0, init=False)
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the rig has
-        """Pass on what is not changed here."""
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - any attribute of the rig
+        """Pass on all other attributes of the rig."""
         if name.startswith("__") or name == "rig":
             raise AttributeError(name)
         return getattr(self.rig, name)
 
     def state(self) -> RigState:
-        """Tell where the rig stands; a fault may show something else, before the cycle that it strikes."""
+        """Return the state of the rig; a fault may change it before the affected cycle."""
         state = self.rig.state()
         self.looks += 1
         for fault in self.faults:
@@ -112,7 +112,7 @@ class FaultyRig:
         return state
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
-        """Run the steps; what goes wrong goes wrong in the samples."""
+        """Run the steps, with faults in the samples."""
         self.cycle += 1
         self.looks = 0
         struck = [fault for fault in self.faults if fault.kind != "state" and fault.strikes(self.cycle)]

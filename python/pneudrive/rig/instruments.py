@@ -1,4 +1,4 @@
-"""The sensors of a simulated rig, each with the calibration error that its stated accuracy allows."""
+"""Sensors of a simulated rig, each with a calibration error within its stated accuracy."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Share of a force sensor's accuracy that changes sign with the force, as the uncertainty budget takes it.
+#: Share of a force sensor's accuracy that changes sign with the force, as in the uncertainty budget.
 HYSTERESIS_SHARE = 1.0 / 3.0
 
-#: What a simulated rig says of its sensors; force_calibration and bandwidth_hz are not stated: nothing was calibrated.
+#: Calibration texts of a simulated rig; force_calibration and bandwidth_hz are missing, as nothing was calibrated.
 ERROR_MODEL = "assumed: drawn by the simulated rig within its accuracy (zero, gain); white noise, converter, no lag"
 FORCE_ERROR_MODEL = (
     "assumed: drawn by the simulated rig within its accuracy (gain, and a third of it that turns with the force); zero "
@@ -30,11 +30,11 @@ FORCE_ERROR_MODEL = (
 
 
 class Instruments:
-    """Sensors whose calibration errors are drawn once from the rig's seed.
+    """Sensors with calibration errors drawn once from the rig's seed.
 
-    The stated accuracy is a standard uncertainty: at the end of the range the error of the gain has it as its standard
-    deviation; the zero of a pressure sensor and of the thermometer has it too (that of the force sensor is what the
-    rig file says, as it is tared); a third of it, shared by both directions, changes sign with the force.
+    The stated accuracy is a standard uncertainty. It is the standard deviation of the gain's error at the end of the
+    range, and of the zeros of pressure sensors and thermometer; the zero of the force sensor, which is tared, comes
+    from the rig file. A third of the accuracy, shared by both directions, changes sign with the force.
 
     Parameters
     ----------
@@ -58,25 +58,25 @@ class Instruments:
     def _pressure(self, accuracy: float, zero: float, gain: float) -> AnalogSensor:
         sensor, ambient = self.d.pressure_sensor, self.d.ambient_pressure_pa
         relative = accuracy / (sensor.high - ambient) * gain
-        # The gain is that of the gauge pressure: nothing at ambient.
+        # The error of the gain is proportional to the gauge pressure.
         shift = sensor.zero + accuracy * zero - relative * ambient
         return replace(sensor, gain_error=relative, zero=shift)
 
     def read(
         self, true: dict[str, Array], past: Past, rng: np.random.Generator | None, weight_n: float = 0.0
     ) -> dict[str, Array]:
-        """Read true signals.
+        """Return the readings of true signals.
 
         Parameters
         ----------
         true : dict
             Columns of the core over one step.
         past : Past
-            As it was at the beginning of the step.
+            History at the beginning of the step.
         rng : numpy.random.Generator or None
-            Of the noise; None: none.
+            Generator of the noise; None: no noise.
         weight_n : float
-            A weight that hangs on the force sensor in place of the drive.
+            Weight on the force sensor in place of the drive, N.
 
         Returns
         -------

@@ -1,6 +1,6 @@
-"""What a rig is to a campaign: nine verbs that a simulated rig, a replay, a PLC and a laboratory's own code share.
+"""Interface of rigs: nine verbs of simulated rigs, replays, PLCs and a laboratory's own code.
 
-A laboratory binds its hardware by writing a class with the methods of `Rig`; it inherits from nothing.
+A laboratory connects its hardware by a class with the methods of `Rig`; it needs no base class.
 All numbers are SI, pressures absolute; x grows as chamber a grows; the force is what the rig applies to the piston
 in +x.
 """
@@ -27,20 +27,20 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-#: What an identity and a recording both say of a rig.
+#: Fields of a rig in both an identity and a recording.
 SHARED = ("area_a_m2", "area_b_m2", "ambient_pressure_pa", "mass_beyond_sensor_kg", "incline_rad")
-#: Channels that every rig delivers, in the order of the files; SI. What a rig does not measure is constant.
+#: Channels that every rig delivers, in the order of the files; SI. Channels that a rig does not measure are constant.
 CHANNELS = ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa", "temperature_k")
 
 
 @dataclass(frozen=True)
 class Move:
-    """A straight move from rest to rest.
+    """Straight move from rest to rest.
 
     Parameters
     ----------
     to_m : float
-        Position at which it ends.
+        Position at the end.
     speed_m_s : float
         Speed between the ramps, > 0.
     """
@@ -51,18 +51,18 @@ class Move:
 
 @dataclass(frozen=True)
 class Hold:
-    """Standing still.
+    """Rest for a time.
 
     Parameters
     ----------
     duration_s : float
     released : bool
-        The axis gives way until the force sensor shows no force; otherwise it keeps its position, and the seal its
+        The axis moves freely until the force sensor reads zero; otherwise it keeps its position, and the seal its
         deflection.
     shut : bool
-        The supply is shut off meanwhile: a leak shows as a fall of pressure.
+        The supply is shut off, so that a leak appears as a fall of pressure.
     weight_n : float
-        Known force in +x that the operator has hung on the force sensor, the drive uncoupled; 0: none.
+        Known weight in +x that the operator put on the force sensor, with the drive uncoupled; 0: none.
     """
 
     duration_s: float
@@ -76,22 +76,22 @@ Step = Move | Hold
 
 @dataclass(frozen=True)
 class Sampling:
-    """How samples are spaced over a cycle.
+    """Spacing of samples over a cycle.
 
     Parameters
     ----------
     samples_per_stroke : int
-        Even in time over each move.
+        Number of samples, uniform in time over each move.
     burst_rate_hz : float
         Least rate around each reversal, stop and restart: at both ends of every step; 0: no bursts.
     burst_before_s, burst_after_s : float
-        How long the burst lasts before a step ends and after one begins.
+        Duration of a burst before the end and after the beginning of a step.
     hold_rate_hz : float
-        Rate while the axis stands (outside the bursts).
+        Rate while the axis is at rest, outside the bursts.
 
     See Also
     --------
-    pneudrive.rig.sampling.schedule : the times themselves, and so their number.
+    pneudrive.rig.sampling.schedule : times and number of the samples.
     """
 
     samples_per_stroke: int = 5000
@@ -101,7 +101,7 @@ class Sampling:
     hold_rate_hz: float = 20.0
 
 
-@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
+@dataclass(frozen=True, eq=False)  # with arrays: equal only to itself
 class Samples:
     """Samples in the order in which they were taken, shape (n,) each.
 
@@ -111,7 +111,7 @@ class Samples:
         From the start of the cycle, never decreasing.
     position_m, force_n, pressure_a_pa, pressure_b_pa, temperature_k
     step
-        int64, index of the step (move or hold) of the cycle during which a sample was taken.
+        int64, index of the cycle's step (move or hold) of each sample.
     """
 
     time_s: Array
@@ -123,18 +123,18 @@ class Samples:
     step: NDArray[np.int64]
 
     def __len__(self) -> int:
-        """Give the number of samples."""
+        """Return the number of samples."""
         return self.time_s.size
 
     @classmethod
     def join(cls, parts: Sequence[Samples]) -> Samples:
-        """Join parts end to end; no parts make no samples."""
+        """Join parts in their order; no parts give no samples."""
         first: dict[str, NDArray[Any]] = {**dict.fromkeys(CHANNELS, np.zeros(0)), "step": np.zeros(0, dtype=np.int64)}
         return cls(**{name: np.concatenate([none, *(getattr(p, name) for p in parts)]) for name, none in first.items()})
 
     @classmethod
-    def of(cls, given: Any) -> Samples:  # noqa: ANN401 - whatever a lab's own code yields
-        """Bring what a rig gave to float64, in arrays of its own.
+    def of(cls, given: Any) -> Samples:  # noqa: ANN401 - any result of a lab's code
+        """Convert samples from a rig to new arrays of float64.
 
         Raises
         ------
@@ -145,20 +145,24 @@ class Samples:
             channels = {name: np.array(getattr(given, name), dtype=np.float64) for name in CHANNELS}
             step = np.array(given.step, dtype=np.int64)
         except (AttributeError, TypeError, ValueError) as error:
-            raise RigError("the rig gave something else than samples", value=str(error), rule="see Samples") from None
+            raise RigError("the rig did not return samples", value=str(error), rule="see Samples") from None
         lengths = {name: values.shape for name, values in (channels | {"step": step}).items()}
         if len(set(lengths.values())) != 1 or step.ndim != 1:
-            raise RigError("the rig gave channels of different lengths", value=str(lengths), rule="one length for all")
+            raise RigError(
+                "the rig returned channels of different lengths",
+                value=str(lengths),
+                rule="all channels have the same length",
+            )
         return cls(**channels, step=step)
 
     def rows(self, chosen: slice | NDArray[Any]) -> Samples:
-        """Take some of them, by slice, mask or indices."""
+        """Return some of the samples, by slice, mask or indices."""
         return Samples(**{name: values[chosen] for name, values in vars(self).items()})
 
 
 @contextmanager
 def closed_after(given: T) -> Iterator[T]:
-    """Close something that can be closed, whatever happens: a connection; an acquisition, whose axis then rests."""
+    """Close a connection or an acquisition at the end of the block, also after an error."""
     try:
         yield given
     finally:
@@ -168,22 +172,22 @@ def closed_after(given: T) -> Iterator[T]:
 
 
 def has_verbs(rig: object, of: type) -> bool:
-    """Whether a rig has all verbs of a protocol; a wrapper that passes them on has them too."""
+    """Return whether a rig has all verbs of a protocol, possibly passed on by a wrapper."""
     return all(callable(getattr(rig, verb, None)) for verb in vars(of) if not verb.startswith("_"))
 
 
 @dataclass(frozen=True)
 class RigState:
-    """What a rig shows between and during cycles.
+    """State of a rig between and during cycles.
 
     Attributes
     ----------
     position_m, force_n, pressure_a_pa, pressure_b_pa, supply_pressure_pa, temperature_k : float
     time_s : float
-        The rig's own clock.
+        Clock of the rig.
     moving : bool
     fault : str or None
-        What is wrong, in words; None where nothing is.
+        Fault in words; None without a fault.
     """
 
     position_m: float
@@ -199,7 +203,7 @@ class RigState:
 
 @dataclass(frozen=True)
 class Envelope:
-    """What a rig can do and may be asked to do; the pre-flight check of a campaign holds the plan against it.
+    """Limits of a rig; the pre-flight check of a campaign compares the plan with them.
 
     Attributes
     ----------
@@ -208,19 +212,19 @@ class Envelope:
     speed_m_s, acceleration_m_s2, jerk_m_s3 : float
         Largest values of the axis.
     force_n : float
-        Largest force of either sign that the sensor may see.
+        Largest force of either sign on the sensor.
     pressure_pa : (float, float)
         Range of the absolute pressure in either chamber.
     separate_pressures : bool
         Whether the chambers can have different pressures.
     temperature_k : (float, float)
-        Range in which measuring goes on.
+        Range in which measuring continues.
     supply_pressure_pa : float
-        Least absolute supply pressure; 0 where it is not watched.
+        Least absolute supply pressure; 0: not monitored.
     expected_friction_n : float
-        Largest friction to be expected, for the check against the force range; 0 where it is not known.
+        Largest expected friction, for the check against the force range; 0: unknown.
     home_m : float
-        Where the axis goes home.
+        Home position of the axis.
     """
 
     position_m: tuple[float, float]
@@ -238,26 +242,26 @@ class Envelope:
 
 @dataclass(frozen=True)
 class Identity:
-    """Which rig and drive this is, and how its sensors are calibrated: kept with every campaign as ``rig.json``.
+    """Identity of rig and drive, with the calibration of the sensors; kept with every campaign as ``rig.json``.
 
     Attributes
     ----------
     name : str
     area_a_m2, area_b_m2 : float
-        Piston areas that the chamber pressures act on.
+        Piston areas of the chambers.
     ambient_pressure_pa : float
     mass_beyond_sensor_kg : float
-        Mass between the force sensor and the seal, piston included.
+        Mass between the force sensor and the seal, including the piston.
     incline_rad : float
         Positive where +x points up.
     stiffness_n_m : float or None
-        Between the axis and the piston.
+        Stiffness between the axis and the piston.
     accuracy : dict
         Channel -> standard uncertainty in SI; ``bore_m`` or ``area`` (relative) for the piston.
     limits : dict
-        Channel -> (lowest, highest) value that the sensor shows.
+        Channel -> (lowest, highest) reading of the sensor.
     resolution : dict
-        Channel -> smallest step that the sensor shows.
+        Channel -> smallest step of the sensor's readings.
     calibration : dict
         Channel -> free text: certificate, date; one that starts with "assumed" marks the accuracy as assumed.
     labels : dict
@@ -268,11 +272,11 @@ class Identity:
     pressure_measured_at : str
         ``chamber``, or ``regulator``: then the force of the air cannot be separated from that of the seal.
     synthetic : bool
-        A simulated rig.
+        Whether the rig is simulated.
     bandwidth_hz : dict
-        Channel -> frequency at which the sensor, of first order, shows 71 % of an amplitude; of ``force_n`` it is used.
+        Channel -> corner frequency (-3 dB) of the sensor, of first order; only that of ``force_n`` is used.
     force_calibration : ForceCalibration or None
-        Of the force sensor as a curve: applied to the force in analysis, in the place of the accuracy of ``force_n``.
+        Calibration curve of the force sensor, which analysis applies in place of the accuracy of ``force_n``.
     """
 
     name: str
@@ -294,24 +298,24 @@ class Identity:
     force_calibration: ForceCalibration | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Give plain data that JSON can hold."""
+        """Return plain data for JSON."""
         return asdict(self)
 
 
 @runtime_checkable
 class Rig(Protocol):
-    """A rig. Every method blocks until it is done and raises `pneudrive.errors.RigError` where it cannot be done."""
+    """Protocol of rigs. Every method blocks until it is done, and raises `pneudrive.errors.RigError` on failure."""
 
     def identity(self) -> Identity:
-        """Tell which rig this is."""
+        """Return the identity of the rig."""
         ...
 
     def limits(self) -> Envelope:
-        """Tell what it may be asked to do."""
+        """Return the limits of the rig."""
         ...
 
     def state(self) -> RigState:
-        """Tell where it stands."""
+        """Return the state of the rig."""
         ...
 
     def home(self) -> None:
@@ -327,13 +331,13 @@ class Rig(Protocol):
         ...
 
     def hold(self, duration_s: float, released: bool = False) -> None:
-        """Stand still without recording."""
+        """Rest for a time without recording."""
         ...
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
-        """Run the steps one after the other and yield the samples in parts, as they come.
+        """Run the steps in their order, and yield the samples in parts as they arrive.
 
-        Closing the iterator early means: come to rest now.
+        Closing the iterator early brings the axis to rest.
         """
         ...
 
@@ -344,33 +348,33 @@ class Rig(Protocol):
 
 @runtime_checkable
 class Reproducible(Protocol):
-    """A rig whose past can be set, so that a resumed campaign is the undisturbed one: a simulated rig."""
+    """Protocol of rigs with a restorable history, so that a resumed campaign equals the undisturbed one."""
 
     def begin_cycle(self, key: str) -> None:
-        """Let the noise of the next cycle depend on the rig's seed and this key alone."""
+        """Seed the noise of the next cycle from the rig's seed and this key."""
         ...
 
     def memory(self) -> dict[str, Any]:
-        """Give all that the past has left behind (clock, travel, temperature, age of the contact), as plain data."""
+        """Return the saved state (clock, travel, temperature, age of the contact) as plain data."""
         ...
 
     def restore(self, memory: dict[str, Any]) -> None:
-        """Take a past back that `memory` gave."""
+        """Restore a saved state from `memory`."""
         ...
 
     def truth(self) -> dict[str, Any]:
-        """Give what was true of the last cycle, as plain data; kept beside the recording, never read by results."""
+        """Return the ground truth of the last cycle as plain data; kept beside the recording, for tests only."""
         ...
 
 
 @runtime_checkable
 class Changeable(Protocol):
-    """A rig that can be told what the operator has changed by hand: a simulated rig."""
+    """Protocol of rigs that accept the operator's manual changes: simulated rigs."""
 
     def levels(self) -> dict[str, tuple[str, ...]]:
-        """Give the factors that take certain levels only, and which; every other factor takes any name."""
+        """Return the possible levels of factors with fixed levels; every other factor takes any name."""
         ...
 
     def change(self, levels: dict[str, str]) -> None:
-        """Take what has been mounted: factor -> level, as in `Cycle.levels`; factors left out stay as they are."""
+        """Set mounted factor levels: factor -> level, as in `Cycle.levels`; factors left out are unchanged."""
         ...

@@ -1,4 +1,4 @@
-"""A thread that a rig is used from, or stopped from: one job after the other, each with its result."""
+"""Thread for calls of a rig: one job after the other, each with its result."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ Answer = TypeVar("Answer")
 
 
 class JobThread:
-    """Runs one job after the other; a job that never returns does not keep the process from ending.
+    """Thread that runs one job after the other; a job that never returns does not block the end of the process.
 
     Parameters
     ----------
     name : str
-        Of the thread, which begins with the first job.
+        Name of the thread, which starts with the first job.
     """
 
     def __init__(self, name: str) -> None:
         self._jobs: queue.SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = queue.SimpleQueue()
-        self._starting = threading.Lock()  # two may begin at once
+        self._starting = threading.Lock()  # two callers may start at once
         self._thread = threading.Thread(target=self._work, name=name, daemon=True)
 
     def _work(self) -> None:
@@ -34,11 +34,11 @@ class JobThread:
                 continue
             try:
                 future.set_result(job())
-            except BaseException as error:  # whatever a lab's own code raises: the caller is told
+            except BaseException as error:  # any exception of a lab's code goes to the caller
                 future.set_exception(error)
 
     def start(self, job: Callable[[], Answer]) -> Future[Answer]:
-        """Run a job after the one before it."""
+        """Run a job after the previous one."""
         with self._starting:
             if self._thread.ident is None:
                 self._thread.start()
@@ -47,7 +47,7 @@ class JobThread:
         return future
 
     def close(self, wait_s: float = 0.0) -> None:
-        """End the thread when its work is done; wait so long for that."""
+        """End the thread after its last job, and wait for this up to a time."""
         self._jobs.put(None)
         if self._thread.ident is not None:
             self._thread.join(wait_s)

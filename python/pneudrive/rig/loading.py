@@ -1,4 +1,4 @@
-"""From a name, a file or an address to a rig: one registry for every kind."""
+"""Loading of rigs by name, file or address: one registry for every kind."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LOADERS: dict[str, str] = {
     "folder": "pneudrive.campaign.replay_sources:load_replay",
 }
 CODE = "code"
-#: Kinds that a file may name: they read data. Any other one runs code, or moves an axis and logs in somewhere.
+#: Kinds that a file may name, as they only read data. Others run code, or move an axis and log in.
 ONLY_DATA = ("simulated", "replay", "folder")
 
 
@@ -44,24 +44,23 @@ def load_rig(
     found_in: str | None = None,
     allow_code: str | None = None,
 ) -> Rig:
-    """Make a rig.
+    """Return a rig.
 
     Parameters
     ----------
     source : str or Path
         Name of a shipped rig (`shipped_rigs`), a rig file (TOML, its ``kind`` says which), a folder of recordings, an
         address such as ``opc.tcp://127.0.0.1:4840``, or a laboratory's own code as ``own_rig.py:make_rig`` or
-        ``package.module:Class``: called without arguments, it gives a rig.
+        ``package.module:Class``, called without arguments.
     seed : int
-        Of everything that is random on a simulated rig; others ignore it.
+        Seed of all random numbers of a simulated rig; other rigs ignore it.
     pace : float, optional
-        Seconds of the rig per second of the clock on the wall, for a simulated rig or a replay: 1 is real time; None
-        is as fast as it goes.
-    found_in : str, optional
-        The file in which `source` was found, where nobody has named it in this run. Then it may be a simulated rig or
-        a replay: what runs code, moves an axis or logs in somewhere is named by the user of this run.
-    allow_code : str, optional
-        SHA-256 of the file of own code that may run although it was found in a file.
+        Speed of a simulated rig or a replay relative to real time: 1 is real time; None is as fast as possible.
+        found_in : str, optional
+    File that names `source`, if the user has not named it in this run. Then only a simulated rig or a replay is
+        allowed: the user names a rig that runs code, moves an axis or logs in.
+        allow_code : str, optional
+    SHA-256 of a file of own code that may run although only a file names it.
 
     Returns
     -------
@@ -70,9 +69,9 @@ def load_rig(
     Raises
     ------
     RigError
-        If there is no such rig, or a file must not name it.
+        The rig does not exist, or a file must not name it.
     DescriptionError
-        If its file is wrong.
+        The rig file is not valid.
     """
     text = str(source)
     kind, name = _kind(text)
@@ -82,10 +81,10 @@ def load_rig(
         return _own_rig(name, own_code.load_allowed(name, allow_code, found_in, "--rig", RigError))
     if found_in is not None and kind not in ONLY_DATA:
         raise RigError(
-            f"the rig {text} was not named in this run",
+            f"only a file names the rig {text}, not this run",
             where=found_in,
-            rule="a file does not decide which axis moves, nor where one logs in",
-            remedy=f"Is it yours? Then name it: --rig {text}",
+            rule="only the user decides which axis moves and where to log in",
+            remedy=f"If this is your rig, name it: --rig {text}",
         )
     if kind not in LOADERS:
         raise RigError(f"rigs of kind {kind!r} are not known", where=text, remedy=nearest(kind, LOADERS))
@@ -94,17 +93,17 @@ def load_rig(
 
 
 def _own_rig(source: str, make: Callable[[], Any]) -> Rig:
-    """Call a laboratory's own code, a function or class without arguments, and check that it gives a rig."""
+    """Call a laboratory's own code, a function or class without arguments, and check that it returns a rig."""
     rig: Rig = own_code.guarded(source, RigError, make)
     if not has_verbs(rig, Rig):
         missing = [verb for verb in vars(Rig) if not verb.startswith("_") and not callable(getattr(rig, verb, None))]
-        what = f"{source} gives {type(rig).__name__}, which is no rig"
+        what = f"{source} returns {type(rig).__name__}, not a rig"
         raise RigError(what, value=f"it lacks {', '.join(missing)}", rule="the verbs of pneudrive.rig.Rig")
     return rig
 
 
 def must_be_named(source: str) -> bool:
-    """Tell whether a rig is one that only the user of a run may name, not a file."""
+    """Return whether only the user of a run may name a rig, not a file."""
     try:
         return _kind(source)[0] not in ONLY_DATA
     except RigError:
@@ -112,12 +111,12 @@ def must_be_named(source: str) -> bool:
 
 
 def opened(rig: Rig) -> AbstractContextManager[Rig]:
-    """Close the connection to a rig that has one, whatever happens."""
+    """Close the connection of a rig at the end of the block, also after an error."""
     return closed_after(rig)
 
 
 def _kind(text: str) -> tuple[str, str]:
-    """Give the kind of a rig, and its name, address, file or folder in full."""
+    """Return the kind of a rig, and its full name, address, file or folder."""
     scheme, separator, rest = text.partition(":")
     if separator and rest.startswith("//"):
         return scheme, text
@@ -130,11 +129,11 @@ def _kind(text: str) -> tuple[str, str]:
     if own_code.split(text) is not None:
         return CODE, text
     raise RigError(
-        f"{text!r} is no rig", rule="a name, a TOML file, a folder or an address", remedy=nearest(text, known)
+        f"{text!r} is not a rig", rule="a name, a TOML file, a folder or an address", remedy=nearest(text, known)
     )
 
 
 def _said(path: Path) -> str:
     from pneudrive.describe import toml
 
-    return str(toml.read(path, RigError, "The guides on rigs show what stands in one.")[0].get("kind", "simulated"))
+    return str(toml.read(path, RigError, "The guides on rigs show examples of rig files.")[0].get("kind", "simulated"))

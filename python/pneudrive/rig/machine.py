@@ -1,4 +1,4 @@
-"""What moves, in virtual time: one step after the other on the core, and what each leaves behind."""
+"""Motion of a simulated rig in virtual time: one step after the other on the core, with its history."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 
 #: Tolerance of the core: errors of force far below the noise of any force sensor.
 RTOL = 1e-6
-#: A move shorter than this is none.
+#: Shortest move, m.
 SHORTEST_M = 1e-9
-#: Chambers count as settled within this share of their set pressure; how long they may take.
+#: Share of the set pressure within which chambers count as settled; longest time of settling, s.
 SETTLED, LONGEST_S, LOOK_S = 1e-3, 60.0, 0.5
-#: Places along a way at which friction is taken for its mean.
+#: Number of positions for the mean of friction along a move.
 PLACES = 32
-#: Speed below which friction is at its level of breakaway, for the question whether a released axis stays.
+#: Speed at which friction counts as breakaway, to check whether a released axis stays.
 CREEP_M_S = 1e-9
 
 
 class Machine:
-    """Axis, drive and chambers with their past.
+    """Axis, drive and chambers with their history.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class Machine:
         self.past = Past(commanded_m=d.margin_m, pressure_a_pa=ambient, pressure_b_pa=ambient)
 
     def motion(self, step: Step) -> Motion | None:
-        """Plan a step from where the axis stands; None where there is nothing to do."""
+        """Plan the motion of a step from the present position; None without a motion."""
         at = self.past.commanded_m
         if isinstance(step, Hold):
             return dwell(step.duration_s, at) if step.duration_s > 0.0 else None
@@ -59,15 +59,15 @@ class Machine:
         return move(step.to_m - at, step.speed_m_s, self.d.limits, at)
 
     def friction(self) -> dict[str, Any]:
-        """Return the friction in force, as the core takes it."""
+        """Return the present friction in the core's form."""
         return friction_in_force(self.d, self.past, self.seed)
 
     def steady_n(
         self, friction: dict[str, Any], velocity_m_s: float, way_m: tuple[float, float] | None = None
     ) -> float:
-        """Steady friction at a velocity and the set pressures, N, positive against the motion.
+        """Return the steady friction at a velocity and the set pressures, N, positive against the motion.
 
-        Where friction depends on the position: its mean over a way, or that where the axis stands.
+        For friction that depends on position: its mean along a move, or its value at the present position.
         """
         d, past = self.d, self.past
         gauges = (past.pressure_a_pa - d.ambient_pressure_pa, past.pressure_b_pa - d.ambient_pressure_pa)
@@ -78,25 +78,25 @@ class Machine:
         return float(np.mean([abs(steady_friction_n(friction, velocity_m_s, gauges, x)[0]) for x in places]))
 
     def dwell_increment_n(self, friction: dict[str, Any], age_s: float) -> float:
-        """Return what an age of the contact adds to the level of friction at the set pressures, N."""
+        """Return the increase of friction by the age of the contact at the set pressures, N."""
         dwell = friction.get("dwell")
         if dwell is None or not age_s > 0.0:
             return 0.0
-        # In steady sliding at this speed the contact is so old.
+        # age of the contact in steady sliding at this speed
         speed = dwell["distance_m"] / age_s
         return self.steady_n(friction, speed) - self.steady_n({**friction, "dwell": None}, speed)
 
     def run(
         self, step: Step, motion: Motion, times: Array, look: Callable[[], object] | None = None
     ) -> dict[str, Array]:
-        """Run one step; what it leaves behind goes into `past`. `look` is called now and then; what it raises ends it.
+        """Run one step and update `past`. `look` is called now and then; an exception that it raises ends the step.
 
         Raises
         ------
         RigError
-            If the axis is to give way to chambers whose pressures would carry it off.
+            The axis is to be released, but the pressures would move it away.
         SimulationError
-            If the core cannot go on.
+            The core cannot go on.
         """
         friction = self.friction()
         hold = step if isinstance(step, Hold) else Hold(0.0)
@@ -116,7 +116,7 @@ class Machine:
         return columns
 
     def cut(self, before: Past, step: Step, motion: Motion, time_s: float) -> None:
-        """Go back to the beginning of a step, run it up to `time_s`, and brake."""
+        """Return to the beginning of a step, run it up to `time_s`, and brake."""
         self.past = before
         begun = motion.until(time_s)
         position, speed, acceleration = (float(value) for value in motion.at(time_s))
@@ -128,15 +128,15 @@ class Machine:
             self.run(step, rest, np.array([rest.duration_s]))
 
     def settle(self, a_pa: float, b_pa: float) -> None:
-        """Set the pressures and wait, standing, until the chambers have them.
+        """Set the pressures, and wait at rest until the chambers have settled.
 
         Raises
         ------
         RigError
-            If they do not get there.
+            The chambers do not reach the pressures.
         """
         past, columns = self.past, {}
-        if past.state is None:  # a state to start from, at the old pressures
+        if past.state is None:  # start state, at the old pressures
             self.run(Hold(LOOK_S), dwell(LOOK_S, past.commanded_m), np.array([LOOK_S]))
         past.pressure_a_pa, past.pressure_b_pa = a_pa, b_pa
         for _ in range(round(LONGEST_S / LOOK_S)):
@@ -148,11 +148,11 @@ class Machine:
         raise RigError(
             f"the chambers do not reach {a_pa:g} and {b_pa:g} Pa within {LONGEST_S:g} s",
             value=f"{columns['pressure_a_pa'][-1]:g} and {columns['pressure_b_pa'][-1]:g} Pa",
-            remedy="look for a leak, or at the conductance of the regulator",
+            remedy="Check for a leak, and the conductance of the regulator.",
         )
 
     def _stays(self, friction: dict[str, Any]) -> None:
-        """Refuse to give way where pressure or weight would move the piston for good."""
+        """Check that pressure and weight would not move a released piston away."""
         d, past = self.d, self.past
         area_a, area_b = d.areas_m2
         ambient = d.ambient_pressure_pa
@@ -161,9 +161,9 @@ class Machine:
         holds = self.steady_n(friction, CREEP_M_S)
         if abs(push) > holds:
             raise RigError(
-                "a released axis would be carried off by the pressure",
-                value=f"{push:.3g} N, friction holds {holds:.3g} N",
-                remedy="release only with equal pressures, or hold the axis",
+                "the pressure would move a released axis away",
+                value=f"force {push:.3g} N, friction {holds:.3g} N",
+                remedy="Release only with equal pressures, or hold the axis.",
             )
 
     def _core(
@@ -192,11 +192,11 @@ class Machine:
         return columns
 
     def copy(self) -> Machine:
-        """Return a machine with a past of its own."""
+        """Return a machine with its own copy of the history."""
         other = Machine(self.d, self.seed)
         other.past = self.snapshot()
         return other
 
     def snapshot(self) -> Past:
-        """Return a copy of the past."""
+        """Return a copy of the history."""
         return deepcopy(self.past)

@@ -57,12 +57,12 @@ class MotionLimits:
         return speed
 
 
-Limits = MotionLimits  # its name in pneudrive.rig
+Limits = MotionLimits  # public name in pneudrive.rig
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Piecewise constant jerk from rest at `start_m`.
+    """Motion with piecewise constant jerk from rest at `start_m`.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Motion:
         return float(self.durations_s.sum())
 
     def knots(self) -> Array:
-        """Time, position, velocity and acceleration at the segment borders, shape (4, k + 1)."""
+        """Time, position, velocity and acceleration at the ends of the segments, shape (4, k + 1)."""
         out = np.zeros((4, self.durations_s.size + 1))
         out[1, 0] = self.start_m
         for i, (h, j) in enumerate(zip(self.durations_s, self.jerks_m_s3, strict=True)):
@@ -89,7 +89,7 @@ class Motion:
         return out
 
     def at(self, time_s: ArrayLike) -> tuple[Array, Array, Array]:
-        """Position, velocity and acceleration at `time_s` (held at the ends), m, m/s, m/s2."""
+        """Return position, velocity and acceleration at `time_s` (held at the ends), m, m/s, m/s2."""
         knots = self.knots()
         time = np.clip(np.asarray(time_s, dtype=float), 0.0, knots[0, -1])
         i = np.clip(np.searchsorted(knots[0], time, side="right") - 1, 0, self.durations_s.size - 1)
@@ -112,7 +112,7 @@ class Motion:
 
 
 def move(distance_m: float, speed_m_s: float, limits: MotionLimits, start_m: float = 0.0) -> Motion:
-    """Straight move from rest to rest in the shortest time within the limits.
+    """Return a straight move from rest to rest in the shortest time within the limits.
 
     Parameters
     ----------
@@ -157,25 +157,25 @@ def move(distance_m: float, speed_m_s: float, limits: MotionLimits, start_m: flo
 
 
 def dwell(duration_s: float, start_m: float = 0.0) -> Motion:
-    """Stand still for `duration_s`, s."""
+    """Return a rest of `duration_s`, s."""
     if not (np.isfinite(duration_s) and duration_s > 0.0):
         raise CommandError(f"a stop needs a positive duration, got {duration_s} s")
     return Motion(np.array([duration_s]), np.array([0.0]), start_m)
 
 
 def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, limits: MotionLimits) -> Motion:
-    """Come to rest from any velocity and acceleration, as soon as the limits allow.
+    """Return the fastest motion to rest from any velocity and acceleration within the limits.
 
     Parameters
     ----------
     position_m, speed_m_s, acceleration_m_s2 : float
-        Where the axis is now; the acceleration within its limit.
+        Present motion of the axis; the acceleration is within its limit.
     limits : MotionLimits
 
     Returns
     -------
     Motion
-        Begins at that velocity and acceleration, so its `at` and `knots`, which begin at rest, do not hold.
+        Motion from that velocity and acceleration; its `at` and `knots`, which assume rest, are not valid.
 
     Examples
     --------
@@ -183,7 +183,7 @@ def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, limits:
     0.105
     """
     a, j = limits.acceleration_m_s2, limits.jerk_m_s3
-    # Taking the acceleration away alone would lead to this speed: it decides which way to push.
+    # speed after removing the acceleration alone; its sign gives the direction of braking
     coasting = speed_m_s + acceleration_m_s2 * abs(acceleration_m_s2) / (2.0 * j)
     sign = -1.0 if coasting > 0.0 else 1.0
     needed, now = -sign * speed_m_s, sign * acceleration_m_s2
@@ -199,7 +199,7 @@ def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, limits:
 def cycles(
     low_m: float, high_m: float, speed_m_s: float, limits: MotionLimits, *, count: int = 1, dwell_s: float = 0.0
 ) -> Motion:
-    """Go out and back `count` times between two positions, at one speed.
+    """Return `count` motions out and back between two positions, at one speed.
 
     Parameters
     ----------
@@ -231,10 +231,10 @@ def cycles(
     if not 0.0 < speed_m_s < np.inf or ramps > distance:
         top = 1e3 * limits.top_speed_m_s(distance)
         raise CommandError(
-            f"{1e3 * speed_m_s:g} mm/s is not reached within {1e3 * distance:g} mm: "
+            f"speed = {1e3 * speed_m_s:g} mm/s is not reached within {1e3 * distance:g} mm: "
             f"starting and stopping take {1e3 * ramps:.4g} mm",
             rule=f"at most {top:.4g} mm/s with {limits.acceleration_m_s2:g} m/s2 and {limits.jerk_m_s3:g} m/s3",
-            remedy="lower the speed, lengthen the stroke, or give the servo more acceleration",
+            remedy="Reduce the speed, lengthen the stroke, or increase the acceleration of the servo.",
         )
     out, back = move(distance, speed_m_s, limits, low_m), move(-distance, speed_m_s, limits, high_m)
     both = out.then(dwell(dwell_s)).then(back).then(dwell(dwell_s)) if dwell_s > 0.0 else out.then(back)
@@ -242,7 +242,7 @@ def cycles(
 
 
 def uniform_in_position(motion: Motion, samples: int) -> Array:
-    """Compute the times of a sample clock that an encoder triggers: equal steps along the path of the carriage.
+    """Return the times of an encoder-triggered sample clock: equal steps along the path of the carriage.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ def uniform_in_position(motion: Motion, samples: int) -> Array:
     Returns
     -------
     ndarray, shape (samples,)
-        Strictly increasing times, s. While the carriage stands there are no samples.
+        Strictly increasing times, s; no samples while the carriage is at rest.
     """
     knots = motion.knots()
     share = np.linspace(0.0, 1.0, 33)

@@ -1,4 +1,4 @@
-"""Plain data, as JSON holds them, become the classes of a rig again: each value is held against its field."""
+"""Conversion of plain data from JSON to the classes of a rig, with a check of each value against its field."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-def plain(value: Any) -> Any:  # noqa: ANN401 - whatever a rig remembers
-    """Give numbers and arrays of numpy as JSON can hold them."""
+def plain(value: Any) -> Any:  # noqa: ANN401 - any plain data
+    """Convert numbers and arrays of NumPy to plain data for JSON."""
     if hasattr(value, "tolist"):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} is not plain data")
 
 
 def is_number(value: object) -> bool:
-    """Whether it is a number that calculations can take; a rigid rig and a sensor without limits have endless ones."""
+    """Return whether a value is a number but not NaN; infinity is valid for a rigid rig or a sensor without limits."""
     return type(value) in (int, float) and (abs(value) <= LARGEST or math.isinf(value))  # type: ignore[arg-type]
 
 
 class Rule(NamedTuple):
-    """What JSON must make of a field."""
+    """Rule for the JSON value of a field."""
 
     words: str
     holds: Callable[[object], bool]
@@ -48,31 +48,31 @@ _RULES = {
 
 @cache
 def _rules(cls: type) -> dict[str, Rule]:
-    """Give the rule of each field of a dataclass by its annotation: a table where nothing else is said."""
+    """Return the rule of each field of a dataclass from its annotation; the default is a table."""
     return {
         field.name: _RULES.get(str(field.type).partition("[")[0].partition(" |")[0], _TABLE) for field in fields(cls)
     }
 
 
 def check_fields(data: dict[str, Any], cls: type, where: str, kind: type[PneudriveError], path: str = "") -> list[str]:
-    """Hold a table against the fields of the class that it is to become.
+    """Check a table against the fields of its class.
 
     Parameters
     ----------
     data : dict
-        From JSON; a value that is null counts as absent.
+        Data from JSON; null counts as absent.
     cls : type
-        A dataclass whose annotations are texts.
+        Dataclass with annotations as texts.
     where : str
         File, for messages.
     kind : type of PneudriveError
     path : str
-        What stands before the names in messages.
+        Prefix of names in messages.
 
     Returns
     -------
     list of str
-        Notes: keys that were not understood and are ignored.
+        Notes on unknown keys, which are ignored.
 
     Raises
     ------
@@ -83,30 +83,30 @@ def check_fields(data: dict[str, Any], cls: type, where: str, kind: type[Pneudri
     for name, value in data.items():
         rule = rules.get(name)
         if rule is None:
-            notes.append(f"{path}{name} is ignored: there is no such key. {nearest(name, rules)}")
+            notes.append(f"{path}{name} is not a known key and ignored. {nearest(name, rules)}")
         elif value is not None and not rule.holds(value):
-            raise kind(f"{path}{name} = {value!r:.80}", where=where, rule=f"it is {rule.words}")
+            raise kind(f"{path}{name} = {value!r:.80}", where=where, rule=f"the value is {rule.words}")
     return notes
 
 
 def known_fields(data: dict[str, Any], cls: type) -> dict[str, Any]:
-    """Leave out what is null, and what is no field of the class."""
+    """Return the table without null values and unknown keys."""
     rules = _rules(cls)
     return {name: value for name, value in data.items() if name in rules and value is not None}
 
 
 def identity_of(data: Any, where: str, kind: type[PneudriveError] = RigError) -> tuple[Identity, list[str]]:  # noqa: ANN401 - JSON
-    """Take back the identity of a rig, whoever wrote it.
+    """Return the identity of a rig from plain data.
 
     Returns
     -------
     Identity, list of str
-        And notes, see `check_fields`.
+        Identity, and notes as from `check_fields`.
 
     Raises
     ------
     PneudriveError
-        A key is missing or its value has no meaning.
+        A key is missing or its value is not valid.
     """
     if not isinstance(data, dict):
         raise kind("this is not a JSON object", where=where)
@@ -134,7 +134,7 @@ def _is_range(value: object) -> bool:
     return isinstance(value, list) and len(value) == 2 and all(map(is_number, value)) and value[0] < value[1]
 
 
-#: Tables of an identity by channel: the rule of their values, and whether one keeps it.
+#: Tables of an identity by channel: rule of their values, and its check.
 _CHANNELS: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "limits": ("[lowest, highest]", _is_range),
     "accuracy": ("a number, not negative", lambda value: is_number(value) and value >= 0.0),
@@ -144,18 +144,18 @@ _CHANNELS: dict[str, tuple[str, Callable[[Any], bool]]] = {
 
 
 def envelope_of(data: Any, where: str, kind: type[PneudriveError] = RigError) -> Envelope:  # noqa: ANN401 - JSON
-    """Take back the envelope of a rig.
+    """Return the envelope of a rig from plain data.
 
     Raises
     ------
     PneudriveError
-        It is something else.
+        The data are not an envelope.
     """
     if not isinstance(data, dict):
-        raise kind("the rig's envelope is not one", where=where, value=data, rule="a table")
+        raise kind("the rig's envelope is not valid", where=where, value=data, rule="a table")
     check_fields(data, Envelope, where, kind)
     known: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in known_fields(data, Envelope).items()}
     try:
         return Envelope(**known)
     except TypeError as error:
-        raise kind("the rig's envelope is not one", where=where, value=str(error)) from None
+        raise kind("the rig's envelope is not valid", where=where, value=str(error)) from None

@@ -1,4 +1,4 @@
-"""Reading a rig file: every value with its unit and its source, every key known, one file over another."""
+"""Reading of rig files: values with unit and source, known keys only, one file extending another."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pneudrive.errors import DescriptionError, Problems
 from pneudrive.rig.keys import KEYS, MOUNTING, Key
 
 SCHEMA = 1
-#: Keys at the top of a rig file that are no tables.
+#: Top-level keys of a rig file that are not tables.
 TOP = ("schema", "name", "kind", "extends")
 _PURE = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 RULE = '{ value = "25 mm", source = "assumed", reason = "..." }'
@@ -26,7 +26,7 @@ RULE = '{ value = "25 mm", source = "assumed", reason = "..." }'
 
 @dataclass(frozen=True)
 class Source:
-    """Where a value of the rig comes from.
+    """Source of a value of the rig.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Source:
 
 
 def bare(text: str) -> str | float:
-    """Take the quotes off pure numbers and percentages, which a drive file writes without."""
+    """Convert quoted pure numbers and percentages to the form of a drive file, without quotes."""
     plain = text.strip().removesuffix("%").rstrip()
     if not _PURE.match(plain):
         return text
@@ -52,7 +52,7 @@ def bare(text: str) -> str | float:
 
 @lru_cache(maxsize=1)
 def _rig_class() -> type[Described]:
-    """Make the class of a rig file, with a table for each of `KEYS`."""
+    """Return the class of a rig file, with a table for each of `KEYS`."""
     tables = {name: (_table_class(name, keys), ...) for name, keys in KEYS.items()}
     mounting = _table_class("mounting", MOUNTING)
     fields: dict[str, Any] = {"mounting": (dict[str, mounting], Field(default_factory=dict))}  # type: ignore[valid-type]
@@ -68,12 +68,12 @@ def _table_class(name: str, keys: dict[str, Key]) -> type[Described]:
 
 
 def read_tables(path: Path) -> tuple[str, Any, Friction, dict[str, Source]]:
-    """Read a rig file: its name, its tables in SI, its friction, and where each value comes from.
+    """Read a rig file: name, tables in SI, friction, and the source of each value.
 
     Raises
     ------
     DescriptionError
-        With everything that is wrong with the file.
+        The file is not valid; the error lists all problems.
     """
     content = open_file(path)
     problems, sources = Problems(), dict[str, Source]()
@@ -88,7 +88,7 @@ def read_tables(path: Path) -> tuple[str, Any, Friction, dict[str, Source]]:
     keys = {place: getattr(one, "key", None) or "" for place, one in problems.found.items()}
     unknown = tuple(keys[place] for place, one in problems.found.items() if "is not a known key" in one.what)
     without_source = {keys[place] for place in told if not keys[place].startswith(unknown)}
-    for place, key in keys.items():  # each key once: that it is unknown, or says no source, or what else is wrong
+    for place, key in keys.items():  # one error for each key: unknown, without source, or another problem
         if (place in told) != (key in without_source):
             del problems.found[place]
     with toml.locating(path, toml.read(path)[1]):
@@ -97,7 +97,7 @@ def read_tables(path: Path) -> tuple[str, Any, Friction, dict[str, Source]]:
 
 
 def _friction(given: dict[str, Any], path: Path) -> Friction:
-    """Read the friction table: as in a drive file, but its law has to be named."""
+    """Read the friction table, as in a drive file but with a required law."""
     law = given.get("law")
     if not isinstance(law, str):
         raise wrong("friction.law", "friction.law is missing", rule='law = "stribeck", without source')
@@ -105,12 +105,12 @@ def _friction(given: dict[str, Any], path: Path) -> Friction:
 
 
 def open_file(path: str | Path) -> dict[str, Any]:
-    """Read the tables of a rig file over those of the file that it extends.
+    """Read the tables of a rig file, merged over those of the file that it extends.
 
     Raises
     ------
     DescriptionError
-        If a file cannot be read, is of another schema, or extends itself.
+        A file cannot be read, has another schema, or extends itself.
     """
     return _open(Path(path), ())
 
@@ -119,7 +119,7 @@ def _open(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     where = str(path)
     if path in above:
         raise DescriptionError("the rig file extends itself", where=where)
-    content, _ = toml.read(path, start="The guides on rigs show what stands in one.")
+    content, _ = toml.read(path, start="The guides on rigs show examples of rig files.")
     if content.get("schema") != SCHEMA:
         raise DescriptionError("the rig file has another schema", where=where, rule=f"schema = {SCHEMA}")
     base = content.pop("extends", None)
@@ -129,7 +129,7 @@ def _open(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
 
     below = _open(shipped_rigs().get(str(base), path.parent / str(base)), (*above, path))
     law, old = (_table(one, "friction").get("law") for one in (content, below))
-    if law is not None and law != old:  # another friction law takes none of the old one's values
+    if law is not None and law != old:  # another friction law drops the values of the old one
         kept = {key: table for key, table in _table(below, "friction").items() if toml.is_table(table)}
         below["friction"] = kept
     return toml.merge(below, content, toml.is_table)
@@ -141,22 +141,22 @@ def _table(content: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def _plain(name: str, given: Any, sources: dict[str, Source], problems: Problems) -> Any:  # noqa: ANN401
-    """Take the sources off: what remains is written as in a drive file. A list, or pair, may say its source once."""
+    """Return the values without sources, in the form of a drive file. A list or pair may give one common source."""
     if name == "friction.law":
         if isinstance(given, str):
             return given
-        raise wrong(name, f"{name} is a name alone", rule='law = "stribeck", without source')
+        raise wrong(name, f"{name} takes a name without a source", rule='law = "stribeck", without source')
     if isinstance(given, list) and "." in name:
         return [_plain(f"{name}.{number}", one, sources, problems) for number, one in enumerate(given)]
     if not isinstance(given, dict):
         if "." not in name:
             raise wrong(name, f"{name} = {given!r} is not a table")
-        raise wrong(name, f"{name} = {given!r} does not say its source", rule=RULE)
+        raise wrong(name, f"{name} = {given!r} has no source", rule=RULE)
     said = {key: given[key] for key in ("source", "reason") if key in given}
     inner = {key: value for key, value in given.items() if key not in said}
     if "value" in given and (set(inner) != {"value"} or "source" not in said):
         unknown = next((key for key in inner if key != "value"), None)
-        what = f"{name}: {unknown!r} is unknown" if unknown else f"{name} does not say its source"
+        what = f"{name}: {unknown!r} is unknown" if unknown else f"{name} has no source"
         raise wrong(name, what, rule=RULE)
     if isinstance(given.get("value"), list):
         return [
@@ -173,5 +173,5 @@ def _plain(name: str, given: Any, sources: dict[str, Source], problems: Problems
 
 
 def _with(given: object, said: dict[str, Any]) -> dict[str, Any]:
-    """Give an entry of a list the source that the list says."""
+    """Add the source of a list to its entry."""
     return (given if isinstance(given, dict) else {"value": given}) | said

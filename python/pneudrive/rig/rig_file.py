@@ -1,4 +1,4 @@
-"""TOML files about rigs that are not simulated: each complaint names file, line, value, rule and remedy."""
+"""TOML files of rigs that are not simulated; each error gives file, line, value, rule and remedy."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ Mass = Annotated[float, Quantity("kg", bounds=NOT_NEGATIVE)]
 
 @dataclass(frozen=True)
 class Channels(Mark):
-    """Annotation of a table with a value for each channel that it names.
+    """Annotation of a table with values by channel.
 
     Parameters
     ----------
     marks : dict
-        Key of a channel -> its name in an `Identity`, and how its value is written.
+        Key of a channel -> its name in an `Identity`, and the annotation of its value.
     """
 
     marks: dict[str, tuple[str, Mark]]
@@ -80,7 +80,7 @@ _FREQUENCIES = _channels(lambda _: Quantity("1/s", bounds=POSITIVE))
 
 
 class IdentityTable(PistonTable):
-    """``[identity]``: which rig this is, and how its sensors are calibrated; the areas by bore, or as they are."""
+    """``[identity]``: identity of the rig and calibration of its sensors; areas by bore, or directly."""
 
     table_name: ClassVar[str] = "identity"
     name: str
@@ -104,11 +104,11 @@ class IdentityTable(PistonTable):
 
     @model_validator(mode="after")
     def _areas_once(self) -> Self:
-        self.areas()  # or it says what is wrong
+        self.areas()  # raises an error where they are wrong
         return self
 
     def made(self) -> Identity:
-        """Return it as a rig tells of itself."""
+        """Return the table as the identity of a rig."""
         found = self.stored()
         ambient = found.pop("ambient_pressure").value_pa
         for key in ("kind", "bore_m", "rod_diameter_m"):
@@ -121,7 +121,7 @@ class IdentityTable(PistonTable):
 
 
 class LimitsTable(Described):
-    """``[limits]``: what the rig may be asked to do."""
+    """``[limits]``: limits of the rig."""
 
     table_name: ClassVar[str] = "limits"
     position_m: Annotated[tuple[float, float], Between("m", "mm")]
@@ -144,7 +144,7 @@ class LimitsTable(Described):
         return self
 
     def made(self, ambient_pa: float) -> Envelope:
-        """Return it as a rig tells of it, pressures absolute."""
+        """Return the table as the envelope of a rig, pressures absolute."""
         found: dict[str, Any] = {"home_m": self.position_m[0]} | self.stored()
         supply = found.pop("supply_pressure", None)
         found["pressure_pa"] = absolute(self.pressure_pa, ambient_pa)
@@ -152,7 +152,7 @@ class LimitsTable(Described):
 
 
 class RigFile(Described):
-    """A file about a rig that is not simulated: what all kinds of them have."""
+    """Base of files of rigs that are not simulated."""
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
     kind: str = ""
@@ -162,25 +162,25 @@ class RigFile(Described):
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read a file.
+        """Read a rig file.
 
         Raises
         ------
         RigError
-            With file, line, value, rule and remedy.
+            The file is not valid; the message gives file, line, value, rule and remedy.
         """
-        tables, text = toml.read(path, RigError, "The guides on rigs show what stands in one.")
+        tables, text = toml.read(path, RigError, "The guides on rigs show examples of rig files.")
         with toml.locating(path, text, RigError):
             file = cls.model_validate(tables)
         file._folder = Path(path).parent
         return file
 
     def beside(self, name: str | None) -> Path | None:
-        """Return a file that this one names; a relative name starts from the folder of this file."""
+        """Return the path of a file that this one names; a relative name starts from the folder of this file."""
         return None if name is None else self._folder / Path(name).expanduser()
 
     def described(self) -> tuple[Identity | None, Envelope | None]:
-        """Return what the file says of the rig; None where it says nothing."""
+        """Return identity and limits from the file; None for a missing table."""
         identity = None if self.identity is None else self.identity.made()
         ambient = Identity.ambient_pressure_pa if identity is None else identity.ambient_pressure_pa
         return identity, None if self.limits is None else self.limits.made(ambient)

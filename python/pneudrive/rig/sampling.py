@@ -1,4 +1,4 @@
-"""When samples are taken: even over each step, denser at its ends."""
+"""Times of samples: uniform over each step, denser at its ends."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ if TYPE_CHECKING:
 
 
 def step_times(duration_s: float, moving: bool, sampling: Sampling) -> Array:
-    """Space the samples of one step, from its beginning; the end of the step belongs to what comes after.
+    """Return the times of the samples of one step, from its beginning; its end belongs to the next step.
 
     Parameters
     ----------
     duration_s : float
-        Of the step; no samples where it is zero.
+        Duration of the step, s; zero gives no samples.
     moving : bool
-        A move: evenly spread samples; otherwise a hold at its own rate.
+        True for a move, with uniform samples; False for a hold at its own rate.
     sampling : Sampling
 
     Returns
     -------
     ndarray, shape (n,)
-        Ascending, s, the first one zero.
+        Times, s, ascending from zero.
 
     Examples
     --------
@@ -47,12 +47,12 @@ def step_times(duration_s: float, moving: bool, sampling: Sampling) -> Array:
 
 
 def step_samples(duration_s: float, moving: bool, sampling: Sampling) -> int:
-    """Count the samples of `step_times` without making them."""
+    """Return the number of samples of `step_times`."""
     return sum(n for _, _, n in _spans(duration_s, moving, sampling))
 
 
 def _spans(duration_s: float, moving: bool, sampling: Sampling) -> list[tuple[float, float, int]]:
-    """Divide a step into spans of one rate each: begin, end, number of samples."""
+    """Return the spans of a step with one rate each: begin, end, number of samples."""
     if duration_s <= 0.0:
         return []
     rate = sampling.samples_per_stroke / duration_s if moving else sampling.hold_rate_hz
@@ -76,12 +76,12 @@ def _spans(duration_s: float, moving: bool, sampling: Sampling) -> list[tuple[fl
 def schedule(
     durations_s: Sequence[float], moving: Sequence[bool], sampling: Sampling
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Space all samples of a cycle, with one at its very end, and the step to which each belongs.
+    """Return the times of all samples of a cycle, including its end, and the step of each.
 
     Parameters
     ----------
     durations_s : sequence of float
-        Of the steps.
+        Durations of the steps, s.
     moving : sequence of bool
         Whether a step is a move.
     sampling : Sampling
@@ -89,9 +89,9 @@ def schedule(
     Returns
     -------
     ndarray, shape (n,)
-        Strictly ascending, s.
+        Times, s, strictly ascending.
     ndarray of int64, shape (n,)
-        Index of the step.
+        Index of the step of each sample.
     """
     total = sum(step_samples(duration, move, sampling) for duration, move in zip(durations_s, moving, strict=True))
     within("samples", total, f"a cycle would have {total:,.15g} samples", CommandError)

@@ -1,4 +1,4 @@
-"""Sensors of the simulated rig: what becomes of a true signal on its way into a recording."""
+"""Models of the sensors of a simulated rig, from the true signal to the recorded one."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class AnalogSensor:
-    """A sensor with an amplifier and a converter: zero, gain, white noise, range, steps.
+    """Sensor with an amplifier and a converter: zero, gain, white noise, range, resolution.
 
     Parameters
     ----------
     low, high : float
-        Range in the unit of the signal; what lies outside saturates.
+        Range in the unit of the signal; signals outside saturate.
     bits : int
         Resolution of the converter over the range.
     noise : float
         Standard deviation of the white noise of one sample.
     zero : float
-        What it shows at zero: added to every sample.
+        Reading at zero, added to every sample.
     gain_error : float
         Relative error of the gain.
     hysteresis : float
-        Error that takes the sign of the signal, in full where the signal is above 1 % of the range.
+        Error with the sign of the signal, at full size for signals above 1 % of the range.
     """
 
     low: float
@@ -47,7 +47,7 @@ class AnalogSensor:
     hysteresis: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse a range that is empty, a resolution that no converter has, negative noise."""
+        """Check range, resolution, noise and errors."""
         if not (np.isfinite([self.low, self.high]).all() and self.low < self.high):
             raise DescriptionError(f"a sensor range goes from a lower to a higher value, got {self.low} .. {self.high}")
         if not 4 <= self.bits <= 32:
@@ -61,7 +61,7 @@ class AnalogSensor:
 
     @property
     def step(self) -> float:
-        """Smallest difference that the converter shows."""
+        """Smallest step of the converter."""
         return (self.high - self.low) / (2**self.bits - 1)
 
     def read(self, signal: Array, rng: np.random.Generator | None, drift: float | Array = 0.0) -> Array:
@@ -71,9 +71,9 @@ class AnalogSensor:
         ----------
         signal : ndarray
         rng : numpy.random.Generator or None
-            Of the noise; None: a mean of many samples, without noise.
+            Generator of the noise; None: a mean of many samples, without noise.
         drift : float or ndarray
-            Added to the zero.
+            Drift of the zero.
         """
         seen = (1.0 + self.gain_error) * signal + (self.zero + drift)
         if self.hysteresis:
@@ -86,7 +86,7 @@ class AnalogSensor:
 
 @dataclass(frozen=True)
 class TimeClock:
-    """A sample clock that is even in time, its rate set for each speed so that a cycle has the same number of samples.
+    """Sample clock uniform in time, with the same number of samples for a cycle at any speed.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class TimeClock:
 
 @dataclass(frozen=True)
 class EncoderClock:
-    """A sample clock that the encoder triggers at even steps of position: no samples while the carriage stands.
+    """Sample clock triggered by the encoder at equal steps of position; no samples while the carriage is at rest.
 
     Parameters
     ----------
@@ -116,24 +116,24 @@ class EncoderClock:
         return uniform_in_position(motion, count * self.samples_per_cycle)
 
 
-#: Names that a rig file gives the clocks.
+#: Names of the clocks in a rig file.
 CLOCKS = {"time": TimeClock, "encoder": EncoderClock}
 
 
 @dataclass(frozen=True)
 class Encoder:
-    """An incremental encoder.
+    """Incremental encoder.
 
     Parameters
     ----------
     resolution_m : float
-        Distance of two counts.
+        Distance between two counts.
     """
 
     resolution_m: float
 
     def __post_init__(self) -> None:
-        """Refuse a resolution that is not positive."""
+        """Check that the resolution is positive."""
         if not (np.isfinite(self.resolution_m) and self.resolution_m > 0.0):
             raise DescriptionError(f"an encoder resolution is positive, got {self.resolution_m} m")
 

@@ -1,4 +1,4 @@
-"""A simulated rig as a campaign drives it: stateful, in virtual time, with a past that can be kept and taken back."""
+"""Session of a simulated rig, as a campaign uses it: in virtual time, with a history that can be saved and restored."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Speed of moves that nobody chose: going home.
+#: Speed of moves without a chosen speed: going home.
 HOME_SPEED_M_S = 0.05
-#: Length of the parts in which `acquire` yields samples: in real time, s; otherwise samples.
+#: Size of the parts of samples from `acquire`: in real time, s; otherwise number of samples.
 PART_S, PART_SAMPLES = 0.1, 2000
-#: Range of room temperature in which measuring goes on where the rig file does not say, K about its own (assumed).
+#: Default range of room temperature for measuring, K about that of the rig file (assumed).
 USUAL_TEMPERATURES_K = (-10.0, 15.0)
 
 
 @dataclass
 class _Run:
-    """What the axis is doing, for whoever has to end or to show it.
+    """Running motion of the axis, for threads that end or display it.
 
-    ``before`` is the past at the beginning of the present step, ``reached_s`` how far it has come, ``seen`` the last
-    readings of the sensors.
+    ``before`` is the history at the beginning of the present step, ``reached_s`` the time reached in it, ``seen`` the
+    last readings of the sensors.
     """
 
     alive: bool = True
@@ -53,37 +53,37 @@ class _Run:
 
 
 class Simulated(Protocol):
-    """What a session needs of a `pneudrive.rig.simulated.SimulatedRig`."""
+    """Protocol of `pneudrive.rig.simulated.SimulatedRig` for a session."""
 
     @property
     def description(self) -> RigDescription:
-        """What its file says."""
+        """Description from the rig file."""
         ...
 
     def true_friction(self, speed_m_s: Array, pressure_a_pa: float, pressure_b_pa: float) -> Array:
-        """Friction of steady sliding."""
+        """Return the friction of steady sliding."""
         ...
 
 
 class RigSession:
-    """A simulated rig in use: `Rig`, `Reproducible` and `Changeable`.
+    """Session of a simulated rig: `Rig`, `Reproducible` and `Changeable`.
 
-    Noise depends on the seed and the key of the cycle alone; what drifts (clock, way and temperature of the seal,
-    temperature of the room, zero of the force sensor, age of the contact, pressures) follows from what was done before
-    and is all in `memory`. May be stopped from another thread.
+    Noise depends only on the seed and the key of the cycle. Drifting quantities (clock, distance and temperature of the
+    seal, temperature of the room, zero of the force sensor, age of the contact, pressures) depend on the history, which
+    `memory` returns. Another thread may stop the rig.
 
     Parameters
     ----------
     rig : pneudrive.rig.SimulatedRig
     seed : int
-        Of all that is random: noise, calibration errors, differences between cycles, days, mountings and seals.
+        Seed of noise, calibration errors, and scatter between cycles, days, mountings and seals.
     pace : float, optional
-        Seconds of the rig per second on the wall; None: as fast as it goes.
+        Speed relative to real time; None: as fast as possible.
     """
 
     def __init__(self, rig: Simulated, seed: int = 0, pace: float | None = None) -> None:
         if pace is not None and not pace > 0.0:
-            raise RigError(f"pace = {pace} is not positive", rule="seconds of the rig per second on the wall")
+            raise RigError(f"pace = {pace} is not positive", rule="pace is the speed of the rig relative to real time")
         self.rig, self.seed, self.pace = rig, seed, pace
         self._machine = Machine(rig.description, seed)
         self._instruments = Instruments(rig.description, seed)
@@ -94,13 +94,13 @@ class RigSession:
 
     @property
     def past(self) -> Past:
-        """What earlier cycles have left behind."""
+        """History of the rig."""
         return self._machine.past
 
     # --- what it is --------------------------------------------------------------------------
 
     def identity(self) -> Identity:
-        """Tell which rig this is."""
+        """Return the identity of the rig."""
         d, sensors = self.rig.description, self._instruments
         channels = {
             "force_n": (sensors.force, d.force_accuracy_n),
@@ -130,7 +130,7 @@ class RigSession:
         )
 
     def limits(self) -> Envelope:
-        """Tell what it may be asked to do."""
+        """Return the limits of the rig."""
         d = self.rig.description
         ambient, safety, kind = d.ambient_pressure_pa, d.safety, d.chambers["kind"]
         highest = ambient if kind == "open" else min(
@@ -158,7 +158,7 @@ class RigSession:
         )
 
     def state(self) -> RigState:
-        """Tell where it stands, as its sensors show it but for their noise."""
+        """Return the state of the rig, with readings without noise."""
         with self._lock:
             past, run = self.past, self._running
             supply = self.rig.description.supply_pressure_pa or max(past.pressure_a_pa, past.pressure_b_pa)
@@ -200,7 +200,8 @@ class RigSession:
                 )
         if a_pa != b_pa and not limits.separate_pressures:
             raise RigError(
-                f"the chambers cannot have {a_pa:g} and {b_pa:g} Pa", rule="they hang on one regulator: one pressure"
+                f"the chambers cannot have {a_pa:g} and {b_pa:g} Pa",
+                rule="one regulator sets the pressure of both chambers",
             )
         self._idle()
         with self._lock:
@@ -214,13 +215,13 @@ class RigSession:
         self._quietly(Move(to_m, speed_m_s))
 
     def hold(self, duration_s: float, released: bool = False) -> None:
-        """Stand still without recording."""
+        """Rest for a time without recording."""
         self._quietly(Hold(duration_s, released))
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling | None = None) -> Iterator[Samples]:
-        """Run the steps one after the other and yield the samples in parts, as they come.
+        """Run the steps in their order, and yield the samples in parts as they arrive.
 
-        Closing the iterator early means: come to rest now. Without `sampling`, that of the rig file.
+        Closing the iterator early brings the axis to rest. The default of `sampling` is that of the rig file.
         """
         self._idle()
         self._check(steps)
@@ -237,30 +238,30 @@ class RigSession:
     # --- its past ----------------------------------------------------------------------------
 
     def begin_cycle(self, key: str) -> None:
-        """Let the noise of the next cycle depend on the rig's seed and this key alone."""
+        """Seed the noise of the next cycle from the rig's seed and this key."""
         self.past.key = key
         self._rng = stream(self.seed, "noise", key)
         self._truth = {}
 
     def memory(self) -> dict[str, Any]:
-        """Give all that the past has left behind, as plain data."""
+        """Return the saved state as plain data."""
         return self._machine.snapshot().to_dict()
 
     def restore(self, memory: dict[str, Any]) -> None:
-        """Take a past back that `memory` gave."""
+        """Restore a saved state from `memory`."""
         self._idle()
         self._machine.past = Past.from_dict(memory)
 
     def truth(self) -> dict[str, Any]:
-        """Give what was true of the last cycle, as plain data; see `pneudrive.rig.truth`."""
+        """Return the ground truth of the last cycle as plain data; see `pneudrive.rig.truth`."""
         return self._truth
 
     def levels(self) -> dict[str, tuple[str, ...]]:
-        """Give the factors that can be changed and the levels that each can take; seal and drive take any name."""
+        """Return the factors that can be changed with their possible levels; seal and drive take any name."""
         return {"mounting": tuple(self.rig.description.mountings)}
 
     def change(self, levels: dict[str, str]) -> None:
-        """Take what has been mounted; a new seal or drive has not run yet."""
+        """Set mounted factor levels; a new seal or drive starts without run-in."""
         self._idle()
         past = self.past
         known = self.levels()
@@ -277,16 +278,16 @@ class RigSession:
 
     def _idle(self) -> None:
         if self._running is not None:
-            raise RigError("the axis is busy", remedy="finish or close the running acquisition, or stop()")
+            raise RigError("the axis is busy", remedy="Finish or close the running acquisition, or call stop().")
 
     def _check(self, steps: Sequence[Step]) -> None:
-        """Refuse moves that the axis cannot make, before anything moves."""
+        """Check that the axis can carry out the steps, before anything moves."""
         limits = self.limits()
         low, high = limits.position_m
         for step in steps:
             if isinstance(step, Hold):
                 if not 0.0 <= step.duration_s < np.inf:
-                    raise RigError(f"a hold of {step.duration_s} s is none", rule="a duration of zero or above")
+                    raise RigError(f"a hold of {step.duration_s} s is not possible", rule="0 s <= duration")
             elif not (low - 1e-6 <= step.to_m <= high + 1e-6 and 0.0 < step.speed_m_s <= limits.speed_m_s):
                 raise RigError(
                     f"a move to {1e3 * step.to_m:g} mm at {1e3 * step.speed_m_s:g} mm/s is out of reach",
@@ -294,7 +295,7 @@ class RigSession:
                 )
 
     def _quietly(self, step: Step) -> None:
-        """Run one step whose samples nobody wants: no noise is drawn."""
+        """Run one step without samples and without drawing noise."""
         self._idle()
         self._check([step])
         motion = self._machine.motion(step)
@@ -302,7 +303,7 @@ class RigSession:
             return
         run = self._begin()
         began, end = time.monotonic(), motion.duration_s
-        # Somebody watches where time passes: then the axis is shown on its way.
+        # With a pace somebody watches: the motion of the axis is shown.
         part = PART_S * (self.pace or 1.0)
         times = np.array([end]) if self.pace is None else np.append(np.arange(1, int(end / part) + 1) * part, end)
         try:
@@ -319,7 +320,7 @@ class RigSession:
                 self._halt(run)
 
     def _begin(self) -> _Run:
-        """Take the axis."""
+        """Reserve the axis."""
         with self._lock:
             self._idle()
             self._running = run = _Run()
@@ -360,9 +361,9 @@ class RigSession:
                 self._halt(run)
 
     def _ahead(self, run: _Run, step: Step, motion: Motion, times: Array) -> tuple[Machine, dict[str, Array]]:
-        """Run a step on a copy of the machine, which takes its place at the end unless the axis was stopped meanwhile.
+        """Run a step on a copy of the machine, and use the copy at the end unless the axis was stopped.
 
-        Who stops or looks does not wait for it.
+        Threads that stop or display the axis do not wait for it.
         """
         with self._lock:
             self._alive(run)
@@ -375,7 +376,7 @@ class RigSession:
         return machine, true
 
     def _parts(self, times: Array, duration_s: float) -> Iterator[slice]:
-        """Cut the samples of a step into parts: by time where somebody watches, by number where not."""
+        """Cut the samples of a step into parts: by time with a pace, otherwise by number."""
         if self.pace is None:
             borders = list(range(0, times.size, PART_SAMPLES))
         else:
@@ -387,10 +388,10 @@ class RigSession:
 
     def _alive(self, run: _Run) -> None:
         if not run.alive:
-            raise RigError("the axis was stopped", remedy="begin the cycle again")
+            raise RigError("the axis was stopped", remedy="Repeat the cycle.")
 
     def _halt(self, run: _Run | None) -> None:
-        """End an acquisition: brake from wherever the axis is."""
+        """End an acquisition: brake from the present motion of the axis."""
         if run is None or not run.alive:
             return
         run.alive = False
@@ -401,6 +402,6 @@ class RigSession:
             self._machine.cut(run.before, run.step, run.motion, run.reached_s)
 
     def _wait(self, began: float, until_s: float) -> None:
-        """Wait until so many seconds of the rig have passed on the wall, or somebody stops it."""
+        """Wait for a time of the rig at its pace, or until the rig is stopped."""
         if self.pace is not None:
             self._halted.wait(max(0.0, began + until_s / self.pace - time.monotonic()))

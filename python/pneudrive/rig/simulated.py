@@ -1,4 +1,4 @@
-"""The simulated rig: true motion from the core, recordings from sensor models."""
+"""Simulated rig: true motion from the core, recordings from sensor models."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ DEFAULT_RTOL = 1e-6
 
 @dataclass(frozen=True, repr=False)
 class Trace(Shown):
-    """What truly happened on the rig, at the sample times, before any sensor.
+    """True signals of the rig at the sample times, before the sensors.
 
     Attributes
     ----------
     columns : dict
-        As the core returns them: time_s, carriage_position_m, ..., sensor_force_n, friction_force_n.
+        Columns of the core: time_s, carriage_position_m, ..., sensor_force_n, friction_force_n.
     motion : Motion
-        Of the servo carriage.
+        Motion of the servo carriage.
     speed_m_s : float
         Commanded speed.
     pressure_a_pa, pressure_b_pa : float
         Absolute pressures at which the chambers are held.
     statistics : dict
-        Of the integration.
+        Counts of the integration.
     """
 
     columns: dict[str, Array]
@@ -57,7 +57,7 @@ class Trace(Shown):
 
 @dataclass(frozen=True)
 class SimulatedRig:
-    """A linear servo that drags the piston through a stiff force sensor while the chambers are held at pressure.
+    """Simulated rig: a linear servo drags the piston through a stiff force sensor at constant pressures.
 
     Parameters
     ----------
@@ -75,16 +75,16 @@ class SimulatedRig:
 
     @classmethod
     def default(cls) -> SimulatedRig:
-        """Return the rig of the package's own parameter set, all of it assumed."""
+        """Return the rig with the package's default values, all assumed."""
         return cls(read_description(DEFAULT))
 
     @classmethod
     def load(cls, path: str | Path) -> SimulatedRig:
-        """Return the rig described by a TOML file of the form of the default one."""
+        """Return the rig of a TOML file."""
         return cls(read_description(path))
 
     def session(self, seed: int = 0, pace: float | None = None) -> RigSession:
-        """Start using the rig as a campaign does: see `RigSession`."""
+        """Start a session with the verbs of a campaign; see `RigSession`."""
         from pneudrive.rig.session import RigSession
 
         return RigSession(self, seed, pace)
@@ -106,7 +106,7 @@ class SimulatedRig:
         limits: Limits | None = None,
         rtol: float = DEFAULT_RTOL,
     ) -> Trace:
-        """Drag the piston out and back; return the true signals.
+        """Drag the piston out and back, and return the true signals.
 
         Parameters
         ----------
@@ -119,9 +119,9 @@ class SimulatedRig:
         dwell_s : float
             Stop at each reversal.
         clock : TimeClock or EncoderClock, optional
-            Another sample clock than the rig's own.
+            Sample clock; default: the rig's.
         limits : Limits, optional
-            Other limits of the servo than the rig's own.
+            Limits of the servo; default: the rig's.
         rtol : float
             Relative tolerance of the integration.
 
@@ -132,9 +132,9 @@ class SimulatedRig:
         Raises
         ------
         CommandError
-            If the speed is not reached within the stroke, or a pressure is below vacuum.
+            The speed is not reached within the stroke, or a pressure is below vacuum.
         SimulationError
-            If the core refuses the rig or cannot finish.
+            The core rejects the rig or cannot finish.
         """
         d = self.description
         motion = cycles(
@@ -156,7 +156,7 @@ class SimulatedRig:
         ----------
         trace : Trace
         seed : int or sequence of int
-            Of the noise: equal seeds give equal recordings.
+            Seed of the noise; equal seeds give equal recordings.
         name : str, optional
             Name of the recording.
 
@@ -223,7 +223,7 @@ class SimulatedRig:
     def true_friction(
         self, speed_m_s: float | Array, pressure_a_pa: float | None = None, pressure_b_pa: float | None = None
     ) -> Array:
-        """Friction of steady sliding at these speeds and absolute pressures (None: ambient), at mid stroke, N."""
+        """Return the friction of steady sliding at speeds and absolute pressures (None: ambient), at mid stroke, N."""
         d = self.description
         a, b = (d.ambient_pressure_pa if p is None else p for p in (pressure_a_pa, pressure_b_pa))
         gauges = (a - d.ambient_pressure_pa, b - d.ambient_pressure_pa)
@@ -236,7 +236,7 @@ class SimulatedRig:
         if len(absolute) != 2 or not all(np.isfinite(p) and p > 0.0 for p in absolute):
             raise CommandError(
                 f"the chambers cannot be held at {pair} Pa gauge",
-                rule="one gauge pressure for both chambers or a pair of them, above vacuum",
+                rule="one gauge pressure for both chambers or a pair, above vacuum",
             )
         return absolute[0], absolute[1]
 
@@ -258,14 +258,14 @@ def sweep(
     gauges_pa : iterable of float or (float, float)
         Gauge pressure in both chambers, or in a and b.
     count : int
-        Cycles at each point; two or more give a spread between strokes.
+        Cycles at each point; two or more show the scatter between strokes.
     seed : int
-        Each recording has its own stream of noise, whatever the others are.
+        Seed of the noise; each recording has an independent stream.
 
     Returns
     -------
     list of Recording
-        Pressures outside, speeds inside, in the order given.
+        Recordings in the given order, speeds varying fastest.
     """
     speeds = list(speeds_m_s)
     return [
@@ -276,5 +276,5 @@ def sweep(
 
 
 def load_session(source: str, seed: int, pace: float | None) -> RigSession:
-    """Make the session of a rig file; see `pneudrive.rig.load_rig`."""
+    """Return the session of a rig file; see `pneudrive.rig.load_rig`."""
     return SimulatedRig.load(source).session(seed, pace)

@@ -1,8 +1,8 @@
-"""Whether a piston that is dragged through a spring slides steadily, or swings by itself (stick-slip).
+"""Stability of a piston dragged through a spring: steady sliding or self-excited oscillation (stick-slip).
 
-The spring of the rig holds the piston at its speed only where friction does not fall too steeply with speed. Where it
-does, rig and seal swing together, and the mean force is not the friction of steady sliding. What is told here is what
-becomes of a small disturbance; a little above the range a large swing, once begun, can go on as well.
+The spring of the rig keeps the piston at its speed unless friction falls too steeply with speed. Then rig and seal
+oscillate together, and the mean force is not the friction of steady sliding. The analysis is for small disturbances;
+slightly above the range, a large oscillation, once started, can persist too.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ if TYPE_CHECKING:
 
 #: Relative step of the differences that give slopes of the steady curve.
 STEP = 1e-4
-#: Decay, 1/s, of a state that a law lacks: so fast that it never is the least stable one.
+#: Decay, 1/s, of a state that a law lacks: too fast to be the least stable one.
 ABSENT_1_S = 1e9
-#: Speeds between which a self-excited range is looked for, and how many of them.
+#: Limits of the search for a self-excited range, m/s, and number of speeds.
 SEARCHED_M_S, SEARCHED = (1e-5, 1.0), 241
 
 
-@dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
+@dataclass(frozen=True, eq=False)  # with arrays: equal only to itself
 class SlidingStability:
-    """What becomes of a small disturbance of steady sliding.
+    """Growth and frequency of a small disturbance of steady sliding.
 
     Attributes
     ----------
     speed_m_s : ndarray, shape (n,)
     growth_1_s : ndarray, shape (n,)
-        Rate at which it grows; negative: it dies away.
+        Growth rate; negative: the disturbance decays.
     frequency_hz : ndarray, shape (n,)
-        With which it swings; 0: it does not.
+        Frequency; 0: no oscillation.
     """
 
     speed_m_s: Array
@@ -48,7 +48,7 @@ class SlidingStability:
 
     @property
     def stable(self) -> NDArray[np.bool_]:
-        """Where sliding is steady."""
+        """Mask of speeds with steady sliding."""
         return self.growth_1_s < 0.0
 
 
@@ -60,7 +60,7 @@ def sliding_stability(
     mass_kg: float,
     gauges_pa: tuple[float, float] = (0.0, 0.0),
 ) -> SlidingStability:
-    """Linearise a dragged piston about steady sliding and take the least stable of its motions.
+    """Linearise a dragged piston about steady sliding, and return its least stable mode.
 
     With u, s and z the deviations of speed, stretch of the spring and deflection of the bristles, phi that of the age
     of the contact, g(v, phi) the level of friction without its viscous part, and partial derivatives g_v, g_phi:
@@ -75,14 +75,13 @@ def sliding_stability(
     Parameters
     ----------
     friction : dict
-        law, parameters (SI, names as in a drive file) and, where there are, pressure, dwell, ... as the core takes
-        them.
+        law, parameters (SI, names as in a drive file) and optionally pressure, dwell, ... in the core's form.
     speed_m_s : float or ndarray, shape (n,)
         > 0.
     stiffness_n_m, damping_n_s_m : float
-        Between the axis and the piston.
+        Stiffness and damping between the axis and the piston.
     mass_kg : float
-        Piston and what moves with it.
+        Mass of the piston and the parts that move with it.
     gauges_pa : (float, float)
         Gauge pressures in the chambers.
 
@@ -116,9 +115,9 @@ def self_excited_range(
     mass_kg: float,
     gauges_pa: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[float, float] | None:
-    """Return the lowest and the highest speed at which sliding is not steady, m/s; None where it always is.
+    """Return the lowest and the highest speed of unsteady sliding, m/s; None if sliding is always steady.
 
-    Looked for from 0.01 mm/s to 1 m/s, where the ends are bisected; parameters as of `sliding_stability`.
+    The search covers 0.01 mm/s to 1 m/s and bisects the ends; parameters as for `sliding_stability`.
     """
     grid = np.geomspace(*SEARCHED_M_S, SEARCHED)
 
@@ -153,7 +152,7 @@ def rig_stability(
 
 @dataclass(frozen=True, eq=False)
 class _Slopes:
-    """The level g, its partial derivatives, and what else the matrix needs."""
+    """Friction level g, its partial derivatives, and other terms of the matrix."""
 
     level: Array
     by_speed: Array
@@ -191,7 +190,7 @@ class _Slopes:
 
 
 def _matrix(v: float, slopes: _Slopes, i: int, stiffness: float, damping: float, mass: float) -> Array:
-    """Linear system of stretch, speed, bristles, age; a state that the law lacks decays by itself."""
+    """Return the matrix of the states stretch, speed, bristles, age; a state that the law lacks decays."""
     force, bristle = np.zeros(4), np.zeros(4)
     level = np.array([0.0, slopes.by_speed[i], 0.0, slopes.by_age[i]])
     sigma = slopes.bristle_stiffness

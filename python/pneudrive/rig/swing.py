@@ -1,8 +1,8 @@
-"""What a mean over self-excited motion differs from the friction of steady sliding by: the rig simulated.
+"""Bias of a mean force over self-excited motion against the friction of steady sliding, by simulation of the rig.
 
-A mean of the force over stick-slip is not the friction at the mean speed. With a law and the rig's stiffness, damping
-and mass the difference can be computed, and taken off: fit the law, take the difference off the points that were
-measured in the self-excited range, and fit again until nothing changes.
+The mean force over stick-slip is not the friction at the mean speed. With a law and the rig's stiffness, damping and
+mass the difference can be computed and corrected: fit the law, subtract the difference from points in the self-excited
+range, and repeat the fit until it converges.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: How long it is dragged: for so many stretches of the spring under the friction of sliding, and so many periods of the
-#: piston on it; the part that is left out at the beginning.
+#: Length of the motion in stretches of the spring under sliding friction, and in periods of the piston on the spring;
+#: share left out at the beginning.
 STRETCHES, PERIODS, LEFT_OUT = 60.0, 60.0, 1.0 / 3.0
 #: Samples over the rest, and the tolerance of the core.
 SAMPLES, RTOL = 20000, 1e-6
-#: Time in which the axis comes to its speed, in periods of the piston on the spring.
+#: Time for the axis to reach its speed, in periods of the piston on the spring.
 START_PERIODS = 2.0
-#: Any will do: the force of the air is taken off again.
+#: Any value: the force of the air is subtracted again.
 AREA_M2 = 1e-4
 
 
 @dataclass(frozen=True)
 class Swing:
-    """A piston dragged at one speed.
+    """Result of dragging a piston at one speed.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Swing:
 
     @property
     def bias_n(self) -> float:
-        """What a mean differs by from the friction of steady sliding."""
+        """Mean force minus the friction of steady sliding, N."""
         return self.force_n - self.steady_n
 
 
@@ -67,14 +67,14 @@ def drag_swinging(
     mass_kg: float,
     gauges_pa: tuple[float, float] = (0.0, 0.0),
 ) -> Swing:
-    """Drag a piston through the spring of a rig in the simulation, long enough for its motion to repeat.
+    """Simulate a piston dragged through the spring of a rig, until its motion is periodic.
 
     Parameters
     ----------
     friction : dict
-        As of `pneudrive.rig.stability.sliding_stability`.
+        As for `pneudrive.rig.stability.sliding_stability`.
     speed_m_s : float
-        Of the axis, > 0.
+        Speed of the axis, > 0.
     stiffness_n_m, damping_n_s_m, mass_kg : float
     gauges_pa : (float, float)
         Gauge pressures in the chambers.
@@ -86,7 +86,7 @@ def drag_swinging(
     Raises
     ------
     SimulationError
-        If the core cannot go on.
+        The core cannot go on.
     """
     steady = float(steady_friction_n(friction, speed_m_s, gauges_pa)[0])
     period = 2.0 * np.pi * (mass_kg / stiffness_n_m) ** 0.5

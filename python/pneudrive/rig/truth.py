@@ -1,18 +1,18 @@
-"""What was true of a cycle on a simulated rig: kept beside its recording for tests, never read by results.
+"""Ground truth of a cycle on a simulated rig: kept beside its recording for tests, never used by analyses.
 
 - ``clock_s``, ``travel_m``, ``room_temperature_k``, ``seal_temperature_k``: at the end of the cycle
-- ``levels``: what was mounted
+- ``levels``: mounted factor levels
 - ``sensors``: errors of the force sensor: zero, gain (relative), hysteresis
 - ``steps``: one entry for each step that did something
 
-A move says its ``speed_m_s`` and ``direction``; ``friction``, the law with the values in force; ``friction_n``, steady
-friction at that speed and the set pressures, its mean along the way; over the part at constant speed, if there is one,
-the means of the true friction force (``friction_mean_n``), of both pressures and of the force of the air on the piston
-in +x (``air_force_n``). A hold says how long it was, whether released, and the force of the sensor at its beginning and
+A move has its ``speed_m_s`` and ``direction``; ``friction``, the law with its present values; ``friction_n``, the mean
+steady friction along the move at that speed and the set pressures; and for the part at constant speed, if any, means of
+the true friction force (``friction_mean_n``), of both pressures and of the force of the air on the piston in +x
+(``air_force_n``). A hold has its duration, whether it was released, and the force of the sensor at its beginning and
 end.
-Where friction has a memory, every step says the age of the contact at both ends, and a move what that age adds to the
-level of friction when it begins (``dwell_increment_n``): what a stop before it is worth, before presliding takes its
-share. ``friction_peak_n`` is the largest friction over the first `RESTART_M` of a move.
+If friction depends on the age of the contact, every step has this age at both ends, and a move the increase of friction
+by this age at its beginning (``dwell_increment_n``), before presliding reduces it. ``friction_peak_n`` is the largest
+friction over the first `RESTART_M` of a move.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Way at the beginning of a move in which its peak is looked for, m.
+#: Distance from the beginning of a move in which its peak is searched, m.
 RESTART_M = 5e-3
-#: The commanded speed counts as reached within this share.
+#: Share within which the commanded speed counts as reached.
 AT_SPEED = 1e-3
 
 
 def truth_of_step(machine: Machine, before: Past, step: Step, motion: Motion, true: dict[str, Array]) -> dict[str, Any]:
-    """Give what was true of one step.
+    """Return the ground truth of one step.
 
     Parameters
     ----------
     machine : Machine
-        After the step.
+        Machine after the step.
     before : Past
-        Before it.
+        History before the step.
     step : Move or Hold
     motion : Motion
     true : dict
@@ -103,13 +103,13 @@ def _of_move(
 
 
 def _ages(true: dict[str, Array]) -> dict[str, float]:
-    """Give the age of the contact at both ends, where the friction has one."""
+    """Return the age of the contact at both ends, if friction depends on it."""
     age = true.get("contact_age_s")
     return {} if age is None else {"age_begin_s": float(age[0]), "age_end_s": float(age[-1])}
 
 
 def truth_of_cycle(machine: Machine, instruments: Instruments, steps: list[dict[str, Any]]) -> dict[str, Any]:
-    """Give what was true of a whole cycle from that of its steps."""
+    """Return the ground truth of a cycle from that of its steps."""
     d, past, force = machine.d, machine.past, instruments.force
     room = float(past.room_k(d))
     return {

@@ -109,7 +109,7 @@ def test_mounting_direction_and_place_are_in_the_friction():
             "(?s)'logg' is not known.*Did you mean 'log'",
         ),
         (f'[friction.direction]\nup = {{ value = "1", {ASSUMED} }}\n', "friction.direction.up is not a known key"),
-        ('[friction.direction]\npositive = "1.1"\n', "friction.direction.positive = '1.1' does not say its source"),
+        ('[friction.direction]\npositive = "1.1"\n', "friction.direction.positive = '1.1' has no source"),
         (f'[friction.waer]\nrate = {{ value = "1", {ASSUMED} }}\n', "friction.waer is not a known key"),
     ],
 )

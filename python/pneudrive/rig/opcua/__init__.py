@@ -1,1 +1,1 @@
-"""A rig behind OPC UA: the server that serves one, the client that drives one, the nodes that both speak of."""
+"""Rigs over OPC UA: server, client, and the map of their nodes."""

@@ -1,4 +1,4 @@
-"""Who may command a rig over OPC UA: certificates, users, and passwords that never stand in a rig file."""
+"""Access to a rig over OPC UA: certificates, users, and passwords, which are never written in a rig file."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from pneudrive.describe.marks import Reads
 from pneudrive.errors import CommandError, RigError
 from pneudrive.rig.rig_file import RigFile
 
-SCRYPT = {"n": 2**14, "r": 8, "p": 1}  # 16 MB and some 50 ms a try
+SCRYPT = {"n": 2**14, "r": 8, "p": 1}  # 16 MB and about 50 ms for each attempt
 SALT_BYTES = 16
 MOST_CHECKED = 100
 OTHERS_MAY_READ = 0o077
 
 
 def opcua(module: str = "asyncua") -> Any:  # noqa: ANN401 - a module
-    """Import an optional library, or say which extra holds it.
+    """Import an optional library, or name the extra that installs it.
 
     Raises
     ------
     RigError
-        It is not installed.
+        The library is not installed.
     """
     try:
         return import_module(module)
@@ -43,11 +43,10 @@ def opcua(module: str = "asyncua") -> Any:  # noqa: ANN401 - a module
 
 @dataclass(frozen=True)
 class Access:
-    """How a client shows who it is, and which server it trusts.
+    """Credentials of a client, and the server that it trusts.
 
-    With a certificate, messages are signed and encrypted (Basic256Sha256), and only the server whose certificate is
-    named is spoken to. A user is a name with a password, or a certificate of the user's own. Files are read when a
-    connection is made.
+    With a certificate, messages are signed and encrypted (Basic256Sha256), and only the server with the named
+    certificate is accepted. A user is a name with a password, or a user certificate. Files are read at each connection.
     """
 
     user: str | None = None
@@ -65,11 +64,11 @@ class Access:
         Raises
         ------
         RigError
-            The file or variable is not there, or others may read the file.
+            The file or variable does not exist, or others may read the file.
         """
         if self.password_env is not None:
             if self.password_env not in os.environ:
-                what = f"the environment variable {self.password_env} holds no password"
+                what = f"the environment variable {self.password_env} is empty or not set"
                 raise RigError(what, remedy=f"export {self.password_env}=..., or name another password_env")
             return os.environ[self.password_env]
         if self.password_file is None:
@@ -79,11 +78,11 @@ class Access:
 
 def _no_password(_: object) -> None:
     remedy = 'password_file = "password.txt", or password_env = "RIG_PASSWORD"'
-    raise WrongValueError("a password", "no password stands in a rig file", remedy)
+    raise WrongValueError("a password", "a rig file contains no password itself", remedy)
 
 
 class AccessFile(RigFile):
-    """A rig file that says how to log in: a name with a password, or a certificate of the user's own."""
+    """Rig file with credentials: a name with a password, or a user certificate."""
 
     user: str | None = None
     password: Annotated[None, Reads(_no_password)] = None
@@ -99,23 +98,23 @@ class AccessFile(RigFile):
     def _access_fits(self) -> AccessFile:
         encrypted = (self.certificate, self.key, self.server_certificate)
         if None in encrypted and any(encrypted):
-            rule = "certificate, key and server_certificate are named together: our own, its key, the one of the server"
+            rule = "certificate, key and server_certificate are needed together: the client's, its key, the server's"
             raise wrong("certificate", "one of the three files of encryption is missing", rule=rule)
         if (self.user or self.user_certificate) is not None and not any(encrypted):
-            rule = "a password is sent over an encrypted connection only"
-            remedy = "pneudrive rig certificate makes certificates"
+            rule = "a password is sent only over an encrypted connection"
+            remedy = "Make certificates by: pneudrive rig certificate."
             raise wrong("user", "user without certificate", rule=rule, remedy=remedy)
         if (self.user_certificate is None) != (self.user_key is None):
-            raise wrong("user_certificate", "user_certificate and user_key are named together")
+            raise wrong("user_certificate", "user_certificate and user_key are needed together")
         if self.user is not None and self.user_certificate is not None:
-            raise wrong("user_certificate", "the user is named twice", rule="either user or user_certificate")
+            raise wrong("user_certificate", "the user is given twice", rule="either user or user_certificate")
         if self.password_file is not None and self.password_env is not None:
-            raise wrong("password_env", "the password is named twice", rule="either password_file or password_env")
+            raise wrong("password_env", "the password is given twice", rule="either password_file or password_env")
         return self
 
     @property
     def access(self) -> Access:
-        """How to log in, with the files that this one names."""
+        """Credentials, with the paths of their files."""
         files: dict[str, Any] = {
             one.name: self.beside(getattr(self, one.name))
             for one in fields(Access)
@@ -125,7 +124,7 @@ class AccessFile(RigFile):
 
 
 async def secure(client: Any, access: Access) -> None:  # noqa: ANN401 - asyncua's client
-    """Set up a client as `Access` says, before it connects."""
+    """Set the credentials of a client before it connects."""
     if access.certificate is not None:
         policies = opcua("asyncua.crypto.security_policies")
         client.application_uri = application_uri(access.certificate)
@@ -147,18 +146,18 @@ async def secure(client: Any, access: Access) -> None:  # noqa: ANN401 - asyncua
 
 @dataclass(frozen=True)
 class Protection:
-    """Whom a served rig lets in.
+    """Clients and users that a served rig admits.
 
     Attributes
     ----------
     certificate, key : Path or None
-        Of the server; None: no encryption, anyone is let in.
+        Certificate and key of the server; None: no encryption, any client is admitted.
     trusted : tuple of bytes
-        Certificates of clients, DER; others are refused.
+        Certificates of admitted clients, DER.
     users : dict
         Name -> salted hash.
     user_certificates : tuple of bytes
-        Certificates of users, DER. Where there are users of either kind, a client must log in as one.
+        Certificates of users, DER. With users of either kind, a client must log in as one of them.
     """
 
     certificate: Path | None = None
@@ -177,12 +176,12 @@ class Protection:
         user_file: Path | None,
         user_certificates: list[Path] | None = None,
     ) -> Protection:
-        """Read the files that the options of a command name.
+        """Read the files named by the options of a command.
 
         Raises
         ------
         CommandError, RigError
-            They do not fit together, or cannot be read.
+            The options do not fit together, or a file cannot be read.
         """
         if certificate is None and (key or trusted or user_file or user_certificates):
             what = "--key, --trust, --trust-user and --user-file need --certificate"
@@ -191,7 +190,9 @@ class Protection:
             return cls()
         key = certificate.with_suffix(".key") if key is None else key
         if not trusted:
-            raise CommandError("--certificate without --trust", rule="the certificates of clients that are let in")
+            raise CommandError(
+                "--certificate without --trust", rule="--trust gives the certificates of admitted clients"
+            )
         secret(key)
         return cls(
             certificate,
@@ -202,21 +203,21 @@ class Protection:
         )
 
     def hash_ahead(self, username: str, password: str) -> None:
-        """Check a password, which takes its time, before `get_user` asks for it."""
-        if len(self._checked) > MOST_CHECKED:  # of logins that failed for another reason
+        """Hash a password, which takes time, before `get_user` compares it."""
+        if len(self._checked) > MOST_CHECKED:  # remains of logins that failed for another reason
             self._checked.clear()
         self._checked[(username, password)] = _is_password(self.users.get(username, ""), password)
 
     def get_user(
         self,
-        iserver: Any,  # noqa: ANN401 - the form that asyncua asks for
+        iserver: Any,  # noqa: ANN401 - signature of asyncua
         username: str | None = None,
         password: str | None = None,
         certificate: bytes | None = None,
-    ) -> Any:  # noqa: ANN401 - asyncua's user, or None: refused
-        """Let a client in, or not."""
+    ) -> Any:  # noqa: ANN401 - asyncua's user, or None for a rejected login
+        """Return the user of a client, or None to reject it."""
         rules = opcua("asyncua.crypto.permission_rules")
-        if username is None and certificate in self.user_certificates:  # asyncua has checked the user's signature
+        if username is None and certificate in self.user_certificates:  # asyncua already checked the user's signature
             return rules.User(role=rules.UserRole.User)
         if self.certificate is not None and certificate not in self.trusted:
             return None
@@ -228,7 +229,7 @@ class Protection:
 
 
 async def protect(server: Any, protection: Protection) -> None:  # noqa: ANN401 - asyncua's server
-    """Set up a server as `Protection` says, before it starts."""
+    """Set the protection of a server before it starts."""
     ua = opcua("asyncua.ua")
     server.iserver.set_user_manager(protection)
     if protection.certificate is None or protection.key is None:
@@ -249,22 +250,22 @@ async def protect(server: Any, protection: Protection) -> None:  # noqa: ANN401 
 
 
 def make_certificate(folder: Path, name: str, hosts: list[str] | None = None, days: int = 365) -> tuple[Path, Path]:
-    """Make a self-signed certificate of an OPC UA application, client and server, and its key.
+    """Make a self-signed certificate and its key for an OPC UA application, client or server.
 
     Parameters
     ----------
     folder : Path
-        For ``NAME.pem`` and ``NAME.key``, which only the user may read. A key that is there is not overwritten.
+        Folder for ``NAME.pem`` and ``NAME.key``, which only the user may read. An existing key is not overwritten.
     name : str
     hosts : list of str, optional
-        Names of the computer; this one's where absent.
+        Names of the computer; default: this computer.
     days : int
-        How long it is valid.
+        Days of validity.
 
     Raises
     ------
     RigError
-        A file of that name is there, or cannot be written.
+        A file of that name exists or cannot be written.
     """
     generator = opcua("asyncua.crypto.cert_gen")
     x509, serialization = opcua("cryptography.x509"), opcua("cryptography.hazmat.primitives.serialization")
@@ -281,7 +282,7 @@ def make_certificate(folder: Path, name: str, hosts: list[str] | None = None, da
         write_secret(key_path, generator.dump_private_key_as_pem(key))
         certificate_path.write_bytes(made.public_bytes(serialization.Encoding.PEM))
     except FileExistsError:
-        raise RigError(f"{key_path} is there already", remedy="take another name, or remove it") from None
+        raise RigError(f"{key_path} already exists", remedy="Choose another name, or remove the file.") from None
     except OSError as error:
         raise RigError(f"{folder} cannot be written to: {error.strerror}") from None
     return certificate_path, key_path
@@ -295,17 +296,17 @@ def write_secret(path: Path, content: bytes) -> None:
 
 
 def add_user(path: Path, name: str, password: str) -> None:
-    """Add a user to a user file, or give one another password; only a salted hash of it is kept.
+    """Add a user to a user file, or change a password; only a salted hash is stored.
 
     Raises
     ------
     CommandError
-        No name or password, or a name that cannot stand in such a file.
+        The name or the password is empty, or the name is not valid in a user file.
     RigError
-        The file is not one of users, or cannot be written.
+        The file is not a user file, or cannot be written.
     """
     if not name or ":" in name or name != name.strip() or not password:
-        raise CommandError(f"user {name!r} cannot be added", rule="a name without colon, and a password")
+        raise CommandError(f"user {name!r} cannot be added", rule="a user needs a name without colon, and a password")
     users = read_users(path) if path.exists() else {}
     salt = secrets.token_bytes(SALT_BYTES)
     users[name] = f"scrypt:{_text(salt)}:{_text(_hash(password, salt))}"
@@ -316,7 +317,7 @@ def add_user(path: Path, name: str, password: str) -> None:
         new.replace(path)
     except OSError as error:
         raise RigError(
-            f"{path} cannot be written: {error.strerror}", remedy="name a file in a folder of yours"
+            f"{path} cannot be written: {error.strerror}", remedy="Choose a file in one of your folders."
         ) from None
 
 
@@ -326,39 +327,41 @@ def read_users(path: Path) -> dict[str, str]:
     Raises
     ------
     RigError
-        It cannot be read, others may read it, or a line is no user.
+        The file cannot be read, others may read it, or a line is not a user.
     """
     users = {}
     for number, line in enumerate(secret(path).decode("utf-8").splitlines(), start=1):
         name, _, kept = line.partition(":")
         if kept.count(":") != 2 or not kept.startswith("scrypt:"):
             raise RigError(
-                "this is no user", where=f"{path}:{number}", remedy="pneudrive rig user NAME --user-file FILE"
+                "the line is not a user", where=f"{path}:{number}", remedy="pneudrive rig user NAME --user-file FILE"
             )
         users[name] = kept
     if not users:
-        raise RigError("there is no user", where=str(path), remedy="pneudrive rig user NAME --user-file FILE")
+        raise RigError("the file has no users", where=str(path), remedy="pneudrive rig user NAME --user-file FILE")
     return users
 
 
 def application_uri(certificate: Path) -> str:
-    """Give the application's URI that a certificate names: OPC UA holds both against each other."""
+    """Return the application's URI from a certificate, which OPC UA compares with that of the application."""
     x509 = opcua("cryptography.x509")
     try:
         names = _certificate(certificate).extensions.get_extension_for_class(x509.SubjectAlternativeName).value
         return names.get_values_for_type(x509.UniformResourceIdentifier)[0]
     except (x509.ExtensionNotFound, IndexError):
-        what = f"{certificate} is no certificate of an OPC UA application"
-        raise RigError(what, rule="it names its application's URI", remedy="pneudrive rig certificate") from None
+        what = f"{certificate} is not a certificate of an OPC UA application"
+        raise RigError(
+            what, rule="the certificate contains its application's URI", remedy="pneudrive rig certificate"
+        ) from None
 
 
 def der(path: Path) -> bytes:
-    """Give a certificate's bytes as they travel."""
+    """Return a certificate's bytes in DER."""
     return _certificate(path).public_bytes(opcua("cryptography.hazmat.primitives.serialization").Encoding.DER)
 
 
 def read(path: Path) -> bytes:
-    """Read a file, or say why not."""
+    """Read a file; a failure is a RigError."""
     try:
         return path.read_bytes()
     except OSError as error:
@@ -366,7 +369,7 @@ def read(path: Path) -> bytes:
 
 
 def secret(path: Path) -> bytes:
-    """Read a file that nobody else may read."""
+    """Read a file that only its owner may read."""
     content = read(path)
     if os.name == "posix" and path.stat().st_mode & OTHERS_MAY_READ:
         raise RigError(f"others may read {path}", rule="only its owner may read it", remedy=f"chmod 600 {path}")
@@ -381,7 +384,7 @@ def _certificate(path: Path) -> Any:  # noqa: ANN401 - a certificate
             return x509.load_pem_x509_certificate(content)
         return x509.load_der_x509_certificate(content)
     except ValueError:
-        raise RigError(f"{path} is no certificate", rule="PEM or DER") from None
+        raise RigError(f"{path} is not a certificate", rule="PEM or DER") from None
 
 
 def _properties(content: bytes) -> Any:  # noqa: ANN401 - asyncua's form of a file's content
@@ -390,7 +393,7 @@ def _properties(content: bytes) -> Any:  # noqa: ANN401 - asyncua's form of a fi
 
 
 def _validator(peer: str, trusted: tuple[bytes, ...] | None = None) -> Any:  # noqa: ANN401 - asyncua's
-    """Check of a certificate's dates and of the application that it was made for, and whether we trust it."""
+    """Return a validator of a certificate's dates, application and trust."""
     module, utils, ua = opcua("asyncua.crypto.validator"), opcua("asyncua.common.utils"), opcua("asyncua.ua")
     options = module.CertificateValidatorOptions
     usual = module.CertificateValidator(options.BASIC_VALIDATION | options[peer])

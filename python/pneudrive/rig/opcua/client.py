@@ -1,4 +1,4 @@
-"""A rig behind OPC UA, as a campaign drives it: a PLC with servo drive, or a simulated rig that is served."""
+"""Client of a rig over OPC UA: a PLC with servo drive, or a served simulated rig."""
 
 from __future__ import annotations
 
@@ -30,33 +30,33 @@ if TYPE_CHECKING:
 
 SCHEME = "opc.tcp"
 RECONNECT_S = 60.0
-STOP_S = 10.0  # how long stopping tries to reach a server that is gone
+STOP_S = 10.0  # s; time in which stopping tries to reach a lost server
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 1.0
-AGAIN_S = (0.02, 0.1, 0.3)  # after which a server that has hung up on a first connection is asked again
+AGAIN_S = (0.02, 0.1, 0.3)  # s; wait before connecting again after a server has closed a first connection
 FIRST_LOOK_S = 0.0005
-SLACK = 1.5  # a command may take this many times as long as its steps, and the patience of the map
+SLACK = 1.5  # time limit of a command: this factor on the duration of its steps, plus the patience of the map
 
 
 class _EndedError(RigError):
-    """Another thread of this program has stopped the axis."""
+    """Another thread of this program stopped the axis."""
 
 
 class OpcUaRig:
-    """The verbs of `Rig` over the nodes of a map; `open_rig` makes one.
+    """Rig over the nodes of a map; made by `open_rig`.
 
     Parameters
     ----------
     link : Link
-        Connected.
+        Open connection.
     identity, limits : Identity, Envelope, optional
-        Where the server does not say them itself, or says them wrong.
+        Replace missing or wrong values of the server.
     reconnect_s : float
-        How long a lost connection is tried again.
+        Time in which a lost connection is reopened.
 
     Notes
     -----
-    From the first command on a heartbeat goes to the server. When it ends, for whatever reason, the server brings the
-    axis to rest. A lost connection raises `ConnectionLostError` once it is back, `RigError` if it does not come back.
+    From the first command on, the client sends a heartbeat. If it ends for any reason, the server brings the axis to
+    rest. A lost connection raises `ConnectionLostError` once it is reopened, `RigError` if it cannot be.
     """
 
     def __init__(
@@ -75,27 +75,27 @@ class OpcUaRig:
         self._identity = identity or identity_of(self._described("rig.identity"), link.url)[0]
         link.ambient_pa = self._identity.ambient_pressure_pa
         self._limits = limits or envelope_of(self._described("rig.limits"), link.url)
-        self._id = secrets.randbelow(COUNTER)  # no other client's, where a server has one place for all
+        self._id = secrets.randbelow(COUNTER)  # not the id of another client, as some servers share the node
 
     def close(self) -> None:
-        """End the connection; the server finds the heartbeat silent and brings the axis to rest."""
+        """Close the connection; the server then misses the heartbeat and brings the axis to rest."""
         self._finalizer()
 
     def identity(self) -> Identity:
-        """Tell which rig this is."""
+        """Return the identity of the rig."""
         return self._identity
 
     def limits(self) -> Envelope:
-        """Tell what it may be asked to do."""
+        """Return the limits of the rig."""
         return self._limits
 
     def state(self) -> RigState:
-        """Tell where it stands; a lost connection is waited for."""
+        """Return the state of the rig; a lost connection is reopened first."""
         try:
             *values, fault = self._link.read(*STATE, "state.fault")
         except LinkError as error:
             self._reconnect(str(error))
-            self._gone = True  # the next verb says so
+            self._gone = True  # the next verb reports it
             return self.state()
         said: dict[str, Any] = dict(zip(STATE.values(), values, strict=True))
         return RigState(**{**said, "moving": bool(said["moving"])}, fault=fault or None)
@@ -113,11 +113,11 @@ class OpcUaRig:
         self._do(Verb.MOVE, self._program([Move(to_m, speed_m_s)]), self._expected_s([Move(to_m, speed_m_s)]))
 
     def hold(self, duration_s: float, released: bool = False) -> None:
-        """Stand still without recording."""
+        """Rest for a time without recording."""
         self._do(Verb.HOLD, self._program([Hold(duration_s, released)]), duration_s)
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
-        """Run the steps one after the other and yield the samples in parts, as they come."""
+        """Run the steps in their order, and yield the samples in parts as they arrive."""
         self._check_back()
         patience = SLACK * self._expected_s(steps) + self._link.nodes.patience_s
         running = True
@@ -143,7 +143,7 @@ class OpcUaRig:
                 same()
                 self._check_fault(Verb.ACQUIRE)
         except (_EndedError, ConnectionLostError):
-            running = False  # somebody else has ended it, or nobody is there who could
+            running = False  # another client has ended it, or the server is gone
             raise
         finally:
             if running:
@@ -155,27 +155,27 @@ class OpcUaRig:
             with self._starting:
                 if self._link.lost is None:
                     self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
-                    self._gone = False  # whoever stops begins anew anyway
+                    self._gone = False  # a stop starts with a fresh connection anyway
                     return
         except LinkError:
             pass
-        if not self._back_within(min(STOP_S, self.reconnect_s)):  # which stops it
+        if not self._back_within(min(STOP_S, self.reconnect_s)):  # connecting stops the axis
             beat = self._link.nodes.heartbeat_s
-            what = f"the rig cannot be told to stop: {self._link.lost}"
-            rule = f"a server whose client is silent brings the axis to rest by itself, within {beat:g} s"
-            raise RigError(what, where=self._link.url, rule=rule, remedy="go and look at the rig") from None
+            what = f"the stop did not reach the rig: {self._link.lost}"
+            rule = f"without a heartbeat of its client, the server brings the axis to rest within {beat:g} s"
+            raise RigError(what, where=self._link.url, rule=rule, remedy="Check the rig on site.") from None
         self._gone = False
 
     def _do(self, verb: Verb, arguments: dict[str, Any] | None = None, expected_s: float = 0.0) -> None:
-        """Run one command to its end."""
+        """Run one command and wait for its end."""
         self._check_back()
         with self._one_connection(_words(verb)):
             self._await(self._start(verb, arguments or {}), expected_s, verb)
 
     def _start(self, verb: Verb, arguments: dict[str, Any]) -> int:
-        """Write arguments, then the id that starts the command; not before a stop that is on its way is answered."""
+        """Write arguments, then the id that starts the command, after the answer to a pending stop."""
         with self._starting:
-            if verb not in (Verb.HALT, Verb.STOP):  # anybody may
+            if verb not in (Verb.HALT, Verb.STOP):  # any client may
                 self._link.beat()
             self._id = self._id % COUNTER + 1
             self._link.write({**arguments, "command.verb": int(verb)})
@@ -194,17 +194,19 @@ class OpcUaRig:
         done, current, stops = self._link.read("answer.done", "command.id", "heartbeat.stops")
         self._link.check_stops(stops)
         if current != identity and current == self._id:
-            raise _EndedError("it was ended by another command of this program", where=self._link.url)
+            raise _EndedError("another command of this program ended it", where=self._link.url)
         if current != identity:
             what = "another client commands this rig"
-            raise RigError(what, where=self._link.url, rule="one client at a time", remedy="end the other one")
+            raise RigError(
+                what, where=self._link.url, rule="one client commands at a time", remedy="End the other client."
+            )
         return done == identity
 
     def _wait(self, look: float, deadline: float, verb: Verb) -> None:
         if time.monotonic() > deadline:
-            what = f"the rig does not come to an end of {_words(verb)}"
+            what = f"the rig does not finish {_words(verb)}"
             rule = "handshake.patience of the node map beyond the duration of the steps"
-            raise RigError(what, where=self._link.url, rule=rule, remedy="look at the rig")
+            raise RigError(what, where=self._link.url, rule=rule, remedy="Check the rig.")
         time.sleep(look)
 
     def _check_fault(self, verb: Verb) -> None:
@@ -219,23 +221,26 @@ class OpcUaRig:
         slot = self._link.nodes.slot_of(number)
         sequence, count, *read = self._link.read("samples.sequence", "samples.count", *SAMPLES, slot=slot)
         if sequence != number:
-            what = f"samples were lost: slot {slot} holds chunk {sequence} where {number} belongs"
-            raise RigError(what, where=self._link.url, remedy="more or larger slots in the PLC and the node map")
+            what = f"samples were lost: slot {slot} holds chunk {sequence} instead of {number}"
+            raise RigError(what, where=self._link.url, remedy="Use more or larger slots in the PLC and the node map.")
         columns = [np.full(count, c) if np.ndim(c) == 0 else c[:count] for c in read]
         if any(column.size != count for column in columns):
             sizes = ", ".join(f"{name} {column.size}" for name, column in zip(SAMPLES, columns, strict=True))
-            raise RigError(f"chunk {number} of {count} samples has columns of other lengths", value=sizes)
+            raise RigError(f"chunk {number} of {count} samples has columns of different lengths", value=sizes)
         return Samples(**dict(zip(SAMPLES.values(), columns, strict=True)))
 
     def _program(self, steps: Sequence[Step]) -> dict[str, Any]:
-        """Write steps as arrays, as far as the rig takes them."""
+        """Write steps as arrays, within the limits of the rig."""
         nodes = self._link.nodes
         most = self._link.places["step.kind"].length or nodes.steps
         arrays = steps_as_arrays(steps)
         if len(steps) > most:
-            raise RigError(f"{len(steps)} steps are more than the rig takes", rule=f"at most {most} steps a program")
+            raise RigError(f"{len(steps)} steps are too many for the rig", rule=f"at most {most} steps in a program")
         if any(arrays["step.weight"]) and "step.weight" not in nodes:
-            raise RigError("the rig cannot be told of a known weight", rule="the node map has no step.weight")
+            raise RigError(
+                "the rig does not support a known weight",
+                rule="a known weight needs the node step.weight in the node map",
+            )
         return {name: values for name, values in arrays.items() if name in nodes}
 
     def _sampling(self, sampling: Sampling) -> dict[str, Any]:
@@ -250,33 +255,33 @@ class OpcUaRig:
     def _described(self, name: str) -> Any:  # noqa: ANN401 - JSON
         table = name.partition(".")[2]
         if name not in self._link.nodes:
-            what = f"neither the rig file nor the node map says the rig's {table}"
-            raise RigError(what, where=self._link.url, remedy=f"write a table [{table}] in the rig file")
+            what = f"neither the rig file nor the node map gives the rig's {table}"
+            raise RigError(what, where=self._link.url, remedy=f"Write a table [{table}] in the rig file.")
         (text,) = self._link.read(name)
         return parse_json(text, self._link.url, RigError)
 
     def _check_back(self) -> None:
-        """Say once that the connection was lost and came back while something else was done."""
+        """Raise once that the connection was lost and reopened meanwhile."""
         if self._gone:
             self._gone = False
-            raise _back("waiting", "the server was gone meanwhile", self._link.url)
+            raise _back("waiting", "the server was unreachable meanwhile", self._link.url)
 
     @contextlib.contextmanager
     def _one_connection(self, doing: str) -> Iterator[Callable[[], None]]:
-        """Have what runs within one connection; it is given a function that makes sure of it.
+        """Run a block within one connection; the yielded function checks that it is still the same.
 
         Raises
         ------
         ConnectionLostError
-            The connection was lost; it is back, maybe because another call has found it lost and made a new one.
+            The connection was lost and is reopened, possibly by another call.
         RigError
-            It did not come back; or whatever was raised within one connection.
+            The connection could not be reopened; or an error of the block.
         """
         number = self._link.number
 
         def same() -> None:
             if self._link.number != number:
-                raise RigError("what was asked of another connection cannot be told")
+                raise RigError("the result of a request on an earlier connection is unknown")
 
         try:
             yield same
@@ -292,20 +297,20 @@ class OpcUaRig:
             raise _back(doing, error.what, self._link.url) from None
 
     def _reconnect(self, reason: str) -> None:
-        """Connect again, within the time that was allowed."""
+        """Connect again within the allowed time."""
         if self._back_within(self.reconnect_s):
             return
-        what = f"the connection to the rig was lost and did not come back within {self.reconnect_s:g} s"
+        what = f"the connection to the rig was lost and could not be reopened within {self.reconnect_s:g} s"
         beat = self._link.nodes.heartbeat_s
         raise RigError(
             f"{what}: {reason}",
             where=self._link.url,
-            rule=f"the server brings the axis to rest {beat:g} s after it last heard from us",
-            remedy="start the server and resume the campaign; `reconnect` in the rig file allows more time",
+            rule=f"the server brings the axis to rest {beat:g} s after the last heartbeat",
+            remedy="Start the server and resume the campaign; `reconnect` in the rig file allows more time.",
         )
 
     def _back_within(self, limit_s: float) -> bool:
-        """Connect again with growing waits and stop the rig; tell whether that could be done."""
+        """Connect again with growing waits, and stop the rig; return whether this succeeded."""
         deadline, wait = time.monotonic() + limit_s, FIRST_WAIT_S
         while True:
             with contextlib.suppress(LinkError):
@@ -317,7 +322,7 @@ class OpcUaRig:
             wait = min(2.0 * wait, LONGEST_WAIT_S)
 
     def _connect(self) -> None:
-        """Connect again, to the same rig, and make sure that it is at rest, unless another thread has done so."""
+        """Connect again to the same rig and bring it to rest, unless another thread has done so."""
         with self._starting:
             if self._link.lost is None:
                 return
@@ -327,42 +332,42 @@ class OpcUaRig:
                 raise RigError(f"another rig answers: {name!r} instead of {self._told!r}", where=self._link.url)
 
     def _told_name(self) -> str:
-        """Name that the server gives to the rig, empty where it gives none."""
+        """Return the server's name of the rig; empty without a name."""
         if "rig.identity" not in self._link.nodes:
             return ""
         return identity_of(self._described("rig.identity"), self._link.url)[0].name
 
     def _halt(self) -> None:
-        """Come to rest now; the pressures stay."""
-        with contextlib.suppress(LinkError, RigError):  # on the way out of something else, which is told
+        """Bring the axis to rest now; the pressures stay."""
+        with contextlib.suppress(LinkError, RigError):  # another error is already being raised
             self._await(self._start(Verb.HALT, {}), 0.0, Verb.HALT)
 
 
 class SimulatedOpcUaRig(OpcUaRig):
-    """A rig whose server can set its past and change what is mounted: `Reproducible` and `Changeable`."""
+    """Simulated rig over OPC UA, also `Reproducible` and `Changeable`."""
 
     def begin_cycle(self, key: str) -> None:
-        """Let the noise of the next cycle depend on the rig's seed and this key alone."""
+        """Seed the noise of the next cycle from the rig's seed and this key."""
         self._ask(Verb.BEGIN_CYCLE, key)
 
     def memory(self) -> dict[str, Any]:
-        """Give all that the past has left behind."""
+        """Return the saved state of the rig."""
         return self._ask(Verb.MEMORY)
 
     def restore(self, memory: dict[str, Any]) -> None:
-        """Take a past back that `memory` gave."""
+        """Restore a saved state from `memory`."""
         self._ask(Verb.RESTORE, memory)
 
     def truth(self) -> dict[str, Any]:
-        """Give what was true of the last cycle."""
+        """Return the ground truth of the last cycle."""
         return self._ask(Verb.TRUTH)
 
     def levels(self) -> dict[str, tuple[str, ...]]:
-        """Give the factors that can be changed and the levels that each can take."""
+        """Return the factors that can be changed, with their possible levels."""
         return {factor: tuple(levels) for factor, levels in self._ask(Verb.LEVELS).items()}
 
     def change(self, levels: dict[str, str]) -> None:
-        """Take what has been mounted."""
+        """Set mounted factor levels."""
         self._ask(Verb.CHANGE, levels)
 
     def _ask(self, verb: Verb, question: object = None) -> Any:  # noqa: ANN401 - plain data
@@ -382,13 +387,13 @@ def open_rig(
     limits: Envelope | None = None,
     reconnect_s: float = RECONNECT_S,
 ) -> OpcUaRig:
-    """Connect to a rig; what its server can do decides the class.
+    """Connect to a rig; its class depends on the nodes of the server.
 
     Parameters
     ----------
     url : str
     nodes : NodeMap, optional
-        The default one where absent.
+        Default: the node map of the package.
     access : Access, optional
     identity, limits, reconnect_s
         As for `OpcUaRig`.
@@ -396,13 +401,16 @@ def open_rig(
     Raises
     ------
     RigError
-        There is no such server, it refuses us, or lacks a node.
+        The server does not exist, rejects the client, or lacks a node.
     """
     try:
         _ = urlsplit(url).port
     except ValueError as error:
         raise RigError(
-            f"this is no address: {error}", where=url, rule="it is opc.tcp://HOST:PORT", remedy="check the address"
+            f"this is not an address: {error}",
+            where=url,
+            rule="an address is opc.tcp://HOST:PORT",
+            remedy="Check the address.",
         ) from None
     asked = url, nodes or load_map(), access or Access(), identity, limits, reconnect_s
     try:
@@ -412,8 +420,8 @@ def open_rig(
             time.sleep(wait_s)
         return _opened(*asked)
     except LinkError as error:
-        remedy = "check that the server runs and the address; pneudrive rig serve starts one"
-        raise RigError(f"there is no connection to the rig: {error}", where=url, remedy=remedy) from None
+        remedy = "Check the address, and that the server runs; pneudrive rig serve starts a server."
+        raise RigError(f"the rig cannot be reached: {error}", where=url, remedy=remedy) from None
 
 
 def _opened(
@@ -431,12 +439,12 @@ def _opened(
 
 def _address(given: object) -> str:
     if not isinstance(given, str) or not given.startswith(f"{SCHEME}://") or "@" in given:
-        raise WrongValueError(f"{given!r} is no address", rule=f"{SCHEME}://HOST:PORT, without user and password")
+        raise WrongValueError(f"{given!r} is not an address", rule=f"{SCHEME}://HOST:PORT, without user and password")
     return given
 
 
 class OpcUaFile(AccessFile):
-    """The rig file of a rig behind OPC UA."""
+    """Rig file of a rig over OPC UA."""
 
     url: Annotated[str, Reads(_address)]
     map: str | None = None
@@ -444,12 +452,12 @@ class OpcUaFile(AccessFile):
 
 
 def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> OpcUaRig:
-    """Connect to the rig at an address (default node map), or to the one that a rig file describes.
+    """Connect to the rig at an address (default node map), or to the rig of a rig file.
 
     Raises
     ------
     RigError
-        With file, line, value, rule and remedy.
+        The file is not valid (the message gives file, line, value, rule and remedy), or as for `open_rig`.
     """
     if str(source).startswith(f"{SCHEME}://"):
         return open_rig(str(source))
@@ -461,8 +469,8 @@ def _back(doing: str, reason: str, url: str) -> ConnectionLostError:
     return ConnectionLostError(
         f"the connection was lost during {doing} and is back: {reason}",
         where=url,
-        rule="the rig stands still without pressure; what ran is lost",
-        remedy="run the cycle again",
+        rule="the rig is at rest without pressure; the running cycle is lost",
+        remedy="Repeat the cycle.",
     )
 
 

@@ -1,11 +1,11 @@
-"""The front of a served rig: few connections, everyone has a turn, those who are there and those who come.
+"""Front of a served rig: few connections, served in fair turns.
 
-asyncua reads and writes OPC UA; here stands whom it serves, and when. Turns go to those who have a session and to those
-who are about to get one alternately, so that neither keeps the other out. Of those who have one, who has used the
-server least comes next; of those who come, who has been waiting longest, unless it has used much. So a request to stop
-waits for two other requests at most, whatever others send. Who has no session is gone after seconds; where there are
-too many, the one goes that has been idle for longest, of the address that has most. A session ends with its connection:
-it cannot be taken over on another one.
+asyncua reads and writes OPC UA; this module decides which connection is served next. Turns alternate between
+connections with a session and new ones, so that neither group blocks the other. Among those with a session, the one
+that has used least processor time is next; among new ones, the one that has waited longest, unless it has used much.
+So a request to stop waits for at most two other requests. A connection without a session is closed after seconds; if
+there are too many, the longest idle one of the address with most connections is closed. A session ends with its
+connection: it cannot move to another one.
 """
 
 from __future__ import annotations
@@ -35,23 +35,23 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 ua: Any = opcua("asyncua.ua")
-SMALLEST_CHUNK = 8192  # as OPC UA has it
-MOST_WAITING, MOST_AT_DOOR = 64, 128  # connections without a session, and those that are not yet taken in
-MOST_ASKED = 8  # connections without a session whose requests are still to be served: then nobody is taken in
+SMALLEST_CHUNK = 8192  # value of OPC UA
+MOST_WAITING, MOST_AT_DOOR = 64, 128  # connections without a session, and those not yet accepted
+MOST_ASKED = 8  # connections without a session and with pending requests, above which none is accepted
 IDLE_S, AT_DOOR_S = 0.05, 0.001
 MOST_SESSIONS, MOST_SUBSCRIPTIONS = 64, 64
-SESSION_S = 5.0  # within which a connection has a session
-SESSION_TIMEOUT_S = 60.0  # a session that asks for nothing
-STUCK_S = 10.0  # a client that does not read what it asked for
+SESSION_S = 5.0  # s; time for a connection to get a session
+SESSION_TIMEOUT_S = 60.0  # s; time limit of a session without requests
+STUCK_S = 10.0  # s; time limit of a client that does not read its answers
 LOOK_S = 0.5
-FORGET_S = 1.0  # what was used is forgotten with this time constant
-NEW_S = 1.0  # a connection counts as one that comes for so long
-USED_S = 0.01  # who has just come is served first come, first served, until it has used this
+FORGET_S = 1.0  # s; time constant with which used processor time decays
+NEW_S = 1.0  # s; a connection counts as new for this time
+USED_S = 0.01  # s; processor time up to which new connections are served in order of arrival
 COMMANDS_COUNT = 0.25
-LARGEST_CHUNK = 65535  # as OPC UA has it
+LARGEST_CHUNK = 65535  # value of OPC UA
 LARGEST_OPENING = 2 * LARGEST_REQUEST  # bytes of a request without a session: certificates
-QUEUED = 8  # requests of one connection that are read ahead
-BUFFERED = 1 << 20  # bytes of answers that wait to be sent
+QUEUED = 8  # requests of one connection read ahead
+BUFFERED = 1 << 20  # bytes of unsent answers
 
 
 class Front:
@@ -60,24 +60,24 @@ class Front:
     Parameters
     ----------
     server : asyncua.Server
-        With its nodes, not started.
+        Server with its nodes, not started.
     served : Served
     protection : Protection
     largest_write : int
-        Bytes of a request to write.
+        Largest request to write, bytes.
     """
 
     def __init__(self, server: Any, served: Served, protection: Protection, largest_write: int) -> None:  # noqa: ANN401
         self.server, self.served, self.protection = server, served, protection
         self.largest_write = largest_write
-        self.connections: dict[Connection, None] = {}  # in the order in which they came
-        self.login = asyncio.Lock()  # one password is looked at at a time
+        self.connections: dict[Connection, None] = {}  # in order of arrival
+        self.login = asyncio.Lock()  # one password is checked at a time
         self._wake = asyncio.Event()
         self._listening: asyncio.Server | None = None
         self._tasks: set[asyncio.Task[Any]] = set()
 
     async def start(self, host: str, port: int) -> int:
-        """Listen; return the port."""
+        """Start to listen; return the port."""
         internal = self.server.iserver
         internal.max_session_timeout_ms = 1e3 * SESSION_TIMEOUT_S
         internal.max_monitored_item_queue_size = 100
@@ -97,7 +97,7 @@ class Front:
         return sockets[0].getsockname()[1]
 
     async def stop(self) -> None:
-        """Hang up."""
+        """Close all connections."""
         if self._listening is not None:
             self._listening.close()
         for connection in list(self.connections):
@@ -107,13 +107,13 @@ class Front:
         await self.server.iserver.stop()
 
     def background(self, work: Any) -> None:  # noqa: ANN401 - a coroutine
-        """Do it beside all else."""
+        """Run a coroutine in the background."""
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
     async def _take_in(self, listening: Any) -> None:  # noqa: ANN401 - a socket
-        """Take connections in, no faster than they are served; the others wait at the door, in their order."""
+        """Accept connections, not faster than they are served; the others wait in the queue of the socket."""
         loop = asyncio.get_running_loop()
         while True:
             while not self._has_room():
@@ -121,29 +121,29 @@ class Front:
             try:
                 new, _ = await loop.sock_accept(listening)
                 await loop.connect_accepted_socket(lambda: Connection(self), new)
-            except OSError as error:  # it has gone again, or there are no handles
-                log.debug("a connection that is none: %s", error)
+            except OSError as error:  # the client is gone, or there are no file handles
+                log.debug("invalid connection: %s", error)
                 await asyncio.sleep(AT_DOOR_S)
 
     def _has_room(self) -> bool:
-        """Whether there is room for one that comes, or one that has been idle for long enough to go."""
+        """Return whether there is room for a new connection, or an idle one that can be closed."""
         comers, now = [c for c in self.connections if not c.session], time.monotonic()
         asked = sum(bool(c.queue) and not c.waits for c in comers)
         idle = len(comers) < MOST_WAITING or max(c.idle_s(now) for c in comers) >= IDLE_S
         return asked < MOST_ASKED and idle
 
     def come(self, new: Connection) -> None:
-        """Take a connection in; where there are too many without a session, the one goes that was idle for longest."""
+        """Accept a connection; if too many have no session, close the longest idle one."""
         waiting, now = [c for c in self.connections if not c.session], time.monotonic()
         if len(waiting) >= MOST_WAITING:
             _drop_one(waiting, lambda c: -c.idle_s(now))
         self.connections[new] = None
 
     def activated(self, new: Connection) -> None:
-        """Take note of a session; where there are too many, another one goes, never the one that commands.
+        """Register a session; if there are too many, close another one, but never the commander.
 
-        One that has just come stays, so that it can stop the axis; of the others, the one that has used most, or came
-        last: who looks on quietly since long before may stay.
+        The new session stays, so that it can stop the axis. Of the others, the one that has used most processor
+        time, or came last, is closed: quiet observers may stay.
         """
         others = [
             c for c in self.connections if c.session and c is not new and not self.served.commands(c.session.client)
@@ -154,11 +154,11 @@ class Front:
             _drop_one(there or others, lambda c: (-(c.used(now) // USED_S), -c.began) if there else c.began)
 
     def wake(self) -> None:
-        """Say that there is something to do."""
+        """Signal that there is work to do."""
         self._wake.set()
 
     async def _serve(self) -> None:
-        """Serve one request after the other, of those who are there and of those who come alternately."""
+        """Serve one request after the other, alternately of connections with a session and new ones."""
         newcomers = False
         while True:
             ready = [c for c in self.connections if c.queue and not c.waits]
@@ -170,17 +170,17 @@ class Front:
             newcomers = not newcomers
             those = [c for c in ready if c.is_new(now) is newcomers] or ready
             await min(those, key=lambda c: self._claim(c, now)).serve()
-            await asyncio.sleep(0)  # what has come meanwhile is read, clocks go on
+            await asyncio.sleep(0)  # let the loop read new data and run its timers
 
     def _claim(self, connection: Connection, now: float) -> float:
-        """Seconds used; those of who commands count less, for its heartbeat must not wait for others."""
+        """Return the seconds used; those of the commander count less, as its heartbeat must not wait."""
         session, used = connection.session, connection.used(now)
         if connection.is_new(now):
             return used // USED_S
         return used * (COMMANDS_COUNT if session and self.served.commands(session.client) else 1.0)
 
     async def _look(self) -> None:
-        """Hang up on who has no session in time, and on who does not read."""
+        """Close connections without a session in time, and those that do not read."""
         while True:
             await asyncio.sleep(LOOK_S)
             now = time.monotonic()
@@ -192,22 +192,22 @@ class Front:
 
 
 def _drop_one(those: list[Connection], last: Callable[[Connection], Any]) -> None:
-    """Hang up on one of the address that has most: the one that comes first in this order."""
+    """Close one connection of the address with most connections: the first in this order."""
     address, _ = Counter(c.address for c in those).most_common(1)[0]
     min((c for c in those if c.address == address), key=last).drop()
 
 
 class Connection(asyncio.Protocol):
-    """One connection: cuts what comes into chunks, and lets them be served in turn."""
+    """One connection: cuts received data into chunks, which are served in turn."""
 
     def __init__(self, front: Front) -> None:
         self.front = front
         self.address = ""
         self.queue: deque[bytes] = deque()
-        self.began = self.since = time.monotonic()  # since when it has no session
+        self.began = self.since = time.monotonic()  # time since which it has no session
         self.stuck_at: float | None = None
         self._data = bytearray()
-        self._size = 0  # of the request of which chunks have come
+        self._size = 0  # of the request whose chunks are arriving
         self._busy = self._paused = False
         self._used, self._used_at = 0.0, self.began
         self._idle_since = self.began
@@ -215,26 +215,26 @@ class Connection(asyncio.Protocol):
         self._processor: Any = None
 
     @property
-    def session(self) -> Any:  # noqa: ANN401 - a session of ours
-        """Its session, where it is activated."""
+    def session(self) -> Any:  # noqa: ANN401 - a ServedSession
+        """Activated session of the connection, or None."""
         session = self._processor and self._processor.session
         return session if session is not None and session.is_activated() else None
 
     @property
     def waits(self) -> bool:
-        """Whether nothing of it can be served now."""
+        """Whether the connection has nothing to serve now."""
         return self._busy or self.stuck_at is not None
 
     def used(self, now: float) -> float:
-        """Seconds of the processor that it has used of late."""
+        """Processor time used recently, s."""
         return self._used * math.exp((self._used_at - now) / FORGET_S)
 
     def is_new(self, now: float) -> bool:
-        """Whether it is one of those who come."""
+        """Whether the connection counts as new."""
         return now - self.began < NEW_S or self.session is None
 
     def idle_s(self, now: float) -> float:
-        """How long it has been its turn to say something, s."""
+        """Time since its last request, s."""
         return 0.0 if self.queue or self._busy else now - self._idle_since
 
     def connection_made(self, transport: Any) -> None:  # noqa: ANN401
@@ -252,13 +252,13 @@ class Connection(asyncio.Protocol):
             self.front.background(self._processor.close())
 
     def drop(self) -> None:
-        """Hang up now, whatever is still to be sent."""
+        """Close the connection now, without sending the rest."""
         self.front.connections.pop(self, None)
         self.queue.clear()
         self._transport.abort()
 
     def data_received(self, data: bytes) -> None:
-        """Cut chunks; what is none ends the connection."""
+        """Cut chunks; invalid data close the connection."""
         self._data += data
         self._idle_since = time.monotonic()
         at = 0
@@ -280,31 +280,31 @@ class Connection(asyncio.Protocol):
         self.front.wake()
 
     def pause_writing(self) -> None:
-        """Take note that the client does not read."""
+        """Register that the client does not read."""
         self.stuck_at = time.monotonic()
 
     def resume_writing(self) -> None:
-        """Take note that it does again."""
+        """Register that the client reads again."""
         self.stuck_at = None
         self.front.wake()
 
     async def serve(self) -> None:
-        """Serve the next chunk; an error in it ends the connection."""
+        """Serve the next chunk; an error in it closes the connection."""
         chunk = self.queue.popleft()
         if self._paused and len(self.queue) < QUEUED // 2:
             self._paused = False
             self._transport.resume_reading()
-        began = time.thread_time()  # not the clock: what waits for others is not its own
+        began = time.thread_time()  # processor time, as waiting for others does not count
         if self._processor is None:
             self._processor = Processor(self, self._transport)
         try:
             self._size = self._size + len(chunk) if chunk[:3] == b"MSG" else 0
             largest = self.front.largest_write if self.session else LARGEST_OPENING
             good = self._size <= largest and await self._process(chunk)
-            if chunk[3:4] != b"C":  # another chunk of the same request follows
+            if chunk[3:4] != b"C":  # more chunks of the same request follow
                 self._size = 0
-        except Exception as error:  # whatever a library raises about bytes that are no request
-            log.debug("a request that is none: %s", error)
+        except Exception as error:  # any exception of a library for bytes that are not a request
+            log.debug("invalid request: %s", error)
             good = False
         now = time.monotonic()
         self._used, self._used_at = self.used(now) + time.thread_time() - began, now
@@ -317,7 +317,7 @@ class Connection(asyncio.Protocol):
         return bool(await self._processor.process(header_from_binary(data), data))
 
     def beside(self, work: Callable[[], Awaitable[bool]]) -> None:
-        """Do what waits for something else beside all else, and nothing more of this connection until then."""
+        """Run a waiting coroutine in the background, and serve this connection no further until it ends."""
         self._busy = True
 
         async def do() -> None:
@@ -325,7 +325,7 @@ class Connection(asyncio.Protocol):
                 if not await work():
                     self._transport.close()
             except Exception as error:
-                log.debug("a login that is none: %s", error)
+                log.debug("invalid login: %s", error)
                 self._transport.close()
             finally:
                 self._busy = False
@@ -335,17 +335,17 @@ class Connection(asyncio.Protocol):
 
 
 class ServerLimits(TransportLimits):
-    """What both sides take; who takes less than OPC UA asks for would have every answer cut into crumbs."""
+    """Limits of messages; a client with buffers below the minimum of OPC UA is rejected: its chunks would be tiny."""
 
     def create_acknowledge_and_set_limits(self, msg: Any) -> Any:  # noqa: ANN401
-        """Answer a greeting."""
+        """Answer the hello message of a client."""
         if msg.ReceiveBufferSize < SMALLEST_CHUNK:
             raise ua.UaStatusCodeError(CODES.BadConnectionRejected)
         return super().create_acknowledge_and_set_limits(msg)
 
 
 class Processor(UaProcessor):
-    """Answers the requests of a connection: those that a rig needs, within bounds, one session."""
+    """Processor of the requests of a connection: services that a rig needs, within bounds, one session."""
 
     def __init__(self, connection: Connection, transport: Any) -> None:  # noqa: ANN401
         super().__init__(connection.front.server.iserver, transport, ServerLimits())
@@ -378,7 +378,7 @@ class Processor(UaProcessor):
         return bool(await super()._process_message(typeid, requesthdr, seqhdr, body))
 
     async def _log_in(self, typeid: Any, requesthdr: Any, seqhdr: Any, body: Any) -> bool:  # noqa: ANN401
-        """Hash the password, which takes its time, in a thread; hang up on who may not come in."""
+        """Hash the password, which takes time, in a thread; close the connection after a rejected login."""
         try:
             token = struct_from_binary(ua.ActivateSessionParameters, body.copy()).UserIdentityToken
             if isinstance(token, ua.UserNameIdentityToken):
@@ -386,7 +386,7 @@ class Processor(UaProcessor):
                 async with self.front.login:
                     await asyncio.to_thread(self.front.protection.hash_ahead, user, password)
             good = bool(await super()._process_message(typeid, requesthdr, seqhdr, body))
-        except Exception as error:  # whatever a library raises about what somebody has sent
+        except Exception as error:  # any exception of a library for received data
             response = ua.ServiceFault()
             code = getattr(error, "code", CODES.BadIdentityTokenInvalid)
             response.ResponseHeader.ServiceResult = ua.StatusCode(code)

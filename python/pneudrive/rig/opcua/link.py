@@ -1,4 +1,4 @@
-"""A connection to the nodes of a map: values in SI by name, a heartbeat of its own, one thread for both."""
+"""Connection to the nodes of a map: values in SI by name, and a heartbeat, in one thread."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
     from collections.abc import Coroutine
 
 Answer = TypeVar("Answer")
-COUNTER = 2**31 - 1  # counters go round below this, so that a signed one of a PLC can hold them
-BEATS = 4  # heartbeats sent within the heartbeat time
-NODES_A_REQUEST = 64  # what small PLCs still take
-#: A server on a busy machine may take this long for an answer; one that is gone is told at once.
+COUNTER = 2**31 - 1  # counters wrap below this, which fits a signed integer of a PLC
+BEATS = 4  # heartbeats sent in each heartbeat time
+NODES_A_REQUEST = 64  # nodes in one request; small PLCs support this
+#: s; a server on a busy machine may need this long for an answer; a closed connection is noticed at once.
 LEAST_TIMEOUT_S = 5.0
 CLOSING_S = 2.0
-# Words in the status codes of a server that does not want us: trying again does not help.
+# Words in the status codes of a server that rejects the client: trying again does not help.
 REFUSALS = ("ertificate", "Identity", "UserAccess", "Security", "Signature", "No matching endpoints", "Nonce")
 
 
 def quieten() -> None:
-    """Keep asyncua from logging where nobody has set its level: what goes wrong is told by our own errors."""
+    """Silence the logging of asyncua unless its level is set: errors of this module report the problems."""
     for noisy in ("asyncua", "asyncuagds"):
         if logging.getLogger(noisy).level == logging.NOTSET:
             logging.getLogger(noisy).setLevel(logging.CRITICAL)
@@ -42,12 +42,12 @@ class LinkError(ConnectionError):
 
 
 class HungUpError(LinkError):
-    """The server was there, and has hung up: it may be crowded."""
+    """The server closed the connection: it may have too many."""
 
 
 @dataclass(frozen=True)
 class NodePlace:
-    """Where a node is on this server: ids (one, or one for each slot), type, length of an array (0: any)."""
+    """Node on this server: ids (one, or one for each slot), type, length of an array (0: any)."""
 
     node: Node
     ids: tuple[Any, ...]
@@ -56,7 +56,7 @@ class NodePlace:
 
 
 class LoopThread:
-    """An event loop in a thread of its own."""
+    """Event loop in a separate thread."""
 
     def __init__(self) -> None:
         self.loop = asyncio.new_event_loop()
@@ -64,7 +64,7 @@ class LoopThread:
         self.thread.start()
 
     def run(self, work: Coroutine[Any, Any, Answer], timeout_s: float | None = None) -> Answer:
-        """Run a coroutine there and wait for its answer; an interruption here ends it there."""
+        """Run a coroutine in the loop and wait for its result; an interruption cancels it."""
         future = asyncio.run_coroutine_threadsafe(work, self.loop)
         try:
             return future.result(timeout_s)
@@ -73,7 +73,7 @@ class LoopThread:
             raise
 
     def close(self) -> None:
-        """End the thread, and what still runs in it."""
+        """End the thread and the coroutines that still run in it."""
         if self.loop.is_closed():
             return
 
@@ -90,12 +90,12 @@ class LoopThread:
 
 
 class Link:
-    """A connection that stays until it is lost; `connect` makes another one.
+    """Connection to a server; after a loss, `connect` opens another one.
 
     Parameters
     ----------
     url : str
-        Such as ``opc.tcp://127.0.0.1:4840``.
+        Address such as ``opc.tcp://127.0.0.1:4840``.
     nodes : NodeMap
     access : Access
     """
@@ -108,7 +108,7 @@ class Link:
         self.timeout_s = max(2.0 * nodes.heartbeat_s, LEAST_TIMEOUT_S)
         self.places: dict[str, NodePlace] = {}
         self.lost: str | None = "there is no connection yet"
-        self.number = 0  # of the connection
+        self.number = 0  # number of the connection
         self._loop = LoopThread()
         self._client: Any = None
         self._heart: asyncio.Task[None] | None = None
@@ -120,25 +120,25 @@ class Link:
         Raises
         ------
         LinkError
-            There is no answer.
+            The server does not answer.
         RigError
-            The server refuses us, or lacks a node.
+            The server rejects the client, or lacks a node.
         """
         self._loop.run(self._connect())
 
     def beat(self) -> None:
-        """Make sure that the heart beats: who only looks needs none."""
+        """Start the heartbeat if it does not run; a client that only reads needs none."""
         if self._heart is None:
             self._loop.run(self._start_heart())
 
     def check_stops(self, stops: int) -> None:
-        """Take the connection as lost where the server has stopped the axis since it began."""
+        """Treat the connection as lost if the server has stopped the axis since its beginning."""
         if self._heart is not None and stops != self._stops:
-            self.lost = self.lost or "the server heard nothing of us for a while and has stopped the axis"
+            self.lost = self.lost or "the server missed the heartbeat and stopped the axis"
             raise LinkError(self.lost)
 
     def close(self) -> None:
-        """Take leave and end the thread."""
+        """Close the connection and end the thread."""
         try:
             self._loop.run(self._leave(), CLOSING_S)
         except (LinkError, TimeoutError, asyncio.TimeoutError):
@@ -148,7 +148,7 @@ class Link:
             self._loop.close()
 
     def read(self, *names: str, slot: int = 0) -> list[Any]:
-        """Read nodes in one request, SI; arrays come as ndarray."""
+        """Read nodes in one request, in SI; arrays become ndarray."""
         return self._loop.run(self._read(names, slot))
 
     def write(self, values: dict[str, Any]) -> None:
@@ -178,16 +178,16 @@ class Link:
             name = type(error).__name__
             if any(word in name + str(error) for word in REFUSALS):
                 raise RigError(
-                    f"the server refuses us: {_reason(error)}",
+                    f"the server rejects this client: {_reason(error)}",
                     where=self.url,
-                    remedy="user, password and certificates of both sides must fit: see the guide on OPC UA",
+                    remedy="Check user, password and certificates of both sides; see the guide on OPC UA.",
                 ) from None
             raise LinkError(_reason(error)) from None
         except (OSError, TimeoutError, asyncio.TimeoutError) as error:
             await _hang_up(client)
             waited = isinstance(error, (TimeoutError, asyncio.TimeoutError))
-            hung_up = not waited and not getattr(error, "errno", None)  # it was there
-            says = " (a server is silent, or hangs up, where server_certificate is not its own)"
+            hung_up = not waited and not getattr(error, "errno", None)  # the server did answer
+            says = " (a server is silent, or closes the connection, if server_certificate is not its own)"
             hint = says if (waited or hung_up) and self.access.certificate is not None else ""
             raise (HungUpError if hung_up else LinkError)(f"{_reason(error)}{hint}") from None
         return client
@@ -202,7 +202,7 @@ class Link:
             await _hang_up(client)
 
     async def _find_nodes(self) -> None:
-        """Ask for the type of each node, and its length where it is an array."""
+        """Read the type of each node, and the length of an array."""
         ua = opcua("asyncua.ua")
         uris = await self._request(self._client.get_namespace_array())
         found: dict[str, tuple[Any, ...]] = {}
@@ -235,7 +235,7 @@ class Link:
         self._heart = asyncio.create_task(self._beat(self._client, beat))
 
     async def _beat(self, client: Any, beat: int) -> None:  # noqa: ANN401 - asyncua's client
-        """Count up our heartbeat and watch the server's."""
+        """Increment the client's heartbeat and monitor the server's."""
         seen, since = None, time.monotonic()
         try:
             while True:
@@ -248,7 +248,7 @@ class Link:
                 if theirs != seen:
                     seen, since = theirs, now
                 elif now - since > 2.0 * self.nodes.heartbeat_s:
-                    raise LinkError("the server's heartbeat stands still")
+                    raise LinkError("the server's heartbeat has stopped")
         except (LinkError, RigError) as error:
             if self._client is client:
                 self.lost = self.lost or str(error)
@@ -281,18 +281,18 @@ class Link:
             place = self.places[name]
             variant = ua.Variant(self._to_raw(place, value), place.type)
             ids.append(place.ids[0])
-            data.append(ua.DataValue(variant, StatusCode=None))  # PLCs refuse to have status or time stamp written
+            data.append(ua.DataValue(variant, StatusCode=None))  # PLCs reject writing of status or time stamp
         results = await self._request(self._connected().uaclient.write_attributes(ids, data, ua.AttributeIds.Value))
         for name, node_id, status in zip(values, ids, results, strict=True):
             self._good(status, name, node_id)
 
     def _connected(self) -> Any:  # noqa: ANN401 - asyncua's client
-        if self._client is None:  # another thread is just connecting again
+        if self._client is None:  # another thread is connecting again
             raise LinkError(self.lost or "the connection is closed")
         return self._client
 
     async def _request(self, request: Coroutine[Any, Any, Answer]) -> Answer:
-        """Send a request; whatever ends the connection is one error."""
+        """Send a request; any loss of the connection becomes a LinkError."""
         if self.lost is not None or self._client is None:
             request.close()
             raise LinkError(self.lost or "the connection is closed")
@@ -307,7 +307,7 @@ class Link:
             return
         what = f"node {name} ({node_id.to_string()}) cannot be used: {status.name}"
         raise RigError(
-            what, where=self.url, rule=status.doc, remedy="check the node map and the server's access rights"
+            what, where=self.url, rule=status.doc, remedy="Check the node map and the server's access rights."
         )
 
     def _to_si(self, place: NodePlace, raw: Any) -> Any:  # noqa: ANN401
@@ -331,27 +331,27 @@ def _node_id(text: str, namespace: str, uris: list[str], url: str) -> Any:  # no
     if not text.startswith("ns="):
         if namespace not in uris:
             what = f"the server has no namespace {namespace}"
-            raise RigError(what, where=url, value=", ".join(uris), remedy="check the node map's namespace")
+            raise RigError(what, where=url, value=", ".join(uris), remedy="Check the namespace of the node map.")
         text = f"ns={uris.index(namespace)};{text}"
     try:
         return ua.NodeId.from_string(text)
     except ua.UaError as error:
-        raise RigError(f"{text} is no node id: {error}") from None
+        raise RigError(f"{text} is not a node id: {error}") from None
 
 
 async def _hang_up(client: Any) -> None:  # noqa: ANN401 - asyncua's client
-    """End a connection, orderly where the server still answers."""
+    """Close a connection, orderly if the server still answers."""
     transport = getattr(client.uaclient.protocol, "transport", None)
-    with contextlib.suppress(Exception):  # whatever a half-closed connection raises: it ends here
+    with contextlib.suppress(Exception):  # any exception of a half-closed connection is ignored
         await asyncio.wait_for(client.disconnect(), CLOSING_S / 2)
     with contextlib.suppress(Exception):
         client.disconnect_socket()
     if transport is not None:
-        transport.abort()  # what is not sent yet is not waited for
+        transport.abort()  # do not wait for unsent data
 
 
 def _reason(error: BaseException) -> str:
-    """Say what went wrong in a line; asyncua repeats the name of a status at the end."""
+    """Return the reason of an error in one line; asyncua repeats the name of a status at the end."""
     name = type(error).__name__
     text = str(error).replace(f"({name})", "").strip()
     return f"{name}: {text}" if text else name

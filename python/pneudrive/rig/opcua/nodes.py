@@ -1,16 +1,16 @@
-"""The node map: behind which nodes of an OPC UA server a rig is found, in which units, and the times of the handshake.
+"""Node map: nodes of a rig on an OPC UA server with their units, and the times of the handshake.
 
-The handshake needs nothing but variables, so that every PLC can do it:
+The handshake uses only variables, so that every PLC can implement it:
 
 - A command is its verb and arguments, then a new ``command.id``. The server sets ``answer.fault`` and then
-  ``answer.done`` to that id. Halt and stop are taken at any time, of anybody, and end what runs; any other verb while
-  one runs is a fault, and so is one of a client while another one commands.
+  ``answer.done`` to that id. Halt and stop are accepted at any time from any client, and end the running verb. Any
+  other verb is a fault while one runs, or while another client commands.
 - Samples come in chunks through a ring of slots. The server writes a slot, its sequence number, then
-  ``samples.written``; the client reads it and raises ``samples.acknowledged``; a slot is not written again before that.
-  ``answer.done`` comes after the last chunk.
-- Both sides count up their heartbeat, the client from its first command on. A server whose client falls silent brings
-  the axis to rest, releases the pressure, counts up ``heartbeat.stops``, and takes no command until the heartbeat is
-  back. A client that sees ``heartbeat.stops`` change knows that what it did before is undone.
+  ``samples.written``; the client reads the slot and increments ``samples.acknowledged``, before which the slot is not
+  written again. ``answer.done`` follows the last chunk.
+- Both sides increment their heartbeat, the client from its first command on. If the client's heartbeat stops, the
+  server brings the axis to rest, releases the pressure, increments ``heartbeat.stops``, and accepts no command until
+  the heartbeat is back. A change of ``heartbeat.stops`` tells the client that its earlier commands are undone.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ HOLD, RELEASED, SHUT = 1, 2, 4  # bits of step.kind
 
 
 class Verb(IntEnum):
-    """What a command asks for. From 101 on: simulated rigs only."""
+    """Verb of a command. From 101 on: simulated rigs only."""
 
     HOME = 1
     MOVE = 2
     HOLD = 3
     SET_PRESSURE = 4
     ACQUIRE = 5
-    HALT = 6  # come to rest, pressures stay
-    STOP = 7  # come to rest and release the pressure
+    HALT = 6  # bring the axis to rest, pressures stay
+    STOP = 7  # bring the axis to rest and release the pressure
     BEGIN_CYCLE = 101
     MEMORY = 102
     RESTORE = 103
@@ -54,7 +54,7 @@ class Verb(IntEnum):
 
 @dataclass(frozen=True)
 class Kind:
-    """What a node is: OPC UA type, SI unit ("" for no quantity), scalar or array, who writes it."""
+    """Kind of a node: OPC UA type, SI unit ("" for no quantity), scalar or array, which side writes it."""
 
     type: str
     unit: str = ""
@@ -77,7 +77,7 @@ def _kinds() -> dict[str, Kind]:
         "step.speed": Kind("Double", "m/s", array=True),
         "step.duration": Kind("Double", "s", array=True),
         "step.weight": Kind("Double", "N", array=True, optional=True),
-        "sampling.samples_per_stroke": replace(number, optional=True),  # a PLC may sample as it can
+        "sampling.samples_per_stroke": replace(number, optional=True),  # optional: a PLC may choose its sampling
         "sampling.burst_rate": Kind("Double", "1/s", optional=True),
         "sampling.burst_before": Kind("Double", "s", optional=True),
         "sampling.burst_after": Kind("Double", "s", optional=True),
@@ -131,13 +131,13 @@ class Scale:
     gauge: bool = False
 
     def to_si(self, raw: Any, ambient_pa: float) -> Any:  # noqa: ANN401 - a number or an array
-        """Bring raw numbers to SI; those in SI already keep their bits."""
+        """Convert raw numbers to SI; numbers already in SI keep their bits."""
         if self == Scale():
             return raw
         return raw * self.factor + (self.offset + (ambient_pa if self.gauge else 0.0))
 
     def from_si(self, value: Any, ambient_pa: float) -> Any:  # noqa: ANN401
-        """Bring SI values to raw numbers."""
+        """Convert SI values to raw numbers."""
         if self == Scale():
             return value
         return (value - (self.offset + (ambient_pa if self.gauge else 0.0))) / self.factor
@@ -145,7 +145,7 @@ class Scale:
 
 @dataclass(frozen=True)
 class Node:
-    """One node of the map; ``id`` is None where ``constant`` (SI, pressures absolute) stands for it."""
+    """Node of the map; ``id`` is None for a ``constant`` (SI, pressures absolute)."""
 
     name: str
     id: str | None
@@ -162,7 +162,7 @@ class NodeMap:
     Attributes
     ----------
     nodes : dict of str to Node
-        Optional ones may be absent. Ids of the ring hold ``{slot}``.
+        Optional nodes may be absent. Ids of the ring contain ``{slot}``.
     namespace : str
         URI of the namespace of ids without ``ns=``.
     heartbeat_s, poll_s, patience_s : float
@@ -180,15 +180,15 @@ class NodeMap:
     steps: int
 
     def __contains__(self, name: str) -> bool:
-        """Whether there is such a node."""
+        """Return whether the map has a node."""
         return name in self.nodes
 
     def slot_of(self, sequence: int) -> int:
-        """Slot in which chunk number ``sequence`` = 1, 2, ... lies."""
+        """Return the slot of chunk number ``sequence`` = 1, 2, ..."""
         return (sequence - 1) % self.slots
 
     def node_ids(self, name: str) -> list[str]:
-        """Ids of a node: one, or one for each slot of the ring."""
+        """Return the ids of a node: one, or one for each slot of the ring."""
         node_id = self.nodes[name].id
         if node_id is None:
             return []
@@ -198,27 +198,27 @@ class NodeMap:
 
 
 def load_map(path: str | Path | None = None) -> NodeMap:
-    """Read a node map; None takes the default one.
+    """Read a node map; None reads the default one.
 
     Raises
     ------
     RigError
-        With file, line, value, rule and remedy.
+        The file is not valid; the message gives file, line, value, rule and remedy.
     """
     path = DEFAULT_MAP if path is None else path
-    tables, text = toml.read(path, RigError, "The default map, nodes.toml, shows what stands in one.")
+    tables, text = toml.read(path, RigError, "The default map, nodes.toml, is an example.")
     with toml.locating(path, text, RigError):
         file = _map_file().model_validate(tables)
         nodes = {f"{name}.{key}": node for name in _tables() for key, node in getattr(file, name).stored().items()}
         for name, node in nodes.items():
             if node.id is not None and not node.id.startswith("ns=") and not file.namespace:
                 remedy = 'namespace = "urn:..." at the top, or ns=4;...'
-                raise wrong(name, f"{name} names no namespace", remedy=remedy)
+                raise wrong(name, f"the id of {name} has no namespace", remedy=remedy)
     return NodeMap(nodes=nodes, namespace=file.namespace, **file.handshake.stored())
 
 
 class Handshake(Described):
-    """``[handshake]``: its times, the ring of slots, and how much goes at once."""
+    """``[handshake]``: times, the ring of slots, and sizes."""
 
     table_name: ClassVar[str] = "handshake"
     heartbeat_s: Duration = 1.0
@@ -231,7 +231,7 @@ class Handshake(Described):
 
 
 class MapFile(Described):
-    """A file of a node map; its tables of nodes are made of `KINDS`."""
+    """File of a node map; its tables of nodes are made from `KINDS`."""
 
     schema_version: Literal[1] = Field(alias="schema")
     namespace: str = ""
@@ -240,7 +240,7 @@ class MapFile(Described):
 
 @dataclass(frozen=True)
 class NodeOf(Mark):
-    """Annotation of a field that takes a node: its id, or a table of it."""
+    """Annotation of a field for a node: its id, or a table."""
 
     name: str
 
@@ -249,7 +249,7 @@ class NodeOf(Mark):
         name, kind = self.name, KINDS[self.name]
         table = {"node": given} if isinstance(given, str) else given
         if not isinstance(table, dict) or ("node" in table) == ("constant" in table):
-            what = f"{given!r} is neither a node's id nor a table of a node"
+            what = f"{given!r} is neither the id nor the table of a node"
             raise WrongValueError(what, remedy='{ node = "ns=4;s=...", unit = "mm" }')
         known = ["node", "type", "constant", *(["unit", "positive"] if kind.unit else [])]
         for key in table:
@@ -269,7 +269,7 @@ def _tables() -> list[str]:
 
 @cache
 def _map_file() -> type[MapFile]:
-    """Make the class of a map: a table for each group of nodes."""
+    """Return the class of a map file, with a table for each group of nodes."""
     tables: dict[str, Any] = {}
     for table in _tables():
         nodes: dict[str, Any] = {}
@@ -285,16 +285,16 @@ def _map_file() -> type[MapFile]:
 def _node_id(name: str, text: object) -> str:
     if not isinstance(text, str) or not re.fullmatch(r"(ns=\d+;)?[isgb]=.+", text):
         rule = '"ns=4;s=NAME", "ns=4;i=NUMBER", or "s=NAME" in the namespace'
-        raise WrongValueError(f"{text!r} is no node id", rule=rule)
+        raise WrongValueError(f"{text!r} is not a node id", rule=rule)
     if ("{slot}" in text) != (name in IN_RING):
-        raise WrongValueError(text, rule="the nodes of the ring, and only these, have {slot} in their id")
+        raise WrongValueError(text, rule="ids of nodes of the ring contain {slot}, others do not")
     return text
 
 
 def _constant(name: str, kind: Kind, given: object) -> float:
     if kind.client or not kind.unit or name.partition(".")[2] in ("time", "position", "force"):
-        rule = "a pressure or temperature that is not measured can"
-        raise WrongValueError("it cannot be a constant", rule=rule)
+        rule = "only unmeasured pressures and temperatures can be constant"
+        raise WrongValueError("the node cannot be a constant", rule=rule)
     if kind.unit == "Pa":
         return StatedPressure(gauge_allowed=False).read(given).value_pa
     return Quantity(kind.unit).read(given)

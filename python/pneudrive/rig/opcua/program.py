@@ -1,6 +1,6 @@
-"""What passes between the two sides of a map: state, samples, steps and sampling, each by the names of its nodes.
+"""Data exchanged through the nodes of a map: state, samples, steps and sampling.
 
-What a client asks for is held within bounds, so that nobody can keep a rig for ever.
+Requests of a client are bounded, so that no client can occupy a rig for ever.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 LONGEST_STEP_S = 86400.0
-MOST_SAMPLES = 10_000_000  # of an acquisition
-#: Nodes and the fields of `RigState`, `Samples` and `Sampling` that they hold.
+MOST_SAMPLES = 10_000_000  # largest number of samples of an acquisition
+#: Nodes and their fields in `RigState`, `Samples` and `Sampling`.
 STATE = {
     "state.position": "position_m",
     "state.force": "force_n",
@@ -70,19 +70,19 @@ def program_of(arguments: dict[str, Any], longest_m: float) -> list[Step]:
     arguments : dict
         Name of a node -> value in SI.
     longest_m : float
-        Longest way of a move.
+        Longest distance of a move.
 
     Raises
     ------
     RigError
-        There are not so many steps, or one takes longer than a day.
+        The number of steps is not valid, or a step takes longer than a day.
     """
     count = arguments["step.count"]
     weights = arguments.get("step.weight") or [0.0] * count
     names = ("step.kind", "step.position", "step.speed", "step.duration")
     rows = list(zip(*(arguments[name] for name in names), weights, strict=False))
     if not 0 <= count <= len(rows):
-        raise RigError(f"a program of {count} steps", rule=f"0 to {len(rows)} steps")
+        raise RigError(f"a program of {count} steps is out of bounds", rule=f"0 to {len(rows)} steps")
     return [_step(row, longest_m) for row in rows[:count]]
 
 
@@ -90,36 +90,38 @@ def _step(row: tuple[int, float, float, float, float], longest_m: float) -> Step
     kind, position, speed, duration, weight = row
     if kind & HOLD:
         if not 0.0 <= duration <= LONGEST_STEP_S:
-            raise RigError(f"a hold of {duration:g} s", rule=f"0 to {LONGEST_STEP_S:g} s")
+            raise RigError(f"a hold of {duration:g} s is out of bounds", rule=f"0 to {LONGEST_STEP_S:g} s")
         return Hold(duration, bool(kind & RELEASED), bool(kind & SHUT), weight)
     least = longest_m / LONGEST_STEP_S
     if speed < least:
-        raise RigError(f"a move at {1e3 * speed:g} mm/s", rule=f"at least {1e3 * least:.3g} mm/s: a day for the travel")
+        raise RigError(
+            f"a move at {1e3 * speed:g} mm/s is too slow", rule=f"at least {1e3 * least:.3g} mm/s: a day for the travel"
+        )
     return Move(position, speed)
 
 
-def first_step(arguments: dict[str, Any], kind: type[Step], longest_m: float) -> Any:  # noqa: ANN401 - of that kind
-    """Read the first step, which must be a move, or a hold.
+def first_step(arguments: dict[str, Any], kind: type[Step], longest_m: float) -> Any:  # noqa: ANN401 - an instance of `kind`
+    """Read the first step, which must be of this kind, a move or a hold.
 
     Raises
     ------
     RigError
-        It is not.
+        The value is not of this kind.
     """
     (step,) = program_of({**arguments, "step.count": 1}, longest_m)
     if not isinstance(step, kind):
-        raise RigError(f"the first step is no {kind.__name__.lower()}", rule="step.kind: 0 move, 1 hold")
+        raise RigError(f"the first step is not a {kind.__name__.lower()}", rule="step.kind: 0 move, 1 hold")
     return step
 
 
 def sampling_of(arguments: dict[str, Any]) -> Sampling:
-    """Read how an acquisition is sampled; what no node says is as usual."""
+    """Read the sampling of an acquisition; missing nodes have defaults."""
     said = {field: arguments[name] for name, field in SAMPLING.items() if name in arguments}
     return Sampling(**said)
 
 
 def check_size(steps: list[Step], sampling: Sampling) -> None:
-    """Refuse an acquisition of more samples than anybody wants.
+    """Raise an error for an acquisition of too many samples.
 
     Raises
     ------
@@ -131,26 +133,26 @@ def check_size(steps: list[Step], sampling: Sampling) -> None:
         for step in steps
     )
     if not 0.0 <= asked <= MOST_SAMPLES:
-        raise RigError(f"an acquisition of {asked:.3g} samples", rule=f"0 to {MOST_SAMPLES:,} samples")
+        raise RigError(f"an acquisition of {asked:.3g} samples is out of bounds", rule=f"0 to {MOST_SAMPLES:,} samples")
 
 
 def simulated_argument(verb: Verb, given: object) -> tuple[Any, ...]:
-    """Give the argument of a verb of simulated rigs, where it is of the right kind.
+    """Return the argument of a verb of simulated rigs, checked for its type.
 
     Raises
     ------
     RigError
-        It is not.
+        The value is not of this kind.
     """
     texts = isinstance(given, dict) and all(isinstance(level, str) for level in given.values())
     rules = {
         Verb.BEGIN_CYCLE: (isinstance(given, str), "a text: the key of a cycle"),
-        Verb.RESTORE: (isinstance(given, dict), "what `memory` gave"),
-        Verb.CHANGE: (texts, "factors with their levels, which are texts"),
+        Verb.RESTORE: (isinstance(given, dict), "a saved state from `memory`"),
+        Verb.CHANGE: (texts, "factors with their levels as texts"),
     }
     if verb not in rules:
         return ()
     good, rule = rules[verb]
     if not good:
-        raise RigError(f"simulation.text = {given!r} is nothing for {verb.name.lower()}", rule=rule)
+        raise RigError(f"simulation.text = {given!r} is not an argument of {verb.name.lower()}", rule=rule)
     return (given,)

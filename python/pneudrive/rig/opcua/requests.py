@@ -1,7 +1,7 @@
-"""What a request to a served rig may hold: asked of its bytes, before anything is made of them.
+"""Bounds of requests to a served rig, checked in their bytes before they are decoded.
 
-A request is served in one go, so that its size in bytes, in nodes and in kinds of values bounds how long any other one
-waits. Of what OPC UA can pack into a few bytes, most would take a hundred times as long as what a rig is written.
+A request is served without interruption, so its size in bytes and nodes and its types of values bound the waiting time
+of others. Most values that OPC UA can pack into a few bytes would take a hundred times as long as those of a rig.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from pneudrive.rig.opcua.access import opcua
 
 ua: Any = opcua("asyncua.ua")
 CODES = ua.StatusCodes
-#: What may be asked for without a session, and within one; asyncua could do more.
+#: Services allowed without a session, and within one; asyncua has more.
 OPENING = ("GetEndpoints", "FindServers", "CreateSession", "ActivateSession", "CloseSession", "CloseSecureChannel")
-#: How many nodes, or whatever else its list holds, a request may name.
+#: Largest number of entries, such as nodes, in the list of a request.
 SERVICES = {
     "Read": 128, "Write": 256, "Browse": 8, "TranslateBrowsePathsToNodeIds": 16,
     "RegisterNodes": 256, "UnregisterNodes": 256,
@@ -25,32 +25,32 @@ SERVICES = {
     "Publish": 64, "Republish": 0,
     "CreateMonitoredItems": 64, "ModifyMonitoredItems": 64, "DeleteMonitoredItems": 64, "SetMonitoringMode": 64,
 }  # fmt: skip
-#: Bytes that stand before that list.
+#: Bytes before that list.
 BEFORE_LIST = {
     "Read": 12, "Write": 0, "RegisterNodes": 0, "UnregisterNodes": 0, "TranslateBrowsePathsToNodeIds": 0,
     "DeleteSubscriptions": 0, "SetPublishingMode": 1, "Publish": 0, "CreateMonitoredItems": 8,
     "ModifyMonitoredItems": 8, "DeleteMonitoredItems": 4, "SetMonitoringMode": 8,
 }  # fmt: skip
-LARGEST_REQUEST = 8192  # bytes, but for writing
+LARGEST_REQUEST = 8192  # bytes, except for writing
 SERVICE: dict[Any, str] = {
     ua.NodeId(getattr(ua.ObjectIds, f"{name}Request_Encoding_DefaultBinary")): name for name in (*OPENING, *SERVICES)
 }
-#: Bytes of the values that a rig is written; None: a text, with its length before it.
+#: Bytes of the values that clients write; None: a text, preceded by its length.
 WRITTEN: dict[int, int | None] = {1: 1, 2: 1, 3: 1, 4: 2, 5: 2, 6: 4, 7: 4, 8: 8, 9: 8, 10: 4, 11: 8, 12: None}
 ARRAY, DIMENSIONS = 0x80, 0x40
 
 
 def check_header(body: Any) -> None:  # noqa: ANN401 - asyncua's buffer
-    """Go over the type and the header of a request.
+    """Skip the type and the header of a request, with checks.
 
     Raises
     ------
     ServiceError
-        It has an additional header, which may hold anything; no client of a rig has one.
+        The request has an additional header, which may hold anything; no client of a rig uses one.
     """
     body = body.copy()
     nodeid_from_binary(body)
-    nodeid_from_binary(body)  # of the session
+    nodeid_from_binary(body)  # token of the session
     body.skip(8 + 4 + 4)
     _skip_text(body)
     body.skip(4)
@@ -60,19 +60,19 @@ def check_header(body: Any) -> None:  # noqa: ANN401 - asyncua's buffer
 
 
 def service_of(kind: Any, body: Any) -> str:  # noqa: ANN401 - asyncua's type and buffer
-    """Name the service that a request asks for, where it is one of ours and no larger than it may be.
+    """Return the service of a request, if it is supported and within its bounds.
 
     Parameters
     ----------
     kind : asyncua.ua.NodeId
-        Of the request.
+        Type of the request.
     body : asyncua.common.utils.Buffer
-        After its header; it is left as it is.
+        Bytes after the header; unchanged.
 
     Raises
     ------
     ServiceError
-        It is not.
+        The service is not supported, or beyond its bounds.
     """
     service = SERVICE.get(kind)
     if service is None:
@@ -97,7 +97,7 @@ def service_of(kind: Any, body: Any) -> str:  # noqa: ANN401 - asyncua's type an
 
 
 def _skip_written(body: Any) -> None:  # noqa: ANN401
-    """Go over a node and the value that it is to have, where that is of a type that a rig has."""
+    """Skip a node and its value to write, if the value is of a type of a rig."""
     nodeid_from_binary(body)
     body.skip(4)
     _skip_text(body)

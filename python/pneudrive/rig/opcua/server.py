@@ -1,4 +1,4 @@
-"""Any rig behind the nodes of a map: what `pneudrive rig serve` runs, and how the whole path is tested."""
+"""Server of any rig through the nodes of a map, for `pneudrive rig serve` and for tests."""
 
 from __future__ import annotations
 
@@ -27,39 +27,39 @@ if TYPE_CHECKING:
     from pneudrive.rig.opcua.session import Client
 
 log = logging.getLogger(__name__)
-SILENT_SHARE = 0.75  # of the heartbeat time: the axis is stopped then, so that it is at rest when the time is over
+SILENT_SHARE = 0.75  # share of the heartbeat time after which the axis is stopped, so that it is at rest at its end
 WATCH_SHARE = 0.02
-STATE_S = 0.05  # how often the state is shown while something may change
+STATE_S = 0.05  # s; interval of the displayed state while something may change
 STATE_PATIENCE_S = 0.2
-STOPPING_S = 10.0  # how long a rig that runs on is told to stop again
+STOPPING_S = 10.0  # s; time in which a rig that still moves is stopped again
 AGAIN_S = 0.1
-GENTLE_S = 0.2  # how long an acquisition that is halted has to end by itself
+GENTLE_S = 0.2  # s; time for a halted acquisition to end by itself
 CLOSING_S = 2.0
 LEAST_REQUEST, BYTES_A_STEP = 1 << 16, 64
 
 
 class RigServer:
-    """Serves a rig in a thread of its own; a context manager.
+    """Server of a rig in a separate thread; a context manager.
 
-    Who begins a command while nobody commands, with a heartbeat that counts, is the one who commands: until its
-    heartbeat is silent, its session ends, or another client stops the axis. Any client may read, halt and stop.
+    A client becomes the commander by a command while there is no commander, with a running heartbeat. It stays so until
+    its heartbeat stops, its session ends, or another client stops the axis. Any client may read, halt and stop.
 
     Parameters
     ----------
     rig : Rig
-        Its verbs are called from one worker thread, `stop` from any.
+        Rig; its verbs are called from one worker thread, `stop` from any.
     nodes : NodeMap
     host, port : str, int
-        Where it listens; port 0 takes a free one, which `url` then says.
+        Address to listen on; port 0 takes a free one, which `url` gives.
     protection : Protection, optional
-        Whom it lets in; anyone where absent.
+        Admitted clients and users; default: anyone.
     heartbeat_s : float, optional
-        Instead of that of the map.
+        Heartbeat time; default: that of the map.
 
     Raises
     ------
     RigError
-        It cannot listen there.
+        The server cannot listen on the address.
     """
 
     def __init__(
@@ -89,19 +89,21 @@ class RigServer:
                 self._write({"simulation.answer": text}, client=command.client)
             ),
         )
-        # The verbs run on one thread, the rig is stopped on another, so that neither keeps the other.
+        # Verbs run on one thread and stops on another, so that neither blocks the other.
         self._verb_thread, self._stop_thread = JobThread("rig"), JobThread("stop")
-        self._verb: Future[str] = Future()  # that runs, or ran last
+        self._verb: Future[str] = Future()  # running or last command
         self._verb.set_result("")
-        self._interrupted = ""  # why what was taken is to end
+        self._interrupted = ""  # why the accepted command must end
         # On the loop's thread:
-        self._room = asyncio.Event()  # the ring may have room, or what runs is to end
+        self._room = asyncio.Event()  # the ring may have room, or the running verb must end
         self._samples_written = self._samples_taken = 0  # chunks
         self._commander: Client | None = None
         self._since = ""
-        self._open: Command | None = None  # taken, and its verb has not ended
-        self._held: Command | None = None  # taken while the axis is stopped
-        self._stops_asked: list[Command] | None = None  # they wait for the axis to be at rest; None: no stop is on
+        self._open: Command | None = None  # accepted command with a verb that has not ended
+        self._held: Command | None = None  # accepted while the axis is stopped
+        self._stops_asked: list[Command] | None = (
+            None  # commands that wait for the axis to be at rest; None: no stop in progress
+        )
         self._stops = 0
         self._fault, self._fault_at = "", 0.0
         self._rig_fault: Any = None
@@ -113,12 +115,12 @@ class RigServer:
             self._loop.run(self._start())
         except OSError as error:
             self._loop.close()
-            what = f"nothing can listen on {self.host}:{self.port}: {error.strerror or error}"
-            raise RigError(what, remedy="take another --port (0 takes a free one) or --bind") from None
+            what = f"the server cannot listen on {self.host}:{self.port}: {error.strerror or error}"
+            raise RigError(what, remedy="Choose another --port (0: a free one) or --bind.") from None
         except BaseException:
             self._loop.close()
             raise
-        gc.freeze()  # the standard nodes are many small objects: to look through them takes a quarter of a second
+        gc.freeze()  # the standard nodes are many small objects: garbage collection would take 0.25 s
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -128,7 +130,7 @@ class RigServer:
         self._stop_thread.close(CLOSING_S)
         self._verb_thread.close(CLOSING_S)
         if self._front is not None:
-            with contextlib.suppress(Exception):  # of the library, while connections break
+            with contextlib.suppress(Exception):  # of the library, when connections break
                 self._loop.run(self._front.stop(), CLOSING_S)
         self._loop.close()
         gc.unfreeze()
@@ -138,7 +140,7 @@ class RigServer:
 
         asyncua = opcua()
         server = asyncua.Server()
-        with many_objects():  # half of the start otherwise
+        with many_objects():  # otherwise half of the time of the start
             await server.init()
         server.set_server_name("pneudrive rig")
         server.set_endpoint(f"opc.tcp://{self.host}:{self.port}")
@@ -156,11 +158,11 @@ class RigServer:
     # --- what the front asks -----------------------------------------------------------------
 
     def name_of(self, node_id: Any) -> str | None:  # noqa: ANN401 - asyncua's node id
-        """Name a node that each client has for itself: its commands and its answers."""
+        """Return the name of a node with a separate value for each client: commands and answers."""
         return self._space.names.get(node_id)
 
     def read(self, client: Client, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value
-        """Give what a client reads of such a node: what became of others before it came is nothing to it."""
+        """Return a client's own value of such a node; answers to other clients are hidden."""
         if name == FAULT:
             return value if client.began <= self._fault_at else self._rig_fault or value
         if name == STOPS:
@@ -168,11 +170,11 @@ class RigServer:
         return client.values.get(name, value)
 
     def commands(self, client: Client) -> bool:
-        """Tell whether it is the one that commands."""
+        """Return whether a client is the commander."""
         return client is self._commander
 
     async def written(self, client: Client, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value and status
-        """Take what a client has written."""
+        """Handle a value that a client has written."""
         ua, node = opcua("asyncua.ua"), self.nodes.nodes[name]
         if not node.kind.client:
             return ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
@@ -180,7 +182,7 @@ class RigServer:
             return ua.StatusCode(wrong)
         before = client.values.get(name)
         client.values[name] = value
-        if self._commander in (None, client):  # others may look on
+        if self._commander in (None, client):  # others may observe
             await self._space.show(name, value)
         if name == "heartbeat.client" and (before is None or before.Value.Value != value.Value.Value):
             client.beat_at = time.monotonic()
@@ -192,17 +194,17 @@ class RigServer:
         return ua.StatusCode()
 
     def left(self, client: Client) -> None:
-        """Stop the axis of a client whose session has ended: nobody is there who could."""
+        """Stop the axis if the session of the commander has ended."""
         if client is self._commander and self._open is None:
             self._commander = None
             self._stop(None)
         elif client is self._commander:
-            self._lost(f"the connection of {client} ended: the axis was brought to rest, the pressure released")
+            self._lost(f"the connection of {client} ended: the server stopped the axis and released the pressure")
 
     # --- who commands ------------------------------------------------------------------------
 
     async def _command(self, client: Client, identity: int) -> None:
-        """Take a command: halt and stop of anybody end what runs; any other one is of who commands, or refused."""
+        """Accept a command: halt and stop from any client, other verbs only from the commander."""
         arguments = {name: self._value(client, name) for name, node in self.nodes.nodes.items() if node.kind.client}
         command = Command(client, identity, arguments["command.verb"], arguments)
         client.identity = identity
@@ -222,13 +224,13 @@ class RigServer:
                 self._held = command
 
     def _refusal(self, client: Client) -> str:
-        """Tell why a client may not command now; empty: it may."""
+        """Return why a client may not command now; empty if it may."""
         if client.dismissed:
             return client.dismissed
         if self._commander not in (None, client):
-            return f"{self._commander} commands this rig since {self._since}; others may look on, and stop it"
+            return f"{self._commander} commands this rig since {self._since}; others may observe and stop it"
         if client.beat_at is None or time.monotonic() - client.beat_at > self.heartbeat_s:
-            return "there is no heartbeat: heartbeat.client must count up first"
+            return "the client has no heartbeat: it must increment heartbeat.client first"
         if self._held is not None or (self._open is not None and not self._interrupted):
             return "another command is running; halt or stop it first"
         return ""
@@ -239,12 +241,12 @@ class RigServer:
         self._soon(self._end(command, self._verb))
 
     def _run(self, command: Command) -> str:
-        """Run a command, on the thread of verbs; give its fault."""
+        """Run a command on the thread of verbs; return its fault."""
         try:
             fault = "" if self._interrupted else self._verbs.run(command)
         except Interrupted:
             fault = ""
-        return self._interrupted or fault  # by which the rig may have ended it
+        return self._interrupted or fault  # an interruption may have ended it
 
     async def _end(self, command: Command, verb: Future[str]) -> None:
         """Answer a command when its verb has ended."""
@@ -269,16 +271,16 @@ class RigServer:
         await self._write({"samples.written": self._samples_written})
 
     def _interrupt(self, why: str) -> None:
-        """End what runs, or is about to."""
+        """Interrupt the running or accepted command."""
         self._interrupted = why
         self._room.set()
 
-    def _stop(self, command: Command | None, why: str = "it was ended by halt or stop") -> None:
-        """End what runs; who asked for it is answered when the axis is at rest."""
+    def _stop(self, command: Command | None, why: str = "halt or stop ended the command") -> None:
+        """Stop the axis; answer the client when the axis is at rest."""
         client = command.client if command is not None else None
         if self._commander is not None and client not in (None, self._commander):
-            why = f"{client} has stopped the axis at {time.strftime('%H:%M:%S')}"
-            self._commander.dismissed = f"{why}; to command again, connect anew"
+            why = f"{client} stopped the axis at {time.strftime('%H:%M:%S')}"
+            self._commander.dismissed = f"{why}; connect again to command"
             self._commander = None
             self._told(why)
         self._interrupt(why)
@@ -291,15 +293,15 @@ class RigServer:
             self._start_stopping()
 
     def _start_stopping(self) -> None:
-        # An acquisition can be left; any other verb can only be stopped. Where nothing runs, halting does nothing.
+        # An acquisition can be halted, any other verb only stopped. Without a running verb, halting does nothing.
         asked, open_ = self._stops_asked or [], self._open
         gently = bool(asked) and all(one.verb == Verb.HALT for one in asked)
         self._soon(self._bring_to_rest(gently and (open_ is None or open_.verb == Verb.ACQUIRE), self._verb))
 
     async def _bring_to_rest(self, gently: bool, verb: Future[str]) -> None:
-        """Stop the rig, which may block, and answer who asked; then go on with what was held.
+        """Stop the rig, which may block, and answer the waiting clients; then continue with held commands.
 
-        Gently: what runs ends by itself, if it does so soon, and the pressures stay.
+        With `gently`, the running verb may end by itself within a short time, and the pressures stay.
         """
         fault = ""
         try:
@@ -323,16 +325,16 @@ class RigServer:
         await self._stop_again(verb)
 
     def _stop_rig(self) -> None:
-        """Stop the rig, on the thread for that; again where a verb had been about to begin."""
+        """Stop the rig on the thread of stops; repeat it if a verb was about to start."""
         self.rig.stop()
         if wait([self._verb], AGAIN_S).not_done:
             self.rig.stop()
 
     async def _stop_again(self, verb: Future[str]) -> None:
-        """Stop the rig again and again where a verb had been about to begin, or runs on."""
+        """Repeat the stop while a verb was about to start or still runs."""
         until = time.monotonic() + STOPPING_S
         while time.monotonic() < until and not await _ends_within(AGAIN_S, verb):
-            with contextlib.suppress(Exception):  # which was told when it was stopped first
+            with contextlib.suppress(Exception):  # already reported at the first stop
                 await asyncio.wrap_future(self._stop_thread.start(self.rig.stop))
 
     def _next(self) -> None:
@@ -341,7 +343,7 @@ class RigServer:
             self._begin(held)
 
     def _lost(self, text: str) -> None:
-        """Stop the axis of a commander that is gone."""
+        """Stop the axis of a lost commander."""
         commander = self._commander
         if commander is not None:
             commander.beat_at = None
@@ -362,7 +364,7 @@ class RigServer:
         self._front.background(work)
 
     async def _watch(self) -> None:
-        """Stop the axis of a commander that fell silent."""
+        """Stop the axis if the commander's heartbeat stops."""
         tick, limit = WATCH_SHARE * self.heartbeat_s, SILENT_SHARE * self.heartbeat_s
         seen_late = None
         while True:
@@ -372,11 +374,11 @@ class RigServer:
             if last is None or now - last < limit:
                 continue
             if now - looked > 2.0 * tick and last != seen_late:
-                seen_late = last  # we slept ourselves: what was sent meanwhile is read first, once
+                seen_late = last  # this process was suspended: first read, once, what was sent meanwhile
                 continue
             self._lost(
                 f"the client's heartbeat was silent for {limit:g} s: "
-                "the axis was brought to rest, the pressure released"
+                "the server stopped the axis and released the pressure"
             )
 
     async def _beat(self) -> None:
@@ -392,7 +394,7 @@ class RigServer:
             await self._show_state()
 
     async def _show_state(self) -> None:
-        """Show the state; a rig that does not tell it in time shows it later."""
+        """Publish the state of the rig; a slow rig publishes it later."""
         if self._shown is None or self._shown.done():
             self._shown = asyncio.create_task(self._show())
         await asyncio.wait([self._shown], timeout=STATE_PATIENCE_S)
@@ -400,8 +402,8 @@ class RigServer:
     async def _show(self) -> None:
         try:
             state = asdict(await asyncio.to_thread(self.rig.state))
-        except Exception as error:  # of a lab's own code
-            state = {"fault": f"the rig does not tell its state: {error}"}
+        except Exception as error:  # any exception of a lab's code
+            state = {"fault": f"the rig returns no state: {error}"}
         own = state.pop("fault") or ""
         self._rig_fault = self._space.data(FAULT, own)
         values = {name: state[field] for name, field in STATE.items() if field in state}
@@ -410,7 +412,7 @@ class RigServer:
     # --- answers ------------------------------------------------------------------------------
 
     async def _finish(self, command: Command, fault: str) -> None:
-        """Answer, unless the client has asked for something else meanwhile."""
+        """Answer a command, unless the client has sent another one meanwhile."""
         if command.client.identity == command.identity:
             await self._answer(command.client, command.identity, fault)
 
@@ -419,12 +421,12 @@ class RigServer:
         await self._write({"answer.done": identity}, client=client)
 
     def _value(self, client: Client, name: str) -> Any:  # noqa: ANN401 - a value in SI
-        """Give what a client has written; what it has not, is as at the beginning."""
+        """Return a client's written value, or the initial one."""
         raw = client.values[name].Value.Value if name in client.values else self._space.first(name)
         return self._space.to_si(name, raw)
 
     async def _write(self, values: dict[str, Any], slot: int = 0, client: Client | None = None) -> None:
-        """Show values: to all, or to one client, and to who looks on where that is the one that commands."""
+        """Publish values to all, or to one client; those of the commander also to observers."""
         for name, value in values.items():
             if name not in self._space.places:
                 continue  # a constant
@@ -436,12 +438,12 @@ class RigServer:
 
 
 async def _ends_within(seconds: float, verb: Future[str]) -> bool:
-    """Wait for a verb, but not longer than so many seconds."""
+    """Wait for a verb up to a time; return whether it ended."""
     if not verb.done():
         await asyncio.wait([asyncio.wrap_future(verb)], timeout=seconds)
     return verb.done()
 
 
 def _another(identity: int) -> int:
-    """Give another id: the command with this one is not done."""
+    """Return another id, so that the command with this id is not done."""
     return identity - 1 if identity > 0 else 1

@@ -1,4 +1,4 @@
-"""What a connection to a served rig speaks: the services that a rig needs, within bounds, one session of its own."""
+"""Services of a connection to a served rig: those that a rig needs, within bounds, in one session."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from pneudrive.rig.opcua.requests import CODES
 
 ua: Any = opcua("asyncua.ua")
 MOST_SUBSCRIPTIONS, MOST_ITEMS = 2, 50  # of a session
-MOST_KINDS = 256  # of references, that are kept
+MOST_KINDS = 256  # kept references
 FASTEST_MS, SLOWEST_MS = 250.0, 60_000.0  # of a subscription
 
 
 class Client:
-    """One session, as the rig's server sees it.
+    """Session of a client on the rig's server.
 
     Attributes
     ----------
     values : dict
-        Name of a node -> value that this client has written, or that was written for it alone.
+        Name of a node -> value written by this client, or only for it.
     beat_at : float or None
-        When its heartbeat last counted up.
+        Time of the last increment of its heartbeat.
     dismissed : str
-        Why it may not command any more.
+        Why the client may no longer command.
     identity : int
-        Of its last command.
+        Id of its last command.
     """
 
     def __init__(self, session: Any) -> None:  # noqa: ANN401 - asyncua's
@@ -42,45 +42,45 @@ class Client:
         self.identity = 0
 
     def __str__(self) -> str:
-        """Say who it is."""
+        """Return user and address."""
         user, place = getattr(self._session.user, "name", None), self._session.name
         address = ":".join(str(part) for part in place[:2]) if isinstance(place, tuple) else str(place)
         return f"{user} at {address}" if user else f"the client at {address}"
 
 
 class Served(Protocol):
-    """What is behind the front."""
+    """Protocol of the server behind the front."""
 
     def name_of(self, node_id: Any) -> str | None:  # noqa: ANN401 - asyncua's node id
-        """Name a node that each client has for itself; None for any other."""
+        """Return the name of a node with a separate value for each client; None for any other."""
         ...
 
     def read(self, client: Client, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value
-        """Give what a client reads of such a node, which has this value for others."""
+        """Return a client's own value of such a node, which has this value for others."""
         ...
 
     async def written(self, client: Client, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value and status
-        """Take what a client has written."""
+        """Handle a value that a client has written."""
         ...
 
     def left(self, client: Client) -> None:
-        """Take note that a session has ended."""
+        """Handle the end of a session."""
         ...
 
     def commands(self, client: Client) -> bool:
-        """Tell whether it is the one that commands."""
+        """Return whether a client is the commander."""
         ...
 
 
 def know_types(internal: Any) -> None:  # noqa: ANN401 - asyncua's internal server
-    """Let it look the kinds of references up once: for each reference again, a browse would take a hundred times."""
+    """Cache the subtypes of references, without which a browse takes a hundred times as long."""
     view = internal.view_service
     below = view._get_sub_ref
     view._get_sub_ref = functools.lru_cache(MOST_KINDS)(lambda kind: frozenset(below(kind)))
 
 
 class ServedSession(InternalSession):
-    """A session has its own commands and answers, and touches no subscription of another one."""
+    """Session with its own commands and answers, and access only to its own subscriptions."""
 
     def __init__(self, internal: Any, served: Served, name: Any) -> None:  # noqa: ANN401
         super().__init__(internal, internal.aspace, internal.subscription_service, name, external=True)
@@ -88,7 +88,7 @@ class ServedSession(InternalSession):
         self.client = Client(self)
 
     def _mine(self, *ids: int) -> list[Any]:
-        """Give its subscriptions, or those of these ids, which must be its own."""
+        """Return the subscriptions of this session, or those of the given ids."""
         known = self.subscription_service.subscriptions
         mine = {i: sub for i, sub in known.items() if sub.session_id == self.session_id}
         if any(i not in mine for i in ids):
@@ -99,14 +99,14 @@ class ServedSession(InternalSession):
         return self.served.name_of(asked.NodeId) if asked.AttributeId == ua.AttributeIds.Value else None
 
     async def read(self, params: Any) -> list[Any]:  # noqa: ANN401
-        """Read: of the nodes that each client has for itself, its own."""
+        """Read nodes, with this client's own values."""
         results = self.iserver.attribute_service.read(params)
         names = [self._name_of(asked) for asked in params.NodesToRead]
         both = zip(names, results, strict=True)
         return [self.served.read(self.client, name, result) if name else result for name, result in both]
 
     async def write(self, params: Any) -> list[Any]:  # noqa: ANN401
-        """Write what a client of a rig is to write, and nothing else."""
+        """Write nodes that clients of a rig write, and no others."""
         results = []
         for asked in params.NodesToWrite:
             name, refused = self._name_of(asked), ua.StatusCode(CODES.BadUserAccessDenied)
@@ -114,14 +114,14 @@ class ServedSession(InternalSession):
         return results
 
     async def close_session(self, delete_subs: bool = True) -> None:
-        """End."""
+        """Close the session."""
         gone = self.state is SessionState.Closed
         await super().close_session(delete_subs=True)
         if not gone:
             self.served.left(self.client)
 
     async def create_subscription(self, params: Any, callback: Any, request_callback: Any = None) -> Any:  # noqa: ANN401
-        """Subscribe, not too fast, not too often."""
+        """Create a subscription, limited in rate and number."""
         if len(self._mine()) >= MOST_SUBSCRIPTIONS:
             raise ServiceError(CODES.BadTooManySubscriptions)
         asked = params.RequestedPublishingInterval
@@ -129,34 +129,34 @@ class ServedSession(InternalSession):
         return await super().create_subscription(params, callback, request_callback)
 
     async def create_monitored_items(self, params: Any) -> list[Any]:  # noqa: ANN401
-        """Watch nodes, not too many."""
+        """Create monitored items, limited in number."""
         watched = sum(len(sub.monitored_item_srv._monitored_items) for sub in self._mine(params.SubscriptionId))
         if watched + len(params.ItemsToCreate) > MOST_ITEMS:
             raise ServiceError(CODES.BadTooManyMonitoredItems)
         return await super().create_monitored_items(params)
 
     async def modify_monitored_items(self, params: Any) -> list[Any]:  # noqa: ANN401
-        """Change what is watched: nothing of it can be changed here."""
+        """Reject changes of monitored items."""
         self._mine(params.SubscriptionId)
         raise ServiceError(CODES.BadServiceUnsupported)
 
     async def delete_monitored_items(self, params: Any) -> list[Any]:  # noqa: ANN401
-        """Watch less."""
+        """Delete monitored items."""
         self._mine(params.SubscriptionId)
         return await super().delete_monitored_items(params)
 
     async def set_monitoring_mode(self, params: Any) -> list[Any]:  # noqa: ANN401
-        """Watch or not."""
+        """Set the monitoring mode."""
         self._mine(params.SubscriptionId)
         return await super().set_monitoring_mode(params)
 
     async def set_publishing_mode(self, params: Any) -> list[Any]:  # noqa: ANN401
-        """Publish or not."""
+        """Set the publishing mode."""
         self._mine(*params.SubscriptionIds)
         return await super().set_publishing_mode(params)
 
     async def delete_subscriptions(self, ids: list[int]) -> list[Any]:
-        """Subscribe no more."""
+        """Delete subscriptions."""
         self._mine(*ids)
         return await super().delete_subscriptions(ids)
 
@@ -166,12 +166,12 @@ class ServedSession(InternalSession):
         return super().modify_subscription(params)
 
     def republish(self, params: Any) -> Any:  # noqa: ANN401
-        """Send again what was sent."""
+        """Send a notification again."""
         self._mine(params.SubscriptionId)
         return super().republish(params)
 
     def publish(self, acks: Any = None) -> Any:  # noqa: ANN401
-        """Ask for what is new."""
+        """Request new notifications."""
         known = self.subscription_service.subscriptions
         self._mine(*(ack.SubscriptionId for ack in acks or () if ack.SubscriptionId in known))
         return super().publish(acks)

@@ -1,4 +1,4 @@
-"""The nodes of a served rig: those of the map, what stands in them at first, and SI to what travels."""
+"""Nodes of a served rig: those of the map, initial values, and conversion between SI and raw values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pneudrive.rig.interface import Rig
 
 FAULT, STOPS = "state.fault", "heartbeat.stops"
-#: Nodes that each client has for itself, beside those that it writes.
+#: Nodes with a separate value for each client, beside those that clients write.
 OWN = (FAULT, STOPS, "answer.fault", "answer.done", "simulation.answer")
 LONGEST_TEXT = 1 << 15
 SIMULATED = {
@@ -29,7 +29,7 @@ SIMULATED = {
 
 
 class Space:
-    """The nodes of a map on a server.
+    """Nodes of a map on a server.
 
     Parameters
     ----------
@@ -40,9 +40,9 @@ class Space:
     Attributes
     ----------
     places : dict
-        Name of a node -> its ids: one, or one for each slot; none where a constant stands for it.
+        Name of a node -> its ids: one, or one for each slot; none for a constant.
     names : dict
-        Id -> name, of the nodes that each client has for itself.
+        Id -> name, of the nodes with a separate value for each client.
     """
 
     def __init__(self, server: Any, rig: Rig, nodes: NodeMap) -> None:  # noqa: ANN401
@@ -52,7 +52,7 @@ class Space:
         self.names: dict[Any, str] = {}
 
     async def fill(self) -> None:
-        """Add every node of the map, those that the client writes writable."""
+        """Add every node of the map; nodes of the client are writable."""
         ua, server = opcua("asyncua.ua"), self._server
         space = await server.register_namespace(self._nodes.namespace) if self._nodes.namespace else 0
         folder = await server.nodes.objects.add_object(max(space, 1), "Rig")
@@ -71,7 +71,7 @@ class Space:
                 self.places.setdefault(name, []).append(node_id)
 
     def first(self, name: str) -> Any:  # noqa: ANN401 - a value of the node's type
-        """Give what stands in a node at first."""
+        """Return the initial value of a node."""
         node, rig = self._nodes.nodes[name], self._rig
         texts = {
             "rig.identity": lambda: json.dumps(asdict(rig.identity())),
@@ -88,7 +88,7 @@ class Space:
         return {"Double": 0.0, "Boolean": False, "String": ""}.get(node.kind.type, 0)
 
     def to_si(self, name: str, raw: Any) -> Any:  # noqa: ANN401
-        """Bring what has travelled to SI."""
+        """Convert a raw value to SI."""
         node = self._nodes.nodes[name]
         if node.kind.type != "Double":
             return raw
@@ -97,19 +97,19 @@ class Space:
         return node.scale.to_si(raw, self._ambient_pa)
 
     def data(self, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value
-        """Bring a value in SI to what travels."""
+        """Convert a value in SI to a raw value."""
         ua, node = opcua("asyncua.ua"), self._nodes.nodes[name]
         raw = node.scale.from_si(value, self._ambient_pa) if node.kind.type == "Double" else value
         raw = raw.tolist() if hasattr(raw, "tolist") else raw
         return ua.DataValue(ua.Variant(raw, ua.VariantType[node.type]))
 
     async def show(self, name: str, data: Any, slot: int = 0) -> None:  # noqa: ANN401
-        """Show a value to all."""
+        """Publish a value to all clients."""
         place = self.places[name][slot if name in IN_RING else 0]
         await self._server.iserver.write_attribute_value(place, data)
 
     def wrong(self, node: Node, value: Any) -> int | None:  # noqa: ANN401 - asyncua's value
-        """Tell what is wrong with a value that a client writes to a node, as a status; None where nothing is."""
+        """Return the error status of a value that a client writes to a node; None for a valid value."""
         ua, variant = opcua("asyncua.ua"), value.Value
         if variant is None or variant.VariantType is not ua.VariantType[node.type]:
             return ua.StatusCodes.BadTypeMismatch

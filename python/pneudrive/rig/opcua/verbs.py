@@ -1,4 +1,4 @@
-"""The verbs of a served rig, as a client asks for them."""
+"""Execution of a client's commands on a served rig."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Command:
-    """What a client asks for."""
+    """Command of a client."""
 
     client: Client
     identity: int
@@ -33,24 +33,24 @@ class Command:
     arguments: dict[str, Any]
 
 
-class Interrupted(Exception):  # noqa: N818 - no error: halt, stop or a silent client
-    """What runs is to end now."""
+class Interrupted(Exception):  # noqa: N818 - not an error: halt, stop or a silent client
+    """The running verb must end now."""
 
 
 class Verbs:
-    """What a rig can be asked to do.
+    """Verbs of a rig, called by commands.
 
     Parameters
     ----------
     rig : Rig
     simulated : bool
-        Whether there are nodes for the verbs of simulated rigs.
+        Whether the map has nodes for the verbs of simulated rigs.
     chunk : int
-        Most samples that are put at once.
+        Largest number of samples of a chunk.
     put : callable
-        Takes samples when there is room for them; raises `Interrupted`.
+        Called with samples when there is room for them; raises `Interrupted`.
     answer : callable
-        Takes a command and what a verb of simulated rigs has given, as JSON.
+        Called with a command and the result of a verb of simulated rigs, as JSON.
     """
 
     def __init__(
@@ -79,12 +79,12 @@ class Verbs:
                 self._known[verb] = self._simulate
 
     def run(self, command: Command) -> str:
-        """Run a command; give its fault, empty where there is none.
+        """Run a command; return its fault, empty without one.
 
         Raises
         ------
         Interrupted
-            It was ended.
+            The command was interrupted.
         """
         try:
             if command.verb not in self._known:
