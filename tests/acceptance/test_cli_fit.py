@@ -65,7 +65,7 @@ def test_real_recordings_that_a_straight_line_misses(tmp_path, capsys):
     assert run(["fit", *files, "--laws", "coulomb", "--out", str(tmp_path / "fit.toml")]) == 0
     said = capsys.readouterr().out
     assert "recommended: coulomb, quadratic in pressure" in said
-    assert "a straight line in pressure does not hold: it misses a pressure that was left out by up to 31 %" in said
+    assert "a straight line in pressure does not hold: its error for a held-out pressure is up to 31 %" in said
     assert FrictionFit.from_toml(tmp_path / "fit.toml").model.pressure == "quadratic"
 
 

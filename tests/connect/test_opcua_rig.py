@@ -210,7 +210,7 @@ def test_closing_an_acquisition_brings_the_axis_to_rest():
 def test_no_server_and_a_map_that_does_not_fit(served, tmp_path):
     from pneudrive.rig.opcua.client import open_rig
 
-    with pytest.raises(RigError, match=r"(?s)there is no connection.*rig serve"):
+    with pytest.raises(RigError, match=r"(?s)cannot be reached.*rig serve"):
         load_rig("opc.tcp://127.0.0.1:1")
     text = DEFAULT_MAP.read_text()
     mistakes = [

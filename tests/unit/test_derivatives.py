@@ -71,7 +71,7 @@ def test_a_run_carries_its_derivatives_beside_the_same_trajectory():
 
 
 def test_what_cannot_be_differentiated_is_said():
-    with pytest.raises(CommandError, match="no number of this drive"):
+    with pytest.raises(CommandError, match="not a number of this drive"):
         Differentiator(REFERENCE, ["friction.coulom"], "0.6")
     with pytest.raises(CommandError, match="known in advance"):
         Differentiator(REFERENCE, ["friction.coulomb"], lambda _t: 0.5)

@@ -46,7 +46,7 @@ def test_what_a_line_has_no_derivative_by_is_refused(recorded):
     with pytest.raises(FitError, match=r"tubing\.a\.cells cannot be free"):
         pn.identify(drive, recorded, free=["tubing.a.cells"])
     with pytest.raises(
-        FitError, match=r"tubing\.a\.lengths is no number of this drive\.\s+Hint: Did you mean 'tubing\.a\.length'"
+        FitError, match=r"tubing\.a\.lengths is not a number of this drive\.\s+Hint: Did you mean 'tubing\.a\.length'"
     ):
         pn.identify(drive, recorded, free=["tubing.a.lengths"])
 

@@ -1,1 +1,1 @@
-"""Numbers of a drive that may be free: their names, what follows from them, and a drive for each of their values."""
+"""Free numbers of a drive: their names, derived values, and the drive for any of their values."""

@@ -1,4 +1,4 @@
-"""Derivatives of a trajectory by numbers of the drive: those of the discrete solution, through events and all."""
+"""Exact derivatives of a trajectory by numbers of the drive: those of the discrete solution, including events."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sensitivities:
-    """Columns of a run and their derivatives by numbers of the drive.
+    """Columns of a trajectory and their derivatives by numbers of the drive.
 
     Attributes
     ----------
     columns : list of str
-        Of a trajectory file.
+        Names as in a trajectory file.
     values : ndarray, shape (n, c)
     derivatives : ndarray, shape (n, c, p)
-        SI; by each parameter with all that follows from it, see `pneudrive.describe.derived`.
+        SI; by each parameter including its derived values, see `pneudrive.describe.derived`.
     parameters : list of Parameter
     """
 
@@ -50,23 +50,24 @@ class Sensitivities:
 
 
 class Differentiator:
-    """Runs a drive for any values of some of its numbers, and differentiates by them.
+    """Simulation of a drive for any values of some of its numbers, with derivatives by them.
 
     Parameters
     ----------
     drive : Drive
     names : sequence of str
-        Numbers of the drive file, ``"friction.coulomb"``.
+        Names in the drive file, ``"friction.coulomb"``.
     command : as for `pneudrive.simulate`
-        A function of time is refused: its steps would have to be known in advance.
+        Not a function of time, as its steps must be known in advance.
     initial : as for `pneudrive.simulate`
-        The start is held, it does not move with the numbers.
+        The start state is held and does not depend on the numbers.
     rtol : float
 
     Raises
     ------
     CommandError
-        An unknown or repeated name, a circuit, a command as a function, or a start with a contact that has aged.
+        A name is unknown or repeated, the drive is a circuit, the command is a function, or the contact at the start
+        has an age.
     """
 
     def __init__(
@@ -81,7 +82,7 @@ class Differentiator:
             raise CommandError("derivatives of a circuit are not available", remedy="Describe it as a drive.")
         if callable(command):
             raise CommandError(
-                "derivatives of a run need a command that is known in advance, not a function of time",
+                "derivatives of a run need a command known in advance, not a function of time",
                 remedy='Give steps, "0 s: 0.6, 1 s: -0.6", or pairs.',
             )
         self.parameters = find(drive, [names] if isinstance(names, str) else names)
@@ -102,25 +103,25 @@ class Differentiator:
         derivatives: bool = True,
         watch: Watch = UNWATCHED,
     ) -> Sensitivities:
-        """Run the drive.
+        """Simulate the drive.
 
         Parameters
         ----------
         values : array_like, shape (p,)
-            Of the parameters, SI.
+            Values of the parameters, SI.
         times : ndarray, shape (n,)
-            Of the samples, s; increasing, the first one is the start.
+            Times of the samples, s, increasing from the start.
         columns : sequence of str
-            Of a trajectory file.
+            Columns of a trajectory file.
         derivatives : bool
-            False leaves them out: the last axis then has length 0.
+            False: no derivatives; their last axis has length 0.
         watch : Watch
             May end the run.
 
         Raises
         ------
         SimulationError
-            The solver cannot go on, or the core refuses the values.
+            The solver cannot go on, or the core rejects the values.
         """
         family, numbers = self._family, np.asarray(values, dtype=float)
         try:

@@ -1,4 +1,4 @@
-"""Drives with tubes or flow controls: numbers and runs of their circuit, under the names that a drive has for them."""
+"""Drives with tubes or flow controls: numbers and runs of their circuit, with the names of a drive."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: What a drive's start begins with.
+#: First entries of a drive's start.
 _STARTS = ("position_m", "velocity_m_s", "pressure_a_pa", "temperature_a_k", "pressure_b_pa", "temperature_b_k")
 #: Component of a drive's circuit -> its table in the drive file.
 _TABLES = {"spring": "load.spring"} | {
@@ -32,7 +32,7 @@ _TABLES = {"spring": "load.spring"} | {
     for part, table in (("tube", "tubing"), ("flow_control", "flow_control"))
     for chamber in "ab"
 }
-#: Keys of a cylinder that a drive file has in a table of their own.
+#: Keys of a cylinder in a separate table of the drive file.
 _KEYS = {
     "dead_volume_a": "dead_volume.a",
     "dead_volume_b": "dead_volume.b",
@@ -44,9 +44,9 @@ _FRICTION = "cylinder.friction."
 
 
 def numbers(drive: Drive) -> Iterator[tuple[str, str, float, dict[str, Any]]]:
-    """Name in the drive file, path in the core, value and entry of the core's table of each number but friction's.
+    """Yield name in the drive file, path in the core, value and the core's entry of each number except friction.
 
-    The entry of one that no run has a derivative by says so: ``discrete``.
+    The entry of a number without derivatives is marked ``discrete``.
     """
     for component in json.loads(drive.circuit.core_json())["components"]:
         own, kind = component["name"], component_kinds()[component["kind"]]
@@ -56,7 +56,7 @@ def numbers(drive: Drive) -> Iterator[tuple[str, str, float, dict[str, Any]]]:
 
 
 def circuit_path(path: str, keys: Sequence[str]) -> str | None:
-    """Return the path in a drive's circuit of one in the core's form of a drive; None where the circuit has no such.
+    """Return the path in a drive's circuit for a path in the core's form of a drive; None if the circuit has none.
 
     Examples
     --------
@@ -71,7 +71,7 @@ def circuit_path(path: str, keys: Sequence[str]) -> str | None:
 
 
 def derived_in_circuit(drive: Drive) -> Iterator[Derived]:
-    """Return what follows from other values, by the paths of the circuit; the core sees to what the circuit lacks."""
+    """Return the derived values by the paths of the circuit; the core derives those that the circuit lacks."""
     keys = ["ambient.pressure_pa", "ambient.temperature_k", *(path for _, path, *_ in numbers(drive))]
     for one in derived(drive):
         path, *sources = (circuit_path(path, keys) for path in (one.path, *one.sources))
@@ -80,7 +80,7 @@ def derived_in_circuit(drive: Drive) -> Iterator[Derived]:
 
 
 def place(form: dict[str, Any], path: str) -> tuple[dict[str, Any], str]:
-    """Return the table of a circuit's form in which the number at a path lies, and its key there."""
+    """Return the table and the key of a path in a circuit's form."""
     own, _, key = path.partition(".")
     component = next((one for one in form["components"] if one["name"] == own), None)
     if component is None:
@@ -94,10 +94,10 @@ def place(form: dict[str, Any], path: str) -> tuple[dict[str, Any], str]:
 
 
 class Lines:
-    """What the core shoots of a drive with lines, as it shoots a drive.
+    """Drive with lines for multiple shooting, with the interface of the core's drive.
 
-    A start has position, velocity, pressures and temperatures of the chambers and the inner states of friction as that
-    of a drive has them, then the gas of tubes and joints.
+    A start has position, velocity, pressures and temperatures of the chambers and the inner states of friction, as for
+    a drive, then the gas of tubes and joints.
     """
 
     def __init__(self, core: CoreCircuit) -> None:
@@ -111,7 +111,7 @@ class Lines:
         self._columns = {short_name(name): name for name in core.columns}
 
     def shoot(self, asked: Shooting, look: Callable[[float], object] | None = None) -> Shot:
-        """Run segments, as `_core.Drive.shoot` does."""
+        """Run segments, as `_core.Drive.shoot`."""
         initial = np.empty_like(asked["initial"])
         initial[:, self._order] = asked["initial"]
         by_start = asked.get("with_initial", False)
@@ -130,7 +130,7 @@ class Lines:
 
 
 def at_rest(name: str, pressures: tuple[Array, Array] | tuple[float, float], temperature_k: float) -> Array | float:
-    """Return how an inner state of friction or the gas of a tube starts beside chambers of such pressures, Pa.
+    """Return the start value of an inner state of friction or of the gas of a tube, for pressures of the chambers, Pa.
 
     Examples
     --------
@@ -143,7 +143,7 @@ def at_rest(name: str, pressures: tuple[Array, Array] | tuple[float, float], tem
 
 
 def beside(name: str) -> str:
-    """Return the chamber on whose side a tube's or a joint's gas is.
+    """Return the chamber on the side of a tube's or a joint's gas.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""Which numbers of a drive can be free, and under which names.
+"""Numbers of a drive that can be free, and their names.
 
-A name is that of the drive file (``friction.coulomb``, ``cylinder.dead_volume.a``, ``valve.conductance``); the value
-is in SI, a pressure absolute. Any number of the description can be free.
+Names are those of the drive file (``friction.coulomb``, ``cylinder.dead_volume.a``, ``valve.conductance``); values are
+in SI, pressures absolute. Any number of the description can be free.
 """
 
 from __future__ import annotations
@@ -61,24 +61,24 @@ _AGEING_SLOPE = 1e-6  # 1/Pa: 0.1/bar
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of the description.
+    """Number of the description.
 
     Attributes
     ----------
     name : str
-        As in the drive file.
+        Name in the drive file.
     core : str
-        Its path in the core's form.
+        Path in the core's form.
     unit : str
-        SI.
+        SI unit.
     value : float
-        At the start.
+        Start value.
     lower, upper : float
         Open bounds.
     size : float
-        Of a usual change, where it may be negative.
+        Usual change, for a number that may be negative.
     discrete : bool
-        No run has a derivative by it.
+        Whether runs have no derivative by it.
     """
 
     name: str
@@ -105,40 +105,41 @@ def numbers_of(drive: Drive) -> dict[str, Parameter]:
 
 
 def find(drive: Drive, names: Sequence[str]) -> list[Parameter]:
-    """Look numbers of a drive up by their names in the drive file.
+    """Find numbers of a drive by their names in the drive file.
 
     Raises
     ------
     CommandError
-        An unknown or repeated name, or a number by which no run has a derivative.
+        A name is unknown or repeated, or runs have no derivative by its number.
     """
     known = numbers_of(drive)
     for name in names:
         if name not in known:
             raise CommandError(
-                f"{name} is no number of this drive",
-                remedy=nearest(name, known) + " What a drive does not describe yet gets a start value there first.",
+                f"{name} is not a number of this drive",
+                remedy=nearest(name, known)
+                + " For a number that the drive lacks, first give a start value in the drive.",
             )
         if known[name].discrete:
             raise CommandError(
                 f"{name} cannot be free: it acts on the schedule, or is rounded to whole cells",
-                rule="a run has a derivative by what is free",
+                rule="runs need a derivative by each free number",
             )
     if len(set(names)) < len(names):
-        raise CommandError("a parameter is named twice", value=", ".join(names))
+        raise CommandError("a parameter is given twice", value=", ".join(names))
     return [known[name] for name in names]
 
 
 def chosen(drive: Drive, free: Sequence[str]) -> list[Parameter]:
-    """Look the names of a search up.
+    """Find the free parameters of a search by their names.
 
     Raises
     ------
     FitError
-        Unknown or repeated names, or a start at a bound.
+        A name is unknown or repeated, or a start value is at a bound.
     """
     if not free:
-        raise FitError("nothing is free", remedy='Name what is sought, e.g. free=["friction.coulomb"].')
+        raise FitError("no parameter is free", remedy='Name free parameters, e.g. free=["friction.coulomb"].')
     try:
         found = find(drive, free)
     except CommandError as error:
@@ -147,8 +148,8 @@ def chosen(drive: Drive, free: Sequence[str]) -> list[Parameter]:
         if not p.lower < p.value < p.upper:
             raise FitError(
                 f"the search for {p.name} cannot start at {p.value:g} {p.unit}",
-                rule=f"between {p.lower:g} and {p.upper:g}, the ends excluded",
-                remedy=f'Give the drive another start: drive.replace({{"{p.name}": ...}}).',
+                rule=f"between {p.lower:g} and {p.upper:g}, ends excluded",
+                remedy=f'Give the drive another start value: drive.replace({{"{p.name}": ...}}).',
             )
     return found
 
@@ -184,7 +185,7 @@ def _parameter(path: str, value: float, laws: dict[str, dict[str, Any]]) -> Para
 
 
 def _of_component(name: str, path: str, value: float, entry: dict[str, Any]) -> Parameter:
-    """Take a number of a component with the unit and the bounds that its table states."""
+    """Return a number of a component with the unit and the bounds of its table."""
     unit = "Pa" if entry["unit"] == STATED else parameter_quantity(entry).si_unit
     if name in _SIGNED or not np.isfinite(entry["lower"]):
         return Parameter(name, path, unit, value, -np.inf, np.inf, _SIGNED.get(name, abs(value) or 1.0))
@@ -200,28 +201,28 @@ def _without_unit(key: str) -> tuple[str, str]:
     return key, "1"
 
 
-#: Relative step over which a derived value is differentiated by what it follows from.
+#: Relative step for derivatives of a derived value by its sources.
 _STEP = 1e-6
 
 
 class DriveFamily:
-    """What the core runs, for any values of its free numbers and of what follows from them.
+    """Family of drives for any values of free numbers, with derived values.
 
     Parameters
     ----------
     form : dict
         The core's form of a drive, a circuit or a tank.
     free : sequence of str
-        Paths of the free numbers in it.
+        Paths of the free numbers in `form`.
     every : iterable of Derived
-        What follows from other values.
+        All derived values.
 
     Attributes
     ----------
     paths : list of str
-        What a run is differentiated by: the free parameters, then the derived values that move with them.
+        Numbers of the derivatives of a run: free parameters, then derived values that depend on them.
     moving : list of Derived
-        These.
+        These derived values.
     """
 
     def __init__(self, form: dict[str, Any], free: Sequence[str], every: Iterable[Derived] = ()) -> None:
@@ -233,13 +234,13 @@ class DriveFamily:
         self.settled: list[Derived] = []
         self.paths = [*free, *(m.path for m in self.moving)]
 
-    def core(self, values: Array) -> Any:  # noqa: ANN401 - the core's drive, or what is as one
-        """Return what the core shoots, with these values.
+    def core(self, values: Array) -> Any:  # noqa: ANN401 - the core's drive, or an object with its interface
+        """Return the core's drive with these values.
 
         Raises
         ------
         DescriptionError
-            The core refuses it.
+            The core rejects the drive.
         """
         return compiled(self.json(values))
 
@@ -269,7 +270,7 @@ class DriveFamily:
         return json.dumps(self._form, sort_keys=True)
 
     def settle(self, values: Array) -> bool:
-        """Hold what a description rounds where these values put it; whether there is anything."""
+        """Hold rounded derived values at these values; return whether there are any."""
         self._set(values)
         rounded = [one for one in self.moving if one.digits is not None]
         for one in rounded:
@@ -297,7 +298,7 @@ class DriveFamily:
         return np.array([columns[path] for path in self.paths]).reshape(len(self.paths), len(rows)).T.copy()
 
     def derived_values(self, values: Array) -> dict[str, float]:
-        """Return what follows from these values, by its name in the drive file."""
+        """Return the derived values for these values, by their names in the drive file."""
         self._set(values)
         return {one.name: self.get(one.path) for one in (*self.settled, *self.moving)}
 
@@ -318,10 +319,10 @@ class DriveFamily:
 
 
 class LinesFamily(DriveFamily):
-    """A drive with tubes or flow controls, as its circuit."""
+    """Family of drives with tubes or flow controls, as circuits."""
 
-    def core(self, values: Array) -> Any:  # noqa: ANN401 - shoots as the core's drive does
-        """Return what the core shoots, with these values."""
+    def core(self, values: Array) -> Any:  # noqa: ANN401 - an object with the interface of the core's drive
+        """Return the core's drive with these values."""
         return lines.Lines(compiled_circuit(self.json(values)))
 
     def _place(self, path: str) -> tuple[dict[str, Any], str]:
@@ -329,7 +330,7 @@ class LinesFamily(DriveFamily):
 
 
 def family_of(drive: Drive, parameters: Sequence[Parameter]) -> DriveFamily:
-    """Return the drives that differ from one by some free parameters."""
+    """Return the family of a drive for some free parameters."""
     free = [p.core for p in parameters]
     if drive.has_lines:
         return LinesFamily(json.loads(drive.circuit.core_json()), free, lines.derived_in_circuit(drive))

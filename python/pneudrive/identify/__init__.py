@@ -1,4 +1,4 @@
-"""From friction maps to parameters with uncertainty."""
+"""Fits of friction maps, drives and tanks: parameters with uncertainty."""
 
 from __future__ import annotations
 

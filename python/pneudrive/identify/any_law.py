@@ -1,8 +1,8 @@
-"""Fit any law of the core, or a law of one's own, to a friction map: values and derivatives come from the core.
+"""Fit any law of the core, or a custom law, to a friction map; the core gives values and derivatives.
 
-`fit_friction` knows the laws that are linear in their forces and uses it: profile intervals, a smaller law where the
-data carry no more. Here nothing is known of the law but its bounds, so that the search starts from several places and
-the intervals are first order, in the logarithm of what is positive. What steady sliding does not show stays as given.
+`fit_friction` uses that its laws are linear in their forces: profile intervals, and a smaller law if the data determine
+no more. This module uses only the bounds of a law: the search has several starts, and the intervals are first order, in
+the logarithm of positive parameters. Parameters without effect on steady sliding keep their given values.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: A derivative below this share of the largest friction, over the parameter's whole size, is none.
+#: Relative sensitivity of friction below which a parameter counts as without effect.
 NO_EFFECT = 1e-9
 
 
@@ -55,15 +55,15 @@ def fit_any_law(
     Parameters
     ----------
     friction_map : xarray.Dataset
-        As of :func:`fit_friction`.
+        As for :func:`fit_friction`.
     friction : Friction
-        The law, one's own too, with guesses of its parameters; what acts on it (pressure, direction) is kept.
+        Law, also a custom one, with guesses of its parameters; its modifiers (pressure, direction) are kept.
     free : sequence of str, optional
-        Parameters to be fitted; by default all that steady sliding shows.
+        Parameters to fit; by default all with an effect on steady sliding.
     direction, ambient_pressure_pa, exclude_flags, loss
-        As of :func:`fit_friction`.
+        As for :func:`fit_friction`.
     seed : int
-        Of the further starts, within a factor of five of the guesses.
+        Seed of the further starts, within a factor of five of the guesses.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def fit_any_law(
     seen = _seen(_with_sizes(AnyLaw(friction, known), data), data)
     model = _with_sizes(AnyLaw(friction, tuple(free) if free else seen, seed=seed), data)
     if not model.names:
-        raise FitError("steady sliding shows none of the free parameters", value=", ".join(free or known))
+        raise FitError("none of the free parameters has an effect on steady sliding", value=", ".join(free or known))
     if len(data) <= len(model.names):
         raise FitError(
             "the friction map has too few values for this law",
@@ -116,7 +116,7 @@ def fit_any_law(
 
 
 def _with_sizes(model: AnyLaw, data: Observations) -> AnyLaw:
-    """Give guesses of zero a size: in a logarithm zero has none. It is that which changes friction by about a tenth."""
+    """Replace guesses of zero, which have no logarithm, by values that change friction by about a tenth."""
     start = model.given
     zero = model.positive & (start == 0.0)
     if not zero.any():

@@ -1,4 +1,4 @@
-"""A fit's result from its estimate: natural parameters, covariance, statistics."""
+"""Results of fits from their estimates: natural parameters, covariance, statistics."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[str], provenance: dict) -> FrictionFit:
-    """Put the estimate into natural parameters with covariance, intervals and statistics."""
+    """Return the fit of an estimate: natural parameters with covariance, intervals and statistics."""
     model, data, found = support.model, support.data, support.found
     theta = dict(zip(model.names, map(float, model.natural(found.q)), strict=True))
     shared = dict(zip(model.names, map(float, systematic(model, data, found)), strict=True))
@@ -47,7 +47,7 @@ def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[
 
 
 def _parameters(law: str, model: FrictionModel, theta: dict[str, float]) -> dict[str, float]:
-    """Every parameter of the law that was asked for; NaN for those that the data do not determine in number."""
+    """Return every parameter of the requested law; NaN for those without a determined value."""
     names = ["coulomb", "viscous"]
     if law == "stribeck":
         names = ["coulomb", "breakaway", "stribeck_velocity", "stribeck_exponent", "viscous"]
@@ -67,7 +67,7 @@ def _parameters(law: str, model: FrictionModel, theta: dict[str, float]) -> dict
 def statistics_of(
     model: StaticLaw, data: Observations, found: RobustEstimate, scatter_n: float = 0.0
 ) -> dict[str, float]:
-    """Return how well a law fits; AICc and BIC come from the deviance."""
+    """Return the statistics of a fit; AICc and BIC come from the deviance."""
     residual, n = found.residual, len(data)
     weighted_mean = float(np.average(data.friction_n, weights=data.stderr_n**-2))
     spread = float(np.sum(((data.friction_n - weighted_mean) / data.stderr_n) ** 2))
@@ -90,13 +90,13 @@ def statistics_of(
 
 
 def covariance(model: StaticLaw, found: RobustEstimate) -> Array:
-    """Covariance in natural units; directions that the data do not determine are left out (the intervals are open)."""
+    """Return the covariance in natural units, without directions that the data do not determine (open intervals)."""
     to_natural = model.natural_jacobian(found.q)
     matrix = to_natural @ covariance_of(found.jacobian, found.variance) @ to_natural.T
     return 0.5 * (matrix + matrix.T)
 
 
 def systematic(model: StaticLaw, data: Observations, found: RobustEstimate) -> Array:
-    """Carry what all rows share to a standard uncertainty of each parameter, to first order."""
+    """Return the standard uncertainty of each parameter from errors shared by all rows, to first order."""
     shift = shift_of(found.jacobian, data.u_systematic_n / data.stderr_n)
     return np.abs(model.natural_jacobian(found.q) @ shift)

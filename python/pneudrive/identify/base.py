@@ -1,4 +1,4 @@
-"""The result of any fit, and its file: values with intervals and covariance, what is not determined, sources."""
+"""Result of any fit, and its file: values with intervals and covariance, undetermined values, sources."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SCHEMA = 1
-#: Digits of the hash of a fit: those with which `sha256sum fit.toml` begins.
+#: Digits of the hash of a fit: the first ones of `sha256sum fit.toml`.
 HASH_DIGITS = 16
-#: What the numbers after "model ±" are.
+#: Explanation of the numbers after "model ±".
 MODEL_ERROR_WORDS = (
-    "95 %: what the noise leaves; model ±: how far the value moves as each number that was held is off by 1 % (assumed)"
+    "95 %: interval from noise; model ±: change of the value for errors of 1 % in each held number (assumed)"
 )
 
 
 @dataclass(frozen=True)
 class Undetermined:
-    """A parameter that the data cannot determine.
+    """Parameter that the data do not determine.
 
     Attributes
     ----------
     parameter : str
     reason : str
-        Why, in words.
+        Reason in words.
     remedy : str
-        What to measure.
+        Measurement that would determine it.
     """
 
     parameter: str
@@ -60,19 +60,19 @@ class Undetermined:
 
 
 class Intervals(dict[str, tuple[float, float]]):
-    """95 % intervals by name, SI; what the data do not determine has none.
+    """95 % intervals by name, SI; values that the data do not determine have none.
 
-    Every result of a fit holds its intervals in this type, so that nothing that prints, writes or applies a result can
-    give an interval to a value that the data do not determine.
+    Every result of a fit uses this type, so that no code can print, write or apply an interval of a value that the data
+    do not determine.
 
     Parameters
     ----------
     ends : mapping
         Name -> (lower, upper).
     undetermined : iterable of str or Undetermined
-        What the data do not determine, by name.
+        Undetermined values, by name.
     converged : bool
-        False where the search did not converge: then nothing has an interval.
+        False if the search did not converge: then no value has an interval.
 
     Examples
     --------
@@ -95,44 +95,44 @@ class Intervals(dict[str, tuple[float, float]]):
 
 
 def names_of(undetermined: Iterable[str | Undetermined]) -> set[str]:
-    """Return the names of what is not determined."""
+    """Return the names of undetermined values."""
     return {str(getattr(one, "parameter", one)) for one in undetermined}
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Fit(Shown):
-    """Values with their uncertainty, as each kind of fit has them; SI, pressures absolute unless stated.
+    """Result of a fit: values with their uncertainty; SI, pressures absolute unless stated.
 
     Attributes
     ----------
     values : dict
-        Name -> value; NaN where the data do not determine it in number.
+        Name -> value; NaN for a value that the fit could not estimate.
     units : dict
         Name -> SI unit.
     free : tuple of str
         Order of `covariance`.
     covariance : ndarray, shape (p, p)
-        Of the free values, first order; directions that the data do not determine are left out of it.
+        Covariance of the free values, first order, without directions that the data do not determine.
     intervals : dict
-        Free value that the data determine -> (lower, upper), 95 %; nothing else has one.
+        Free value that the data determine -> (lower, upper), 95 %; other values have none.
     systematic : dict
-        Free value -> standard uncertainty from what all rows share (sensor gain, pressure, area).
+        Free value -> standard uncertainty from errors shared by all rows (sensor gain, pressure, area).
     model_errors : dict
-        Name -> floor for model error, where one is known.
+        Name -> lower limit of the model error, where known.
     sources : dict
-        Name -> names of the recordings that it comes from.
+        Name -> names of its recordings.
     undetermined : tuple of Undetermined
-        What the data do not determine, why, and what to measure.
+        Undetermined values, each with reason and remedy.
     notes : tuple of str
-        What was left out, held or assumed.
+        Notes on omissions, held values and assumptions.
     statistics : dict
     provenance : dict
         Version, hash of the data, options.
     converged : bool
-        False where the search ended early: the values are the best so far.
+        False if the search ended early: the values are the best so far.
     """
 
-    #: What the file and messages call this kind of fit, and which tables hold its values, those of `values` first.
+    #: Names of this kind of fit in file and messages, and tables of its values, those of `values` first.
     KIND: ClassVar[str]
     TITLE: ClassVar[str]
     GROUPS: ClassVar[tuple[str, ...]] = ("values",)
@@ -153,12 +153,12 @@ class Fit(Shown):
     converged: bool = True
 
     def __post_init__(self) -> None:
-        """Leave out the intervals of what is not determined."""
+        """Remove the intervals of undetermined values."""
         object.__setattr__(self, "intervals", Intervals(self.intervals, self.undetermined, converged=self.converged))
 
     @property
     def determined(self) -> tuple[str, ...]:
-        """Names of `values` that the data determine (what was held is not among them)."""
+        """Names of `values` that the data determine, without held values."""
         return tuple(name for name in self.values if self._is_determined(name, self.values[name]))
 
     def _is_determined(self, name: str, value: float) -> bool:
@@ -172,7 +172,7 @@ class Fit(Shown):
 
     @property
     def correlation(self) -> Array:
-        """Correlation matrix in the order of `free`; 0 beside what has no variance."""
+        """Correlation matrix in the order of `free`; 0 for values without variance."""
         spread = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         out = self.covariance / np.outer(*[np.where(spread > 0.0, spread, np.inf)] * 2)
         np.fill_diagonal(out, 1.0)
@@ -187,13 +187,15 @@ class Fit(Shown):
             The value was not free, or the data do not determine it.
         """
         if name not in self.free:
-            raise FitError(f"{name} is no free parameter of this fit", rule="free parameters: " + ", ".join(self.free))
+            raise FitError(
+                f"{name} is not a free parameter of this fit", rule="free parameters: " + ", ".join(self.free)
+            )
         if name not in self.intervals:
             raise FitError(f"{name} has no uncertainty: the data do not determine it")
         return 2.0 * float(np.hypot(self.standard_errors[name], self.systematic.get(name, 0.0)))
 
     def statements(self) -> list[str]:
-        """Return what cannot be determined in sentences, one for all values that share reason and remedy."""
+        """Return sentences on undetermined values, one for all values with the same reason and remedy."""
         shared: dict[tuple[str, str], list[str]] = {}
         for one in self.undetermined:
             shared.setdefault((one.reason, one.remedy), []).append(one.parameter)
@@ -205,12 +207,12 @@ class Fit(Shown):
         gauge_b_pa: float | None = None,
         speeds_m_s: tuple[float, float] | None = None,
     ) -> SlidingCurve:
-        """Return the sliding friction that is exported.
+        """Return the sliding friction to export.
 
         Raises
         ------
         FitError
-            The fit is none of friction.
+            The fit has no friction.
         """
         del gauge_a_pa, gauge_b_pa, speeds_m_s
         raise FitError(f"the {self.TITLE} has no friction to export", rule="a fit of friction or of a drive")
@@ -224,7 +226,7 @@ class Fit(Shown):
         gauge_b_pa: float | None = None,
         speeds_m_s: tuple[float, float] | None = None,
     ) -> Exported:
-        """Give friction in another tool's form of the law.
+        """Export friction as another tool's law.
 
         Parameters
         ----------
@@ -233,21 +235,20 @@ class Fit(Shown):
         out : path-like, optional
             File to write.
         gauge_a_pa, gauge_b_pa : float, optional
-            Gauge pressures at which the curve is taken; the middle of the measured ones, of the fit of a drive 0, if
-            nothing is said.
-        speeds_m_s : tuple of float, optional
-            Lowest and highest speed over which it shall hold; the measured ones if nothing is said. The fit of a drive
-            does not know them.
+            Gauge pressures of the curve; the default is the middle of the measured ones, and 0 for the fit of a drive.
+            speeds_m_s : tuple of float, optional
+        Lowest and highest speed of the curve; the default is the measured range. Required for the fit of a
+            drive.
 
         Returns
         -------
         Exported
-            Parameters, greatest deviation of the other tool's curve, and what is lost.
+            Parameters, greatest deviation of the other tool's curve, and losses of the conversion.
 
         Raises
         ------
         FitError
-            Another tool, or a fit that does not say which speeds were measured.
+            The tool is unknown, or the fit has no range of measured speeds.
         """
         from pneudrive.identify.export.convert import export
 
@@ -257,7 +258,7 @@ class Fit(Shown):
         return done
 
     def identified_as(self, keys: Mapping[str, str]) -> Identified:
-        """Return values under their names in a drive file.
+        """Return the values under their names in a drive file.
 
         Parameters
         ----------
@@ -281,15 +282,15 @@ class Fit(Shown):
     # -- the file ---------------------------------------------------------------------------------------------
 
     def _groups(self) -> tuple[dict[str, float], ...]:
-        """Return the values that the tables of `GROUPS` hold."""
+        """Return the values in the tables of `GROUPS`."""
         return (self.values,)
 
     def _first(self) -> dict[str, Any]:
-        """Return what stands at the top of the file beside schema and kind."""
+        """Return the top-level entries of the file beside schema and kind."""
         return {"kind": self.KIND, "converged": self.converged, "notes": list(self.notes)}
 
     def _last(self) -> dict[str, Any]:
-        """Return tables at the end of the file: what the search started from."""
+        """Return the tables at the end of the file: start values of the search."""
         return {}
 
     def _entry(self, name: str, value: float) -> dict[str, Any]:
@@ -331,12 +332,12 @@ class Fit(Shown):
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Self:
-        """Read a fit that :meth:`to_toml` wrote, without the values that were fitted.
+        """Read a fit from a file of :meth:`to_toml`, without its data.
 
         Raises
         ------
         FitError
-            The file is not there, is no TOML, is another kind of fit, or lacks what such a fit needs.
+            The file does not exist, is not TOML, is another kind of fit, or is incomplete.
         """
         where = str(path)
         content, _ = toml.read(path, FitError, "pneudrive fit and pneudrive identify write a fit.toml.")
@@ -345,7 +346,7 @@ class Fit(Shown):
             raise FitError(
                 f"this is the fit of a {kind}, not of a {cls.KIND}",
                 where=where,
-                rule=f"what follows needs a {cls.TITLE}",
+                rule=f"a {cls.TITLE} is needed",
             )
         if content.get("schema", SCHEMA) != SCHEMA:
             raise FitError(
@@ -353,10 +354,10 @@ class Fit(Shown):
             )
         try:
             found = cls(**cls._from_content(content))
-            str(found)  # whatever its table lacks is found here
+            str(found)  # a missing key raises here
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             what = f"{type(error).__name__}: {error}"
-            raise FitError(f"the file is no complete {cls.TITLE}", where=where, value=what) from error
+            raise FitError(f"the file is not a complete {cls.TITLE}", where=where, value=what) from error
         return found
 
     @classmethod
@@ -388,22 +389,22 @@ class Fit(Shown):
             "converged": bool(content.get("converged", True)),
         }
 
-    # -- what is shown ----------------------------------------------------------------------------------------
+    # -- display ----------------------------------------------------------------------------------------
 
     def _title(self) -> str:
         """Return the first line of the table."""
         raise NotImplementedError
 
     def _residual_lines(self) -> list[str]:
-        """Return what is said of residuals below the values."""
+        """Return the lines on residuals below the values."""
         return []
 
     def _shown(self) -> dict[str, float]:
-        """Return the values that the table lists."""
+        """Return the values of the table."""
         return {name: value for group in self._groups() for name, value in group.items()}
 
     def __str__(self) -> str:
-        """Return a table of values with intervals, then what is not determined and the notes."""
+        """Return a table of values with intervals, then undetermined values and notes."""
         shown = self._shown()
         width = max(map(len, shown), default=0)
         lines = [self._title(), *(f"  {name:<{width}} {self._line(name, value)}" for name, value in shown.items())]
@@ -431,12 +432,12 @@ class Fit(Shown):
 
 
 def shown_in(si_unit: str) -> tuple[float, str]:
-    """Return the size in SI and the name of the unit in which people read a value, the square of a slope too."""
+    """Return the common unit of a value, also of the square of a slope, with its size in SI."""
     return (1e-10, "N/bar2") if si_unit == "N/Pa2" else readable("1" if si_unit == "-" else si_unit)
 
 
 def whole_interval(value: float, interval: tuple[float, float], systematic: float) -> tuple[float, float]:
-    """Statistical interval, widened by a standard uncertainty that is independent of it."""
+    """Return a statistical interval widened by an independent standard uncertainty."""
     if systematic == 0.0:
         return interval
     reach = NORMAL_95 * systematic
@@ -445,9 +446,9 @@ def whole_interval(value: float, interval: tuple[float, float], systematic: floa
 
 
 def sections(tables: Mapping[str, Any], name: str = "") -> list[str]:
-    """Write tables as lines of TOML, each table in them under a head of its own; `name` is written as a key already.
+    """Write tables as lines of TOML, each inner table under its own head; `name` is already written as a key.
 
-    What is None is left out.
+    None values are left out.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Intervals that do not trust the errors of single values: whole recordings (cycles) are drawn again."""
+"""Block bootstrap of a fit: intervals from redrawn recordings (cycles), without relying on errors of single values."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Blocks below which a bootstrap says little.
+#: Least number of blocks for a bootstrap.
 LEAST_BLOCKS = 6
 
 
 @dataclass(frozen=True, repr=False)
 class Bootstrap(Shown):
-    """Estimates from data drawn again.
+    """Estimates from redrawn data.
 
     Attributes
     ----------
@@ -39,10 +39,10 @@ class Bootstrap(Shown):
     intervals : dict
         Name -> 95 % interval: quantiles of the draws.
     blocks : int
-        Recordings (cycles) that were drawn as wholes.
+        Number of recordings (cycles), each drawn as a whole.
     kind : str
-        ``cases``: blocks drawn with replacement among those of one speed and pressure; ``wild``, where conditions were
-        not repeated: residuals of each block with a common random sign [cameron2008].
+        ``cases``: blocks drawn with replacement among those of one speed and pressure; ``wild``, for conditions without
+        repeats: residuals of each block with a common random sign [cameron2008].
     """
 
     names: tuple[str, ...]
@@ -58,32 +58,32 @@ class Bootstrap(Shown):
 
 
 def bootstrap(fit: FrictionFit, draws: int = 400, seed: int = 1, loss: str = "huber") -> Bootstrap:
-    """Draw the recordings of a fit again, and fit each time.
+    """Redraw the recordings of a fit, and fit each draw.
 
-    Values of one recording (of a campaign: one cycle) share what happened in it; they stay together, so that the
-    intervals hold where single values would look more independent than they are.
+    Values of one recording (in a campaign: one cycle) share errors. They stay together, so that the intervals are valid
+    although single values are not independent.
 
     Parameters
     ----------
     fit : FrictionFit
-        With its observations: not one that was read from a file.
+        Fit with its observations, not read from a file.
     draws, seed : int
     loss : str
-        As of :func:`fit_friction`.
+        As for :func:`fit_friction`.
 
     Returns
     -------
     Bootstrap
     """
     if fit.observations is None:
-        raise FitError("a fit that was read from a file has no values to draw from", remedy="fit the map again")
+        raise FitError("a fit from a file has no observations to redraw", remedy="fit the map again")
     data, model = fit.observations, fit.model
     blocks = [np.flatnonzero(data.group == g) for g in np.unique(data.group)]
     if len(blocks) < LEAST_BLOCKS:
         raise FitError(
-            f"{len(blocks)} recordings are too few to draw from",
+            f"{len(blocks)} recordings are too few for a bootstrap",
             rule=f"at least {LEAST_BLOCKS}",
-            remedy="look at the profile intervals of the fit, or measure more recordings",
+            remedy="Use the profile intervals of the fit, or measure more recordings.",
         )
     strata = _strata(data, blocks)
     kind = "cases" if min(len(s) for s in strata) >= 3 else "wild"
@@ -105,7 +105,7 @@ def bootstrap(fit: FrictionFit, draws: int = 400, seed: int = 1, loss: str = "hu
 
 
 def _strata(data: Observations, blocks: list[NDArray[np.int64]]) -> list[list[int]]:
-    """Blocks of one speed and pressure."""
+    """Return the blocks of each speed and pressure."""
     pressure = pressure_levels(data)
     cells: dict[tuple, list[int]] = {}
     for k, rows in enumerate(blocks):
@@ -115,7 +115,7 @@ def _strata(data: Observations, blocks: list[NDArray[np.int64]]) -> list[list[in
 
 
 def _inflated(fit: FrictionFit, start: Array, residual: Array) -> Array:
-    """Residuals without the share that the fit itself has taken from them: divided by 1 - leverage."""
+    """Return residuals corrected for their reduction by the fit: divided by 1 - leverage."""
     assert fit.observations is not None
     jac = fit.model.value_and_jacobian(start, fit.observations)[1] / fit.observations.stderr_n[:, None]
     size = np.linalg.norm(jac, axis=0)

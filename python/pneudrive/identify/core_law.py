@@ -1,4 +1,4 @@
-"""Any law of the core, or a law of one's own, as a function of its free parameters."""
+"""Any law of the core, or a custom law, as a function of its free parameters."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Starts of a search for any law: the given values, and as many more within this factor of them.
+#: Number of starts of a search, the given values included, and factor about these values.
 STARTS, FACTOR = 5, 5.0
 
 
 @dataclass(frozen=True)
 class AnyLaw(StaticLaw):
-    """A law of the core as a function of its free parameters; what `estimate` asks of a model.
+    """Law of the core as a function of its free parameters, as a model for `estimate`.
 
     Parameters
     ----------
     friction : Friction
-        Law, and the values of what is not free.
+        Law, with the values of held parameters.
     names : tuple of str
         Free parameters of the law.
     start : tuple of float
-        Where to search, SI; the values of `friction` where nothing is said.
+        Start values, SI; the default is the values of `friction`.
     seed : int
-        Of the further starts, within a factor of five of the given values.
+        Seed of the further starts, within a factor of five of the given values.
     """
 
     friction: Friction
     names: tuple[str, ...]
     start: tuple[float, ...] = field(default=(), compare=False)
     seed: int = field(default=1, compare=False)
-    stribeck: bool = field(default=False, init=False)  # no shortcuts of the Stribeck laws
+    stribeck: bool = field(default=False, init=False)  # not linear in its forces
     chosen: int = field(default=0, init=False)
 
     @cached_property
@@ -54,29 +54,29 @@ class AnyLaw(StaticLaw):
 
     @cached_property
     def positive(self) -> NDArray[np.bool_]:
-        """Parameters whose logarithm is the coordinate, shape (p,)."""
+        """Mask of parameters whose coordinate is their logarithm, shape (p,)."""
         lower = {p["key"]: p["lower"] for p in self.friction.entry["parameters"]}
         return np.array([lower[n] is not None and lower[n] >= 0.0 for n in self.names])
 
     @property
     def given(self) -> Array:
-        """Where to search, shape (p,), SI."""
+        """Start values, shape (p,), SI."""
         return np.array(self.start or [self.friction.parameters[n] for n in self.names])
 
     @cached_property
     def transforms(self) -> Transforms:
-        """Coordinates: the logarithm of what is positive, and of Fs - Fc where both are free."""
+        """Transforms of the parameters: logarithm of positive ones, and of Fs - Fc if both are free."""
         both = {"coulomb", "breakaway"} <= set(self.names)
         c, s = (self.names.index(n) if both else 0 for n in ("coulomb", "breakaway"))
         lower = np.where(self.positive, 0.0, -np.inf)
         return Transforms(lower, excess=s if both else None, over=c, least_excess=1e-6)
 
     def internal(self, theta: Array) -> Array:
-        """Convert parameters to coordinates; what is zero goes to a floor."""
+        """Convert parameters to coordinates; zero becomes a small value."""
         return self.transforms.internal(np.where(self.positive, np.maximum(theta, 1e-12), theta))
 
     def bounds(self, data: Observations) -> tuple[Array, Array]:
-        """Bounds of the coordinates: the law's own, and six decades about the given values."""
+        """Return the bounds of the coordinates: those of the law, and six decades about the given values."""
         del data
         given = self.internal(self.given)
         lower, upper = np.full(given.size, -np.inf), np.full(given.size, np.inf)
@@ -85,7 +85,7 @@ class AnyLaw(StaticLaw):
             if entry["upper"] is not None and np.isfinite(entry["upper"]):
                 top = self.internal(np.full(given.size, float(entry["upper"])))[k]
                 upper[k] = min(upper[k], top)
-        if self.transforms.excess is None:  # one of both is fixed and bounds the other
+        if self.transforms.excess is None:  # a held one of both bounds the other
             for k, name in enumerate(self.names):
                 if name == "coulomb" and "breakaway" in self.friction.parameters:
                     upper[k] = min(upper[k], np.log(self.friction.parameters["breakaway"]))
@@ -94,7 +94,7 @@ class AnyLaw(StaticLaw):
         return lower, upper
 
     def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
-        """Friction and its derivative by the coordinates, shapes (n,) and (n, p)."""
+        """Return friction and its derivative by the coordinates, shapes (n,) and (n, p)."""
         from pneudrive import _core
 
         law, values, tables = self._core
@@ -108,14 +108,14 @@ class AnyLaw(StaticLaw):
         return force, slopes @ self.natural_jacobian(q)
 
     def starting_points(self, data: Observations) -> list[Array]:
-        """Return the given values and places about them."""
+        """Return the given values and points about them."""
         given, (lower, upper) = self.internal(self.given), self.bounds(data)
         noise = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (STARTS, given.size)) * np.log(FACTOR)
         steps = np.where(self.positive, np.vstack([np.zeros(given.size), noise]), 0.0)
         return list(np.clip(given + steps, lower, upper))
 
     def entries(self) -> list[dict[str, Any]]:
-        """Return what the core says of each free parameter: bounds, unit, meaning."""
+        """Return the core's entry of each free parameter: bounds, unit, meaning."""
         by_key = {p["key"]: p for p in self.friction.entry["parameters"]}
         return [by_key[n] for n in self.names]
 

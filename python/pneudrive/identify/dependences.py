@@ -1,4 +1,4 @@
-"""What acts on the friction of a fit beside speed and pressure: direction, position, stops, temperature."""
+"""Friction modifiers of a fit beside speed and pressure: direction, position, stops, temperature."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from pneudrive.describe.friction import has_bristles
 
 @dataclass(frozen=True)
 class Dependences:
-    """Tables of a drive's friction that were measured beside its sliding law.
+    """Measured friction modifiers beside the sliding law.
 
     Attributes
     ----------
     tables : dict
-        Key in ``[friction]`` -> table as the drive file has it: ``direction``, ``position``, ``dwell``, ...
+        Key in ``[friction]`` -> table of a drive file: ``direction``, ``position``, ``dwell``, ...
     values : dict
-        Dotted name in the drive file -> value in SI, of what has an interval.
+        Dotted name in the drive file -> value in SI, of values with an interval.
     intervals : dict
         Dotted name -> (lower, upper), 95 %, SI.
     sliding : dict
-        ``coulomb`` and ``breakaway`` -> force in N that the age of a sliding contact adds to them. Both a measured
-        sliding law and a drive with ``[friction.dwell]`` hold it, so that it is taken off where they meet.
+        ``coulomb`` and ``breakaway`` -> force in N from the age of a sliding contact. A measured sliding law includes
+        it, and so does ``[friction.dwell]`` of a drive, so it is subtracted when both are combined.
     notes : tuple of str
-        What was measured and does not go into a drive, and why; what is assumed.
+        Measured effects that a drive cannot have, each with the reason; assumptions.
     source : str
-        The campaign.
+        Campaign.
     """
 
     tables: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -37,7 +37,7 @@ class Dependences:
     source: str = ""
 
     def table(self) -> dict[str, Any]:
-        """Return it as a fit.toml holds it; empty where nothing was measured."""
+        """Return the table for fit.toml; empty if nothing was measured."""
         if not self.tables and not self.notes:
             return {}
         ends = {name: [self.values[name], *self.intervals[name]] for name in self.intervals}
@@ -46,7 +46,7 @@ class Dependences:
 
     @classmethod
     def of_table(cls, content: dict[str, Any]) -> Dependences:
-        """Read what :meth:`table` gave."""
+        """Return the modifiers from a table of :meth:`table`."""
         ends = {name: tuple(float(end) for end in three) for name, three in content.get("intervals", {}).items()}
         return cls(
             tables=dict(content.get("friction", {})),
@@ -58,7 +58,7 @@ class Dependences:
         )
 
     def for_law(self, law: str) -> Dependences:
-        """Leave out relaxation, which belongs to bristles, where the law has none."""
+        """Return the modifiers for a law; relaxation is left out if the law has no bristles."""
         if "relaxation" not in self.tables or has_bristles(law):
             return self
         return replace(self, tables={key: table for key, table in self.tables.items() if key != "relaxation"})

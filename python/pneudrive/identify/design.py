@@ -1,4 +1,4 @@
-"""Where to measure next: speeds and pressures that determine a friction law best, and what interval to expect."""
+"""Design of the next measurement: speeds and pressures that best determine a friction law, with expected intervals."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Draws of the prior over which a criterion is averaged.
+#: Number of draws of the prior over which a criterion is averaged.
 DRAWS = 32
-#: Speeds that are tried, in logarithmic steps, and digits of those that are proposed.
+#: Number of candidate speeds, in logarithmic steps, and digits of proposed speeds.
 SPEEDS, DIGITS = 120, 3
-#: Speeds that are tried where time is given: each is taken once, and neighbours of one would be its repeats.
+#: Number of candidate speeds for a budget of time: each is chosen once, so close neighbours would be repeats.
 SPEEDS_IN_TIME = 30
-#: Standard deviation of ln vs (and ln n) in the prior where a fit hardly knows it: a factor of 2.7 either way.
+#: Largest standard deviation of ln vs (and ln n) in the prior from a fit: a factor of 2.7 either way.
 WIDEST = 1.0
 
 
 @dataclass(frozen=True, repr=False)
 class Prior(Shown):
-    """What is believed of a law before the next measurement.
+    """Prior distribution of a law's parameters before the next measurement.
 
     Attributes
     ----------
     model : FrictionModel
     draws : ndarray, shape (d, p)
-        Internal coordinates.
+        Draws of the internal coordinates.
     known : ndarray, shape (d, p, p)
-        Information on them that has been measured; zero where nothing was.
+        Information on them from measurements; zero without any.
     values : int
-        Values that it came from.
+        Number of measured values.
     """
 
     model: FrictionModel
@@ -57,7 +57,7 @@ class Prior(Shown):
 
     @classmethod
     def of_fit(cls, fit: FrictionFit, draws: int = DRAWS, seed: int = 1) -> Prior:
-        """Take the estimates of a fit with their covariance; what has been measured counts."""
+        """Return the prior from the estimates of a fit and their covariance; its measurements count."""
         centre = fit.coordinates
         to_internal = np.linalg.pinv(fit.model.natural_jacobian(centre))
         covariance = to_internal @ fit.covariance @ to_internal.T
@@ -87,7 +87,7 @@ class Prior(Shown):
         draws: int = DRAWS,
         seed: int = 1,
     ) -> Prior:
-        """Take guesses of the parameters before anything was measured.
+        """Return the prior from guesses of the parameters, without measurements.
 
         Parameters
         ----------
@@ -96,13 +96,13 @@ class Prior(Shown):
         values : mapping
             Parameter -> guess, SI.
         deviations : mapping, optional
-            Parameter -> relative standard deviation of the guess (log-normal); absent ones are taken as they are.
+            Parameter -> relative standard deviation of the guess (log-normal); absent ones have defaults.
         chambers : tuple of str
-            Chambers on whose gauge pressure the forces depend, such as ``("a", "b")``.
+            Chambers whose gauge pressure acts on the forces, such as ``("a", "b")``.
         draws : int
             Draws of the guesses over which a design is averaged.
         seed : int
-            Of the draws.
+            Seed of the draws.
         """
         if law not in CANDIDATES:
             raise FitError(f"there is no law {law!r} to design for", remedy=nearest(law, CANDIDATES))
@@ -124,7 +124,7 @@ class Prior(Shown):
 
 
 def _physical(model: FrictionModel, points: Array) -> Array:
-    """Keep forces and the viscous coefficient positive, as any fit would."""
+    """Keep forces and the viscous coefficient positive, as in a fit."""
     for k, name in enumerate(model.names):
         if name in ("coulomb", "viscous"):
             points[:, k] = np.maximum(points[:, k], 0.05 * abs(points[0, k]))
@@ -133,7 +133,7 @@ def _physical(model: FrictionModel, points: Array) -> Array:
 
 @dataclass(frozen=True)
 class Limits:
-    """What can be measured, and what it takes.
+    """Limits and cost of measurements.
 
     Attributes
     ----------
@@ -141,11 +141,11 @@ class Limits:
     gauges_pa : tuple of (float, float)
         Pairs of gauge pressures in chambers a and b.
     stroke_m, acceleration_m_s2 : float
-        Length of a stroke and what it starts and stops with.
+        Length and acceleration of a stroke.
     strokes : int
         Strokes in each direction for one point.
     settling_s : float
-        Waited before each point.
+        Settling time before each point.
     """
 
     speed_m_s: tuple[float, float]
@@ -156,14 +156,14 @@ class Limits:
     settling_s: float = 0.0
 
     def seconds(self, speed_m_s: Array) -> Array:
-        """Time on the rig for one point at each speed: strokes out and back, with their ramps."""
+        """Return the time on the rig for one point at each speed: strokes out and back with ramps."""
         one = np.maximum(self.stroke_m / speed_m_s, speed_m_s / self.acceleration_m_s2)
         return 2.0 * self.strokes * (one + speed_m_s / self.acceleration_m_s2) + self.settling_s
 
 
 @dataclass(frozen=True)
 class Point:
-    """One condition to be measured, `repeats` times."""
+    """Condition to measure `repeats` times."""
 
     speed_m_s: float
     gauge_a_pa: float
@@ -173,16 +173,16 @@ class Point:
 
 @dataclass(frozen=True, repr=False)
 class Design(Shown):
-    """Points to be measured next.
+    """Next points to measure.
 
     Attributes
     ----------
     points : tuple of Point
-        Slowest first.
+        Points, slowest first.
     criterion : str
         ``D`` or ``I``.
     half_widths_now, half_widths_then : dict
-        Free parameter -> expected half-width of its 95 % interval before and after; infinite where nothing is known.
+        Free parameter -> expected half-width of its 95 % interval before and after; infinite if unknown.
     seconds : float
         Time on the rig.
     limits : Limits
@@ -204,9 +204,7 @@ class Design(Shown):
             times = f" x {p.repeats}" if p.repeats > 1 else ""
             gauges = f"a {1e-5 * p.gauge_a_pa:.3g} bar, b {1e-5 * p.gauge_b_pa:.3g} bar gauge"
             lines.append(f"  {1e3 * p.speed_m_s:8.3g} mm/s  {gauges}{times}")
-        lines.append(
-            "expected half-width of the 95 % interval, now and when these values are fitted together with those before:"
-        )
+        lines.append("expected half-width of the 95 % interval, now and after a fit of old and new values together:")
         for name, then in self.half_widths_then.items():
             factor, unit = shown_in(unit_of(name))
             now = self.half_widths_now[name]
@@ -215,10 +213,10 @@ class Design(Shown):
         return "\n".join(lines)
 
     def protocol(self, name: str = "Next points") -> str:
-        """Return a protocol that ``pneudrive campaign plan`` takes: every proposed speed at every proposed pressure.
+        """Return a protocol for ``pneudrive campaign plan``: every proposed speed at every proposed pressure.
 
-        All cells are repeated alike, as often as the points are in the mean. ``pneudrive design`` adds the table
-        ``[fraction]`` that leaves out the cells which were not proposed.
+        All cells have the same number of repeats, the mean of the points. ``pneudrive design`` adds the table
+        ``[fraction]``, which leaves out cells without a proposed point.
         """
         speeds = sorted({p.speed_m_s for p in self.points})
         gauges = sorted({(p.gauge_a_pa, p.gauge_b_pa) for p in self.points})
@@ -240,26 +238,26 @@ def design(
     over: Limits | None = None,
     noise_n: float | None = None,
 ) -> Design:
-    """Choose the next points: by Fedorov's exchange over a grid of speeds and the pressures of the limits.
+    """Choose the next points by Fedorov's exchange over a grid of speeds and the pressures of the limits.
 
-    The criterion is averaged over the prior, not taken at one point: a design for one guess of vs is poor at another.
+    The criterion is averaged over the prior, as a design for one guess of vs is poor for another.
 
     Parameters
     ----------
     source : FrictionFit or Prior
-        What is known; a fit's values count as measured.
+        Prior knowledge; the values of a fit count as measured.
     limits : Limits
     points : int, optional
-        Number of points, repeats counted. Without it, and without `seconds`: twice the free parameters.
+        Number of points, including repeats. The default, without `seconds`, is twice the number of free parameters.
     seconds : float, optional
-        Time on the rig instead of a number of points: each next point is the one that tells most for its time. All are
-        repeated alike, as a protocol does.
+        Time on the rig instead of a number of points: each next point has the largest gain for its time. All are
+        repeated equally, as in a protocol.
     criterion : str
         ``D`` (all parameters) or ``I`` (the prediction over the range `over`).
     over : Limits, optional
         Range of prediction; by default `limits`.
     noise_n : float, optional
-        Standard deviation of one point; by default that of the fit, with its scatter.
+        Standard deviation of one point; by default that of the fit, including its scatter.
 
     Returns
     -------
@@ -300,7 +298,7 @@ def design(
 def expected_half_widths(
     prior: Prior, speed_m_s: Array, gauge_a_pa: Array, gauge_b_pa: Array, noise_n: float
 ) -> dict[str, float]:
-    """Give the half-width of each parameter's 95 % interval that points at these conditions, (n,) each, will have."""
+    """Return the expected half-width of each parameter's 95 % interval from points at conditions, (n,) each."""
     at = at_conditions(*np.broadcast_arrays(*(np.asarray(x, float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa))))
     g = _gradients(prior, at) / noise_n
     matrix = prior.known + np.einsum("dci,dcj->dij", g, g)
@@ -314,17 +312,17 @@ def _check(limits: Limits, criterion: str, points: int | None, seconds: float | 
     if criterion not in ("D", "I"):
         raise FitError(f"there is no criterion {criterion!r}", rule="D: all parameters; I: the prediction over a range")
     if points is not None and (points < 1 or seconds is not None):
-        raise FitError("points is a number of 1 or more, and excludes seconds", value=f"points = {points}")
+        raise FitError("points is at least 1, and cannot be combined with seconds", value=f"points = {points}")
     if not np.isfinite(noise) or noise <= 0.0:
         raise FitError(
-            "what one point scatters by is not known",
+            "the standard deviation of one point is not known",
             value=f"noise_n = {noise}",
-            remedy="pass noise_n, for example 0.5",
+            remedy="Pass noise_n, for example 0.5.",
         )
 
 
 def _noise(source: FrictionFit | Prior) -> float:
-    """Give the standard deviation of one further value, N, as the fit has found it."""
+    """Return the standard deviation of one further value, N, from the fit."""
     if isinstance(source, Prior) or source.observations is None:
         return float("nan") if isinstance(source, Prior) else source.statistics["rms_n"]
     typical = float(np.median(source.observations.stderr_n))
@@ -348,7 +346,7 @@ def _region(prior: Prior, over: Limits) -> Array:
 
 
 def _half_widths(prior: Prior, matrix: Array, values: int) -> dict[str, float]:
-    """Half-widths in natural units, the median over the draws; Student's t for the values that there then are."""
+    """Return half-widths in natural units, the median over the draws; Student's t for all values then measured."""
     free = values - len(prior.model.names)
     found = []
     for q, m in zip(prior.draws, matrix, strict=True):

@@ -1,4 +1,4 @@
-"""What a friction map can and cannot determine, in words."""
+"""Statements on what a friction map determines and what not."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Gauge pressures that differ by less are one level: about 0.5 % of a 10 bar transducer.
+#: Difference of gauge pressures below which they are one level: about 0.5 % of a 10 bar transducer.
 SAME_PRESSURE_PA = 5e3
 #: Without a level below this multiple of vs the data see only the tail of the Stribeck curve, in which a larger
 #: Fs and a smaller vs look alike (at 2 vs the tail is exp(-4) = 2 % of the excess).
@@ -32,31 +32,31 @@ TAIL = 2.0
 #: Without a level above this multiple of vs the plateau Fc + Fv v is never reached; 2.8 vs is the support point of
 #: the optimal design of four speeds.
 PLATEAU = 2.8
-#: A falling part that chance makes this often is not there.
+#: p-value above which a falling part counts as chance.
 CHANCE = 0.05
-#: A viscous part whose interval spans more than this share of all friction is not told from the Coulomb force.
+#: Share of all friction above which the interval of a viscous part makes it indistinguishable from the Coulomb force.
 VISCOUS_REACH = 0.5
-#: Speeds that a sentence lists before it stops.
+#: Largest number of speeds in a sentence.
 MOST_SPEEDS = 6
 
 
-#: What is not determined -> why, and what to measure. Values stand in braces.
+#: Undetermined part -> reason, and remedy. Values are in braces.
 SENTENCES = {
     "held at zero": (
-        "it was held at zero; what is called coulomb here is all the friction at the speeds of the map",
+        "it was held at zero; coulomb is then all the friction at the speeds of the map",
         "measure at speeds that differ by a factor of three or more",
     ),
     "one speed": (
-        "all rows lie at one speed ({levels}); what is called coulomb here is all the friction at that speed",
+        "all rows have one speed ({levels}); coulomb is then all the friction at that speed",
         "measure at a second speed, at least three times higher",
     ),
     "few values, viscous": (
-        "the map has {values} independent values, fewer than the law has parameters; what is called coulomb here is "
+        "the map has {values} independent values, fewer than the law has parameters; coulomb is then "
         "all the friction at its speeds",
         "measure at a second speed, at least three times higher",
     ),
     "few speeds": (
-        "the map has {count} distinct speed{s} ({levels}) and a Stribeck curve needs at least {needed}",
+        "the map has {count} distinct speed{s} ({levels}), but a Stribeck curve needs at least {needed}",
         "measure at least 8 speeds, spaced logarithmically from 1 mm/s to the largest",
     ),
     "few values": (
@@ -64,7 +64,7 @@ SENTENCES = {
         "measure at least 8 speeds, spaced logarithmically from 1 mm/s to the largest",
     ),
     "few pressures": (
-        "chamber {chamber} was measured at fewer than three pressures, which carry no more than a line",
+        "chamber {chamber} was measured at fewer than three pressures, which determine only a line",
         "measure at three or more pressures, spread over the range",
     ),
     "not crossed": (
@@ -80,7 +80,7 @@ SENTENCES = {
         "measure with different pressures in the chambers, such as a grid of 0, 2, 4 and 6 bar gauge",
     ),
     "weak": (
-        "the rows do not tell it from the other parameters (a direction of the scaled Jacobian vanishes)",
+        "the rows cannot distinguish it from the other parameters (a direction of the scaled Jacobian vanishes)",
         "measure at more speeds and pressures, not all varied together",
     ),
     "open": ("its 95 % interval is open", "measure where the law depends on it, with smaller noise"),
@@ -90,18 +90,18 @@ SENTENCES = {
         "add levels well below {slowest} and well above {fastest}, and repeat strokes to lower the noise",
     ),
     "same speeds": (
-        "all speeds are about {mean}, and one speed tells nothing of how friction depends on it; what is called "
-        "coulomb here is all the friction at this speed",
+        "all speeds are about {mean}, and one speed does not show how friction depends on it; coulomb is "
+        "then all the friction at this speed",
         "add levels at other speeds",
     ),
     "falls": (
-        "friction falls with speed between {slowest} and {fastest}, which no viscous part does; what is called coulomb "
-        "here is the mean friction at these speeds",
+        "friction falls with speed between {slowest} and {fastest}, which no viscous part does; coulomb is "
+        "then the mean friction at these speeds",
         "add levels below {slowest} and above {beyond}, for a law with a Stribeck part",
     ),
     "anything": (
-        "between {slowest} and {fastest} it could be anything up to {reach} N, where {typical} N were measured; what "
-        "is called coulomb here is all the friction at these speeds",
+        "between {slowest} and {fastest} it could be up to {reach} N, where {typical} N were measured; coulomb "
+        "is then all the friction at these speeds",
         "add levels above {beyond}",
     ),
     "tail": (
@@ -130,7 +130,7 @@ SENTENCES = {
 
 
 def _lost(names: Iterable[str], what: str, **values: object) -> list[Undetermined]:
-    """Say of each parameter why it is not determined; see `SENTENCES`."""
+    """Return the reason and remedy of each undetermined parameter; see `SENTENCES`."""
     reason, remedy = (text.format(**values) for text in SENTENCES[what])
     return [Undetermined(name, reason, remedy) for name in names]
 
@@ -140,12 +140,12 @@ def _mm_s(speed: float) -> str:
 
 
 def _span(data: Observations) -> dict[str, str]:
-    """Slowest and fastest level in words."""
+    """Return the slowest and the fastest level as text."""
     return {"slowest": _mm_s(float(data.speed_m_s.min())), "fastest": _mm_s(float(data.speed_m_s.max()))}
 
 
 def _listed(levels: list[tuple[float, float]]) -> str:
-    """Speed levels in words, each once, the first six of them."""
+    """Return the first six distinct speed levels as text."""
     shown = [
         _mm_s(low) if _mm_s(low) == _mm_s(high) else f"{1e3 * low:.3g} to {_mm_s(high)}"
         for low, high in levels[:MOST_SPEEDS]
@@ -156,12 +156,12 @@ def _listed(levels: list[tuple[float, float]]) -> str:
 def choose_model(
     wanted: FrictionModel, data: Observations, *, pressure: str | None
 ) -> tuple[FrictionModel, list[Undetermined]]:
-    """Choose the largest part of the law whose parameters these rows can determine in number; say what is left out.
+    """Return the largest part of the law with enough rows for its parameters, and statements on the omitted parts.
 
     Parameters
     ----------
     wanted : FrictionModel
-        The law, without chambers.
+        Law without chambers.
     data : Observations
     pressure : str or None
         Wanted dependence on pressure, one of ``PRESSURE_FORMS``.
@@ -194,14 +194,14 @@ def choose_model(
 
 
 def _curve_names(model: FrictionModel) -> list[str]:
-    """Parameters of the Stribeck part."""
+    """Return the parameters of the Stribeck part."""
     return ["breakaway", "stribeck_velocity"] + ["stribeck_exponent"] * (model.exponent is None)
 
 
 def _with_pressure(
     wanted: FrictionModel, data: Observations, pressure: str
 ) -> tuple[FrictionModel, list[Undetermined]]:
-    """Add what of the dependence on pressure the levels can carry."""
+    """Add the part of the dependence on pressure that the levels can determine."""
     forces = ("coulomb", "breakaway") if wanted.stribeck else ("coulomb",)
     gauges = {"a": data.gauge_a_pa, "b": data.gauge_b_pa}
     chambers = tuple(c for c, g in gauges.items() if np.ptp(g) > SAME_PRESSURE_PA)
@@ -228,7 +228,7 @@ def _levels(gauge: Array) -> int:
 
 
 def _crossed(data: Observations) -> bool:
-    """Whether the product of both pressures is no combination of the pressures themselves."""
+    """Return whether the product of both pressures is linearly independent of the pressures."""
     a, b = data.gauge_a_pa / 1e5, data.gauge_b_pa / 1e5
     base = np.column_stack([np.ones_like(a), a, b])
     rest = a * b - base @ np.linalg.lstsq(base, a * b, rcond=None)[0]
@@ -246,12 +246,12 @@ def diagnose(
     found: RobustEstimate,
     intervals: dict[str, tuple[float, float]],
 ) -> list[Undetermined]:
-    """Statements on parameters that were free but that the data do not bound.
+    """Return statements on free parameters that the data do not bound.
 
     Parameters
     ----------
     model, data, found, intervals
-        As of the fit.
+        As in the fit.
     """
     said = _stribeck(model, data, found, intervals) if model.stribeck else []
     said += _lost(np.array(model.names)[weak_coordinates(found.jacobian)].tolist(), "weak")
@@ -270,14 +270,14 @@ def without_support(
     intervals: dict[str, tuple[float, float]],
     excess_p_value: float | None,
 ) -> tuple[FrictionModel, list[Undetermined]]:
-    """Take a part out of the law that the values do not support; returns `model` itself where they support all of it.
+    """Return the law without a part that the values do not support; `model` itself if they support all of it.
 
     Parameters
     ----------
     model, data, found, intervals
-        As of the fit.
+        As in the fit.
     excess_p_value : float or None
-        Probability of a Stribeck part as large as the one found where there is none.
+        Probability by chance of a Stribeck part as large as the found one.
     """
     span, fastest = _span(data), float(data.speed_m_s.max())
     if model.stribeck and excess_p_value is not None and excess_p_value > CHANCE:
@@ -302,7 +302,7 @@ def without_support(
 def _stribeck(
     model: FrictionModel, data: Observations, found: RobustEstimate, intervals: dict[str, tuple[float, float]]
 ) -> list[Undetermined]:
-    """Say what of the Stribeck curve lies beyond the levels."""
+    """Return statements on parts of the Stribeck curve beyond the levels."""
     theta = dict(zip(model.names, model.natural(found.q), strict=True))
     vs, span = theta["stribeck_velocity"], _span(data)
     curve, lower_upper = ("breakaway", "stribeck_velocity"), intervals["stribeck_velocity"]

@@ -1,4 +1,4 @@
-"""Files of fits, of every kind, and what is exported from them."""
+"""Reading of files of fits of every kind, and of sources of an export."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ def read_fit(path: str | Path) -> AnyFit:
     Raises
     ------
     FitError
-        The file is not there, is no TOML, or lacks what a fit needs.
+        The file does not exist, is not TOML, or is not a complete fit.
     """
     content, _ = toml.read(path, FitError, "pneudrive fit and pneudrive identify write a fit.toml.")
     kind = str(content.get("kind", FrictionFit.KIND))
     if kind not in KINDS:
-        raise FitError("the file is no fit", where=str(path), value=f'kind = "{kind}"', remedy=nearest(kind, KINDS))
+        raise FitError("the file is not a fit", where=str(path), value=f'kind = "{kind}"', remedy=nearest(kind, KINDS))
     return KINDS[kind].from_toml(path)
 
 
 def read_source(path: str | Path) -> AnyFit | Drive:
-    """Read what is exported: a fit.toml, or a drive file.
+    """Read the source of an export: a fit.toml, or a drive file.
 
     Raises
     ------
     FitError, DescriptionError
-        It is neither, or not valid.
+        The file is neither of them, or not valid.
     """
     if str(path).startswith("catalogue:"):
         return Drive.load(path)

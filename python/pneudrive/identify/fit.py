@@ -52,47 +52,47 @@ def fit_friction(
     law : str
         ``coulomb`` (with a viscous part) or ``stribeck``.
     pressure_dependence : bool
-        Coulomb and breakaway force linear in the gauge pressure of each chamber.
+        Whether Coulomb and breakaway force depend on the gauge pressure of each chamber, see `pressure`.
     direction : int or None
-        None: friction of paired directions. +1 or -1: that direction alone, from the force balance; the force
-        zero is then part of the Coulomb force.
+        None: friction of paired directions. +1 or -1: only that direction, from the force balance; the zero of the
+        force is then part of the Coulomb force.
     stribeck_exponent : float or None
         Fixed exponent (2 is Gauss, 1 is Tustin's exponential), or None to fit it.
     stribeck_shape : str or None
-        ``gaussian``, ``exponential``, ``lorentzian`` or ``free`` (exponent to be fitted); None leaves it to
+        ``gaussian``, ``exponential``, ``lorentzian`` or ``free`` (exponent is fitted); None: by
         `stribeck_exponent`.
     pressure : str
         With `pressure_dependence`: ``linear`` in the gauge pressures; ``quadratic``; ``saturating``, g/(1 + g/knee) in
         place of each gauge pressure g, with the most likely of a few knees; ``interaction``, with the product of both.
     viscous : bool
-        False holds the viscous part at zero: where the speeds hardly differ.
+        False holds the viscous part at zero, for speeds that hardly differ.
     robust : bool
-        A loss with which single outlying levels do not move the fit; False is plain least squares.
+        True: a loss by which single outliers do not move the fit; False: plain least squares.
     loss : str
         With `robust`: ``huber``, ``soft-l1`` or ``tukey`` (gives far outliers no weight at all).
     ambient_pressure_pa : float or None
-        Pressure from which gauge pressures count; None takes ``friction_map.attrs["ambient_pressure_pa"]``.
-        Needed with `pressure_dependence` only.
+        Reference of gauge pressures; None takes ``friction_map.attrs["ambient_pressure_pa"]``. Needed only with
+        `pressure_dependence`.
     exclude_flags : collection of str
         Rows with any of these flags are left out.
 
     Returns
     -------
     FrictionFit
-        Estimates, covariance, 95 % intervals, what the data cannot determine.
+        Estimates, covariance, 95 % intervals, undetermined parameters.
 
     Raises
     ------
     FitError
-        If the law is unknown, the map lacks columns, or no usable rows remain.
+        The law is unknown, the map lacks columns, or no usable rows remain.
 
     Notes
     -----
     Rows are weighted by their statistical standard error. Its common scale is estimated from the residuals, so
     that intervals (Student's t; profile likelihood, which for the Stribeck velocity and the breakaway force is far
-    from symmetric) also hold where the stated errors are too small by a factor. Systematic uncertainty, which all
-    rows share, is carried to each parameter separately (`FrictionFit.systematic`). Methods: [huber2009],
-    [bates1988], [smyth2004], [paule1982].
+    from symmetric) are also valid if the stated errors are too small by a factor. Systematic uncertainty, shared by
+    all rows, is given separately for each parameter (`FrictionFit.systematic`). Methods: [huber2009], [bates1988],
+    [smyth2004], [paule1982].
     """
     known = ((law, LAWS, "sliding law"), (pressure, PRESSURE_FORMS, "dependence on pressure"), (loss, LOSSES, "loss"))
     for given, names, what in (*known, (stribeck_shape or "free", STRIBECK_SHAPES, "Stribeck shape")):
@@ -134,19 +134,19 @@ def fit_values(
     notes: Sequence[str] = (),
     options: Mapping[str, object] | None = None,
 ) -> FrictionFit:
-    """Fit to values that were selected already; see :func:`fit_friction`, which selects them.
+    """Fit a law to selected values; see :func:`fit_friction`, which selects them.
 
     Parameters
     ----------
     wanted : FrictionModel
-        The law; chambers and what the data cannot determine in number are chosen here.
+        Law; this function adds chambers and removes parts with too few values.
     data : Observations
     pressure : str or None
         Dependence on pressure, one of ``PRESSURE_FORMS``; None for none.
     loss : str
         ``linear`` or a name in ``robust.LOSSES``.
     notes, options
-        Go into the result; options into its provenance.
+        Added to the result and to its provenance.
     """
     said = [*notes, *_confounding(data, pressure is not None)]
     model, lost = choose_model(wanted, data, pressure=pressure)
@@ -159,12 +159,12 @@ def fit_values(
     return replace(fit, notes=(*fit.notes, *fit.correlated()))
 
 
-#: More recordings than these are told by their number, with the first and the last one.
+#: Largest number of listed recordings; more are given by their number, the first and the last one.
 MOST_RECORDINGS = 50
 
 
 def recordings_of(friction_map: xr.Dataset) -> list[str]:
-    """Names of the recordings behind a map."""
+    """Return the names of the recordings of a map."""
     if "recording" not in friction_map:
         return []
     names = list(dict.fromkeys(str(name) for name in friction_map["recording"].to_numpy()))
@@ -172,7 +172,7 @@ def recordings_of(friction_map: xr.Dataset) -> list[str]:
 
 
 def _ranges(data: Observations) -> dict[str, object]:
-    """Lowest and highest speed and gauge pressures: outside of them everything is extrapolation."""
+    """Return the lowest and highest speed and gauge pressures, outside which the fit is an extrapolation."""
     columns = {"speed_m_s": data.speed_m_s, "gauge_a_pa": data.gauge_a_pa, "gauge_b_pa": data.gauge_b_pa}
     return {name: [float(values.min()), float(values.max())] for name, values in columns.items() if values.size}
 
@@ -181,8 +181,8 @@ def _remarks(support: Support) -> list[str]:
     said = []
     if support.scatter_n > 0.0:
         said.append(
-            f"the levels scatter by {support.scatter_n:.2g} N more than their standard errors say (runs differ, or the "
-            "law does not hold); the weights and the intervals count it"
+            f"the levels scatter by {support.scatter_n:.2g} N more than their standard errors (runs differ, or the "
+            "law does not hold); weights and intervals include this scatter"
         )
     if len(support.data) == len(support.model.names):
         said.append(
@@ -191,23 +191,23 @@ def _remarks(support: Support) -> list[str]:
         )
     if np.isfinite(support.found.rival):
         said.append(
-            f"another estimate, with a Stribeck velocity of {1e3 * support.found.rival:.3g} mm/s, fits hardly worse: "
+            f"another estimate, with a Stribeck velocity of {1e3 * support.found.rival:.3g} mm/s, fits almost as well: "
             "the intervals cover both"
         )
     return said
 
 
 def fit_directions(friction_map: xr.Dataset, law: str = "stribeck", **options: object) -> dict[int, FrictionFit]:
-    """Fit each direction alone: {+1: fit, -1: fit}; options as of :func:`fit_friction`.
+    """Fit each direction separately: {+1: fit, -1: fit}; options as for :func:`fit_friction`.
 
-    Lip seals are directional by 10 to 40 %. A force zero or an area error looks the same: it adds to one Coulomb
-    force what it takes from the other, and only a fit of the pairs is free of it.
+    Friction of lip seals differs by 10 to 40 % between directions. An error of the force's zero or of the area looks
+    the same: it increases one Coulomb force and decreases the other; only a fit of pairs is free of it.
     """
     return {d: fit_friction(friction_map, law, direction=d, **options) for d in (1, -1)}  # type: ignore[arg-type]
 
 
 def fingerprint(data: Observations) -> str:
-    """SHA-256 of the values that the fit used."""
+    """Return the SHA-256 of the values of the fit."""
     import hashlib
 
     columns = (data.speed_m_s, data.friction_n, data.stderr_n, data.gauge_a_pa, data.gauge_b_pa)
@@ -215,14 +215,14 @@ def fingerprint(data: Observations) -> str:
 
 
 def ambient_of(friction_map: xr.Dataset, given: float | None, needed: bool) -> float:
-    """Ambient pressure from which gauge pressures count, Pa; 0 where it is neither known nor needed."""
+    """Return the ambient pressure as reference of gauge pressures, Pa; 0 if neither known nor needed."""
     value = given if given is not None else friction_map.attrs.get("ambient_pressure_pa")
     if value is None:
         if needed:
             raise FitError(
-                "the friction map does not say the ambient pressure",
-                rule="with pressure_dependence forces are linear in gauge pressure",
-                remedy="pass ambient_pressure_pa, for example 101300.0",
+                "the friction map has no ambient pressure",
+                rule="pressure_dependence needs gauge pressures",
+                remedy="Pass ambient_pressure_pa, for example 101300.0.",
             )
         return 0.0
     if not np.isfinite(value) or value <= 0.0:
@@ -238,7 +238,7 @@ def _confounding(data: Observations, pressure_dependence: bool) -> list[str]:
     if not pressure_dependence:
         span = 1e-5 * np.ptp(pressure)
         notes.append(
-            f"the chamber pressures of the rows differ by {span:.2g} bar in sum and the fit averages over them; "
+            f"the chamber pressures of the rows differ by {span:.2g} bar in sum, and the fit averages over them; "
             "fit with pressure_dependence or select rows of one pressure"
         )
     if changed(data.speed_m_s):
@@ -246,6 +246,6 @@ def _confounding(data: Observations, pressure_dependence: bool) -> list[str]:
         if abs(correlation) > CONFOUNDED:
             notes.append(
                 f"speed and pressure change together over the rows (correlation {correlation:+.2f}): "
-                "what the fit gives to speed may belong to pressure, and the other way round"
+                "the fit may attribute an effect of pressure to speed, and the other way round"
             )
     return notes

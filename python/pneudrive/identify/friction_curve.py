@@ -1,4 +1,4 @@
-"""The sliding friction that is exported: our curve over the measured speeds, and what it depends on beside speed."""
+"""Sliding friction to export: a curve over the measured speeds, and its further dependences."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Speeds at which a curve is taken, evenly in the logarithm.
+#: Number of speeds of a curve, uniform in the logarithm.
 POINTS = 400
 
 
 @dataclass(frozen=True)
 class CurveEntry:
-    """One value of ours, as the table has it; SI, NaN where there is no bound."""
+    """Value of the exported law for the table; SI, NaN for a missing bound."""
 
     name: str
     value: float
@@ -46,17 +46,17 @@ class SlidingCurve(Shown):
     ----------
     title : str
     law, shape : str
-        Ours.
+        Law and shape of its Stribeck curve in pneudrive.
     speed_m_s, friction_n : ndarray, shape (n,)
-        Ascending speeds, evenly in the logarithm.
+        Ascending speeds, uniform in the logarithm.
     gauge_a_pa, gauge_b_pa : float
-        Gauge pressures of the chambers that it holds at.
+        Gauge pressures of the curve.
     entries : tuple of CurveEntry
-        Our parameters.
+        Parameters in pneudrive.
     lost : tuple of str
-        What it depends on beside speed, which no other tool's law of friction over speed says.
+        Dependences beside speed, which the law of another tool lacks.
     exponential : bool
-        Whether our Stribeck curve is exp(-v/vs), or none.
+        Whether the Stribeck curve is exp(-v/vs), or absent.
     """
 
     title: str
@@ -72,7 +72,7 @@ class SlidingCurve(Shown):
 
 
 class HasCurve(Protocol):
-    """A fit of friction."""
+    """Protocol of fits with friction."""
 
     def curve(
         self,
@@ -80,35 +80,35 @@ class HasCurve(Protocol):
         gauge_b_pa: float | None = None,
         speeds_m_s: tuple[float, float] | None = None,
     ) -> SlidingCurve:
-        """Return its curve."""
+        """Return the curve of the fit."""
         ...
 
 
 def speeds_over(between: object, source: str) -> Array:
-    """Return the speeds of a curve between two, m/s; `source` is what does not say them.
+    """Return the speeds of a curve between two limits, m/s; `source` names the object without limits, for messages.
 
     Raises
     ------
     FitError
-        No speeds are said, or not two that ascend from zero.
+        The limits are missing, or not ascending above zero.
     """
     if not isinstance(between, (list, tuple)):
         raise FitError(
-            f"a {source} does not say which speeds were measured",
-            remedy='say over which speeds the curve shall hold: --speeds "1 mm/s .. 500 mm/s"',
+            f"a {source} has no range of measured speeds",
+            remedy='Give the range of speeds: --speeds "1 mm/s .. 500 mm/s".',
         )
     low, high = (float(end) for end in between)
     if not 0.0 < low < high:
         raise FitError(
-            f"no curve over speeds from {low:g} to {high:g} m/s",
+            f"the range of speeds from {low:g} to {high:g} m/s is not valid",
             rule="0 < lowest < highest speed",
-            remedy='say over which speeds it shall hold: --speeds "1 mm/s .. 500 mm/s"',
+            remedy='Give another range of speeds: --speeds "1 mm/s .. 500 mm/s".',
         )
     return np.geomspace(low, high, POINTS)
 
 
 def middle_of(given: float | None, measured: object) -> float:
-    """Return the pressure that is asked for, else the middle of the measured ones."""
+    """Return the requested pressure, or the middle of the measured ones."""
     if given is None and isinstance(measured, (list, tuple)):
         return 0.5 * (float(measured[0]) + float(measured[1]))
     return given or 0.0
@@ -120,24 +120,24 @@ def curve_of_fit(
     gauge_b_pa: float | None = None,
     speeds_m_s: tuple[float, float] | None = None,
 ) -> SlidingCurve:
-    """Take the curve of a fit, at the middle of the measured pressures and over the measured speeds if nothing is said.
+    """Return the curve of a fit, by default at the middle of the measured pressures and over the measured speeds.
 
     Raises
     ------
     FitError
-        The fit does not say over which speeds it holds.
+        The fit has no range of measured speeds.
     """
     return fit.curve(gauge_a_pa, gauge_b_pa, speeds_m_s)
 
 
-#: Tables of a drive's friction -> what is lost with them.
+#: Table of a drive's friction -> effect lost in an export.
 _TABLES = {
     "pressure": "dependence on the chamber pressures",
     "dwell": "growth of the breakaway force in stops (dwell)",
     "relaxation": "relaxation of held bristles",
     "position": "variation along the stroke",
     "direction": "difference between the directions: the curve is the mean of both",
-    "side_load": "side load as a quantity of its own: it is part of the curve",
+    "side_load": "side load as a separate quantity: it is part of the curve",
 }
 
 
@@ -147,12 +147,12 @@ def curve_of_drive(
     gauge_a_pa: float | None = None,
     gauge_b_pa: float | None = None,
 ) -> SlidingCurve:
-    """Take the steady curve of a drive's friction law; its speeds have to be said.
+    """Return the steady curve of a drive's friction law over given speeds.
 
     Raises
     ------
     FitError
-        No speeds are said.
+        The range of speeds is missing.
     """
     origins = {
         key: (value, drive.provenance.get(key)) for key, value in values(drive).items() if key.startswith("friction.")
@@ -171,11 +171,13 @@ def curve_of_drive(
 def curve_of_friction(
     friction: Friction, title: str, speed: Array, gauges_pa: tuple[float, float], entries: Sequence[CurveEntry]
 ) -> SlidingCurve:
-    """Take the steady curve of a friction law at some speeds and gauge pressures of the chambers."""
+    """Return the steady curve of a friction law at some speeds and gauge pressures of the chambers."""
     sides = [steady_friction(friction, sign * speed, *gauges_pa) for sign in (1.0, -1.0)]
     lost = [text for key, text in _TABLES.items() if getattr(friction, key) is not None]
     if friction.law not in ("coulomb", "stribeck"):
-        lost.append(f"presliding and friction that lags behind speed (law {friction.law}): only its steady curve")
+        lost.append(
+            f"presliding and the lag of friction behind speed (law {friction.law}): only the steady curve is exported"
+        )
     exponent = friction.parameters.get("stribeck_exponent", 2.0)
     shape = friction.stribeck_shape or f"exp(-(v/vs)^{exponent:g})"
     exponent = 1.0 if shape == "exponential" else exponent
@@ -187,7 +189,7 @@ def curve_of_friction(
 def steady_friction(
     friction: Friction, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float, position_m: float = 0.0
 ) -> Array:
-    """Steady friction of a law against the motion, N, at signed velocities, gauge pressures and a position."""
+    """Return the steady friction of a law against the motion, N, at velocities, gauge pressures and a position."""
     from pneudrive import _core
 
     core = friction.core()

@@ -1,17 +1,18 @@
-"""Friction at a pressure or in a run that was not measured, with an interval that holds.
+"""Prediction of friction at a pressure or in a run that was not measured, with a valid interval.
 
-A fit of one seal knows how well its parameters are known. It does not know how far the next mounting lies off, nor how
-far the straight line over pressure is wrong between the levels: a handful of recordings of one seal cannot say either.
-Several seals together can. Friction F of seal s in run r and recording i at gauge pressures p is taken as
+A fit of one seal gives the uncertainty of its parameters, but not the deviation of the next mounting, nor the error of
+a straight line over pressure between the levels: a few recordings of one seal do not determine these. Several seals
+together do. The model of friction F of seal s in run r and recording i at gauge pressures p is
 
     F_sri = L_s(v, p) [1 + d_s(p) + m_sr + e_sri],   e ~ N(0, sigma_s^2),   sigma_s^2 ~ nu tau^2 / chi2(nu)
 
-where L_s is the law, linear in pressure, with its own parameters for each seal; d_s, what a straight line misses, is an
-integrated Wiener process over pressure (a smoothing spline is the same model [wahba1983]) whose roughness gamma all
-seals share; m ~ N(0, omega^2) shifts all recordings of one run (one mounting); and the relative scatter sigma_s of the
-seals varies about a common tau [smyth2004]. The parameters of the laws are removed by restricted likelihood
-[patterson1971]. What is left is integrated on grids, with priors flat in gamma and omega [gelman2006], ln tau and 1/nu.
-A prediction is the universal kriging of one seal's recordings, mixed over the posterior of gamma, omega and sigma_s.
+where L_s is the law, linear in pressure, with its own parameters for each seal; d_s, the deviation from a straight
+line, is an integrated Wiener process over pressure (equal to a smoothing spline [wahba1983]) with a roughness gamma
+shared by all seals; m ~ N(0, omega^2) shifts all recordings of one run (one mounting); and the relative scatter sigma_s
+of the seals varies about a common tau [smyth2004]. The parameters of the laws are removed by restricted likelihood
+[patterson1971]. The other parameters are integrated on grids, with priors flat in gamma and omega [gelman2006], ln tau
+and 1/nu. A prediction is the universal kriging of one seal's recordings, averaged over the posterior of gamma, omega
+and sigma_s.
 """
 
 from __future__ import annotations
@@ -39,26 +40,26 @@ if TYPE_CHECKING:
 
 #: Roughness gamma: at 1.5 a line misses the middle of the range by 22 % of the friction.
 ROUGHNESS = np.linspace(0.0, 1.5, 11)
-#: Relative scatter between runs, omega; repeats of pneumatic seals that differ by more are not one seal.
+#: Relative scatter between runs, omega; repeats that differ by more are not of one pneumatic seal.
 BETWEEN_RUNS = np.linspace(0.0, 0.4, 9)
 #: Relative scatter of a seal's recordings, sigma_s, and its common value tau.
 SCATTER = np.geomspace(0.008, 0.6, 20)
 COMMON = np.geomspace(0.01, 0.5, 12)
-#: 1/nu: how much the scatter of seals differs; from hardly to by any factor.
+#: 1/nu: variation of the scatter between seals, from small to any factor.
 DIVERSITY = np.linspace(0.02, 0.5, 7)
-#: No gauge pressure lies below this: where the Wiener process starts is without effect as long as it is below all.
+#: Start of the Wiener process, below all gauge pressures; its exact value has no effect.
 VACUUM_PA = -1.1e5
-#: Speeds of one seal that differ by less than this factor carry no dependence on speed.
+#: Factor between speeds of one seal below which its friction gets no dependence on speed.
 SPEED_SPAN = 3.0
-#: Recordings beyond the parameters, over all seals, without which there is no scatter to be found.
+#: Least number of recordings beyond the parameters, over all seals, to estimate a scatter.
 LEAST_FREEDOM = 3
-#: Deviation from the chord of an integrated Wiener process of unit roughness at the middle of a unit range.
+#: Deviation of an integrated Wiener process of unit roughness from its chord at the middle of a unit range.
 MIDDLE = 48.0**-0.5
 
 
 @dataclass(frozen=True)
 class Surveyed:
-    """One seal: its values, its law, and the derivatives of friction by the parameters, all relative to the law.
+    """Data of one seal: values, law, and derivatives of friction by the parameters, all relative to the law.
 
     ``columns`` (n, p) are relative derivatives, ``rest`` (n,) relative residuals, ``theta`` (p,) internal coordinates.
     """
@@ -74,24 +75,24 @@ class Surveyed:
 
 @dataclass(frozen=True, repr=False)
 class Survey(Shown):
-    """Several seals, each with its law, and what they share.
+    """Several seals, each with its law, and their common statistics.
 
     Attributes
     ----------
     seals : dict
-        Name -> its values and law.
+        Name -> values and law.
     unused : dict
-        Name -> why a seal is left out, or says nothing about scatter and roughness.
+        Name -> why a seal is left out, or does not contribute to scatter and roughness.
     freedom : int
         Recordings beyond parameters, over all seals.
     scatter, between_runs : float
         Relative standard deviation between recordings of a run (root mean square over the seals), and between runs.
     repeated : int
-        Runs beyond the first, over all seals: what `between_runs` rests on.
+        Runs beyond the first, over all seals, from which `between_runs` is estimated.
     misses : float
-        Relative standard deviation by which a straight line over the whole range of pressure misses its middle.
+        Relative standard deviation of a straight line over the whole range of pressure at its middle.
     straight : float
-        Likelihood of no roughness at all, over that of the most likely one.
+        Likelihood of zero roughness over that of the most likely one.
     span_pa : float
         Largest range of gauge pressure of one seal: the unit of the roughness.
     weights : dict
@@ -119,7 +120,7 @@ class Survey(Shown):
         run: str | None = None,
         probability: float = 0.95,
     ) -> Prediction:
-        """Friction of a further recording of one seal.
+        """Predict the friction of a further recording of one seal.
 
         Parameters
         ----------
@@ -127,15 +128,15 @@ class Survey(Shown):
         speed_m_s, gauge_a_pa, gauge_b_pa : array_like
             Conditions, broadcast against each other.
         run : str or None
-            Run that was measured, for a further recording in it; None is a run that was not.
+            Measured run, for a further recording in it; None: a new run.
         probability : float
-            Of the interval.
+            Probability of the interval.
 
         Returns
         -------
         Prediction
-            Its interval holds the mean of a new recording with that probability: uncertainty of the parameters,
-            scatter between recordings, and what the straight line misses are in it.
+            Its interval contains the mean of a new recording with that probability, including uncertainty of the
+            parameters, scatter between recordings, and deviation from a straight line.
         """
         if seal not in self.seals:
             raise FitError(f"the survey has no seal {seal!r}", remedy=nearest(seal, self.seals))
@@ -156,15 +157,15 @@ class Survey(Shown):
         return Prediction(*(x.reshape(speed.shape) for x in (mean, lower, upper, stderr)))
 
     def statements(self) -> list[str]:
-        """Say in words what was found."""
+        """Return the findings in sentences."""
         lines = [
             f"recordings of one seal scatter by {100 * self.scatter:.2g} % about its law "
             f"({self.freedom} degrees of freedom over {len(self.seals)} seals)",
             f"runs of one seal differ by a further {100 * self.between_runs:.2g} % "
             f"({self.repeated} repeated run{'s' * (self.repeated != 1)})"
             if self.repeated
-            else "no seal was run twice: what runs differ by is assumed (anything up to 40 %) and makes the interval "
-            "of another run wide; repeat one run after taking the seal out and in again",
+            else "no seal was run twice: the difference between runs is assumed (up to 40 %) and widens the interval "
+            "of another run; repeat one run after remounting the seal",
         ]
         if self.straight < 0.15:  # likelihood ratio of one parameter at p = 0.05: exp(-3.84 / 2)
             lines.append(
@@ -173,11 +174,11 @@ class Survey(Shown):
                 "or compare laws with pressure='quadratic' and 'saturating'"
             )
         else:
-            lines.append("a straight line in pressure cannot be told from the measured values")
+            lines.append("a straight line in pressure agrees with the measured values")
         return lines + [f"{name}: {why}" for name, why in self.unused.items()]
 
     def _kriged(self, one: Surveyed, at: Observations, run: str | None = None) -> tuple[Array, Array]:
-        """Prediction and its variance at each roughness and scatters, shapes (11, 9, 20, n)."""
+        """Return the prediction and its variance at each roughness and scatter, shapes (11, 9, 20, n)."""
         mean, jac = one.model.value_and_jacobian(one.theta, at)
         drift = jac / mean[:, None]
         inside = _kernel(one.model, one.data, one.data, self.span_pa)
@@ -198,7 +199,7 @@ class Survey(Shown):
         return value, variance
 
     def _borrowed(self, one: Surveyed, at: Observations) -> tuple[Array, Array]:
-        """From a seal measured at one pressure to another: by the ratio that the other seals have."""
+        """Predict a seal that was measured at one pressure at another one, by the ratio of the other seals."""
         here = at_conditions(at.speed_m_s, 0.0 * at.gauge_a_pa, 0.0 * at.gauge_b_pa)
         here.gauge_a_pa[:], here.gauge_b_pa[:] = one.data.gauge_a_pa.mean(), one.data.gauge_b_pa.mean()
         ratios = [
@@ -207,8 +208,8 @@ class Survey(Shown):
         others = [ratio for ratio in ratios if (ratio > 0.0).all()]
         if len(others) < LEAST_FREEDOM:
             raise FitError(
-                f"{one.name} was measured at one pressure only, and fewer than {LEAST_FREEDOM} other seals at several",
-                remedy=f"measure {one.name} at a second pressure",
+                f"{one.name} was measured at only one pressure, and fewer than {LEAST_FREEDOM} other seals at several",
+                remedy=f"Measure {one.name} at a second pressure.",
             )
         ratio = np.log(others)
         value = one.model.value(one.theta, at) * np.exp(ratio.mean(axis=0))
@@ -228,21 +229,21 @@ def survey_values(
     runs: Mapping[str, Sequence[str]] | None = None,
     law: str | None = None,
 ) -> Survey:
-    """Find what the seals share; see the head of this module.
+    """Survey several seals; see the docstring of this module.
 
     Parameters
     ----------
     groups : mapping
-        Seal -> its values.
+        Seal -> values.
     runs : mapping, optional
-        Seal -> name of the run (the mounting) of each value; without it each seal was run once.
+        Seal -> name of the run (mounting) of each value; the default is one run for each seal.
     law : str or None
         None: ``stribeck`` for a seal whose speeds span a factor of three or more, otherwise friction at its speed.
 
     Raises
     ------
     FitError
-        If all seals together have too few recordings.
+        All seals together have too few recordings.
     """
     seals: dict[str, Surveyed] = {}
     unused: dict[str, str] = {}
@@ -253,14 +254,14 @@ def survey_values(
             continue
         seals[name] = one
         if len(data) <= one.theta.size:
-            unused[name] = "as many parameters as recordings: it says nothing about the scatter"
+            unused[name] = "as many parameters as recordings: the seal does not contribute to the scatter"
     freedom = sum(len(s.data) - s.theta.size for s in seals.values())
     if freedom < LEAST_FREEDOM:
         raise FitError(
             "the recordings hardly outnumber the parameters",
             value=f"{freedom} degrees of freedom over {len(seals)} seals",
             rule=f"at least {LEAST_FREEDOM} are needed for a scatter between recordings",
-            remedy="measure more pressures of each seal, or repeat runs",
+            remedy="Measure more pressures of each seal, or repeat runs.",
         )
     span = max(max(float(np.ptp(s.data.gauge_a_pa)), float(np.ptp(s.data.gauge_b_pa))) for s in seals.values())
     span = span if span > 0.0 else 1e5
@@ -283,16 +284,17 @@ def survey_values(
 
 
 def _posterior(logs: dict[str, Array]) -> tuple[dict[str, Array], Array]:
-    """Posterior of each seal, shape (11, 9, 20), and of what all share, (11, 9), from log likelihoods (11, 9, 20).
+    """Return the posterior of each seal, (11, 9, 20), and the common one, (11, 9), from log likelihoods (11, 9, 20).
 
-    The scatter of a seal has the density nu tau^2 / chi2(nu): in ln sigma, sigma^-nu exp(-nu tau^2 / (2 sigma^2)).
+    The squared scatter of a seal is distributed as nu tau^2 / chi2(nu): the density in ln sigma is proportional to
+    sigma^-nu exp(-nu tau^2 / (2 sigma^2)).
     """
     nu, tau = 1.0 / DIVERSITY[:, None, None], COMMON[None, :, None]
     log_prior = -nu * np.log(SCATTER / tau) - nu * tau**2 / (2.0 * SCATTER**2)
     prior = np.exp(log_prior - log_prior.max(axis=-1, keepdims=True))
     prior = (prior / prior.sum(axis=-1, keepdims=True)).reshape(-1, SCATTER.size)
     likelihood = {name: np.exp(log - log.max()) for name, log in logs.items()}
-    given = {name: part @ prior.T for name, part in likelihood.items()}  # of what is shared, (11, 9, m)
+    given = {name: part @ prior.T for name, part in likelihood.items()}  # common posterior, (11, 9, m)
     joint = np.prod(list(given.values()), axis=0)
     joint /= joint.sum()
     weights = {name: ((joint / np.maximum(given[name], 1e-300)) @ prior) * part for name, part in likelihood.items()}
@@ -300,7 +302,7 @@ def _posterior(logs: dict[str, Array]) -> tuple[dict[str, Array], Array]:
 
 
 def _surveyed(name: str, data: Observations, runs: tuple[str, ...], law: str | None) -> Surveyed | str:
-    """Fit one seal, or say why it is left out."""
+    """Fit one seal, or return why it is left out."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
     wanted = FrictionModel(law or ("stribeck" if wide else "coulomb"), viscous=wide)
     fit = fit_values(wanted, data, pressure="linear")
@@ -319,7 +321,7 @@ def _elsewhere(data: Observations, at: Observations) -> bool:
 
 
 def _kernel(model: FrictionModel, first: Observations, second: Observations, span: float) -> Array:
-    """Covariance of the integrated Wiener process, one for each chamber whose pressure was varied."""
+    """Return the covariance of the integrated Wiener process, one for each chamber with varied pressure."""
     total = np.zeros((len(first), len(second)))
     for chamber in "".join(model.chambers):
         s, t = (np.asarray(getattr(x, f"gauge_{chamber}_pa")) - VACUUM_PA for x in (first, second))
@@ -328,7 +330,7 @@ def _kernel(model: FrictionModel, first: Observations, second: Observations, spa
 
 
 def _least_squares(one: Surveyed, kernel: Array, roughness: float) -> tuple[Array, Array, Array]:
-    """Inverse covariance of the values, covariance of the parameters, their change; at all scatters, (9, 20, ...)."""
+    """Return inverse covariance of values, covariance and change of parameters, at all scatters, (9, 20, ...)."""
     same_run = np.array([[r == s for s in one.runs] for r in one.runs], dtype=float)
     between = (BETWEEN_RUNS**2)[:, None, None, None] * same_run
     weight = np.linalg.inv((SCATTER**2)[:, None, None] * np.eye(len(one.data)) + between + roughness**2 * kernel)
@@ -338,7 +340,7 @@ def _least_squares(one: Surveyed, kernel: Array, roughness: float) -> tuple[Arra
 
 
 def _restricted(one: Surveyed, span: float) -> Array:
-    """Logarithm of the restricted likelihood of one seal on the grids, shape (11, 9, 20)."""
+    """Return the logarithm of the restricted likelihood of one seal on the grids, shape (11, 9, 20)."""
     kernel = _kernel(one.model, one.data, one.data, span)
     size = np.linalg.norm(one.columns, axis=0)
     scaled = one.columns / np.where(size > 0.0, size, 1.0)
@@ -352,7 +354,7 @@ def _restricted(one: Surveyed, span: float) -> Array:
 
 
 def _quantiles(value: Array, deviation: Array, weight: Array, probability: float) -> tuple[Array, Array]:
-    """Interval of a mixture of normal distributions, shapes (m, n) and (m,); by bisection."""
+    """Return the interval of a mixture of normal distributions, shapes (m, n) and (m,), by bisection."""
     from scipy.special import ndtr
 
     keep = weight > 1e-6 * weight.max()

@@ -1,6 +1,6 @@
-"""What an identification hands to a drive: values by their names in the drive file, intervals, recordings.
+"""Identified values for a drive: values by their names in the drive file, intervals, recordings.
 
-Fits of friction maps and fits of whole records both end here, so that a drive file says of each value where it is from.
+Fits of friction maps and of recordings of drives both use it, so that a drive file gives the origin of each value.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.dependences import Dependences
 
-#: Digits of the bounds of an interval, which are rounded outwards, and of a value without an interval.
+#: Digits of the ends of an interval, which are rounded outwards, and of a value without an interval.
 DIGITS = 5
-#: A value is rounded to a share of its interval below this.
+#: Largest rounding error of a value, as a share of its interval.
 ROUNDED_SHARE = 1e-2
-#: Digits of a floor for model error.
+#: Digits of the lower limit of a model error.
 MODEL_DIGITS = 2
 MOST_SOURCES = 6
 
@@ -43,16 +43,16 @@ class Identified:
     values : dict
         Dotted name in the drive file (``friction.coulomb``, ``cylinder.dead_volume.a``) -> SI, pressures absolute.
     intervals : dict
-        Name -> (lower, upper), SI; infinite where nothing bounds it. A value without one (half of a sum that alone is
-        determined) gets no provenance.
+        Name -> (lower, upper), SI; infinite for open ends. A value without an interval (half of a sum, where only the
+        sum is determined) gets no provenance.
     sources : dict
-        Name -> recordings that it comes from.
+        Name -> its recordings.
     fit : str
-        Hash by which the fit is found again.
+        Hash that identifies the fit.
     confidence : float
-        Probability that the intervals are meant to cover with.
+        Coverage probability of the intervals.
     model_errors : dict
-        Name -> floor for model error, SI, where one is known.
+        Name -> lower limit of the model error, SI, where known.
     """
 
     values: Mapping[str, float]
@@ -63,13 +63,13 @@ class Identified:
     model_errors: Mapping[str, float] = field(default_factory=dict)
 
     def lowered(self, forces: Mapping[str, float]) -> Identified:
-        """Take these forces off values and intervals, by name."""
+        """Subtract forces from values and intervals, by name."""
         values = {name: value - forces.get(name, 0.0) for name, value in self.values.items()}
         ends = {n: (low - forces.get(n, 0.0), high - forces.get(n, 0.0)) for n, (low, high) in self.intervals.items()}
         return replace(self, values=values, intervals=ends)
 
     def origins(self, marks: Mapping[str, Quantity | StatedPressure | None]) -> dict[str, dict[str, object]]:
-        """Tables of provenance, with the units that `marks` give."""
+        """Return the tables of provenance, with the units of `marks`."""
         out = {}
         for name, interval in self.intervals.items():
             if name not in self.values:
@@ -99,21 +99,21 @@ def apply_identified(
     found : Identified
     drive : Drive
     tables : mapping, optional
-        Further changes that go with the values, as of `Drive.replace`: a law, a shape.
+        Further changes, as for `Drive.replace`: a law, a shape.
     beside : Dependences, optional
-        Tables of friction that were measured beside; what the age of a sliding contact adds is taken off the values.
+        Measured friction modifiers; the effect of the age of a sliding contact is subtracted from the values.
 
     Warns
     -----
     PneudriveWarning
-        A value that was kept is moved to the limit that an identified one sets.
+        A kept value is moved to the limit set by an identified one.
 
     Raises
     ------
     FitError
-        A value that the drive has not.
+        The drive lacks a value.
     DescriptionError
-        A value that the drive refuses.
+        A value is not valid for the drive.
     """
     changes: dict[str, object] = dict(tables or {})
     if beside is not None:
@@ -128,7 +128,7 @@ def apply_identified(
     for name, value in found.values.items():
         table, _, last = name.rpartition(".")
         if name not in known:
-            raise FitError(f"the fit has {name}, which this drive does not have", remedy=nearest(name, known))
+            raise FitError(f"the fit has {name}, but this drive does not", remedy=nearest(name, known))
         written = _rounded(value, found.intervals.get(name), known[name])
         if name in own:
             changes[name] = {"value": written} | _said(found, name, own[name])
@@ -152,7 +152,7 @@ def apply_identified(
 
 
 def _of_lines(drive: Drive) -> dict[str, Quantity]:
-    """Quantities of tubes and flow controls, by their names in the drive file."""
+    """Return the quantities of tubes and flow controls, by their names in the drive file."""
     if not drive.has_lines:
         return {}
     from pneudrive.free.lines import numbers
@@ -162,7 +162,7 @@ def _of_lines(drive: Drive) -> dict[str, Quantity]:
 
 
 def _said(found: Identified, name: str, mark: Quantity) -> dict[str, str]:
-    """Say where a value of a line comes from: it carries that itself."""
+    """Return the origin of a value of a line, which is stored with the value."""
     source = {"source": _joined(found.sources.get(name, ())) or "a recording"}
     if name not in found.intervals:
         return source
@@ -171,7 +171,7 @@ def _said(found: Identified, name: str, mark: Quantity) -> dict[str, str]:
 
 
 def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
-    """Move assumed parameters of friction along with what they follow from."""
+    """Update assumed parameters of friction after a change of their sources."""
     own = {k.removeprefix("friction."): v for k, v in found.values.items() if k.count(".") == 1}
     changed = {k: v for k, v in own.items() if k in drive.friction.parameters}
     marks = parameter_quantities(drive.friction.entry)
@@ -179,9 +179,9 @@ def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
 
 
 def _within_limits(found: Identified, drive: Drive, changed: set[str]) -> dict[str, str | float]:
-    """Move a level that was not identified to the one that was, where it would lie on the wrong side of it.
+    """Move an unidentified force to the identified one if it would contradict it.
 
-    A drive breaks away at no less than its Coulomb force, so each of the two is a limit of the other.
+    The breakaway force is not below the Coulomb force, so each of the two is a limit of the other.
     """
     coulomb, breakaway = "friction.coulomb", "friction.breakaway"
     kept = [name for name in (coulomb, breakaway) if name not in changed]
@@ -192,15 +192,15 @@ def _within_limits(found: Identified, drive: Drive, changed: set[str]) -> dict[s
     if own <= limit if kept == [coulomb] else own >= limit:
         return {}
     warn(
-        f"{kept[0]} = {own:.5g} N is not determined by the fit and would contradict it (breakaway >= coulomb); it is "
-        f"set to its limit, {limit:.5g} N"
+        f"{kept[0]} = {own:.5g} N is not determined by the fit and contradicts it (breakaway >= coulomb); it is set to "
+        f"its limit, {limit:.5g} N"
     )
     other = breakaway if kept == [coulomb] else coulomb
     return {kept[0]: _rounded(limit, found.intervals.get(other), marks_of(drive)[other])}
 
 
 def _chamber(drive: Drive, name: str) -> Quantity | None:
-    """How a value of one chamber is written, also where the drive does not give it yet."""
+    """Return the annotation of a value of one chamber, also if the drive does not give it yet."""
     known = values_of(drive)
     if name in known:
         mark = known[name].mark
@@ -208,11 +208,11 @@ def _chamber(drive: Drive, name: str) -> Quantity | None:
     if name.startswith("friction.pressure."):
         (mark,) = (m for m in SealPressure.model_fields["coulomb_n_pa"].metadata if isinstance(m, Quantity))
         return mark
-    raise FitError(f"the fit has {name}, which this drive does not have", remedy=nearest(name, known))
+    raise FitError(f"the fit has {name}, but this drive does not", remedy=nearest(name, known))
 
 
 def _both(drive: Drive, table: str) -> dict[str, str]:
-    """Values of both chambers as they are, or none."""
+    """Return the present values of both chambers; empty if there are none."""
     known = values_of(drive)
     out = {}
     for c in "ab":
@@ -223,14 +223,14 @@ def _both(drive: Drive, table: str) -> dict[str, str]:
 
 
 def _way(mark: Quantity | StatedPressure | None) -> tuple[Quantity, str]:
-    """How a value is written, and what stands behind it: pressures inside are absolute."""
+    """Return unit and suffix of a written value: inner pressures are absolute."""
     if isinstance(mark, StatedPressure):
         return Quantity("Pa", "bar"), " abs"
     return mark or Quantity(""), ""
 
 
 def _size(mark: Quantity | StatedPressure | None) -> Quantity:
-    """How a difference of such values is written: a pressure has no zero, a temperature is in K."""
+    """Return the unit of a difference of such values: a pressure without abs, a temperature in K."""
     quantity, _ = _way(mark)
     return Quantity("K", "K") if quantity.si_unit == "K" else quantity
 
@@ -241,7 +241,7 @@ def _rounded(
     mark: Quantity | StatedPressure | None,
     digits: int = DIGITS,
 ) -> str | float:
-    """Write a value with as many digits as its interval carries, in the unit in which people read it."""
+    """Write a value in its common unit, with digits according to its interval."""
     if not math.isfinite(value) or value == 0.0:
         return _written(value, mark)
     quantity, behind = _way(mark)
@@ -269,12 +269,12 @@ def _written(value: float, mark: Quantity | StatedPressure | None) -> str | floa
 
 
 def _ends(interval: tuple[float, float], mark: Quantity | StatedPressure | None) -> list[str | float]:
-    """Write both ends of an interval, rounded away from what it encloses."""
+    """Write both ends of an interval, rounded outwards."""
     return [_written(_outward(end, up=up), mark) for end, up in zip(interval, (False, True), strict=True)]
 
 
 def _outward(value: float, *, up: bool) -> float:
-    """Round a bound away from what it encloses."""
+    """Round an end of an interval outwards."""
     if not math.isfinite(value) or value == 0.0:
         return value
     step = 10.0 ** (math.floor(math.log10(abs(value))) - DIGITS + 1)

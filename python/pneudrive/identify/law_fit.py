@@ -1,4 +1,4 @@
-"""The fit of any law: values with intervals, and what they give to a drive."""
+"""Fit of any law: values with intervals, and their application to a drive."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: What acts on a law at rest only: steady sliding does not show it.
+#: Modifiers that act only at rest, without effect on steady sliding.
 AT_REST = ("dwell", "relaxation")
 
 
@@ -35,17 +35,17 @@ class LawFit(Fit):
     Attributes
     ----------
     model : AnyLaw
-        The law as it was given, with guesses, and the names of its free parameters.
+        Given law with guesses, and the names of its free parameters.
     intervals : dict
-        Free parameter that the data determine -> 95 % interval, statistical, first order in the logarithm of what is
-        positive; nothing else has one.
+        Free parameter that the data determine -> 95 % interval, statistical, first order in the logarithm of positive
+        parameters; other parameters have none.
     systematic : dict
-        Free parameter -> standard uncertainty from what all rows share (sensor gain, pressure, area).
+        Free parameter -> standard uncertainty from errors shared by all rows (sensor gain, pressure, area).
     covariance : ndarray, shape (p, p)
     undetermined : tuple of str
         Free parameters in directions that the data do not determine.
     unseen : tuple of str
-        Parameters of the law that steady sliding does not show.
+        Parameters of the law without effect on steady sliding.
     statistics : dict
         values, degrees_of_freedom, scale, rms_n, aicc, bic, starts, starts_agreeing.
     provenance : dict
@@ -56,7 +56,7 @@ class LawFit(Fit):
     TITLE: ClassVar[str] = "fit of a law"
     GROUPS: ClassVar[tuple[str, ...]] = ("parameters",)
     HEAD: ClassVar[str] = (
-        "# Fit of any law. SI units; intervals are 95 %, statistical; [given] is what the search started from."
+        "# Fit of any law. SI units; intervals are 95 %, statistical; [given] has the start values of the search."
     )
 
     model: AnyLaw
@@ -69,13 +69,13 @@ class LawFit(Fit):
 
     @property
     def friction(self) -> Friction:
-        """The law with what the data determine of it; all else as it was given."""
+        """Law with the determined parameters; all others as given."""
         marks = parameter_quantities(self.model.friction.entry)
         fitted = {name: marks[name].show(self.values[name]) for name in self.determined}
         return Friction.model_validate(self.model.friction.to_dict() | fitted)
 
     def predict(self, speed_m_s: ArrayLike, gauge_a_pa: ArrayLike = 0.0, gauge_b_pa: ArrayLike = 0.0) -> Array:
-        """Friction at these speeds and gauge pressures, N."""
+        """Return the friction at speeds and gauge pressures, N."""
         speed, a, b = np.broadcast_arrays(*(np.asarray(x, float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
         q = self.model.internal(np.array([self.values[n] for n in self.model.names]))
         return self.model.value(q, at_conditions(speed.ravel(), a.ravel(), b.ravel())).reshape(speed.shape)
@@ -83,16 +83,15 @@ class LawFit(Fit):
     def apply(self, drive: Drive) -> Drive:
         """Return a drive with this law, each determined value with its interval and its recordings.
 
-        A drive that has the law already keeps what the data do not determine. Any other takes the law as a whole, and
-        what was not fitted of it as it was given for the fit.
+        A drive with the same law keeps its undetermined parameters. Any other drive gets the whole law, with unfitted
+        parameters as given for the fit.
 
         Raises
         ------
         FitError
-            Pressure, direction or what else acts on sliding friction is not the same in drive and fit: the values hold
-            with what acted when they were fitted.
-        DescriptionError
-            The mixture of fitted and kept values breaks a rule of the law.
+            A modifier of sliding friction, such as pressure or direction, differs between drive and fit.
+            DescriptionError
+        The combination of fitted and kept values violates a rule of the law.
         """
         own, theirs = self.model.friction, drive.friction
         sliding = [key for key in DEPENDENCES if key not in AT_REST]
@@ -100,9 +99,9 @@ class LawFit(Fit):
             there = getattr(theirs, key)
             if there is not None and there != getattr(own, key):
                 raise FitError(
-                    f"the drive's [friction.{key}] is not that with which the law was fitted",
-                    rule="values hold with what acted on the law when they were fitted",
-                    remedy=f"fit the drive's own friction (drive.friction), or take [friction.{key}] out of the drive",
+                    f"[friction.{key}] of the drive differs from that of the fit",
+                    rule="fitted values are valid only with the modifiers of the fit",
+                    remedy=f"Fit the drive's friction (drive.friction), or remove [friction.{key}] from the drive.",
                 )
         tables: dict[str, Any] = {key: value for key in sliding if (value := getattr(own, key)) is not None}
         if (own.law, own.formula) != (theirs.law, theirs.formula):
@@ -111,7 +110,7 @@ class LawFit(Fit):
         return apply_identified(self.identified(), with_law)
 
     def identified(self) -> Identified:
-        """Return the determined parameters under their names in the drive file, with chance and what rows share."""
+        """Return the determined parameters under their names in the drive file, with their whole uncertainty."""
         return self.identified_as({name: f"friction.{name}" for name in self.determined})
 
     def curve(
@@ -120,7 +119,7 @@ class LawFit(Fit):
         gauge_b_pa: float | None = None,
         speeds_m_s: tuple[float, float] | None = None,
     ) -> SlidingCurve:
-        """Return the law's curve, with what is determined of it; see `FrictionFit.curve`."""
+        """Return the law's curve with its determined parameters; see `FrictionFit.curve`."""
         said = self.provenance
         speed = speeds_over(speeds_m_s or said.get("speed_m_s"), "fit")
         gauges = tuple(middle_of(p, said.get(f"gauge_{c}_pa")) for c, p in (("a", gauge_a_pa), ("b", gauge_b_pa)))
@@ -132,10 +131,10 @@ class LawFit(Fit):
         return curve_of_friction(self.friction, title, speed, (gauges[0], gauges[1]), entries)
 
     def statements(self) -> list[str]:
-        """Return what the data do not determine, in sentences."""
+        """Return sentences on undetermined parameters."""
         lost, unseen = ", ".join(self.undetermined), ", ".join(self.unseen)
         said = [f"these values do not determine {lost}"] if lost else []
-        return said + ([f"steady sliding does not show {unseen}; kept as given"] if unseen else [])
+        return said + ([f"{unseen} have no effect on steady sliding and keep their given values"] if unseen else [])
 
     def _first(self) -> dict[str, Any]:
         return {"kind": self.KIND, "unseen": self.unseen}

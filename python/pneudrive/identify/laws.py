@@ -1,4 +1,4 @@
-"""Which law holds: laws and dependences on pressure compared by what they say of conditions that they have not seen."""
+"""Comparison of laws and dependences on pressure by cross-validation over conditions."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Laws by the name under which they are compared.
+#: Compared laws by name.
 CANDIDATES = {
     "coulomb": FrictionModel("coulomb"),
     "stribeck gaussian": FrictionModel("stribeck"),
@@ -41,36 +41,36 @@ CANDIDATES = {
     "stribeck lorentzian": FrictionModel("stribeck", lorentzian=True),
     "stribeck free": FrictionModel("stribeck", exponent=None),
 }
-#: A miss of a straight line that is said.
+#: Relative error of a straight line above which it is reported.
 MISSED = 0.2
-#: A curve has to miss by less than this share of what the line misses by, or it is not the line that is wrong.
+#: Error of a curve, as a share of that of the line, below which the line is blamed.
 CURVED = 0.75
 
 
 @dataclass(frozen=True, repr=False)
 class Compared(Shown):
-    """One law among those that are compared.
+    """Result of one compared law.
 
     Attributes
     ----------
     name : str
     pressure : str or None
-        Its dependence on pressure.
+        Dependence on pressure.
     fit : FrictionFit
-        From all values.
+        Fit to all values.
     aicc, bic : float
     error_n, error : float
-        Root mean square of predicted minus measured values of held-out conditions, N, and over that of the friction.
+        Root mean square of predicted minus measured values of held-out conditions, N, and relative to the friction.
     coverage : float
-        Share of the held-out values inside their prediction interval.
+        Share of the held-out values within their prediction interval.
     squares : ndarray, shape (folds,)
         Mean square of each held-out condition, N^2.
     worst : float
         Largest relative error of a held-out condition's mean.
     worst_at : str
-        That condition, in words.
+        That condition in words.
     viscous : bool
-        Whether a viscous part was looked for: not where all speeds lie within a factor of three.
+        Whether a viscous part was fitted; not if all speeds lie within a factor of three.
     """
 
     name: str
@@ -86,17 +86,17 @@ class Compared(Shown):
 
     @property
     def free(self) -> int:
-        """Free parameters, with the knee."""
+        """Number of free parameters, including the knee."""
         return len(self.fit.free) + self.fit.model.chosen
 
     @property
     def aicc(self) -> float:
-        """Of the fit."""
+        """Criterion of the fit."""
         return self.fit.statistics["aicc"]
 
     @property
     def bic(self) -> float:
-        """Of the fit."""
+        """Criterion of the fit."""
         return self.fit.statistics["bic"]
 
     @property
@@ -107,22 +107,22 @@ class Compared(Shown):
 
 @dataclass(frozen=True, repr=False)
 class LawComparison(Shown):
-    """Laws compared on one friction map, the one with the smallest held-out error first.
+    """Comparison of laws on one friction map, the smallest held-out error first.
 
     Attributes
     ----------
     rows : tuple of Compared
     held_out : str
-        What was left out and predicted.
+        Kind of the held-out conditions.
     folds : int
-        Conditions that were left out, one after the other.
+        Number of held-out conditions.
     probability : float
-        Of the prediction intervals.
+        Probability of the prediction intervals.
     recommended : Compared
         The simplest law whose held-out error is not larger than the smallest by more than one standard error of their
         difference.
     statements : tuple of str
-        The recommendation in words, and what a straight line in pressure misses.
+        Sentences on the recommendation and on the error of a straight line in pressure.
     """
 
     rows: tuple[Compared, ...]
@@ -160,24 +160,24 @@ def compare_laws(
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
 ) -> LawComparison:
-    """Compare friction laws by AICc, BIC, and by prediction of conditions that were left out.
+    """Compare friction laws by AICc, BIC, and by cross-validation over conditions.
 
     Parameters
     ----------
     friction_map : xarray.Dataset
-        As of :func:`fit_friction`.
+        As for :func:`fit_friction`.
     laws : sequence of str
-        Of ``coulomb``, ``stribeck gaussian``, ``stribeck exponential``, ``stribeck lorentzian``, ``stribeck free``.
+        ``coulomb``, ``stribeck gaussian``, ``stribeck exponential``, ``stribeck lorentzian``, ``stribeck free``.
     pressure : sequence of str, optional
-        Dependences on pressure, each tried with each law; by default all where the pressure was varied. Empty: none.
+        Dependences on pressure, each combined with each law; by default all if the pressure was varied. Empty: none.
     hold_out : str or sequence of str, optional
-        What is left out together: ``pressure``, ``speed``, ``recording``, a column of the map (``seal``, ``day``,
-        ``mounting``), or a label for each row. By default ``pressure`` where there are three or more, else ``speed``.
-        Never single values at random: neighbours of one condition would tell what is left out.
+        Groups held out together: ``pressure``, ``speed``, ``recording``, a column of the map (``seal``, ``day``,
+        ``mounting``), or a label for each row. By default ``pressure`` if there are three or more, else ``speed``.
+        Not single values at random, as neighbours of the same condition would predict them.
     direction, ambient_pressure_pa, exclude_flags, loss
-        As of :func:`fit_friction`.
+        As for :func:`fit_friction`.
     probability : float
-        Of the prediction intervals that are counted.
+        Probability of the prediction intervals.
     progress, cancel : optional
         See `pneudrive.watch.Watch`.
 
@@ -188,11 +188,11 @@ def compare_laws(
     Raises
     ------
     FitError
-        If a name is unknown, or there are fewer than three conditions to leave out.
+        A name is unknown, or there are fewer than three conditions to hold out.
     """
     for name in laws:
         if name not in CANDIDATES:
-            raise FitError(f"there is no law {name!r} to compare", remedy=nearest(name, CANDIDATES))
+            raise FitError(f"the law {name!r} cannot be compared", remedy=nearest(name, CANDIDATES))
     ambient = ambient_of(friction_map, ambient_pressure_pa, needed=True)
     data, _ = observations(friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags)
     forms = _forms(data, pressure)
@@ -213,7 +213,7 @@ def compare_laws(
 
 
 def _distinct(rows: list[Compared]) -> tuple[list[Compared], list[str]]:
-    """Leave out laws of which the values carry no more than of a plainer one that is compared too, and say so."""
+    """Remove laws that the values cannot distinguish from a simpler compared law; return notes on them."""
     asked = {(row.name, row.pressure) for row in rows}
     kept, plainer = [], {"curve": dict[str, None](), "line": dict[str, None]()}
     for row in rows:
@@ -225,8 +225,8 @@ def _distinct(rows: list[Compared]) -> tuple[list[Compared], list[str]]:
         plainer["curve"] |= {row.name: None} if name != row.name else {}
         plainer["line"] |= {str(row.pressure): None} if form != row.pressure else {}
     words = {
-        "curve": "these values carry no Stribeck curve: coulomb stands for {}",
-        "line": "these pressures carry no more than a straight line: linear stands for {} in pressure",
+        "curve": "these values do not determine a Stribeck curve: coulomb represents {}",
+        "line": "these pressures determine only a straight line: linear represents {} in pressure",
     }
     return kept, [words[what].format(", ".join(names)) for what, names in plainer.items() if names]
 
@@ -236,7 +236,7 @@ def _forms(data: Observations, wanted: Sequence[str] | None) -> tuple[str | None
         for form in wanted:
             if form not in PRESSURE_FORMS:
                 raise FitError(
-                    f"there is no dependence on pressure called {form!r}", remedy=nearest(form, PRESSURE_FORMS)
+                    f"the dependence on pressure {form!r} is not known", remedy=nearest(form, PRESSURE_FORMS)
                 )
         return tuple(wanted) or (None,)
     varied = [np.ptp(g) > MINIMUM_RANGE_PA for g in (data.gauge_a_pa, data.gauge_b_pa)]
@@ -246,7 +246,7 @@ def _forms(data: Observations, wanted: Sequence[str] | None) -> tuple[str | None
 def _folds(
     friction_map: xr.Dataset, data: Observations, wanted: str | Sequence[str] | None
 ) -> tuple[str, NDArray[np.int64]]:
-    """Name of what is left out, and the number of the fold of each value."""
+    """Return the kind of held-out conditions, and the number of the fold of each value."""
     if wanted is None:
         wanted = "pressure" if pressure_levels(data).max() >= 2 else "speed"
     name = wanted if isinstance(wanted, str) else "label"
@@ -265,9 +265,9 @@ def _folds(
         folds = np.unique([of_recording[names[g]] for g in data.group], return_inverse=True)[1]
     if folds.max() < 2:
         raise FitError(
-            f"there are fewer than three conditions to leave out by {name}",
+            f"there are fewer than three conditions to hold out by {name}",
             value=f"{int(folds.max()) + 1}",
-            remedy="measure more of them, or hold out by speed or by recording",
+            remedy="Measure more conditions, or hold out by speed or by recording.",
         )
     return name, np.asarray(folds, dtype=np.int64)
 
@@ -280,7 +280,7 @@ def _compared(
     loss: str,
     probability: float,
 ) -> Compared | str:
-    """Fit and predict, or say why that cannot be done."""
+    """Fit and predict, or return why that is not possible."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
     try:
         fit = fit_values(replace(CANDIDATES[name], viscous=wide), data, pressure=form, loss=loss)
@@ -323,7 +323,7 @@ def _compared(
 
 
 def _without(model: FrictionModel, form: str | None, rest: Observations, loss: str) -> FrictionFit:
-    """Fit what all values carry of the law to some of them."""
+    """Fit the part of the law that all values determine to some of them."""
     plain = replace(model, chambers=(), pressure="linear", knee_pa=None)
     chosen, lost = choose_model(plain, rest, pressure=form)
     support = as_it_is(with_knee(chosen, rest, loss), rest, loss)
@@ -346,7 +346,7 @@ def _as_good(row: Compared, best: Compared) -> bool:
 
 def _statements(rows: list[Compared], best: Compared, recommended: Compared, held_out: str) -> Iterator[str]:
     yield (
-        f"recommended: {recommended.title}; it predicts a {held_out} that was left out with an error of "
+        f"recommended: {recommended.title}; it predicts a held-out {held_out} with an error of "
         f"{100 * recommended.error:.2g} %, and {100 * recommended.coverage:.0f} % of the values lie in their interval"
     )
     if recommended is not best:
@@ -355,17 +355,17 @@ def _statements(rows: list[Compared], best: Compared, recommended: Compared, hel
     if smallest is not recommended and all(np.isfinite(row.aicc) for row in rows):
         yield (
             f"AICc would choose {smallest.title}: it describes these values best, "
-            f"and predicts what was left out with {100 * smallest.error:.2g} %"
+            f"but predicts held-out conditions with an error of {100 * smallest.error:.2g} %"
         )
     lines = [row for row in rows if row.pressure == "linear" and row.name == recommended.name]
     gained = bool(lines) and abs(recommended.worst) < CURVED * abs(lines[0].worst)
     if gained and recommended.pressure != "linear" and abs(lines[0].worst) > MISSED:
         yield (
-            f"a straight line in pressure does not hold: it misses a {held_out} that was left out by up to "
+            f"a straight line in pressure does not hold: its error for a held-out {held_out} is up to "
             f"{100 * abs(lines[0].worst):.0f} % ({lines[0].worst_at})"
         )
     elif abs(recommended.worst) > MISSED:
         yield (
-            f"no law tried holds everywhere: {recommended.title} misses a {held_out} that was left out by up to "
+            f"no compared law holds everywhere: the error of {recommended.title} for a held-out {held_out} is up to "
             f"{100 * abs(recommended.worst):.0f} % ({recommended.worst_at}); do not extrapolate, measure there"
         )

@@ -1,12 +1,12 @@
-"""The sliding friction laws as functions of their parameters, ready for least squares.
+"""Sliding friction laws as functions of their parameters, for least squares.
 
-The law itself lives in the core (``pneudrive._core.steady_friction``); nothing here repeats it. Every sliding
-law offered here is linear in its forces at a given Stribeck velocity and exponent,
+The core evaluates the law (``pneudrive._core.steady_friction``). Every sliding law of this module is linear in its
+forces at a given Stribeck velocity and exponent,
 
     F(|v|) = Fc b_c(|v|) + Fs b_s(|v|) + Fv b_v(|v|),
 
 so that differences of core values at unit forces give the three columns b exactly, at any force and pressure.
-Only the derivative by the Stribeck velocity and exponent is written out (a test holds it against the core).
+Only the derivative by the Stribeck velocity and exponent is written here (a test compares it with the core).
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Slopes over the gauge pressures of the chambers, in the order in which a fit reports them.
+#: Slopes over the gauge pressures of the chambers, in the order of a fit.
 PRESSURE_NAMES = ("coulomb_a", "coulomb_b", "breakaway_a", "breakaway_b")
-#: How forces depend on the gauge pressures g of the chambers, beside the slopes: nothing more; a square of each;
-#: g/(1 + |g|/knee) in place of g; the product of both.
+#: Terms of the gauge pressures g of the chambers: only the slopes; also a square of each; g/(1 + |g|/knee) in place
+#: of g; also the product of both.
 PRESSURE_FORMS = ("linear", "quadratic", "saturating", "interaction")
-#: Shapes of the Stribeck curve, the core's names.
+#: Shapes of the Stribeck curve, by their names in the core.
 STRIBECK_SHAPES = ("gaussian", "exponential", "lorentzian", "free")
 UNITS = {
     "coulomb": "N",
@@ -50,24 +50,24 @@ UNITS = {
     "breakaway_curve_b": "N/Pa2",
     "breakaway_product": "N/Pa2",
 }
-#: Stribeck exponents found in the literature lie in 0.5 to 2 [armstrong1994]; the bounds leave room on both sides.
+#: Bounds of the Stribeck exponent; values in the literature lie in 0.5 to 2 [armstrong1994].
 EXPONENT_BOUNDS = (0.3, 4.0)
-#: Starting values of a free Stribeck exponent: Tustin's exponential, Gauss, and one between.
+#: Start values of a free Stribeck exponent: Tustin's exponential, Gauss, and one between.
 EXPONENT_STARTS = (1.0, 1.5, 2.0)
 STARTS_PER_DECADE = 8
 KEPT_STARTS = 3
-#: Smallest excess Fs - Fc that the logarithm can reach, relative to the largest friction: far below any noise.
+#: Smallest excess Fs - Fc relative to the largest friction: far below any noise.
 EXCESS_FLOOR = 1e-9
 
 
 def unit_of(name: str) -> str:
-    """SI unit of a free parameter; a coefficient that both chambers share (``_ab``) has that of either."""
+    """Return the SI unit of a free parameter; a coefficient shared by both chambers (``_ab``) has the same unit."""
     return UNITS[name.removesuffix("b") if name.endswith("_ab") else name]
 
 
 @dataclass(frozen=True)
 class Observations:
-    """Friction means that a fit uses, one row per independent value.
+    """Mean friction values for a fit, one row for each independent value.
 
     Attributes
     ----------
@@ -76,9 +76,9 @@ class Observations:
     gauge_a_pa, gauge_b_pa : ndarray, shape (n,)
         Gauge pressures of the chambers.
     u_systematic_n : ndarray, shape (n,)
-        Standard uncertainty that all rows share in sign (zero where the map does not state it).
+        Standard uncertainty of errors shared by all rows (zero if the map does not state it).
     group : ndarray of int, shape (n,)
-        Recording to which the row belongs.
+        Recording of each row.
     """
 
     speed_m_s: Array
@@ -98,7 +98,7 @@ class Observations:
 
 
 def at_conditions(speed_m_s: Array, gauge_a_pa: Array, gauge_b_pa: Array) -> Observations:
-    """Give conditions, shape (n,) each, as rows without values: at which a law is evaluated."""
+    """Return conditions, shape (n,) each, as rows without values, at which a law is evaluated."""
     one = np.ones(speed_m_s.size)
     return Observations(
         speed_m_s, one, one, np.array(gauge_a_pa), np.array(gauge_b_pa), 0.0 * one, np.zeros(one.size, np.int64)
@@ -106,11 +106,11 @@ def at_conditions(speed_m_s: Array, gauge_a_pa: Array, gauge_b_pa: Array) -> Obs
 
 
 class StaticLaw:
-    """Steady sliding friction as a function of the free parameters of a law."""
+    """Protocol of steady sliding friction as a function of the free parameters of a law."""
 
     names: Any  # tuple of str
     stribeck: Any  # whether the law has a Stribeck part and is linear in its forces
-    chosen: Any  # how many numbers the data chose beside the parameters
+    chosen: Any  # numbers chosen by the data beside the parameters
     transforms: Any  # `Transforms` of the parameters
 
     def natural(self, q: Array) -> Array:
@@ -126,25 +126,25 @@ class StaticLaw:
         return self.transforms.jacobian(q)
 
     def bounds(self, data: Observations) -> tuple[Array, Array]:
-        """Lower and upper bounds of the internal coordinates for these data."""
+        """Return lower and upper bounds of the internal coordinates for these data."""
         raise NotImplementedError
 
     def starting_points(self, data: Observations) -> list[Array]:
-        """Find internal coordinates to start from, best first."""
+        """Return start coordinates, best first."""
         raise NotImplementedError
 
     def value(self, q: Array, data: Observations) -> Array:
-        """Friction at the rows of `data`, shape (n,), N."""
+        """Return the friction at the rows of `data`, shape (n,), N."""
         return self.value_and_jacobian(q, data)[0]
 
     def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
-        """Friction and its derivative by the internal coordinates, shapes (n,) and (n, p)."""
+        """Return friction and its derivative by the internal coordinates, shapes (n,) and (n, p)."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class FrictionModel(StaticLaw):
-    """One sliding law with the choice of what is free.
+    """Sliding law with the choice of its free parameters.
 
     Parameters
     ----------
@@ -153,16 +153,16 @@ class FrictionModel(StaticLaw):
     exponent : float or None
         Fixed Stribeck exponent; None makes it a free parameter.
     chambers : tuple of str
-        Chambers whose gauge pressure the forces depend on: (), ("a",), ("b",), ("a", "b"), or ("ab",) where
-        only the sum of both slopes is free (equal slopes).
+        Chambers whose gauge pressure acts on the forces: (), ("a",), ("b",), ("a", "b"), or ("ab",) if only the
+        sum of both slopes is free (equal slopes).
     viscous : bool
-        Whether the viscous coefficient is free (else it is zero).
+        Whether the viscous coefficient is free; otherwise it is zero.
     lorentzian : bool
         Stribeck curve 1/(1 + (v/vs)^2) in place of exp(-(v/vs)^n); it has no exponent.
     pressure : str
-        How the forces depend on the chambers' pressures, one of ``PRESSURE_FORMS``.
+        Dependence of the forces on the chambers' pressures, one of ``PRESSURE_FORMS``.
     knee_pa : float or None
-        Gauge pressure at which a saturating dependence has half of its initial slope's force.
+        Gauge pressure at which a saturating dependence has half of the force of its initial slope.
     """
 
     law: str
@@ -194,12 +194,12 @@ class FrictionModel(StaticLaw):
         return tuple(names)
 
     def without_stribeck(self) -> FrictionModel:
-        """Return the same law without its Stribeck part."""
+        """Return the law without its Stribeck part."""
         return replace(self, law="coulomb", exponent=2.0, lorentzian=False)
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """What of the pressures each force depends on; the slopes first."""
+        """Return the pressure terms of the forces, slopes first."""
         terms = self.chambers
         if self.pressure == "quadratic":
             terms += tuple(f"curve_{c}" for c in self.chambers)
@@ -209,12 +209,12 @@ class FrictionModel(StaticLaw):
 
     @property
     def chosen(self) -> int:
-        """Count what was chosen by the data without being a free parameter: the knee."""
+        """Number of values chosen by the data that are not free parameters: the knee."""
         return int(self.knee_pa is not None)
 
     @property
     def title(self) -> str:
-        """The law in words, as tables show it."""
+        """Name of the law in tables."""
         shape = ""
         if self.stribeck:
             shape = {1.0: " exponential", 2.0: " gaussian", None: " free exponent"}.get(
@@ -224,7 +224,7 @@ class FrictionModel(StaticLaw):
         return self.law + shape + (f", {self.pressure} in pressure" if self.chambers else "")
 
     def table(self) -> dict[str, object]:
-        """Return the model as a table of a file."""
+        """Return the model as a table for a file."""
         exponent = "free" if self.exponent is None else self.exponent
         chambers, knee = list(self.chambers), {} if self.knee_pa is None else {"knee_pa": self.knee_pa}
         out: dict[str, object] = {"law": self.law, "stribeck_exponent": exponent, "chambers": chambers}
@@ -232,7 +232,7 @@ class FrictionModel(StaticLaw):
 
     @classmethod
     def of_table(cls, table: Mapping[str, Any]) -> FrictionModel:
-        """Return the model that a table describes."""
+        """Return the model of a table."""
         exponent = table["stribeck_exponent"]
         return cls(
             table["law"],
@@ -246,16 +246,16 @@ class FrictionModel(StaticLaw):
 
     @cached_property
     def transforms(self) -> Transforms:
-        """Internal coordinates: log(Fs - Fc), log vs, log n; the rest as it is."""
+        """Transforms to internal coordinates: log(Fs - Fc), log vs, log n; others unchanged."""
         positive = [name.startswith("stribeck_") for name in self.names]
         excess = 1 if self.stribeck else None
         return Transforms(np.where(positive, 0.0, -np.inf), excess=excess, over=0, least_excess=EXCESS_FLOOR)
 
     def bounds(self, data: Observations) -> tuple[Array, Array]:
-        """Lower and upper bounds of the internal coordinates for these data.
+        """Return lower and upper bounds of the internal coordinates for these data.
 
-        Forces are not negative. The Stribeck velocity may lie a factor 30 outside the measured speeds: beyond
-        that the law is a constant or a step for these data and the value has no meaning.
+        Forces are not negative. The Stribeck velocity may lie a factor 30 outside the measured speeds; beyond that, the
+        law is a constant or a step for these data.
         """
         lower = np.full(len(self.names), -np.inf)
         upper = np.full(len(self.names), np.inf)
@@ -274,7 +274,7 @@ class FrictionModel(StaticLaw):
     # -- values and derivatives -------------------------------------------------------------------------------
 
     def shape(self, speed: Array, q: Array) -> tuple[Array, Array, Array]:
-        """Columns b_c, b_s, b_v of the law at these speeds, from the core."""
+        """Return the columns b_c, b_s, b_v of the law at speeds, from the core."""
         velocity, exponent = 1.0, self.exponent or 2.0
         if self.stribeck:
             velocity = float(np.exp(q[2]))
@@ -283,7 +283,7 @@ class FrictionModel(StaticLaw):
         return columns(self.law, speed, velocity, exponent, "lorentzian" if self.lorentzian else "free")
 
     def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
-        """Friction and its derivative by the internal coordinates, shapes (n,) and (n, p)."""
+        """Return friction and its derivative by the internal coordinates, shapes (n,) and (n, p)."""
         b_c, b_s, b_v = self.shape(data.speed_m_s, q)
         theta = dict(zip(self.names, self.natural(q), strict=True))
         gauges = self._pressures(data)
@@ -312,9 +312,9 @@ class FrictionModel(StaticLaw):
         return force, jac
 
     def linear_columns(self, data: Observations, log_velocities: Array, log_exponent: float | None) -> Array:
-        """Columns of the natural force parameters at given Stribeck velocities (g,), shape (g, n, p).
+        """Return the columns of the natural force parameters at Stribeck velocities (g,), shape (g, n, p).
 
-        The Stribeck curve depends on v / vs alone, so that all velocities are one call of the core.
+        The Stribeck curve depends only on v / vs, so that one call of the core covers all velocities.
         """
         speed, count = data.speed_m_s, log_velocities.size
         exponent = self.exponent or float(np.exp(np.log(2.0) if log_exponent is None else log_exponent))
@@ -329,10 +329,10 @@ class FrictionModel(StaticLaw):
         return np.stack([columns_of[n] for n in self.names if not n.startswith("stribeck_")], axis=-1)
 
     def starting_points(self, data: Observations) -> list[Array]:
-        """Find internal coordinates to start from, best first.
+        """Return start coordinates, best first.
 
-        At each Stribeck velocity of a logarithmic grid the forces are a linear problem with forces and excess not
-        negative; the best few local minima of the grid are kept.
+        At each Stribeck velocity of a logarithmic grid, the forces are a linear problem with non-negative forces and
+        excess; the best local minima of the grid are kept.
         """
         if not self.stribeck:
             return [self._linear_start(data, self.linear_columns(data, np.zeros(1), None)[0], 0.0, None)[1]]
@@ -354,7 +354,7 @@ class FrictionModel(StaticLaw):
     def _linear_start(
         self, data: Observations, columns: Array, log_velocity: float, log_exponent: float | None
     ) -> tuple[float, Array]:
-        """Sum of absolute residuals and coordinates of the best forces at a Stribeck velocity and exponent."""
+        """Return the sum of absolute residuals and the best coordinates at a Stribeck velocity and exponent."""
         from scipy.optimize import nnls
 
         names = [n for n in self.names if not n.startswith("stribeck_")]
@@ -394,7 +394,7 @@ class FrictionModel(StaticLaw):
 def columns(
     law: str, speed: Array, stribeck_velocity: float, stribeck_exponent: float, shape: str = "free"
 ) -> tuple[Array, Array, Array]:
-    """Columns (b_c, b_s, b_v) of a sliding law that is linear in its forces, from core values.
+    """Return the columns (b_c, b_s, b_v) of a sliding law that is linear in its forces, from core values.
 
     Parameters
     ----------
@@ -403,7 +403,7 @@ def columns(
     speed : ndarray, shape (n,)
         Speed in m/s, > 0.
     stribeck_velocity, stribeck_exponent : float
-        m/s and 1; without effect where the law has none.
+        m/s and 1; without effect for a law without a Stribeck curve.
     shape : str
         ``free`` (by the exponent) or ``lorentzian``.
 

@@ -1,4 +1,4 @@
-"""From a friction map to the independent values that a fit may use."""
+"""Selection of the independent values of a friction map for a fit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 REQUIRED = ("recording", "direction", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "balance_n", "friction_n")
-#: No force sensor shows less: what is smaller in every row is rounding, and its squares would underflow.
+#: Smallest friction of a map, N: smaller values in every row are rounding, and their squares would underflow.
 NO_FRICTION_N = 1e-12
 
 
@@ -32,29 +32,29 @@ def observations(
 ) -> tuple[Observations, list[str]]:
     """Select and combine the rows of a friction map.
 
-    The two rows of a pair carry the same friction (half the difference of both directions): they are one value,
-    not two. A fit of one direction uses ``direction * balance_n`` of its rows instead.
+    Both rows of a pair have the same friction (half the difference of both directions) and count as one value. A fit of
+    one direction uses ``direction * balance_n`` of its rows instead.
 
     Parameters
     ----------
     friction_map : xarray.Dataset
         One dimension ``row``, variables of the friction map format, SI.
     direction : int or None
-        None for the paired friction, +1 or -1 for one direction alone.
+        None for the paired friction, +1 or -1 for one direction.
     ambient_pressure_pa : float
-        Pressure from which gauge pressures count.
+        Reference of gauge pressures.
     exclude_flags : collection of str
         Rows with any of these flags are left out.
 
     Returns
     -------
     Observations, list of str
-        The values and notes on what was left out or assumed.
+        Values, and notes on omissions and assumptions.
 
     Raises
     ------
     FitError
-        If a variable is missing, a value has no meaning, or no row is left.
+        A variable is missing, a value is not valid, or no row is left.
     """
     column = _columns(friction_map)
     notes: list[str] = []
@@ -66,14 +66,14 @@ def observations(
             "no row of the friction map can be used",
             value="; ".join(notes) or "the map is empty",
             rule="a fit needs finite friction at non-zero speed",
-            remedy="look at the flags column of the map, or pass exclude_flags=()",
+            remedy="Check the column flags of the map, or pass exclude_flags=().",
         )
     friction = column["friction_n"] if direction is None else direction * column["balance_n"]
     mean = {name: column[name][pairs].mean(axis=1) for name in _AVERAGED}
     speed = np.abs(column["velocity_m_s"][pairs]).mean(axis=1)
     value = friction[pairs].mean(axis=1)
     if np.abs(value).max() < NO_FRICTION_N:
-        raise FitError("friction is zero in every row of the map", rule="a fit needs friction that was measured")
+        raise FitError("friction is zero in every row of the map", rule="a fit needs measured friction")
     stderr, note = _standard_errors(column, pairs, value, speed)
     notes += note
     number = np.unique(column["recording"].astype(str), return_inverse=True)[1]
@@ -101,7 +101,7 @@ def _columns(friction_map: xr.Dataset) -> dict[str, NDArray]:
             "the friction map lacks " + ", ".join(missing),
             where="friction map",
             rule="one row per recording, speed level and direction, with the columns " + ", ".join(REQUIRED),
-            remedy="make the map with pneudrive.characterise, or add the columns in SI units",
+            remedy="Make the map with pneudrive.characterise, or add the columns in SI units.",
         )
     rows = friction_map["friction_n"].shape
     if len(rows) != 1:
@@ -150,9 +150,9 @@ def _usable(
 
 
 def _pairs(column: dict[str, NDArray], keep: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Rows that are one value, shape (m, 2): same recording, the very same friction, opposite directions.
+    """Return pairs of rows with one value, shape (m, 2): same recording, identical friction, opposite directions.
 
-    A row that is alone stands twice.
+    A single row forms a pair with itself.
     """
     waiting: dict[tuple, int] = {}
     pairs: list[list[int]] = []
@@ -170,7 +170,7 @@ def _pairs(column: dict[str, NDArray], keep: NDArray[np.bool_]) -> NDArray[np.in
 def _standard_errors(
     column: dict[str, NDArray], pairs: NDArray[np.int64], friction: Array, speed: Array
 ) -> tuple[Array, list[str]]:
-    """Combine the standard errors of each value; both rows of a pair state the same, that of the friction."""
+    """Return the standard error of each value; both rows of a pair state the same one."""
     with np.errstate(invalid="ignore"):
         stated = np.sqrt(np.mean(column["stderr_n"][pairs] ** 2, axis=1))
     first, second = pairs.T
@@ -178,10 +178,10 @@ def _standard_errors(
     known = np.isfinite(stated) & (stated > 0.0)
     if not known.any():
         typical = max(float(np.max(np.abs(friction))), 1e-12)
-        return np.full(friction.size, 0.01 * typical), ["the map states no standard errors: all rows weigh the same"]
+        return np.full(friction.size, 0.01 * typical), ["the map has no standard errors: all rows have the same weight"]
     notes = []
     if not known.all():
         stated = np.where(known, stated, np.median(stated[known]))
-        notes.append(f"{np.sum(~known)} rows state no standard error: the median of the others is used for them")
+        notes.append(f"{np.sum(~known)} rows have no standard error: the median of the others is used")
     dof = np.where(np.isfinite(strokes), np.maximum(strokes - 2.0, 1.0), np.inf)
     return np.sqrt(moderate(stated**2, dof, speed)), notes

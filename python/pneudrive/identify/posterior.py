@@ -1,4 +1,4 @@
-"""Posterior distribution of a law's parameters by emcee [foremanmackey2013], for those who want more than intervals.
+"""Posterior distribution of a law's parameters by emcee [foremanmackey2013].
 
 Needs the extra ``bayes``. Likelihood: normal, with one common factor on the stated standard errors. Priors, stated with
 the result: flat in each force not below zero, in the excess Fs - Fc and in the coefficients of pressure; flat in ln vs
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 #: Bounds of the factor on the standard errors.
 FACTOR = (0.05, 20.0)
-#: Chains shorter than this many autocorrelation times are not to be relied on, says emcee's own documentation.
+#: Least length of a chain in autocorrelation times, from emcee's documentation.
 LENGTHS = 50.0
 PRIORS = (
     "coulomb, viscous and breakaway - coulomb: flat, not below zero",
@@ -54,7 +54,7 @@ class Posterior(Shown):
     acceptance : float
     priors : tuple of str
     statements : tuple of str
-        What is wrong with the chain, if anything.
+        Warnings on the chain.
     """
 
     names: tuple[str, ...]
@@ -72,9 +72,9 @@ def posterior(fit: FrictionFit, steps: int = 3000, seed: int = 1) -> Posterior:
     Parameters
     ----------
     fit : FrictionFit
-        With its observations: not one that was read from a file.
+        Fit with its observations, not read from a file.
     steps : int
-        Of each walker; the first third is left out.
+        Steps of each walker; the first third is left out.
     seed : int
 
     Returns
@@ -93,7 +93,7 @@ def posterior(fit: FrictionFit, steps: int = 3000, seed: int = 1) -> Posterior:
             "posteriors need emcee, which is not installed", remedy='pip install "pneudrive[bayes]"'
         ) from None
     if fit.observations is None:
-        raise FitError("a fit that was read from a file has no values to sample from", remedy="fit the map again")
+        raise FitError("a fit from a file has no observations", remedy="fit the map again")
     model, data = fit.model, fit.observations
     centre = np.append(fit.coordinates, 0.0)
     spread = np.append(_spread(fit, centre[:-1]), 0.1)
@@ -113,7 +113,7 @@ def posterior(fit: FrictionFit, steps: int = 3000, seed: int = 1) -> Posterior:
     if steps < LENGTHS * time:
         said.append(
             f"the chain is {steps / time:.0f} autocorrelation times long, fewer than {LENGTHS:.0f}: its quantiles are "
-            f"not to be relied on; steps={int(2 * LENGTHS * time)} would do, or the data do not bound a parameter"
+            f"unreliable; use steps={int(2 * LENGTHS * time)}, unless the data do not bound a parameter"
         )
     intervals = Intervals(intervals_of_draws(fit.free, samples), fit.undetermined)
     return Posterior(
@@ -122,7 +122,7 @@ def posterior(fit: FrictionFit, steps: int = 3000, seed: int = 1) -> Posterior:
 
 
 def _spread(fit: FrictionFit, q: Array) -> Array:
-    """Size of the first cloud of walkers: a third of the standard errors, in internal coordinates."""
+    """Return the initial spread of the walkers: a third of the standard errors, in internal coordinates."""
     inverse = np.linalg.pinv(fit.model.natural_jacobian(q))
     return np.clip(np.sqrt(np.diag(inverse @ fit.covariance @ inverse.T)) / 3.0, 1e-9, 0.3 * np.maximum(np.abs(q), 0.3))
 

@@ -1,9 +1,9 @@
 """Profile-likelihood intervals of a sliding law.
 
-At a given Stribeck velocity and exponent the law is linear in everything else, so that the profile needs no
-repeated fits: over a grid of these two, the least squares problem of the forces gives in closed form the cost, the
-best forces and their variances; the interval of any parameter is the union over the grid of what lies under
-the threshold. Unlike value +- t * standard error it is open where the data do not bound a parameter.
+At a given Stribeck velocity and exponent the law is linear in all other parameters, so that the profile needs no
+repeated fits: over a grid of these two, linear least squares gives the cost, the best forces and their variances. The
+interval of a parameter is the union over the grid of values below the threshold of the cost. Unlike
+value +- t * standard error, it is open if the data do not bound the parameter.
 """
 
 from __future__ import annotations
@@ -25,34 +25,34 @@ if TYPE_CHECKING:
 FINE_POINTS = 161
 COARSE_POINTS = 81
 EXPONENT_POINTS = 41
-#: Values of the law that are held at a time: of a large map the whole grid would take half a gigabyte.
+#: Number of values of the law in memory: the whole grid of a large map would take half a gigabyte.
 MOST_AT_ONCE = 500_000
-#: Columns whose scaled singular value is below this share of the largest carry no information: far above rounding
-#: (1e-15), far below what any measurement resolves.
+#: Share of the largest scaled singular value below which a direction has no information: far above rounding (1e-15),
+#: far below the resolution of any measurement.
 SINGULAR_SHARE = 1e-7
 
 
 def profile_intervals(
     model: FrictionModel, data: Observations, found: RobustEstimate, quantile: float, least: float | None = None
 ) -> dict[str, tuple[float, float]]:
-    """Intervals of all free parameters, natural units.
+    """Return the intervals of all free parameters in natural units.
 
     Parameters
     ----------
     model : FrictionModel
     data : Observations
     found : RobustEstimate
-        The estimate; its pseudo-values and variance define the equivalent plain least squares problem.
+        Estimate; its pseudo-values and variance define the equivalent plain least squares problem.
     quantile : float
         Two-sided Student quantile of the wanted probability.
     least : float, optional
-        Sum of squares of the best model, of which this one is a neighbour; by default this one is the best.
+        Sum of squares of the best model; by default that of this model.
 
     Returns
     -------
     dict
-        Name -> (lower, upper); empty where nothing lies under the threshold; infinite (or zero, for what cannot be
-        negative) where the data set no bound.
+        Name -> (lower, upper); empty if no value lies below the threshold; an end without a bound from the data is
+        infinite, or zero for a non-negative parameter.
     """
     y = found.pseudo / data.stderr_n
     allowed = found.variance * quantile**2
@@ -86,7 +86,7 @@ def profile_intervals(
 
 
 def _crossings(log_value: Array, slack: Array) -> tuple[float, float]:
-    """Outermost values at which the slack vanishes, interpolated between grid points."""
+    """Return the outermost values at which the slack vanishes, interpolated between grid points."""
     inside = np.flatnonzero(slack >= 0.0)
     if inside.size == 0:
         return np.inf, -np.inf
@@ -102,12 +102,12 @@ def _crossings(log_value: Array, slack: Array) -> tuple[float, float]:
 
 
 def _grid(model: FrictionModel, data: Observations, found: RobustEstimate, quantile: float) -> tuple[Array, Array]:
-    """Grids of log vs and log n: the whole range coarsely, the neighbourhood of the estimate finely."""
+    """Return grids of log vs and log n: coarse over the whole range, fine about the estimate."""
     nothing = np.zeros(1)
     if not model.stribeck:
         return nothing, nothing
     lower, upper = model.bounds(data)
-    size = np.linalg.norm(found.jacobian, axis=0)  # squares of pressures are 1e10 times newtons: scaled, or cut off
+    size = np.linalg.norm(found.jacobian, axis=0)  # scaled, as squares of pressures are 1e10 times larger than forces
     size[size == 0.0] = 1.0
     information = found.jacobian.T @ found.jacobian / np.outer(size, size)
     covariance = found.variance * np.linalg.pinv(information, rcond=1e-12, hermitian=True) / np.outer(size, size)
@@ -127,9 +127,9 @@ def _grid(model: FrictionModel, data: Observations, found: RobustEstimate, quant
 def _forces(
     model: FrictionModel, data: Observations, y: Array, linear: list[str], log_velocities: Array, log_exponent: float
 ) -> tuple[Array, Array, Array]:
-    """Cost (g,), forces (g, p) and their unit variances (g, p) of the linear problem at each velocity.
+    """Return cost (g,), forces (g, p) and their unit variances (g, p) of the linear problem at each velocity.
 
-    An excess below zero is held at zero.
+    A negative excess is held at zero.
     """
     columns = model.linear_columns(data, log_velocities, log_exponent) / data.stderr_n[:, None]
     cost, value, spread = _least_squares(columns, y)
@@ -148,7 +148,7 @@ def _forces(
 
 
 def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
-    """Linear least squares, columns (g, n, p), with infinite variance for what the columns do not determine."""
+    """Solve linear least squares, columns (g, n, p), with infinite variance for undetermined parameters."""
     size = np.linalg.norm(columns, axis=1)
     size[size == 0.0] = 1.0
     u, singular, vt = np.linalg.svd(columns / size[:, None, :], full_matrices=False)
@@ -165,7 +165,7 @@ def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
 def _close(
     model: FrictionModel, data: Observations, found: RobustEstimate, low: dict[str, float], high: dict[str, float]
 ) -> dict[str, tuple[float, float]]:
-    """Bounds that the data did not set become open; what cannot be negative stops at zero."""
+    """Open the ends that the data do not bound; a non-negative parameter ends at zero."""
     lower, upper = model.bounds(data)
     estimate = dict(zip(model.names, model.natural(found.q), strict=True))
     out = {}

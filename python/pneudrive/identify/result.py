@@ -1,4 +1,4 @@
-"""The fit of a sliding law: estimates with covariance, prediction, application to a drive."""
+"""Fit of a sliding law: estimates with covariance, prediction, application to a drive."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: What a fit that is read back has to be of, and what is needed of its statistics.
+#: Laws of a fit from a file, and required entries of its statistics.
 LAWS = ("coulomb", "stribeck")
 STATISTICS = ("values", "degrees_of_freedom", "scale", "variance", "rms_n")
 
 
-#: Correlation beyond which two parameters are said to change together.
+#: Correlation above which two parameters are reported to change together.
 TOGETHER = 0.9
-#: Speeds that are tried as remedies: this far beyond the measured ones on either side.
+#: Range of candidate speeds for a remedy, as a factor beyond the measured ones.
 BEYOND = 10.0
 CANDIDATES = 60
 
 
 @dataclass(frozen=True, repr=False)
 class Prediction(Shown):
-    """Friction predicted at given speeds, N; arrays of the shape of the speeds.
+    """Predicted friction at given speeds, N; arrays in the shape of the speeds.
 
     Attributes
     ----------
     friction_n : ndarray
-        The law at its estimates.
+        Friction of the law at its estimates.
     lower_n, upper_n : ndarray
-        Interval of the wanted probability (Student's t, first order).
+        Interval of the given probability (Student's t, first order).
     stderr_n : ndarray
         Standard error.
     """
@@ -62,19 +62,19 @@ class FrictionFit(Fit):
     Attributes
     ----------
     law : str
-        Law that was asked for. Where the data cannot carry it, `model` is the smaller law that was fitted.
+        Requested law. If the data do not determine it, `model` is the smaller fitted law.
     free : tuple of str
         Order of `covariance`.
     covariance : ndarray, shape (p, p)
-        Statistical covariance of the free parameters; directions that the data do not determine are left out of it.
+        Statistical covariance of the free parameters, without directions that the data do not determine.
     intervals : dict
-        Free parameter that the data determine -> (lower, upper), statistical, 95 %; nothing else has one.
+        Free parameter that the data determine -> (lower, upper), statistical, 95 %; other parameters have none.
     systematic : dict
-        Free parameter -> standard uncertainty from what all rows share (sensor gain, pressure, area).
+        Free parameter -> standard uncertainty from errors shared by all rows (sensor gain, pressure, area).
     undetermined : tuple of Undetermined
-        Plain statements on what the data cannot determine, and what to measure.
+        Undetermined parameters, each with reason and remedy.
     notes : tuple of str
-        What was left out or assumed.
+        Notes on omissions and assumptions.
     statistics : dict
         values, degrees_of_freedom, scale (1: the standard errors are right), variance, scatter_n
         (between levels, beyond their standard errors), rms_n, outlying,
@@ -83,11 +83,11 @@ class FrictionFit(Fit):
         Version, hash of the values, options.
     model : FrictionModel
     observations : Observations or None
-        The values that were fitted (None when read from a file).
+        Fitted values (None if read from a file).
     weights : ndarray or None
         Huber weight of each value.
     dependences : Dependences
-        What was measured beside: direction, position, stops, temperature. `apply` puts it into the drive, too.
+        Measured friction modifiers: direction, position, stops, temperature. `apply` also puts them into the drive.
     """
 
     KIND: ClassVar[str] = "friction map"
@@ -105,11 +105,11 @@ class FrictionFit(Fit):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Name as in the drive file -> value in SI; NaN where the data do not determine it in number."""
+        """Name in the drive file -> value in SI; NaN for parameters that could not be estimated."""
         return self.values
 
     def correlated(self) -> list[str]:
-        """Return which parameters change together beyond 0.9, and what would separate them, in sentences."""
+        """Return sentences on pairs of parameters with a correlation above 0.9, each with a remedy."""
         return _correlated(self)
 
     @property
@@ -127,19 +127,19 @@ class FrictionFit(Fit):
         stderr_n: ArrayLike | None = None,
         probability: float = 0.95,
     ) -> Prediction:
-        """Friction at given speeds with an interval.
+        """Predict friction at given speeds with an interval.
 
         Parameters
         ----------
         speed_m_s : array_like
-            Speeds in m/s; the sign is ignored, friction is that which opposes the motion.
+            Speeds in m/s; the sign is ignored, friction opposes the motion.
         gauge_a_pa, gauge_b_pa : array_like
-            Gauge pressures, broadcast with the speeds; without effect where the fit does not depend on pressure.
+            Gauge pressures, broadcast with the speeds; without effect if the fit does not depend on pressure.
         stderr_n : array_like, optional
-            None: interval of the law itself. Values: interval of a new mean with this standard error, to which the
-            scatter between levels is added and which is scaled as the residuals of the fit were.
+            None: interval of the law itself. Values: interval of a new mean with this standard error, including the
+            scatter between levels and the scale of the residuals.
         probability : float
-            Of the interval.
+            Probability of the interval.
 
         Returns
         -------
@@ -155,7 +155,7 @@ class FrictionFit(Fit):
             )
         q = self.coordinates
         value, jac = self.model.value_and_jacobian(q, at_conditions(flat, a.ravel(), b.ravel()))
-        # by the natural parameters, in which the covariance is stated
+        # derivatives by the natural parameters of the covariance
         natural = np.linalg.solve(self.model.natural_jacobian(q).T, jac.T).T
         variance = np.einsum("ij,jk,ik->i", natural, self.covariance, natural)
         if stderr_n is not None:
@@ -167,7 +167,7 @@ class FrictionFit(Fit):
         return Prediction(value, value - reach, value + reach, stderr)
 
     def free_values(self) -> dict[str, float]:
-        """Parameters by the names in `free` too: a coefficient that both chambers share is there under its own."""
+        """Parameters including the names in `free`: a coefficient shared by both chambers has its own name."""
         return self.values | self._groups()[1]
 
     # -- into a drive -----------------------------------------------------------------------------------------
@@ -175,7 +175,7 @@ class FrictionFit(Fit):
     def apply(self, drive: Drive) -> Drive:
         """Return a new drive whose friction has the determined parameters of this fit.
 
-        What the data do not determine, and what a sliding measurement never sees (bristles), stays as it is.
+        Undetermined parameters, and those without effect on sliding (bristles), keep the values of the drive.
 
         Parameters
         ----------
@@ -188,13 +188,13 @@ class FrictionFit(Fit):
         Raises
         ------
         FitError
-            If the drive's law lacks a determined parameter.
+            The drive's law lacks a determined parameter.
 
         Warns
         -----
         PneudriveWarning
-            A breakaway force that the data do not determine lies below the fitted Coulomb force, or the other way
-            round: it is set to that limit. What a campaign measured beside and cannot be applied, or is assumed.
+            An undetermined breakaway force lies below the fitted Coulomb force, or the other way round, and is set to
+            that limit. Measured effects of a campaign that cannot be applied, and assumptions.
         """
         known = {p["key"] for p in drive.friction.entry["parameters"]}
         forces = {n for n in self.determined if n not in PRESSURE_NAMES}
@@ -205,8 +205,8 @@ class FrictionFit(Fit):
             raise FitError(
                 f"the drive's friction law {drive.friction.law!r} has no Stribeck part, and the fit does not determine "
                 + ", ".join(missing),
-                rule="a drive takes another law only as a whole",
-                remedy="give the drive the law stribeck or lugre first, or fit law='coulomb'",
+                rule="a drive can only change to a complete law",
+                remedy="First give the drive the law stribeck or lugre, or fit law='coulomb'.",
             )
         self._check_pressure(drive)
         changes: dict[str, object] = {"friction.law": self.law} if other_law else {}
@@ -221,8 +221,8 @@ class FrictionFit(Fit):
     def identified(self, *, curve: bool = False) -> Identified:
         """Return the determined parameters under their names in the drive file; with `curve` the exponent too.
 
-        The intervals hold what chance leaves (profile likelihood) and, in quadrature, what all rows share. Half the
-        sum of two slopes stands for each where the data determine the sum alone: without an interval.
+        The intervals combine in quadrature the statistical uncertainty (profile likelihood) and the systematic one. If
+        the data determine only the sum of two slopes, each gets half of it, without an interval.
         """
         names = [n for n in self.determined if n not in PRESSURE_NAMES]
         if curve and "stribeck_exponent" not in names:
@@ -234,18 +234,18 @@ class FrictionFit(Fit):
     def _check_pressure(self, drive: Drive) -> None:
         if self.model.chambers and self.model.pressure != "linear":
             raise FitError(
-                f"a drive's friction is linear in the chamber pressures, and this fit is {self.model.pressure} in them",
-                rule="no straight line is put in a curve's place without being asked for",
-                remedy="fit with pressure='linear' over the pressures at which the drive works",
+                f"a drive's friction is linear in the chamber pressures, but this fit is {self.model.pressure} in them",
+                rule="a curve is not replaced by a straight line without a request",
+                remedy="Fit with pressure='linear' over the working pressures of the drive.",
             )
         seals = drive.friction.pressure
         if seals is None or self.model.chambers:
             return
         if any((*seals.coulomb_n_pa, *seals.breakaway_n_pa)):
             raise FitError(
-                "the drive adds friction with pressure, and the fit holds at the pressures of its recordings only",
-                rule="the same friction would count twice",
-                remedy="fit with pressure_dependence=True, or take [friction.pressure] out of the drive first",
+                "the drive's friction grows with pressure, but the fit holds only at the pressures of its recordings",
+                rule="friction from pressure must not count twice",
+                remedy="Fit with pressure_dependence=True, or first remove [friction.pressure] from the drive.",
             )
 
     def curve(
@@ -254,12 +254,12 @@ class FrictionFit(Fit):
         gauge_b_pa: float | None = None,
         speeds_m_s: tuple[float, float] | None = None,
     ) -> SlidingCurve:
-        """Return the curve, at the middle of the measured pressures and over the measured speeds if nothing is said.
+        """Return the curve, by default at the middle of the measured pressures and over the measured speeds.
 
         Raises
         ------
         FitError
-            The fit does not say over which speeds it holds.
+            The fit has no range of measured speeds.
         """
         said = {name: self.provenance.get(name) for name in ("speed_m_s", "gauge_a_pa", "gauge_b_pa")}
         speed = speeds_over(speeds_m_s or said["speed_m_s"], "fit")
@@ -274,7 +274,7 @@ class FrictionFit(Fit):
             entries.append(CurveEntry(name, value, self.units[name], *ends, source, note))
         exponent = self.values.get("stribeck_exponent", 2.0)
         shape = "lorentzian" if self.model.lorentzian else f"exp(-(v/vs)^{exponent:g})"
-        held = f"the curve holds at {gauges[0] / 1e5:.3g} bar gauge in a and {gauges[1] / 1e5:.3g} bar gauge in b"
+        held = f"the curve is for {gauges[0] / 1e5:.3g} bar gauge in a and {gauges[1] / 1e5:.3g} bar gauge in b"
         return SlidingCurve(
             f"friction fit, law {self.law}",
             self.model.law,
@@ -287,14 +287,14 @@ class FrictionFit(Fit):
             not self.model.stribeck or (not self.model.lorentzian and exponent == 1.0),
         )
 
-    # -- its file, and what is shown ----------------------------------------------------------------------------
+    # -- file and display ----------------------------------------------------------------------------
 
     def _groups(self) -> tuple[dict[str, float], ...]:
-        """Return the parameters, and the sums of two slopes, of which half stands for each."""
+        """Return the parameters, and the sums of two slopes, half of which is given to each."""
         return self.values, {n: self.values[n.removesuffix("b")] for n in self.free if n.endswith("_ab")}
 
     def _last(self) -> dict[str, Any]:
-        """Return what was measured beside the sliding law."""
+        """Return the measured friction modifiers."""
         found = self.dependences.table()
         return {"dependences": found} if found else {}
 
@@ -303,7 +303,7 @@ class FrictionFit(Fit):
 
     @classmethod
     def _entries(cls, content: dict[str, Any]) -> dict[str, dict[str, Any]]:
-        """Return all tables; that of a slope that both chambers share stands under each of them in older files."""
+        """Return all tables; older files store a slope shared by both chambers under each of them."""
         entries = super()._entries(content)
         names = content["covariance"]["names"]
         return entries | {n: entries[n.replace("_ab", "_a")] for n in names if n not in entries}
@@ -313,12 +313,12 @@ class FrictionFit(Fit):
         found = super()._from_content(content)
         model = FrictionModel.of_table(content["model"])
         if model.law not in LAWS or model.names != found["free"] or found["covariance"].size == 0:
-            raise ValueError(f"law, chambers and parameters do not fit together: {', '.join(found['free'])}")
+            raise ValueError(f"law, chambers and parameters do not match: {', '.join(found['free'])}")
         if not all(np.isfinite(found["statistics"][name]) and found["statistics"][name] >= 0.0 for name in STATISTICS):
             raise ValueError(f"statistics: {', '.join(STATISTICS)} are numbers of zero and above")
         if "direction" not in found["provenance"]:
             raise KeyError("direction")
-        # older files give an interval to what has no value, too
+        # older files have intervals of parameters without a value
         known = {n for n, entry in cls._entries(content).items() if "standard_error" in entry}
         found["intervals"] = {n: ends for n, ends in found["intervals"].items() if n in known}
         found["systematic"] = dict.fromkeys(found["free"], 0.0) | found["systematic"]
@@ -344,7 +344,7 @@ def _slope_key(name: str) -> str:
 
 
 def _correlated(fit: FrictionFit) -> list[str]:
-    """Say which pairs of parameters change together, and what would separate them."""
+    """Return sentences on correlated pairs of parameters, each with a remedy."""
     matrix = fit.correlation
     out = []
     for i in range(len(fit.free)):
@@ -356,7 +356,7 @@ def _correlated(fit: FrictionFit) -> list[str]:
 
 
 def _remedy(fit: FrictionFit, i: int, j: int) -> str:
-    """Find the speed at which one more value lowers the correlation most; pressures are named without a search."""
+    """Return the speed at which one more value lowers the correlation most; for pressures a general remedy."""
     names = (fit.free[i], fit.free[j])
     if any(unit_of(name).startswith("N/Pa") for name in names):
         return "pressures further apart, and not varied together, would separate them"

@@ -1,4 +1,4 @@
-"""Robust weighted least squares for the sliding laws: starting values, Huber estimate, scale, covariance.
+"""Robust weighted least squares for the sliding laws: start values, Huber estimate, scale, covariance.
 
 The estimate is Huber's M-estimator with his "proposal 2" for the scale; its covariance and the classical least
 squares problem that is equivalent to it (pseudo-values, which the profile intervals use) follow [huber2009].
@@ -23,31 +23,31 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Residuals below this share of the largest friction are rounding, not noise: floor of the scale.
+#: Floor of the scale, as a share of the largest friction: smaller residuals are rounding.
 SCALE_FLOOR = 1e-10
 #: Rounds of (estimate, scale); the scale settles to 1e-6 in three to five.
 MAX_ROUNDS = 20
-#: Starts with ln vs nearer than this ended at the same estimate.
+#: Difference of ln vs below which two starts ended at the same estimate.
 SAME_VELOCITY = 0.05
-#: An estimate is hardly worse than another if its cost, half the deviance, is within this (p = 0.05 for one parameter).
+#: Difference of cost, half the deviance, below which another estimate is a rival (p = 0.05 for one parameter).
 HARDLY_WORSE = 1.92
 
 
 @dataclass(frozen=True)
 class RobustEstimate:
-    """A robust estimate in internal coordinates.
+    """Robust estimate in internal coordinates.
 
     Attributes
     ----------
     q : ndarray, shape (p,)
     scale : float
-        Robust standard deviation of the whitened residuals (1 where the stated standard errors are right).
+        Robust standard deviation of the whitened residuals (1 if the stated standard errors are right).
     residual : ndarray, shape (n,)
         Whitened residuals (friction - model) / stderr.
     jacobian : ndarray, shape (n, p)
         Whitened derivative of the model by the internal coordinates.
     weight : ndarray, shape (n,)
-        Huber weights in (0, 1]; below 1 the row is outlying.
+        Huber weights in (0, 1]; below 1 for outliers.
     pseudo : ndarray, shape (n,)
         Pseudo-values: plain least squares on them has this estimate and this variance.
     variance : float
@@ -57,10 +57,9 @@ class RobustEstimate:
     cost : float
         Sum of the loss at `scale`.
     starts, agreeing : int
-        Starting points, and how many of them ended at this estimate.
+        Number of starts, and of those that ended at this estimate.
     rival : float
-        Stribeck velocity of another estimate that is hardly worse, by less than chance makes in one case of 20, m/s;
-        NaN where there is none.
+        Stribeck velocity, m/s, of another estimate that is not significantly worse (p > 0.05); NaN without one.
     """
 
     q: Array
@@ -85,17 +84,17 @@ def estimate(
     fixed_scale: bool = False,
     starts: Sequence[Array] = (),
 ) -> RobustEstimate:
-    """RobustEstimate the free parameters of `model`.
+    """Estimate the free parameters of `model` robustly.
 
     Parameters
     ----------
     model : StaticLaw
     data : Observations
     loss : str
-        ``linear`` (plain weighted least squares) or a name in ``LOSSES``. The scale is Huber's with any of them: a
-        loss that gives far outliers no weight has no scale of its own.
+        ``linear`` (plain weighted least squares) or a name in ``LOSSES``. The scale is always Huber's, as a loss
+        without weight for far outliers does not define one.
     fixed_scale : bool
-        Take the stated standard errors as exact (the only choice where there are no more rows than parameters).
+        Treat the stated standard errors as exact (required without more rows than parameters).
     starts : sequence of ndarray, shape (p,)
         Internal coordinates to start from; by default those of `starting_points`.
 
@@ -138,9 +137,9 @@ def _freedom(model: StaticLaw, data: Observations) -> int:
 
 
 def deviance(data: Observations, found: RobustEstimate) -> float:
-    """Twice the negative log-likelihood, but for a constant, of the density whose logarithm is the loss [huber2009].
+    """Return twice the negative log-likelihood of the density with the loss as logarithm [huber2009], up to a constant.
 
-    Normal where the loss is quadratic.
+    The density is normal for a quadratic loss.
     """
     return 2.0 * (found.cost + len(data) * np.log(found.scale) + float(np.sum(np.log(data.stderr_n))))
 
@@ -180,12 +179,12 @@ def _polish(model: StaticLaw, data: Observations, q: Array, kind: Loss, scale: f
 
 
 def _mad(residual: Array, dof: int) -> float:
-    """Median absolute deviation from zero as a standard deviation, with a small-sample factor."""
+    """Return the median absolute deviation from zero as a standard deviation, with a small-sample factor."""
     return robust_deviation(residual) * float(np.sqrt(residual.size / dof))
 
 
 def proposal_2(residual: Array, scale: float, dof: int, k: float) -> float:
-    """Scale by Huber's proposal 2: the mean of psi(r/scale)^2 equals its value for normal errors."""
+    """Return the scale by Huber's proposal 2: the mean of psi(r/scale)^2 equals its value for normal errors."""
     from scipy.special import ndtr
 
     if not np.isfinite(k):
@@ -220,7 +219,7 @@ def _describe(
     lower, upper = model.bounds(data)
     reach = 1e-6 * np.maximum(np.abs(q), 1.0)
     active = (q - lower < reach) | (upper - q < reach)
-    if model.stribeck:  # an excess that cannot be told from zero is at its bound, whatever its logarithm
+    if model.stribeck:  # an excess indistinguishable from zero counts as at its bound
         active[1] = active[1] or np.exp(q[1]) < 1e-6 * np.max(np.abs(data.friction_n))
     return RobustEstimate(
         q=q,

@@ -1,9 +1,8 @@
 """Scatter between levels beyond their standard errors.
 
-Two runs of one seal can differ by far more than the strokes of each run do. Weighted by the standard error of the
-strokes alone, the quietest run would then decide the fit. As in the random-effects model of a meta-analysis, one
-variance for all levels is added to those of the strokes, such that the residuals become as large as they should be
-[paule1982].
+Two runs of one seal can differ by far more than the strokes within each run. Weighted only by the standard error of
+the strokes, the quietest run would then dominate the fit. As in the random-effects model of a meta-analysis, one
+variance for all levels is added to those of the strokes, so that the residuals agree with it [paule1982].
 """
 
 from __future__ import annotations
@@ -18,34 +17,34 @@ from pneudrive.identify.robust import RobustEstimate, deviance, estimate
 if TYPE_CHECKING:
     from pneudrive.identify.model import FrictionModel, Observations
 
-#: Residuals that are larger than stated by more than chance makes them this often ask for a scatter.
+#: p-value of the residuals, against their standard errors, below which a scatter is added.
 CHANCE = 0.01
-#: Degrees of freedom below which a scatter cannot be told from chance.
+#: Least degrees of freedom to detect a scatter.
 LEAST_DOF = 3
-#: Deviance by which one wrong factor has to be the better explanation before it is taken (p = 0.01 for one parameter):
-#: a scatter is the usual one, and the safe one.
+#: Gain of deviance above which a common factor on the standard errors is preferred (p = 0.01 for one parameter);
+#: a scatter is the usual and safe choice.
 CLEARLY = 6.6
 
 
 def with_scatter(
     model: FrictionModel, data: Observations, found: RobustEstimate, *, loss: str
 ) -> tuple[Observations, RobustEstimate, float]:
-    """Add a scatter to the standard errors where the residuals ask for it and are then more likely.
+    """Add a scatter to the standard errors if the residuals are too large and become more likely by it.
 
-    The other explanation of large residuals, standard errors that are too small by one factor, is what an estimate
-    without scatter assumes already; it is kept only where it is clearly more likely.
+    The alternative, standard errors too small by a common factor, is the assumption of an estimate without scatter; it
+    is kept only if clearly more likely.
 
     Parameters
     ----------
     model, data, found
-        The law, the values, and the estimate without scatter.
+        Law, values, and estimate without scatter.
     loss : str
-        As of the estimate.
+        As for the estimate.
 
     Returns
     -------
     Observations, RobustEstimate, float
-        With the scatter's standard deviation in N (0 where there is none).
+        Values, estimate, and standard deviation of the scatter in N (0 without one).
     """
     from scipy.optimize import brentq
     from scipy.special import chdtrc
@@ -64,7 +63,7 @@ def with_scatter(
 
     most = 2.0 * found.scale * float(data.stderr_n.max()) + 2.0 * float(np.ptp(data.friction_n))
     low, high = float(np.log(0.1 * data.stderr_n.min())), float(np.log(most))
-    if excess(low) <= 0.0 or excess(high) >= 0.0:  # no scatter explains them
+    if excess(low) <= 0.0 or excess(high) >= 0.0:  # a scatter does not explain them
         return data, found, 0.0
     scatter = float(np.exp(brentq(excess, low, high, xtol=1e-2)))  # pyright: ignore[reportCallIssue, reportArgumentType]
     wider = spread(scatter)

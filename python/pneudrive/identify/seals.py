@@ -1,4 +1,4 @@
-"""Fits of one characterisation: all recordings together, and each seal by itself."""
+"""Fits of one characterisation: all recordings together, and each seal separately."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def fit_characterisation(
     Returns
     -------
     dict of dict of FrictionFit, list of str
-        Group -> law -> fit, and what could not be fitted. Groups are ``all recordings`` and, where there are several,
-        each seal. Friction may depend on pressure where the recordings have several pressures.
+        Group -> law -> fit, and notes on failed fits. Groups are ``all recordings`` and, if there are several, each
+        seal. Friction may depend on pressure if the recordings have several pressures.
     """
     curves = characterisation.friction_map
     of_row = np.array(row_seals_and_runs(characterisation)[0])
@@ -58,7 +58,7 @@ def fit_characterisation(
 
 
 def row_seals_and_runs(characterisation: Characterisation) -> tuple[list[str], list[str]]:
-    """Seal and run of each row of the friction map of a characterisation, as :func:`survey` takes them."""
+    """Return seal and run of each row of the friction map of a characterisation, for :func:`survey`."""
     labels = {r.name: (r.labels.get("seal", ALL_RECORDINGS), "1") for r in characterisation.recordings}
     labels |= {point.recording: (point.seal, point.run) for point in characterisation.points}
     rows = [labels[name] for name in characterisation.friction_map["recording"].to_numpy()]
@@ -66,7 +66,7 @@ def row_seals_and_runs(characterisation: Characterisation) -> tuple[list[str], l
 
 
 def _fit(part: xr.Dataset, law: str, *, pressure_dependence: bool) -> FrictionFit | str:
-    """Fit, or say why that cannot be done."""
+    """Fit a law, or return why that is not possible."""
     try:
         return fit_friction(part, law, pressure_dependence=pressure_dependence)
     except FitError as error:

@@ -1,4 +1,4 @@
-"""The part of a law that the values support, and its estimate."""
+"""Model selection: the part of a law that the values support, and its estimate."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Knees that are tried, as multiples of the largest gauge pressure; beyond four the curve is a straight line to 20 %
-#: of its end, and below a tenth a step.
+#: Candidate knees, as multiples of the largest gauge pressure; above four the curve is a straight line to 20 % of its
+#: end, and below a tenth a step.
 KNEES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.5, 4.0)
 
-#: Between the best of them and its neighbours.
+#: Number of further knees between the best one and its neighbours.
 FINER = np.geomspace(0.6, 1.0 / 0.6, 9)
-#: Knees about the best one over which intervals are joined, by their factor, as long as the values allow them.
+#: Factors of knees about the best one over which intervals are joined, if the values allow them.
 NEIGHBOURS = np.geomspace(1.0, 40.0, 61)[1:]
 
 
 @dataclass(frozen=True)
 class Support:
-    """The part of a law that the values support, with its estimate."""
+    """Part of a law that the values support, with its estimate."""
 
     model: FrictionModel
     data: Observations
@@ -44,7 +44,7 @@ class Support:
 
 
 def shrunk_to_the_data(model: FrictionModel, stated: Observations, loss: str) -> Support:
-    """Fit, and leave out the parts of the law that the values do not support: they would only blur the others."""
+    """Fit a law without the parts that the values do not support, which would only widen the other intervals."""
     lost: list[Undetermined] = []
     while True:
         data, found, scatter, dof = _estimated(model, stated, loss)
@@ -56,7 +56,7 @@ def shrunk_to_the_data(model: FrictionModel, stated: Observations, loss: str) ->
 
 
 def as_it_is(model: FrictionModel, data: Observations, loss: str) -> Support:
-    """Fit without leaving anything out and without profile intervals: for values that are predicted many times."""
+    """Fit the whole law without profile intervals, for repeated predictions."""
     data, found, scatter, _ = _estimated(model, data, loss)
     return Support(model, data, found, scatter, {}, [])
 
@@ -68,13 +68,13 @@ def _estimated(model: FrictionModel, data: Observations, loss: str) -> tuple[Obs
 
 
 def with_knee(model: FrictionModel, data: Observations, loss: str) -> FrictionModel:
-    """Choose the knee of a saturating dependence on pressure: the most likely of a few."""
+    """Choose the most likely knee of a saturating dependence on pressure among a few."""
     if model.pressure != "saturating" or not model.chambers:
         return model
     top = float(max(np.abs(data.gauge_a_pa).max(), np.abs(data.gauge_b_pa).max()))
     starts: list[Array] = []
     best, least, chosen = model, np.inf, 1.0
-    for share in KNEES[::-1]:  # from the nearest to a straight line on, each from the estimate before
+    for share in KNEES[::-1]:  # beginning nearest to a straight line, each starts from the estimate before
         tried = replace(model, knee_pa=share * top)
         found = estimate(tried, data, loss=loss, starts=starts)
         starts, size = [found.q], deviance(data, found)
@@ -92,7 +92,7 @@ def with_knee(model: FrictionModel, data: Observations, loss: str) -> FrictionMo
 def _over_knees(
     model: FrictionModel, data: Observations, found: RobustEstimate, quantile: float, loss: str
 ) -> dict[str, tuple[float, float]]:
-    """Profile intervals, over all knees that the values allow: at one knee alone the slopes seem known far too well."""
+    """Return profile intervals over all knees that the values allow: at a single knee they would be far too narrow."""
     out = profile_intervals(model, data, found, quantile)
     if model.knee_pa is None:
         return out
@@ -114,7 +114,7 @@ def _over_knees(
 
 
 def _excess_p_value(model: FrictionModel, data: Observations, found: RobustEstimate, dof: int) -> float | None:
-    """F test of the Stribeck part against the same law without it, on the same pseudo-values."""
+    """Return the p-value of the Stribeck part by an F-test against the law without it, on the same pseudo-values."""
     from scipy.special import fdtrc
 
     if not model.stribeck or dof < 1:

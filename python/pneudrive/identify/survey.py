@@ -1,4 +1,4 @@
-"""Several seals of one friction map together, and how well that predicts what was left out."""
+"""Survey of several seals of one friction map, and its cross-validation."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ HELD_OUT = ("pressure", "run")
 
 @dataclass(frozen=True)
 class LeftOut:
-    """One value that was left out and predicted from the rest.
+    """Held-out value with its prediction from the others.
 
     Attributes
     ----------
     seal, run : str
     gauge_a_pa, gauge_b_pa : float
     friction_n : float
-        Measured.
+        Measured friction.
     predicted_n, lower_n, upper_n : float
-        Predicted without it.
+        Prediction without it.
     """
 
     seal: str
@@ -51,12 +51,12 @@ class LeftOut:
 
     @property
     def is_inside(self) -> bool:
-        """Whether the measured value lies in the interval."""
+        """Whether the measured value lies within the interval."""
         return self.lower_n <= self.friction_n <= self.upper_n
 
     @property
     def error(self) -> float:
-        """Predicted over measured friction, minus one."""
+        """Relative error: predicted over measured friction, minus one."""
         return self.predicted_n / self.friction_n - 1.0
 
 
@@ -70,22 +70,22 @@ def survey(
     ambient_pressure_pa: float | None = None,
     exclude_flags: Collection[str] = (),
 ) -> Survey:
-    """Fit each seal of a friction map and find what they share: scatter, difference of runs, what a line misses.
+    """Fit each seal of a friction map, with common scatter, difference of runs and deviation from a line.
 
     Parameters
     ----------
     friction_map : xarray.Dataset
-        As of :func:`fit_friction`.
+        As for :func:`fit_friction`.
     seals, runs : str or sequence of str
-        Label of each row, or the name of the column that has it. Rows of one seal and run were measured without taking
-        the seal out.
+        Label of each row, or the name of its column. Rows of one seal and run were measured without remounting the
+        seal.
     law, direction, ambient_pressure_pa, exclude_flags
-        As of :func:`fit_friction`; `law` None is ``stribeck`` where a seal's speeds span a factor of three.
+        As for :func:`fit_friction`; `law` None is ``stribeck`` if a seal's speeds span a factor of three.
 
     Returns
     -------
     Survey
-        Its ``predict`` gives the friction of a further recording, of the same run or of another.
+        Its ``predict`` returns the friction of a further recording, in the same run or another.
     """
     groups, of_run = _grouped(friction_map, seals, runs, direction, ambient_pressure_pa, exclude_flags)
     return survey_values(groups, of_run, law)
@@ -103,25 +103,25 @@ def held_out(
     ambient_pressure_pa: float | None = None,
     exclude_flags: Collection[str] = (),
 ) -> list[LeftOut]:
-    """Leave each pressure of each seal out, or each run of seals that were run more than once, and predict it.
+    """Hold out each pressure of each seal, or each run of seals with several runs, and predict it.
 
-    Nothing of what is left out takes part: neither in the seal's law nor in what the seals share.
+    Held-out values contribute neither to the seal's law nor to the common statistics.
 
     Parameters
     ----------
     by : str
         ``pressure`` or ``run``.
     probability : float
-        Of the prediction intervals.
+        Probability of the prediction intervals.
     friction_map, seals, runs, law, direction, ambient_pressure_pa, exclude_flags
-        As of :func:`survey`.
+        As for :func:`survey`.
 
     Returns
     -------
     list of LeftOut
     """
     if by not in HELD_OUT:
-        raise FitError(f"a survey holds out no {by!r}", remedy=nearest(by, HELD_OUT))
+        raise FitError(f"a survey cannot hold out by {by!r}", remedy=nearest(by, HELD_OUT))
     groups, of_run = _grouped(friction_map, seals, runs, direction, ambient_pressure_pa, exclude_flags)
     out: list[LeftOut] = []
     for seal, data in groups.items():
@@ -136,7 +136,7 @@ def held_out(
 
 
 def pressure_levels(data: Observations) -> NDArray[np.int64]:
-    """Give each value the number of its level of pressure: within 10 %, or 0.1 bar, of the first of the level."""
+    """Return the number of the pressure level of each value: within 10 %, or 0.1 bar, of the first of the level."""
     levels: list[tuple[float, float]] = []
     out = np.empty(len(data), dtype=np.int64)
     for i, (a, b) in enumerate(zip(data.gauge_a_pa, data.gauge_b_pa, strict=True)):
@@ -156,7 +156,7 @@ def _predicted(
     law: str | None,
     probability: float,
 ) -> list[LeftOut]:
-    """Predict the values of one seal that are left out from all others; none where nothing of the seal remains."""
+    """Yield predictions of held-out values of one seal from all others; none if no value of the seal remains."""
     data, runs = groups[seal], np.array(of_run[seal])
     if left.all():
         return []
@@ -182,7 +182,7 @@ def _grouped(
     ambient_pressure_pa: float | None,
     exclude_flags: Collection[str],
 ) -> tuple[dict[str, Observations], dict[str, list[str]]]:
-    """Values and runs of each seal; what cannot be used of a seal is left out as in a fit."""
+    """Return values and runs of each seal; unusable rows are left out as in a fit."""
     ambient = ambient_of(friction_map, ambient_pressure_pa, needed=True)
     seal_of, run_of = row_labels(friction_map, seals), row_labels(friction_map, "" if runs is None else runs)
     groups: dict[str, Observations] = {}
@@ -199,7 +199,7 @@ def _grouped(
 
 
 def row_labels(friction_map: xr.Dataset, labels: str | Sequence[str]) -> NDArray[np.str_]:
-    """Label of each row from a column's name or a sequence; the empty name is one label for all."""
+    """Return the label of each row from a column's name or a sequence; the empty name is one label for all."""
     rows = friction_map.sizes["row"]
     if isinstance(labels, str):
         if not labels:
@@ -209,5 +209,5 @@ def row_labels(friction_map: xr.Dataset, labels: str | Sequence[str]) -> NDArray
             raise FitError(f"the friction map has no column {labels!r}", remedy=nearest(labels, known))
         return friction_map[labels].to_numpy().astype(str)
     if len(labels) != rows:
-        raise FitError("labels must be one for each row", value=f"{len(labels)} labels, {rows} rows")
+        raise FitError("one label is needed for each row", value=f"{len(labels)} labels, {rows} rows")
     return np.array([str(label) for label in labels])

@@ -1,10 +1,10 @@
 """Identification of a fixed volume from pressures: conductance, critical ratio, heat transfer, leak, tube friction.
 
-The core simulates the tank under the recorded opening of its line, and the search of `identify` finds what is free and
-the pressure at the start of each recording. Every value is estimated as its logarithm, the critical pressure ratio as
-the logarithm of its odds. An interval comes from the profile of the cost: how far the value can go, all others
-following, until the cost has grown by Student's t squared times the variance of the residuals; a side on which it never
-does is open, and the value is not determined there.
+The core simulates the tank under the recorded opening of its line, and the search of `identify` fits the free values
+and the pressure at the start of each recording. Every value is estimated by its logarithm, the critical pressure ratio
+by its logit. An interval comes from the profile of the cost: the range of the value, with all others refitted, in which
+the cost grows by at most Student's t squared times the variance of the residuals. On a side where the cost never grows
+so far, the interval is open and the value not determined.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Name in the file -> path in the core's form, SI unit, what to record where it is not determined.
+#: Name in the file -> path in the core's form, SI unit, remedy if not determined.
 NUMBERS: dict[str, tuple[str, str, str]] = {
     "line.conductance": (
         "line.conductance_m3_s_pa",
@@ -57,13 +57,13 @@ NUMBERS: dict[str, tuple[str, str, str]] = {
         "1",
         "record until the pressures on both sides of the line are nearly equal",
     ),
-    "line.pressure": ("line.pressure_pa", "Pa", "record until the pressure stays, or measure it"),
+    "line.pressure": ("line.pressure_pa", "Pa", "record until the pressure is constant, or measure it"),
     "tube.friction_scale": (
         "tube.friction_scale",
         "1",
         "record a pressure on each side of the tube, or a volume that is small beside the tube's",
     ),
-    "volume.value": ("volume.volume_m3", "m^3", "measure it: the pressure shows conductance over volume alone"),
+    "volume.value": ("volume.volume_m3", "m^3", "measure it: the pressure depends only on conductance over volume"),
     "volume.heat_transfer": (
         "volume.heat_transfer_w_k",
         "W/K",
@@ -71,63 +71,63 @@ NUMBERS: dict[str, tuple[str, str, str]] = {
     ),
     "volume.leakage": ("volume.leakage_m3_s_pa", "m^3/(s Pa)", "record with the line shut for longer"),
 }
-#: A leak that is given as none begins here, as a share of the line's conductance, or of volume over time and pressure.
+#: Start of a leak that is given as zero, as a share of the line's conductance, or of volume over time and pressure.
 LEAK_SHARE = 1e-3
 RTOL = 1e-7
-#: What bends the course of the pressure, and how far apart its starts are, as logarithms: gas that keeps the
-#: temperature of the wall is another minimum than gas that does not.
+#: Parameters with several minima, and logarithmic distances of their starts: isothermal and adiabatic gas are
+#: different minima.
 BENDS = {
     "line.critical_pressure_ratio": (-1.5, 1.5),
     "volume.heat_transfer": (-1.5, 1.5, 5.0),
     "volume.leakage": (-1.5, 1.5),
 }
 ENOUGH_TO_START = 500
-#: What the start of a recording is believed to be before the fit: any pressure, Pa; the temperature is held, K.
+#: Prior standard deviations of a start: any pressure, Pa; the temperature is held, K.
 BELIEF = np.array([1e5, 1e-6])
-#: A value whose interval reaches further than this share of it is not determined.
+#: Largest distance of an interval's end, as a share of the value, for a determined value.
 LARGEST_REACH = 0.5
-#: Correlation time of the residuals, in samples, of which a note is made.
+#: Correlation time of the residuals, in samples, above which there is a note.
 CORRELATED = 10.0
 
 
 def identify_volume(
     tank: Tank,
-    recordings: Any,  # noqa: ANN401 - one or several, of several kinds
+    recordings: Any,  # noqa: ANN401 - one or several recordings of several types
     free: Sequence[str] | None = None,
     *,
     layout: Layout | str | Path | None = None,
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
 ) -> VolumeFit:
-    """Identify numbers of a tank from recordings of its pressure.
+    """Identify parameters of a tank from recordings of its pressure.
 
     Parameters
     ----------
     tank : Tank
-        Start values of what is free; everything else is taken as known.
+        Tank with start values of free parameters; all other values are known.
     recordings
-        One or several of: a file that a layout with ``kind = "fixed-volume"`` reads, a mapping of SI columns
-        (``time_s``, ``pressure_pa`` absolute, ``command``: the share of the line's opening, ``inlet_pressure_pa``:
-        absolute, between line and tube), a `VolumeRecording`. Any rate of sampling will do.
+        One or several of: a file with a layout of ``kind = "fixed-volume"``, a mapping of SI columns (``time_s``,
+        ``pressure_pa`` absolute, ``command``: the share of the line's opening, ``inlet_pressure_pa``: absolute,
+        between line and tube), a `VolumeRecording`. The sampling may have any rate.
     free : sequence of str, optional
-        Names as in the file: ``line.conductance``, ``line.critical_pressure_ratio``, ``line.pressure``,
-        ``volume.heat_transfer``, ``volume.leakage``, ``volume.value``, ``tube.friction_scale``. Where nothing is said:
-        conductance, critical pressure ratio, heat transfer, friction of a tube and, where a recording can tell it from
-        the line, the leak.
+        Names in the file: ``line.conductance``, ``line.critical_pressure_ratio``, ``line.pressure``,
+        ``volume.heat_transfer``, ``volume.leakage``, ``volume.value``, ``tube.friction_scale``. Default:
+        conductance, critical pressure ratio, heat transfer, friction of a tube and, if a recording can distinguish it
+        from the line, the leak.
     layout : Layout or path, optional
-        How files are read.
+        Layout of files.
     progress, cancel
-        As of `pneudrive.watch.Watch`.
+        See `pneudrive.watch.Watch`.
 
     Returns
     -------
     VolumeFit
-        Values, intervals, what is not determined.
+        Values, intervals, undetermined values.
 
     Raises
     ------
     FitError, RecordingError, LayoutError
-        With what, value, rule and remedy.
+        Input is not valid; the message gives value, rule and remedy.
     """
     watch = Watch(progress, cancel)
     records = read_volume_recordings(recordings, layout)
@@ -143,17 +143,17 @@ def identify_volume(
 def _free(
     tank: Tank, records: list[VolumeRecording], asked: Sequence[str] | None
 ) -> tuple[list[str], list[Undetermined]]:
-    """Names of what is free, and what is held since nothing can tell it."""
+    """Return the names of free values, and those held because no recording can determine them."""
     form = tank.core_form()
     known = [name for name in NUMBERS if form[name.partition(".")[0]] is not None]
     if asked is not None:
         if not asked:
-            raise FitError("nothing is free", remedy='Name what is sought, e.g. free=["line.conductance"].')
+            raise FitError("no parameter is free", remedy='Name free parameters, e.g. free=["line.conductance"].')
         for name in asked:
             if name not in known:
-                raise FitError(f"{name} is no number of this tank that can be free", remedy=nearest(name, known))
+                raise FitError(f"{name} is not a number of this tank that can be free", remedy=nearest(name, known))
         if len(set(asked)) < len(asked):
-            raise FitError("a parameter is named twice", value=", ".join(asked))
+            raise FitError("a parameter is given twice", value=", ".join(asked))
         return list(asked), []
     names = [n for n in known if n not in ("line.pressure", "volume.value")]
     line = form["line"]
@@ -166,7 +166,7 @@ def _free(
 
 
 class TankFamily(DriveFamily):
-    """The core's tank for any values of the free numbers."""
+    """Family of the core's tank for any values of the free numbers."""
 
     def __init__(self, tank: Tank, names: Sequence[str], longest_s: float) -> None:
         super().__init__(tank.core_form(), [NUMBERS[name][0] for name in names])
@@ -179,12 +179,12 @@ class TankFamily(DriveFamily):
                 table[key] = 1e-2 if key == "heat_transfer_w_k" else leak
 
     def core(self, values: Array) -> Any:  # noqa: ANN401 - the core's tank
-        """Return what the core shoots, with these values."""
+        """Return the core's tank with these values."""
         return _core.Tank(self.json(values))
 
 
 def _problem(tank: Tank, records: list[VolumeRecording], names: list[str], watch: Watch) -> tuple[FitProblem, Iterate]:
-    """Put the problem together; the point is that of the tank as it is."""
+    """Return the fit problem, and the start point from the tank's values."""
     family = TankFamily(tank, names, max(r.duration_s for r in records))
     values = [family.get(path) for path in family.paths]
     parameters = [
@@ -215,7 +215,7 @@ def _upper(tank: Tank, name: str) -> float:
 
 
 def _best_start(tank: Tank, records: list[VolumeRecording], names: list[str], watcher: Watcher) -> Iterate:
-    """Search from several starts over some of the samples: what bends the curve has more than one minimum."""
+    """Search from several starts over some of the samples, as the cost has several minima."""
     bends = [i for i, name in enumerate(names) if name in BENDS]
     problem, first = _problem(tank, [_thinned(r) for r in records], names, watcher.watch)
     found = []
@@ -228,12 +228,12 @@ def _best_start(tank: Tank, records: list[VolumeRecording], names: list[str], wa
             continue
         found.append((at.cost, point))
     if not found:
-        raise FitError("the tank cannot be simulated at the start values", remedy="give other start values")
+        raise FitError("the tank cannot be simulated at the start values", remedy="Give other start values.")
     return min(found, key=lambda one: one[0])[1]
 
 
 def _thinned(record: VolumeRecording) -> VolumeRecording:
-    """Every k-th sample, so that at most about a thousand are left, and those at which the line opens or shuts."""
+    """Return every k-th sample, at most about a thousand, and the samples at which the line opens or shuts."""
     step = max(record.time_s.size // ENOUGH_TO_START, 1)
     keep = np.zeros(record.time_s.size, dtype=bool)
     keep[::step] = True
@@ -293,7 +293,7 @@ def _result(tank: Tank, records: list[VolumeRecording], attempt: Attempt, held: 
 def _lost(
     tank: Tank, records: list[VolumeRecording], name: str, value: float, low: float, high: float
 ) -> Undetermined | None:
-    """Say that a value is not determined, and which limit the recordings give all the same."""
+    """Return the statement on an undetermined value, with a limit if the recordings give one."""
     upper = _upper(tank, name)
     is_ratio = name == "line.critical_pressure_ratio"
     if max(value - low, high - value) <= LARGEST_REACH * (1.0 if is_ratio else value):
@@ -308,7 +308,11 @@ def _lost(
         reason += ": the gas keeps the temperature of the wall" if name == "volume.heat_transfer" else ""
     elif open_below:
         reason = f"only an upper limit is known, {above} {unit}"
-        reason += ": none can be told from little" if name in ("volume.leakage", "volume.heat_transfer") else ""
+        reason += (
+            ": the recordings cannot distinguish none from little"
+            if name in ("volume.leakage", "volume.heat_transfer")
+            else ""
+        )
     else:
         reason = f"anything from {below} to {above} {unit} fits"
     if is_ratio:
@@ -323,13 +327,15 @@ def _lost(
 def _notes(tank: Tank, attempt: Attempt, tau: float) -> list[str]:
     notes = []
     if not attempt.converged:
-        notes.append("the search has not converged: there are no intervals; give other start values")
+        notes.append("the search did not converge, so there are no intervals; give other start values")
     if tank.volume.start_temperature_k is None:
-        notes.append(f"assumed: the gas has {tank.start_temperature_k:g} K, that of the wall, where a recording begins")
+        notes.append(
+            f"assumed: a recording starts with the gas at the temperature of the wall, {tank.start_temperature_k:g} K"
+        )
     if attempt.missed:
         notes.append(
             f"the model does not fit: residuals are {max(attempt.missed.values()):.2g} times the noise from sample to "
-            "sample. Values and intervals make up for what it lacks: look at the opening, the volume, the pressure on "
+            "sample, and values and intervals compensate for the error. Check the opening, the volume, the pressure on "
             "the other side, and the zero of the transducer"
         )
     elif tau > CORRELATED:

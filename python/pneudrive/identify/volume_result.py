@@ -1,4 +1,4 @@
-"""The result of an identification of a fixed volume."""
+"""Result of an identification of a fixed volume."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: SI unit -> the unit in which a file of a tank has it.
+#: SI unit -> unit in the file of a tank.
 _WRITTEN = {"m^3/(s Pa)": "dm3/(s bar)", "m^3": "dm3", "Pa": "bar", "W/K": "W/K"}
 
 
@@ -27,26 +27,25 @@ class VolumeFit(Fit):
     Attributes
     ----------
     values : dict
-        Name as in the file -> value, SI, pressures absolute.
+        Name in the file -> value, SI, pressures absolute.
     units : dict
         Name -> SI unit.
     intervals : dict
-        Name -> (lower, upper), 95 %, by profile, of what the recordings determine. Empty where the search has not
-        converged.
-    undetermined : tuple of Undetermined
-        What the recordings do not determine, why, and what to record.
+        Name -> (lower, upper), 95 %, by profile, of determined values. Empty if the search did not converge.
+        undetermined : tuple of Undetermined
+    Undetermined values, each with reason and remedy.
     notes : tuple of str
     statistics : dict
         ``samples``; ``rms.pressure`` and ``noise.pressure``, Pa; ``rms_share.pressure``: over the range of the
         pressure, of the worst recording; ``correlation_time.samples``.
     converged : bool
     starts_pa : dict
-        Recording -> pressure at its start, Pa; empty when read from a file.
+        Recording -> pressure at its start, Pa; empty if read from a file.
     provenance : dict
     start : Tank or None
-        The tank that the search started from; None when read from a file that does not have it.
+        Tank at the start of the search; None if read from a file without it.
     series : dict
-        Recording -> (time s, measured pressure Pa, that of the model Pa), shape (n,) each.
+        Recording -> (time s, measured pressure Pa, pressure of the model Pa), shape (n,) each.
     """
 
     KIND: ClassVar[str] = "volume"
@@ -58,20 +57,20 @@ class VolumeFit(Fit):
     series: dict[str, tuple[Array, Array, Array]] = field(repr=False, default_factory=dict)
 
     def _is_determined(self, name: str, value: float) -> bool:
-        """Whether the recordings determine a value; none where the search has not converged."""
+        """Return whether the recordings determine a value; False if the search did not converge."""
         del value
         return name in self.intervals
 
     def apply(self) -> Tank:
-        """Return the tank with what was determined.
+        """Return the tank with the determined values.
 
         Raises
         ------
         FitError
-            The fit was read from a file that does not have the tank.
+            The fit was read from a file without the tank.
         """
         if self.start is None:
-            raise FitError("the file of this fit does not have the tank", remedy="Fit again.")
+            raise FitError("the file of this fit has no tank", remedy="Fit again.")
         changes = {}
         for name in self.determined:
             value, unit = self.values[name], self.units[name]

@@ -98,7 +98,7 @@ def test_a_drive_takes_the_law_with_intervals_that_hold_what_rows_share(pressed)
 def test_what_acts_on_the_law_must_be_what_acted_in_the_fit(pressed):
     drive = pn.Drive.load("catalogue:reference")
     drive = drive.replace({"friction.pressure": {"coulomb": {"a": "1 N/bar", "b": "1 N/bar"}}})
-    with pytest.raises(FitError, match="is not that with which the law was fitted"):
+    with pytest.raises(FitError, match="of the drive differs from that of the fit"):
         pressed.apply(drive)
 
 
@@ -112,7 +112,7 @@ def test_a_fit_of_any_law_comes_back_from_its_file(pressed, tmp_path):
     with pytest.raises(FitError, match="fit of a law, not of a friction map"):
         FrictionFit.from_toml(tmp_path / "fit.toml")
     (tmp_path / "fit.toml").write_text('schema = 1\nkind = "law"\n')
-    with pytest.raises(FitError, match="no complete fit of a law"):
+    with pytest.raises(FitError, match="not a complete fit of a law"):
         LawFit.from_toml(tmp_path / "fit.toml")
 
 

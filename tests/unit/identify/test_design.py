@@ -157,9 +157,9 @@ def test_the_core_gives_the_gradients(truth):
     ("change", "said"),
     [
         ({"criterion": "A"}, "no criterion 'A'"),
-        ({"noise_n": None}, "pass noise_n"),
+        ({"noise_n": None}, "Pass noise_n"),
         ({"seconds": 0.1}, "no point fits into the time"),
-        ({"points": 0}, "1 or more"),
+        ({"points": 0}, "at least 1"),
     ],
 )
 def test_messages(truth, change, said):

@@ -228,14 +228,14 @@ def test_presliding_gives_the_stiffness_of_the_law_that_made_the_loop(law: str) 
 
 def test_wrong_input_gets_one_message() -> None:
     cols = servo(reference(), 0.3)
-    with pytest.raises(FitError, match=r"friction\.columb is no number of this drive") as error:
+    with pytest.raises(FitError, match=r"friction\.columb is not a number of this drive") as error:
         pn.identify(reference(), cols, ["friction.columb"])
     assert "friction.coulomb" in str(error.value)
     with pytest.raises(FitError, match=r"sensor pressure_a\.noise"):
         pn.identify(reference(), cols, ["friction.coulomb"], sensors={"pressure_a": {"noise": "1 mm"}})
     with pytest.raises(FitError, match="a sensor is described for velocity"):
         pn.identify(reference(), cols, ["friction.coulomb"], sensors={"velocity": {}})
-    with pytest.raises(FitError, match="nothing is free"):
+    with pytest.raises(FitError, match="no parameter is free"):
         pn.identify(reference(), cols, [])
 
 
@@ -277,7 +277,7 @@ def test_a_command_that_was_written_down_late_or_that_the_valve_follows_late_is_
     assert fit.values["friction.coulomb"] == pytest.approx(30.0, rel=2e-3)
     known = pn.identify(start, early, free, sensors={"command": {"delay": "3 ms"}})
     assert known.values["friction.coulomb"] == pytest.approx(30.0, rel=2e-3)
-    with pytest.raises(FitError, match="no sensor"):
+    with pytest.raises(FitError, match="not a sensor"):
         pn.identify(start, early, free, sensors={"command": {"offset": "free"}})
 
 

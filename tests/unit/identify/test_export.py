@@ -125,11 +125,11 @@ def test_what_is_lost_is_said(make_map, friction_of):
 
 
 def test_wrong_wishes_are_refused(fit, tmp_path):
-    with pytest.raises(FitError, match="no export to 'simscap'"):
+    with pytest.raises(FitError, match="the export to 'simscap' is not available"):
         fit.export("simscap")
     with pytest.raises(FitError, match="0 < lowest < highest"):
         fit.export("csv", speeds_m_s=(0.1, 0.1))
     from pneudrive.identify.export import curve_of_drive
 
-    with pytest.raises(FitError, match="does not say which speeds"):
+    with pytest.raises(FitError, match="has no range of measured speeds"):
         curve_of_drive(Drive.load("catalogue:reference"), None)

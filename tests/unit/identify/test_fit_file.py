@@ -60,7 +60,7 @@ def test_file_is_plain_toml_with_units(make_map, friction_of, tmp_path):
         ("", "is empty"),
         ("schema = 9", "another schema"),
         ("[", "is not TOML"),
-        ("schema = 1", "no complete"),
+        ("schema = 1", "not a complete"),
     ],
 )
 def test_files_that_are_no_fit(tmp_path, text, message):
@@ -101,5 +101,5 @@ def test_a_fit_whose_parts_do_not_fit_together(make_map, friction_of, tmp_path, 
     changed = [f"{key} = {value}" if line.startswith(f"{key} = ") else line for line in changed]
     assert changed != lines
     path.write_text("\n".join(changed))
-    with pytest.raises(FitError, match="no complete friction fit"):
+    with pytest.raises(FitError, match="not a complete friction fit"):
         FrictionFit.from_toml(path)

@@ -158,8 +158,8 @@ def test_a_law_that_is_a_plainer_one_for_these_values_is_not_listed_twice(make_m
     curves = make_map(np.full(6, 0.01), friction, 0.1, gauge_a=gauge_a, gauge_b=gauge_b)
     found = compare_laws(curves, hold_out="pressure", pressure=["linear", "quadratic"])
     assert [row.title for row in found.rows] == ["coulomb, linear in pressure"]
-    assert any("coulomb stands for stribeck gaussian" in said for said in found.statements)
-    assert any("linear stands for quadratic in pressure" in said for said in found.statements)
+    assert any("coulomb represents stribeck gaussian" in said for said in found.statements)
+    assert any("linear represents quadratic in pressure" in said for said in found.statements)
 
 
 def test_slopes_of_a_saturating_dependence_know_that_the_knee_was_sought(make_map):

@@ -122,7 +122,7 @@ def test_unknown_law_names_the_nearest(data):
 
 def test_pressure_dependence_needs_the_ambient_pressure(data):
     data = data.drop_attrs()
-    with pytest.raises(FitError, match="does not say the ambient pressure"):
+    with pytest.raises(FitError, match="has no ambient pressure"):
         fit_friction(data, pressure_dependence=True)
 
 

@@ -87,7 +87,7 @@ def test_messages_name_what_is_there(make_map):
         found.predict("O-ring", speed_m_s=0.01, run="2")
     with pytest.raises(FitError, match=r"(?s)no column 'seal'.*Known: flags, recording"):
         survey(curves, "seal")
-    with pytest.raises(FitError, match=r"holds out no 'day'"):
+    with pytest.raises(FitError, match=r"cannot hold out by 'day'"):
         held_out(curves, ["O-ring"] * 12, by="day")
     with pytest.raises(FitError, match="hardly outnumber the parameters"):
         survey(curves.isel(row=slice(0, 6)), ["O-ring"] * 6)

@@ -151,7 +151,7 @@ def test_what_is_no_recording_of_a_volume_is_refused(change, words):
 def test_mistakes_are_one_message(tmp_path):
     with pytest.raises(DescriptionError, match=r"line\.linear_above"):
         pn.Tank.model_validate({**TANK, "line": {**TANK["line"], "linear_above": 0.2}})
-    with pytest.raises(FitError, match="is no number of this tank"):
+    with pytest.raises(FitError, match="is not a number of this tank"):
         pn.identify_volume(
             pn.Tank.model_validate({"volume": {"value": "1 l"}}), record(20.0, 2.0, 0), ["line.conductance"]
         )

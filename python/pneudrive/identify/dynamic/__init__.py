@@ -1,4 +1,4 @@
-"""From recordings of a moving drive to numbers of its description, with uncertainty."""
+"""Identification of parameters of a drive from recordings of its motion, with uncertainty."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The result of a dynamic identification from where its search ended: values, intervals, notes, statistics."""
+"""Result of a dynamic identification from the end of its search: values, intervals, notes, statistics."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Correlation of residuals, in samples, of which a note is made, unless their variance is that of the solver alone.
+#: Correlation of residuals, in samples, above which there is a note, unless their variance is only that of the solver.
 CORRELATED, SOLVER_SHARE = 10.0, 0.1
-#: A fit below this, worse than the mean of the record, is no matter of parameters, %.
+#: Fit, %, below which the error is not one of parameters: worse than the mean of the record.
 SENSELESS_PERCENT = 0.0
 
 
@@ -43,7 +43,7 @@ def assembled(
     options: SearchOptions,
     watcher: Watcher,
 ) -> DriveFit:
-    """Put the result of the best search together."""
+    """Return the fit of the best search."""
     solved = attempt.solved
     problem, point, found = solved.problem, solved.point, solved.information
     values = problem.values(point.eta)
@@ -93,12 +93,12 @@ def _notes(
     problem = solved.problem
     if not attempt.converged:
         if not options.interrupted:
-            notes.append("the search has not converged: look at the residuals, or try shorter segments")
-        notes.append("no interval is given: intervals hold at the end of a search alone")
+            notes.append("the search did not converge: check the residuals, or try shorter segments")
+        notes.append("there are no intervals, which are valid only at the end of a search")
     units = numbers_of(drive)
     moved = problem.experiments[0].shooter.family.derived_values(problem.values(solved.point.eta))
     notes += [
-        f"{_written(name, value, units[name].unit)} follows from what is free, as nobody gives it"
+        f"{_written(name, value, units[name].unit)} is derived from free values, as the drive does not give it"
         for name, value in moved.items()
     ]
     coloured = [
@@ -121,20 +121,20 @@ def _written(name: str, si: float, unit: str) -> str:
 
 
 def _misfit(attempt: Attempt, statistics: dict[str, float]) -> list[str]:
-    """Say what the model does not follow."""
+    """Return a note on channels that the model does not follow."""
     notes = []
     fits = {k: v for k, v in statistics.items() if k.startswith("fit_percent.")}
     worst = min(fits, key=lambda k: fits[k])
     if fits[worst] < SENSELESS_PERCENT:
         notes.append(
-            f"the model does not follow what was recorded ({worst.removeprefix('fit_percent.')}: fit "
-            f"{fits[worst]:.0f} %). Look whether a sign is reversed or chambers are swapped: a command above "
+            f"the model does not follow the recording ({worst.removeprefix('fit_percent.')}: fit "
+            f"{fits[worst]:.0f} %). Check for a reversed sign or swapped chambers: a command above "
             "0 fills chamber a, which moves the piston towards greater positions"
         )
     missed = ", ".join(f"{name} is off by {ratio:.2g} times its noise" for name, ratio in attempt.missed.items())
     notes.append(
-        f"the model does not fit: {missed}. Values and intervals make up for what it lacks, so the "
-        "truth may lie outside them: put the fit into the drive and ask `pneudrive validate` what is missing"
+        f"the model does not fit: {missed}. Values and intervals compensate for the error, and the "
+        "true values may lie outside: apply the fit to the drive and run `pneudrive validate` for the causes"
     )
     return notes
 

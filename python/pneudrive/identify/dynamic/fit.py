@@ -38,19 +38,19 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 RTOL = 1e-6
-#: Sizes of the outputs of which the solver's error is a share, by unit.
+#: Sizes of the outputs for the solver's error, by unit.
 _SCALE = {"m": 0.1, "Pa": 1e5, "m/s": 0.1, "K": 300.0, "N": 10.0}
-#: Rounds in which the noise of the sensors is taken from the residuals.
+#: Rounds of estimating the noise of the sensors from the residuals.
 NOISE_ROUNDS = 4
-#: Change of the noise below which it counts as found.
+#: Relative change of the noise below which it counts as converged.
 NOISE_CHANGE = 0.02
-#: Residuals above this multiple of the noise from sample to sample are no noise (assumed).
+#: Multiple of the noise from sample to sample above which residuals are a misfit (assumed).
 MISFIT = 2.0
-#: Shares of the segments' length with which the search is repeated, and the shortest segment, s.
+#: Factors on the segments' length for repeated searches, and the shortest segment, s.
 SHORTER_SEGMENTS, SHORTEST_SEGMENT_S = (0.5, 0.25), 0.02
-#: Factor on the solver's tolerance in the last attempt: its error may be what the search sticks at.
+#: Factor on the solver's tolerance in the last attempt, as its error may stop the search.
 LAST_RTOL = 1e-2
-#: A repeated search that lowers the mean logarithm of the residuals by less than this has not helped.
+#: Least improvement of the mean logarithm of the residuals by a repeated search.
 GAIN = 0.02
 #: Huber's constant: 95 % efficient for normal errors [huber2009].
 HUBER_K = 1.345
@@ -58,7 +58,7 @@ HUBER_K = 1.345
 
 def identify(
     drive: Drive,
-    recordings: Any,  # noqa: ANN401 - one or several, of several kinds
+    recordings: Any,  # noqa: ANN401 - one or several recordings of several types
     free: Sequence[str],
     *,
     sensors: Mapping[str, Sensor | Mapping[str, Any]] | None = None,
@@ -71,51 +71,51 @@ def identify(
     progress: Callable[[Progress], None] | None = None,
     cancel: Flag | None = None,
 ) -> DriveFit:
-    """Identify numbers of a drive from recordings of its motion by output error.
+    """Identify parameters of a drive from recordings of its motion by output error.
 
-    The drive is simulated under the recorded command; its free numbers, the free numbers of the sensors and the start
-    of each recording are found such that position, pressures and whatever else was measured come out as recorded
-    (weighted least squares). Derivatives are exact, from dual numbers through the integrator. The recordings are cut
-    into segments whose starts are free and become continuous as the search converges (multiple shooting).
+    The drive is simulated under the recorded command. Free parameters of the drive and the sensors, and the start of
+    each recording, are fitted to position, pressures and other measured channels by weighted least squares. Derivatives
+    are exact, from dual numbers through the integrator. The recordings are cut into segments with free starts, which
+    become continuous as the search converges (multiple shooting).
 
     Parameters
     ----------
     drive : Drive
-        Start values of what is free; everything else is taken as known.
+        Drive with start values of free parameters; all other values are known.
     recordings
-        One or several of: a file as ``pneudrive simulate --out`` writes (.csv, .parquet, .nc) or any that a layout
-        reads, what ``pn.simulate`` returns, a mapping of SI columns (``time_s``, ``command``, ``position_m``,
+        One or several of: a file of ``pneudrive simulate --out`` (.csv, .parquet, .nc), a foreign file with a layout,
+        a result of ``pn.simulate``, a mapping of SI columns (``time_s``, ``command``, ``position_m``,
         ``pressure_a_pa``, ``pressure_b_pa``).
     free : sequence of str
-        Names as in the drive file: ``friction.coulomb``, ``valve.conductance``, ``cylinder.dead_volume.a``, ...
+        Names in the drive file: ``friction.coulomb``, ``valve.conductance``, ``cylinder.dead_volume.a``, ...
     sensors : mapping, optional
-        Channel -> `Sensor` or its keywords: what is known of noise, offset, gain, lag and resolution. With
-        ``{"command": {"delay": "free"}}``, or a time, the valve follows the recorded command late.
+        Channel -> `Sensor` or its keywords: known noise, offset, gain, lag and resolution.
+        ``{"command": {"delay": "free"}}``, or a time, delays the recorded command.
     channels : sequence of str, optional
-        What is compared with the model; position and pressures where nothing is said.
+        Channels to compare with the model; default: position and pressures.
     segment : str, float or None
         Length of the segments, s; None is single shooting: one segment for each recording.
     robust : bool
-        Huber's loss: outlying samples count less.
+        Huber's loss, which reduces the weight of outliers.
     layout : path, optional
-        How foreign files are read.
+        Layout of foreign files.
     rtol : float
         Relative tolerance of the solver.
     threads : int
     progress : callable, optional
-        Is told each step (`Progress`).
+        Called with each step (`Progress`).
     cancel : object with ``is_set()``, optional
         A `threading.Event`, for instance: once set, the search ends with `Cancelled` at its next step.
 
     Returns
     -------
     DriveFit
-        Values, intervals, covariance, what is not determined. Ctrl-C ends the search with the best point so far.
+        Values, intervals, covariance, undetermined values. Ctrl-C ends the search with the best point so far.
 
     Raises
     ------
     FitError, RecordingError, LayoutError
-        With what, value, rule and remedy.
+        Input is not valid; the message gives value, rule and remedy.
 
     Examples
     --------
@@ -147,16 +147,15 @@ def identify(
 
     best = _best_of_attempts(attempt, options)
     for experiment in best.solved.problem.experiments:
-        experiment.shooter.watch = UNWATCHED  # what is asked of the fit later is another call
+        experiment.shooter.watch = UNWATCHED  # later calls on the fit have their own watch
     return assembled(drive, parameters, records, best, options, watcher)
 
 
 def _best_of_attempts(attempt: Callable[[Array | None], Attempt], options: SearchOptions) -> Attempt:
-    """Search with shorter segments while that helps, where the first search ends beside the measured motion.
+    """Repeat the search with shorter segments, while that helps, if the first one does not reach the measured motion.
 
-    A short segment cannot be led far astray by wrong values: its search gets past what is a minimum for long ones, to
-    values from which these find their way. A model that lacks something misses with segments of any length: then the
-    first result stands.
+    The error of a short segment stays small for wrong values: its search passes local minima of long segments and gives
+    them better start values. An incomplete model misses with segments of any length: then the first result is kept.
     """
     tried = [attempt(None)]
     whole = options.segment_s
@@ -199,7 +198,7 @@ def _resolvable(
     described: dict[str, Channel],
     options: SearchOptions,
 ) -> list[Parameter]:
-    """Hold the bristle damping where the encoder does not resolve the bristles."""
+    """Hold the bristle damping if the encoder does not resolve the bristles."""
     levels = dict(drive.friction.parameters)
     damping = [p for p in parameters if p.name == "friction.bristle_damping"]
     if not damping or "position" not in described or "bristle_stiffness" not in levels:
@@ -215,7 +214,7 @@ def _resolvable(
     options.notes.append(f"friction.bristle_damping is held at {damping[0].value:g} N s/m")
     rest = [p for p in parameters if p is not damping[0]]
     if not rest:
-        raise FitError("nothing is left free", value=str(lost))
+        raise FitError("no parameter is left free", value=str(lost))
     return rest
 
 
@@ -229,7 +228,7 @@ def _problem(
     watch: Watch,
     values: Array | None = None,
 ) -> tuple[FitProblem, Iterate]:
-    """Cut the recordings, find where the segments begin, and put the problem together; `values` are the start's."""
+    """Return the fit problem: cut recordings and starts of segments; `values` are the start values."""
     family = family_of(drive, parameters)
     values = np.array([p.value for p in parameters]) if values is None else values
     experiments = []
@@ -260,12 +259,12 @@ def _problem(
 
 
 def _least_noise(channel: Channel, rtol: float) -> float:
-    """Below this no channel is trusted: rounding of the sensor, error of the solver."""
+    """Return the least noise of a channel: rounding of the sensor, error of the solver."""
     return float(np.hypot(channel.resolution / np.sqrt(12.0), rtol * _SCALE.get(channel.unit, 1.0)))
 
 
 def noise_of(channel: Channel, record: Recorded, rtol: float) -> float:
-    """Return the standard deviation of a channel to begin with: what is stated, or that from sample to sample."""
+    """Return the initial standard deviation of a channel: the stated one, or that from sample to sample."""
     white = white_noise(record[channel.column]) if channel.noise is None else channel.noise
     return float(np.hypot(white, _least_noise(channel, rtol)))
 
@@ -277,9 +276,9 @@ def solve(
     options: SearchOptions,
     watcher: Watcher,
 ) -> Attempt:
-    """Search, and take the noise of the sensors from the residuals until it stays.
+    """Search, and estimate the noise of the sensors from the residuals until it converges.
 
-    Where the search sticks, the misfit is not taken for noise before the last attempt.
+    Where the search stops early, the misfit does not count as noise before the last attempt.
     """
     converged = False
     watcher.point, at = point, None
@@ -304,7 +303,7 @@ def solve(
     if at is None:
         shots = problem.run(point)
         if isinstance(shots, str):
-            raise FitError("the search ended where the drive cannot be simulated", value=shots)
+            raise FitError("the search ended at values for which the drive cannot be simulated", value=shots)
         at = linearise(problem, point, believed, shots)
     found = information(problem, at)
     measured = int(sum(e.weight.sum() for e in problem.experiments))
@@ -317,7 +316,7 @@ def solve(
 
 
 def over_noise(solved: Solved) -> dict[str, float]:
-    """Residuals of each channel over its noise from sample to sample, in the worst recording."""
+    """Return the residuals of each channel relative to its noise from sample to sample, in the worst recording."""
     worst: dict[str, float] = {}
     for experiment, residual in zip(solved.problem.experiments, solved.at.residuals, strict=True):
         for c, channel in enumerate(experiment.channels):
@@ -329,7 +328,7 @@ def over_noise(solved: Solved) -> dict[str, float]:
 
 
 def _regrouped(problem: FitProblem, point: Iterate, length_s: float) -> Iterate:
-    """Join the short segments of the first phase to longer ones; their starts stay."""
+    """Join the short segments of the first phase to longer ones with the same starts."""
     states = []
     for experiment, state in zip(problem.experiments, point.states, strict=True):
         old = experiment.shooter.starts
@@ -341,7 +340,7 @@ def _regrouped(problem: FitProblem, point: Iterate, length_s: float) -> Iterate:
 
 
 def _renew_noise(problem: FitProblem, at: Joined, stated: list[NDArray[np.bool_]], rtol: float) -> bool:
-    """Take the noise from the residuals where none is stated; whether it has changed."""
+    """Estimate unstated noise from the residuals; return whether it changed."""
     changed = False
     for experiment, residual, known in zip(problem.experiments, at.residuals, stated, strict=True):
         for c, channel in enumerate(experiment.channels):

@@ -1,14 +1,14 @@
-"""The floor for model error of identified values: what numbers that were held, and are not exact, do to them.
+"""Lower limit of the model error of identified values: effect of errors in held numbers.
 
-An interval says what the noise of the sensors leaves, and falls with every sample. No model is that exact. Here each
-number of the description that was held (bore, supply pressure, conductance, ...) is off by `MODEL_SHARE`, the share of
-the balances' terms below which their check names nothing, and the free values answer by least squares on the balances
-along the recordings (force in sliding, both pressure rates):
+An interval covers the noise of the sensors, and shrinks with every sample; no model is that exact. Here each held
+number of the description (bore, supply pressure, conductance, ...) has an error of `MODEL_SHARE`, the share of the
+balances' terms that the diagnosis ignores. The free values respond by least squares on the balances along the
+recordings (force in sliding, both pressure rates):
 
     d theta_h = - (Phi^T W Phi)^-1 Phi^T W d e_h,    floor = sqrt(sum over h of d theta_h^2)
 
 Phi are the derivatives of the balances' residuals by the free values, d e_h their change with the held number h, and W
-weighs each balance by one over the mean square of its terms. The recordings' own motion enters, the noise does not.
+weights each balance by one over the mean square of its terms. The motion of the recordings enters, but not the noise.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Share by which no term of a model of a drive is trusted (assumed).
+#: Relative error of each term of a model of a drive (assumed).
 MODEL_SHARE = 0.01
-#: Slower than this share of the greatest speed, friction is not that of sliding.
+#: Share of the greatest speed below which friction is not that of sliding.
 SLIDES = 0.01
-#: Directions of the scaled derivatives below this share of the largest are not determined.
+#: Share of the largest scaled derivative below which a direction is not determined.
 SINGULAR_SHARE = 1e-3
 _STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
 
 
 def model_errors(drive: Drive, parameters: list[Parameter], solved: Solved) -> dict[str, float]:
-    """Return the floor of each free value, SI; none for what the balances of sliding do not show, such as bristles."""
-    if drive.has_lines:  # the balances of its chambers are not those of a drive without
+    """Return the lower limit of the model error of each free value with an effect on sliding, SI."""
+    if drive.has_lines:  # with lines, the balances of the chambers differ
         return {}
     found = solved.problem.values(solved.point.eta)[: len(parameters)]
     free = [replace(p, value=float(value)) for p, value in zip(parameters, found, strict=True)]
@@ -70,7 +70,7 @@ def model_errors(drive: Drive, parameters: list[Parameter], solved: Solved) -> d
 
 
 def _held(drive: Drive, free: list[Parameter], solved: Solved) -> list[Parameter]:
-    """Numbers of the drive that were held and do not follow from free ones, with the values that they were held at."""
+    """Return the held numbers of the drive that are not derived from free ones, with their values."""
     family = solved.problem.experiments[0].shooter.family
     known = {*family.paths, *(one.path for one in family.settled), *(p.core for p in free)}
     every = [replace(p, value=family.get(p.core)) for p in numbers_of(drive).values() if p.core not in known]
@@ -90,7 +90,7 @@ def _motion(solved: Solved, index: int) -> dict[str, Array]:
 
 
 def _balances(family: DriveFamily, values: Array, motion: dict[str, Array]) -> tuple[list[Array], list[Array]]:
-    """Return what the equations give along a motion, and its terms: force in sliding, N, and pressure rates, Pa/s."""
+    """Return the balances along a motion, and their terms: force in sliding, N, and pressure rates, Pa/s."""
     out = compiled(family.json(values)).along(
         motion["time_s"],
         motion["position_m"],
@@ -100,7 +100,7 @@ def _balances(family: DriveFamily, values: Array, motion: dict[str, Array]) -> t
         np.ascontiguousarray(openings(motion["command"])),
         [float(t) for t in motion["temperatures"]],
     )
-    if "slides" not in motion:  # at the solution; what a change of a number does is seen along the same motion
+    if "slides" not in motion:  # at the solution; changes of numbers are evaluated along the same motion
         speed = np.abs(motion["velocity_m_s"])
         motion["slides"] = (speed > SLIDES * speed.max()) & (out["end_stop_force_n"] == 0.0)
     slides = motion["slides"]
@@ -116,11 +116,11 @@ def _balances(family: DriveFamily, values: Array, motion: dict[str, Array]) -> t
 def _change(
     family: DriveFamily, values: Array, k: int, step: float, motions: list[dict[str, Array]], scale: Array
 ) -> Array:
-    """Change of all balances, each over the size of its terms, as one number of the drive changes by a step."""
+    """Return the change of all balances, relative to their terms, for a step of one number of the drive."""
     parts = []
     for motion in motions:
         here = _balances(family, values, motion)[0]
-        for sign in (1.0, -1.0):  # a number at the edge of what is possible goes the other way
+        for sign in (1.0, -1.0):  # a number at a bound is changed in the other direction
             beside = values.copy()
             beside[k] += sign * step
             try:

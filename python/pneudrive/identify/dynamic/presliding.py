@@ -1,9 +1,9 @@
 """Bristle stiffness and damping from presliding: force over displacement right after slow reversals.
 
 After a reversal the contact is elastic before it slips: friction grows from -F to +F over a few bristle deflections.
-The slope there is the bristle stiffness times a factor of the law: 2 for LuGre, whose bristles were slipping before, 1
-for bristles that are elastic below breakaway. The factor is not written down here: the core drags the same law through
-such a loop, and the same evaluation of that loop says what it gives for a known stiffness.
+The slope there is the bristle stiffness times a factor of the law: 2 for LuGre, whose bristles slipped before, 1 for
+bristles that are elastic below breakaway. The factor is computed: the core simulates such a loop with the same law and
+a known stiffness, which is evaluated in the same way.
 """
 
 from __future__ import annotations
@@ -33,33 +33,33 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Share of the whole swing of friction over which the slope is evaluated.
+#: Share of the swing of friction over which the slope is evaluated.
 SWING_SHARE = 0.35
-#: Samples that a reversal needs within that share.
+#: Least number of samples of a reversal within that share.
 LEAST_SAMPLES = 6
-#: A reversal counts when friction swings by this share of the greatest swing.
+#: Least swing of friction of a reversal, as a share of the greatest swing.
 WHOLE_SWING = 0.6
-#: Steps of the search for the stiffness whose simulated loop is as steep as the measured one.
+#: Steps of the search for the stiffness with the measured slope in the simulated loop.
 ROUNDS = 3
 
 
 @dataclass(frozen=True, repr=False)
 class Presliding(Shown):
-    """Bristles from reversals; SI.
+    """Bristle parameters from reversals; SI.
 
     Attributes
     ----------
     stiffness_n_m : float
         sigma0.
     stiffness_interval : (float, float)
-        95 %, from the scatter between reversals; infinite where there is only one.
+        95 %, from the scatter between reversals; infinite for a single one.
     damping_n_s_m : float or None
-        sigma1; None where it is not determined.
+        sigma1; None if not determined.
     damping_interval : (float, float)
     breakaway_n : float
-        Half the swing of friction between both directions: the level to which the bristles were loaded.
+        Half the swing of friction between both directions, the load of the bristles.
     reversals : int
-        That were evaluated.
+        Number of evaluated reversals.
     undetermined : tuple of Undetermined
     """
 
@@ -74,7 +74,7 @@ class Presliding(Shown):
 
 @dataclass(frozen=True)
 class _Loop:
-    """Displacement, gain of friction and speed since a reversal, in the new direction; swing is that of friction."""
+    """Displacement, increase of friction and speed after a reversal, in the new direction; `swing` of friction."""
 
     displacement: Array
     gain: Array
@@ -88,14 +88,14 @@ def identify_presliding(
     *,
     resolution_m: float = 0.0,
 ) -> Presliding:
-    """Identify the bristle stiffness, and the damping where the encoder resolves it, from force-displacement loops.
+    """Identify bristle stiffness, and damping if the encoder resolves it, from force-displacement loops.
 
     Parameters
     ----------
     drive : Drive
-        Its friction law and that law's other parameters.
+        Drive with the friction law and its other parameters.
     loops
-        Recordings of a rig that reverses slowly, or mappings with ``time_s``, ``position_m`` and ``friction_n`` (the
+        Recordings of a rig with slow reversals, or mappings with ``time_s``, ``position_m`` and ``friction_n`` (the
         force that opposes motion in +x), shape (n,).
     resolution_m : float
         Step of the encoder.
@@ -111,7 +111,7 @@ def identify_presliding(
     """
     law = drive.friction.law
     if "bristle_stiffness" not in drive.friction.parameters:
-        raise FitError(f"law {law} has no bristle stiffness", remedy="take lugre or elasto-plastic")
+        raise FitError(f"law {law} has no bristle stiffness", remedy="Choose lugre or elasto-plastic.")
     given = [_columns(g) for g in (loops if isinstance(loops, (list, tuple)) else [loops])]
     step = max([resolution_m, *(white_noise(position) for _, position, _ in given)])
     found = [loop for columns in given for loop in _reversals(*columns, step)]
@@ -123,7 +123,7 @@ def identify_presliding(
             "no reversal shows the bristles",
             value=f"{len(found)} reversals, position known to {1e6 * step:.3g} um",
             rule=f"{LEAST_SAMPLES} samples within {100 * SWING_SHARE:.0f} % of the swing of friction",
-            remedy="reverse more slowly, or sample faster",
+            remedy="Reverse more slowly, or sample faster.",
         )
     slopes, dampings = np.array(fits).T
     level = 0.5 * float(np.median([loop.swing for loop in found]))
@@ -163,8 +163,8 @@ def _lost(
     return tuple(out)
 
 
-def _columns(given: Any) -> tuple[Array, Array, Array]:  # noqa: ANN401 - a recording or a mapping, told here
-    """Time, position and friction."""
+def _columns(given: Any) -> tuple[Array, Array, Array]:  # noqa: ANN401 - a recording or a mapping, distinguished here
+    """Return time, position and friction."""
     if hasattr(given, "balance_n"):
         return given.time_s, given.position_m, given.balance_n()
     names = ("time_s", "position_m", "friction_n")
@@ -176,7 +176,7 @@ def _columns(given: Any) -> tuple[Array, Array, Array]:  # noqa: ANN401 - a reco
 
 
 def _reversals(time: Array, position: Array, friction: Array, step: float) -> list[_Loop]:
-    """Find the loops that begin at each turning point of the position."""
+    """Return the loops from each turning point of the position."""
     threshold = max(5.0 * step, 1e-9)
     turns = _turning_points(position, threshold)
     out = []
@@ -195,7 +195,7 @@ def _reversals(time: Array, position: Array, friction: Array, step: float) -> li
 
 
 def _turning_points(position: Array, threshold: float) -> list[int]:
-    """Find the samples at which the position turns back by more than a threshold."""
+    """Return the samples at which the position turns back by more than a threshold."""
     turns, low, high, rising = [], 0, 0, 0
     for i, x in enumerate(position):
         if x > position[high]:
@@ -213,9 +213,9 @@ def _turning_points(position: Array, threshold: float) -> list[int]:
 
 
 def _slope(loop: _Loop, step: float) -> tuple[float, float] | None:
-    """Slope of friction over displacement at the reversal, and over speed; by least squares of the displacement.
+    """Return the slopes of friction over displacement at the reversal and over speed, by least squares.
 
-    x = b (F - s v) + c F^2: friction is known better than a displacement of some steps of the encoder.
+    x = b (F - s v) + c F^2, as friction is more accurate than a displacement of a few encoder steps.
     """
     begin = loop.gain <= SWING_SHARE * loop.swing
     stop = int(np.argmin(begin)) if not begin.all() else begin.size
@@ -229,7 +229,7 @@ def _slope(loop: _Loop, step: float) -> tuple[float, float] | None:
 
 
 def _pooled(values: Array) -> tuple[float, tuple[float, float]]:
-    """Mean and 95 % interval over reversals."""
+    """Return the mean and the 95 % interval over reversals."""
     mean, n = float(values.mean()), values.size
     if n == 1:
         return mean, (-np.inf, np.inf)
@@ -238,7 +238,7 @@ def _pooled(values: Array) -> tuple[float, tuple[float, float]]:
 
 
 def _factor(drive: Drive, slope: float, level: float, speed: float) -> float:
-    """Slope over stiffness of the drive's law in a loop of this level, evaluated as the measured ones."""
+    """Return the slope over stiffness of the drive's law in a loop of this force, evaluated as the measured ones."""
     stiffness = slope
     factor = 1.0
     for _ in range(ROUNDS):
@@ -252,7 +252,7 @@ def _factor(drive: Drive, slope: float, level: float, speed: float) -> float:
 
 
 def _simulated_loop(drive: Drive, stiffness: float, level: float, speed: float) -> tuple[Array, Array, Array]:
-    """Drag the law to and fro by many bristle deflections, as a stiff rig without air does."""
+    """Simulate the law to and fro over many bristle deflections, on a stiff rig without air."""
     law = drive.friction.core()
     parameters = dict(law["parameters"])
     ratio = level / max(parameters.get("breakaway", parameters.get("coulomb", level)), 1e-12)

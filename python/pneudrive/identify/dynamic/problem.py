@@ -1,4 +1,4 @@
-"""The problem: free values of the drive and its sensors, recordings, and the residuals at a point."""
+"""Fit problem: free values of the drive and its sensors, recordings, and residuals at a point."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class FittedRecording:
-    """One recording in the fit; `noise` are the standard deviations that weigh its channels."""
+    """Recording in the fit; `noise` are the standard deviations that weight its channels."""
 
     shooter: Shooter
     channels: list[Channel]
@@ -47,23 +47,23 @@ class FittedRecording:
 
 @dataclass(frozen=True)
 class Iterate:
-    """A point of the search: global coordinates (drive, then sensors) and the starts of all segments."""
+    """Point of the search: global coordinates (drive, then sensors) and the starts of all segments."""
 
     eta: Array
     states: list[Array]
 
 
 class FitProblem:
-    """Everything that does not change during a fit but the noise and the weights of the samples.
+    """Constant data of a fit, and the noise and weights of the samples.
 
     Parameters
     ----------
     parameters : list of Parameter
         Free values of the drive.
     sensors : list of SensorParameter
-        Free values of its sensors.
+        Free values of the sensors.
     transforms : Transforms
-        Coordinates of both.
+        Transforms of both to coordinates.
     experiments : list of FittedRecording
     """
 
@@ -78,47 +78,47 @@ class FitProblem:
         self.experiments = experiments
         self.drive_size = len(parameters)
         self.size = self.drive_size + len(sensors)
-        #: Coordinates that are known before the fit, and how precisely: 0 where nothing is known.
+        #: Prior precision of the coordinates: 0 without prior knowledge.
         self.prior_mean = np.zeros(self.size)
         self.prior = np.zeros(self.size)
         for i, s in enumerate(sensors, start=self.drive_size):
             if np.isfinite(s.uncertainty) and s.uncertainty > 0.0:
                 self.prior[i] = (s.size / s.uncertainty) ** 2
         self.huber_k = np.inf
-        #: Coordinates that stay as they are, for a while.
+        #: Coordinates that are held for now.
         self.held = np.zeros(self.size, dtype=bool)
 
     @property
     def offsets(self) -> NDArray[np.bool_]:
-        """Coordinates that are offsets of sensors."""
+        """Mask of coordinates that are offsets of sensors."""
         return np.array([False] * self.drive_size + [s.kind == "offset" for s in self.sensors])
 
     @property
     def names(self) -> list[str]:
-        """Of the global coordinates."""
+        """Names of the global coordinates."""
         return [p.name for p in (*self.parameters, *self.sensors)]
 
     def values(self, eta: Array) -> Array:
-        """Free values of the drive and the sensors, SI."""
+        """Return the free values of the drive and the sensors, SI."""
         return self.transforms.natural(eta)
 
     def prior_cost(self, eta: Array) -> float:
-        """Cost of being away from what is known before the fit."""
+        """Return the cost of the deviation from prior knowledge."""
         return float(self.prior @ (eta - self.prior_mean) ** 2)
 
     def robust_weight(self, residual: Array) -> Array:
-        """Square roots of Huber's weights; 1 where the fit is plain least squares."""
+        """Return the square roots of Huber's weights; 1 for plain least squares."""
         if not np.isfinite(self.huber_k):
             return np.ones_like(residual)
         return np.sqrt(np.minimum(1.0, self.huber_k / np.maximum(np.abs(residual), 1e-300)))
 
     def loss(self, residual: Array) -> float:
-        """Sum of squares, or twice Huber's rho [huber2009]."""
+        """Return the sum of squares, or twice Huber's rho [huber2009]."""
         size, k = np.abs(residual), self.huber_k
         return float(np.sum(np.where(size <= k, size**2, 2.0 * k * size - k**2 if np.isfinite(k) else 0.0)))
 
     def rms(self, residuals: list[Array]) -> dict[str, float]:
-        """Root mean square of each channel's residuals, SI."""
+        """Return the root mean square of each channel's residuals, SI."""
         power: dict[str, float] = {}
         count: dict[str, float] = {}
         for experiment, residual in zip(self.experiments, residuals, strict=True):
@@ -129,9 +129,9 @@ class FitProblem:
         return {name: float(np.sqrt(power[name] / max(count[name], 1.0))) for name in power}
 
     def run(self, point: Iterate, *, derivatives: bool = True, reset: bool = False) -> list[Shot] | str:
-        """Run all recordings; a text says why a segment could not be run.
+        """Run all recordings; a text in the result is the reason of a failed segment.
 
-        With `reset`, derivatives by the starts are by what nothing measures, as only that is carried over.
+        With `reset`, derivatives by the starts cover only unmeasured states, which alone are carried over.
         """
         values = self.values(point.eta)
         shots = []
@@ -150,12 +150,12 @@ class FitProblem:
         return shots
 
     def possible(self, point: Iterate) -> Iterate:
-        """Keep what nothing measures within what is possible."""
+        """Project unmeasured states onto their bounds."""
         states = [np.clip(s, *e.starts.limits) for s, e in zip(point.states, self.experiments, strict=True)]
         return Iterate(point.eta, states)
 
     def by_coordinates(self, index: int, shot_by_parameter: Array, eta: Array) -> Array:
-        """Turn derivatives of a recording by the drive's values and the delay (last axis) into such by coordinates."""
+        """Convert derivatives of a recording by the drive's values and the delay (last axis) to coordinates."""
         p = self.drive_size
         jacobian = self.transforms.jacobian(eta)[:p, :p]
         out = np.zeros((*shot_by_parameter.shape[:-1], self.size))
@@ -165,12 +165,12 @@ class FitProblem:
         return out
 
     def _delay_of(self, index: int) -> int | None:
-        """Place of the free delay of a recording's command among the coordinates."""
+        """Return the index of the free delay of a recording's command among the coordinates."""
         places = (i for i, s in enumerate(self.sensors, start=self.drive_size) if s.kind == "delay")
         return next((i for i in places if self.sensors[i - self.drive_size].recording == index), None)
 
     def measure(self, index: int, eta: Array, where: slice, outputs: Array, derivatives: Array) -> tuple[Array, Array]:
-        """Pass outputs through the sensors and compare them with what was measured, in units of the noise.
+        """Pass outputs through the sensors and compare them with the measurements, in units of the noise.
 
         Parameters
         ----------
@@ -181,14 +181,14 @@ class FitProblem:
             Samples.
         outputs : ndarray, shape (n, c)
         derivatives : ndarray, shape (n, c, P + more)
-            By the global coordinates (of the sensors: zeros), then by whatever else.
+            By the global coordinates (zeros for the sensors), then by others.
 
         Returns
         -------
         residual : ndarray, shape (n, c)
-            (measured - model) / noise; 0 where nothing was measured.
+            (measured - model) / noise; 0 for missing measurements.
         derivatives : ndarray, shape (n, c, P + more)
-            Of the model, over the noise.
+            Derivatives of the model, over the noise.
         """
         experiment, values = self.experiments[index], self.values(eta)
         time = experiment.shooter.recording.time_s[where]

@@ -1,4 +1,4 @@
-"""Which columns of a recording are compared with the model."""
+"""Selection of the columns of a recording for the comparison with the model."""
 
 from __future__ import annotations
 
@@ -27,29 +27,29 @@ CHANNELS = {
         "friction_force_n",
     )
 }
-#: What the sensors of a drive measure; others are compared where they are asked for.
+#: Default channels; others are compared on request.
 USUAL = ("position", "pressure_a", "pressure_b")
 LEAST_VALUES = 20
 
 
 def channels_in(recording: DriveRecording, wanted: Sequence[str] | None) -> list[str]:
-    """Return the channels of a recording that are compared with the model.
+    """Return the channels of a recording to compare with the model.
 
     Parameters
     ----------
     recording : DriveRecording
     wanted : sequence of str or None
-        None: position and pressures, as far as they were measured.
+        None: position and pressures, if measured.
 
     Raises
     ------
     RecordingError
-        An unknown channel, one that the recording lacks, or none at all.
+        A channel is unknown or missing in the recording, or there is no channel.
     """
     where = str(recording.source or recording.name)
     for name in wanted or ():
         if name not in CHANNELS:
-            raise RecordingError(f"{name} is no channel", where=where, remedy=nearest(name, CHANNELS))
+            raise RecordingError(f"{name} is not a channel", where=where, remedy=nearest(name, CHANNELS))
         if CHANNELS[name] not in recording:
             raise RecordingError(
                 f"the recording has no column {CHANNELS[name]}",
@@ -59,7 +59,7 @@ def channels_in(recording: DriveRecording, wanted: Sequence[str] | None) -> list
     found = [c for c in USUAL if CHANNELS[c] in recording] if wanted is None else list(wanted)
     if not found:
         raise RecordingError(
-            "no channel of the recording is to be compared", where=where, rule=f"some of {', '.join(CHANNELS)}"
+            "the recording has no channel to compare", where=where, rule=f"some of {', '.join(CHANNELS)}"
         )
     for name in found:
         if np.isfinite(recording[CHANNELS[name]]).sum() < LEAST_VALUES:

@@ -1,4 +1,4 @@
-"""The result of a dynamic identification: values of a drive with what is known of them."""
+"""Result of a dynamic identification: values of a drive with their uncertainty."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Series:
-    """One channel of one recording beside the model, its sensor included; SI, shape (n,)."""
+    """One channel of one recording with the model's output, including its sensor; SI, shape (n,)."""
 
     time_s: Array
     measured: Array
@@ -46,7 +46,7 @@ class DriveFit(Fit):
     Attributes
     ----------
     values : dict
-        Name as in the drive file -> value in SI (pressures absolute), at the last point of the search.
+        Name in the drive file -> value in SI (pressures absolute), at the last point of the search.
     units : dict
         Name -> unit, of values and sensors.
     sensors : dict
@@ -54,30 +54,30 @@ class DriveFit(Fit):
     free : tuple of str
         Order of `covariance`: values, then sensors.
     covariance : ndarray, shape (p, p)
-        SI, first order, with the residuals' own variance and correlation in time; directions that the recordings do not
-        determine are left out of it.
+        SI, first order, with variance and autocorrelation of the residuals, without directions that the recordings do
+        not determine.
     intervals : dict
-        Value or sensor that the recordings determine -> (lower, upper), 95 %: what the noise of the sensors leaves.
-        Nothing has one where the search did not converge.
+        Value or sensor that the recordings determine -> (lower, upper), 95 %, from the noise of the sensors. Empty if
+        the search did not converge.
     model_errors : dict
-        Value or sensor -> floor for model error: how far it moves where each number that was held is off by 1 %, in
+        Value or sensor -> lower limit of the model error: its change for errors of 1 % in each held number, in
         quadrature (`pneudrive.identify.dynamic.model_error`).
     sources : dict
-        Name -> names of the recordings that it comes from.
+        Name -> names of its recordings.
     undetermined : tuple of Undetermined
-        What the recordings do not determine, why, and what to record.
+        Undetermined values, each with reason and remedy.
     notes : tuple of str
-        What was left out, held or assumed.
+        Notes on omissions, held values and assumptions.
     statistics : dict
         samples, iterations, cost, gap; ``rms.CHANNEL``, ``noise.CHANNEL`` in SI, ``fit_percent.CHANNEL``.
     converged : bool
-        False where the search was interrupted or stopped early: the values are the best so far.
+        False if the search was interrupted or stopped early: the values are the best so far.
     fits : bool
-        False where residuals are larger than the noise of a channel from sample to sample: the model lacks something.
+        False if residuals are larger than the noise of a channel from sample to sample: the model is incomplete.
     provenance : dict
         Version, hash of the drive, recordings with their hashes, options.
     start : Drive
-        The drive that the search started from.
+        Drive with the start values of the search.
     series : dict
         Recording -> channel -> `Series`.
     """
@@ -98,18 +98,18 @@ class DriveFit(Fit):
 
     @property
     def state(self) -> str:
-        """How the search ended, in words."""
+        """End of the search in words."""
         if not self.converged:
             return "not converged: the best so far, without intervals"
         return "converged" if self.fits else "converged, but the model does not fit"
 
     def sensors_of(self, recording: str) -> dict[str, dict[str, float]]:
-        """Return what the fit found of the sensors of a recording, as `pn.validate` takes it.
+        """Return the fitted errors of the sensors of a recording, in the form for `pn.validate`.
 
         Parameters
         ----------
         recording : str
-            Its name. Of one that was not in the fit: what is common to all, and the mean of each offset and delay.
+            Name of the recording. Another one gets common values, and the mean of each offset and delay.
 
         Returns
         -------
@@ -130,17 +130,17 @@ class DriveFit(Fit):
         return out
 
     def profile(self, names: Sequence[str] | None = None) -> dict[str, tuple[float, float]]:
-        """95 % intervals by profile likelihood: each value is held, all others are fitted again.
+        """Return 95 % intervals by profile likelihood: each value is held while all others are fitted.
 
         Parameters
         ----------
         names : sequence of str, optional
-            Free values; all of them where nothing is said. Each takes a few fits.
+            Free values; default: all. Each takes a few fits.
 
         Returns
         -------
         dict
-            Name -> (lower, upper), SI; infinite where the recordings set no bound.
+            Name -> (lower, upper), SI; infinite for open ends.
         """
         from pneudrive.identify.dynamic.uncertainty import profile
 
@@ -150,17 +150,17 @@ class DriveFit(Fit):
     def bootstrap(
         self, count: int = 1000, *, seed: int = 0, names: Sequence[str] | None = None
     ) -> dict[str, tuple[float, float]]:
-        """95 % intervals by block bootstrap: blocks of the recordings are drawn with replacement.
+        """Return 95 % intervals by block bootstrap: blocks of the recordings are drawn with replacement.
 
-        Each draw is answered by one Gauss-Newton step.
+        Each draw is fitted by one Gauss-Newton step.
 
         Parameters
         ----------
         count : int
-            Draws.
+            Number of draws.
         seed : int
         names : sequence of str, optional
-            Free values; all of them where nothing is said.
+            Free values; default: all.
 
         Returns
         -------
@@ -176,17 +176,17 @@ class DriveFit(Fit):
     def apply(self, drive: Drive | None = None) -> Drive:
         """Return a drive with the determined values of this fit, each with its interval and its recordings.
 
-        What the recordings do not determine stays as it is.
+        Undetermined values keep those of the drive.
 
         Parameters
         ----------
         drive : Drive, optional
-            The drive from which the search started where nothing is said.
+            Default: the drive of the start of the search.
 
         Raises
         ------
         FitError, DescriptionError
-            The drive lacks a value, or refuses the mixture of fitted and kept values.
+            The drive lacks a value, or the combination of fitted and kept values is not valid.
         """
         if not self.converged:
             warn("the search did not converge: the drive gets its best values so far, without intervals")
@@ -222,10 +222,10 @@ class DriveFit(Fit):
 
     def _search(self) -> Solved:
         if self.solved is None:
-            raise FitError("this fit was read from a file, without the problem that it solved", remedy="Fit again.")
+            raise FitError("this fit was read from a file, without its recordings", remedy="Fit again.")
         if not self.converged:
             raise FitError(
-                "the search did not converge: nothing has an interval", remedy="Fit again from these values."
+                "the search did not converge, so there are no intervals", remedy="Fit again from these values."
             )
         return self.solved
 
@@ -253,6 +253,6 @@ class DriveFit(Fit):
 
 
 def fit_hash(provenance: Mapping[str, Any], values: Mapping[str, float]) -> str:
-    """Return a hash by which a fit is found again: of its recordings, options and values."""
+    """Return a hash of the recordings, options and values of a fit."""
     text = json.dumps({"provenance": dict(provenance), "values": dict(values)}, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:HASH_DIGITS]

@@ -1,10 +1,10 @@
-"""The search: Gauss-Newton with Levenberg's and Marquardt's damping over segments whose starts are tied together.
+"""Search: Gauss-Newton with Levenberg-Marquardt damping over segments with continuous starts.
 
-Two phases. First the segments are short and begin with what was measured, smoothed; only what nothing measures, the
-gas temperatures and the bristles, is carried over from the segment before. Such a prediction over a few hundredths of
-a second cannot be led astray by a wrong parameter. Then the starts are free and tied to the ends of the segments before
-(multiple shooting): the linearised continuity condenses them onto the first start of the recording, and gaps close as
-the search goes on. One segment in all is single shooting.
+There are two phases. In the first one, segments are short and begin with smoothed measurements; only unmeasured states,
+the gas temperatures and the bristles, are carried over from the segment before. Such a prediction over some hundredths
+of a second stays near the measurements even for wrong parameters. In the second phase, the starts are free and tied to
+the ends of the segments before (multiple shooting): the linearised continuity condenses them onto the first start of
+the recording, and gaps close during the search. A single segment is single shooting.
 """
 
 from __future__ import annotations
@@ -29,32 +29,32 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Directions of the scaled Jacobian below this share of the largest are left alone.
+#: Share of the largest direction of the scaled Jacobian below which a direction is ignored.
 SINGULAR_SHARE = 1e-4
 #: Greatest change of a coordinate in a step (of a logarithm: by a factor of 2.7); a step that fails is shortened.
 LONGEST, SHORTER, LONGER = 1.0, 0.25, 4.0
-#: The search ends when a step is shorter than this share of the standard error, in the metric of the information ...
+#: Length of a step, as a share of the standard error in the metric of the information, below which the search ends ...
 SHORT_STEP = 0.02
-#: ... and gaps, in the sizes of the states, than this.
+#: ... if gaps, in the sizes of the states, are below this.
 SMALL_GAP = 1e-3
-#: No step can lower cost and gaps further, which is the solver's error, when it is short and gaps are below this.
+#: Limit of gaps below which a short step cannot improve further because of the solver's error.
 SOLVER_GAP = 3e-3
-#: Residuals below this share of the noise leave nothing to look for until the noise is found.
+#: Share of the noise below which residuals need no further search until the noise is estimated.
 EXACT_SHARE = 0.1
-#: The first phase ends when a step gains less than this share of the cost.
+#: Share of the cost: the first phase ends at a smaller gain.
 SMALL_GAIN = 0.01
 MOST_STEPS = 40
-#: Damping: 1 is a belief in the present value of a logarithm with a standard deviation of 1.
+#: Damping: 1 is a prior about the present value of a logarithm with a standard deviation of 1.
 DAMPING_LEAST = 1e-3
-#: Times that only the carried states are moved before the first phase gives up.
+#: Number of moves of only the carried states before the first phase gives up.
 MOST_CLOSINGS = 2
-#: A search whose steps have to be shorter than this ends.
+#: Shortest step of a search.
 SHORTEST = 1e-6
 
 
 @dataclass(frozen=True)
 class Equations:
-    """Normal equations of one recording: unknowns are the global coordinates, then its start in units of its belief.
+    """Normal equations of one recording: unknowns are the global coordinates, then its start in units of its prior.
 
     information, gradient: shapes (P + s, P + s) and (P + s,).
     """
@@ -65,7 +65,7 @@ class Equations:
 
 @dataclass(frozen=True)
 class Progress:
-    """What is told after each step."""
+    """Progress after each step."""
 
     phase: str
     step: int
@@ -76,14 +76,14 @@ class Progress:
 
 
 class Watcher:
-    """Keeps the best point, for who interrupts the search, and tells of each step."""
+    """Keeper of the best point, for interruptions, and reporter of each step."""
 
     def __init__(self, tell: Callable[[Progress], None] | None = None, watch: Watch = UNWATCHED) -> None:
         self.tell, self.watch, self.count = tell, watch, 0
         self.point: Iterate | None = None
 
     def step(self, problem: FitProblem, phase: str, standing: Misfit, point: Iterate) -> None:
-        """Take note of an accepted step; end the search where the user cancelled it."""
+        """Register an accepted step; end the search if the user cancelled it."""
         self.watch.look()
         self.point = point
         self.count += 1
@@ -94,7 +94,7 @@ class Watcher:
 
 
 def reduced(blocks: list[Equations], size: int) -> tuple[Array, Array]:
-    """Eliminate the starts: information and gradient of the global coordinates."""
+    """Return information and gradient of the global coordinates, with starts eliminated."""
     information: Array = np.zeros((size, size))
     gradient: Array = np.zeros(size)
     for block in blocks:
@@ -106,17 +106,17 @@ def reduced(blocks: list[Equations], size: int) -> tuple[Array, Array]:
 
 
 def start_step(block: Equations, step: Array) -> Array:
-    """Return the change of a block's start that goes with a change of the global coordinates."""
+    """Return the change of a block's start for a change of the global coordinates."""
     size = step.size
     n, b = block.information, block.gradient
     return np.asarray(np.linalg.solve(n[size:, size:], b[size:] - n[size:, :size] @ step), dtype=np.float64)
 
 
 def bounded_step(information: Array, gradient: Array, longest: float) -> Array:
-    """Solve for a step no coordinate of which is longer than `longest`, by as much damping as that needs.
+    """Solve for a step with each coordinate at most `longest`, with as much damping as needed.
 
-    The damping acts on the coordinates as they are, most of them logarithms: a direction of which the data know little
-    stays behind, and does not hold the others up.
+    The damping acts on the coordinates, mostly logarithms: a direction with little information moves little, and does
+    not slow down the others.
     """
     power, axes = np.linalg.eigh(information)
     along = axes.T @ gradient
@@ -130,18 +130,18 @@ def bounded_step(information: Array, gradient: Array, longest: float) -> Array:
 
 @dataclass(frozen=True)
 class Misfit:
-    """How good a point is.
+    """Misfit of a point.
 
     Attributes
     ----------
     cost : float
-        Twice the negative log-likelihood, but for a constant.
+        Twice the negative log-likelihood, up to a constant.
     merit : float
-        What a step has to lower: the cost, in the second phase with the gaps.
+        Objective of a step: the cost, in the second phase with the gaps.
     gap : float
         Greatest gap, in the sizes of the states.
     residuals : list of ndarray, shape (n, c)
-        In units of the noise, gaps as they are.
+        Residuals in units of the noise, gaps not closed.
     """
 
     cost: float
@@ -152,7 +152,7 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Joined:
-    """All recordings with their segments tied together, linearised at one point.
+    """Linearisation at one point of all recordings with joined segments.
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ class Joined:
 
     @property
     def cost(self) -> float:
-        """Twice the negative log-likelihood, but for a constant."""
+        """Twice the negative log-likelihood, up to a constant."""
         return self.standing.cost
 
     @property
@@ -181,25 +181,25 @@ class Joined:
 
     @property
     def exact(self) -> bool:
-        """Whether residuals are far below the noise, which is never taken below the solver's error."""
+        """Whether residuals are far below the noise, which is at least the solver's error."""
         return self.cost < EXACT_SHARE**2 * sum(r.size for r in self.residuals)
 
 
 def judge(
     problem: FitProblem, point: Iterate, believed: list[Array], shots: list[Shot], *, reset: bool = False
 ) -> Misfit:
-    """Say how good a point is, from its runs.
+    """Return the misfit of a point from its runs.
 
     Parameters
     ----------
     problem : FitProblem
     point : Iterate
     believed : list of ndarray
-        Starts that are believed before the fit; the first of each recording counts.
+        Prior starts; only the first of each recording counts.
     shots : list of Shot
         Runs of each recording's segments.
     reset : bool
-        Segments begin with what was measured; only the rest is carried over.
+        Segments begin with measurements; only other states are carried over.
     """
     residuals: list[Array] = []
     gap, cost = 0.0, problem.prior_cost(point.eta)
@@ -219,7 +219,7 @@ def judge(
 def linearise(
     problem: FitProblem, point: Iterate, believed: list[Array], shots: list[Shot], *, reset: bool = False
 ) -> Joined:
-    """Put the normal equations of all recordings together, from runs with derivatives; parameters as of `judge`."""
+    """Return the normal equations of all recordings, from runs with derivatives; parameters as for `judge`."""
     blocks, slopes, carried = [], [], []
     size = problem.size
     for i, (experiment, shot) in enumerate(zip(problem.experiments, shots, strict=True)):
@@ -238,7 +238,7 @@ def linearise(
 
 
 def _gaps(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: bool) -> Array:
-    """Difference between each segment's end and the next one's start, shape (k - 1, s)."""
+    """Return the difference between each segment's end and the next one's start, shape (k - 1, s)."""
     gaps = shot.ends[:-1] - point.states[i][1:]
     if reset:
         gaps[:, problem.experiments[i].starts.measured] = 0.0
@@ -251,7 +251,7 @@ def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset:
     Returns
     -------
     ndarray (k, s, P + s), ndarray (k, s)
-        Derivatives of each start (by the first one in units of its belief), and what closing all gaps adds to it.
+        Derivatives of each start (by the first one in units of its prior), and its change by closing all gaps.
     """
     k, s = point.states[i].shape
     size = problem.size
@@ -271,7 +271,7 @@ def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset:
 def _outputs(
     problem: FitProblem, i: int, shot: Shot, point: Iterate, by_unknown: Array, closing: Array
 ) -> tuple[Array, Array]:
-    """Close the gaps of the outputs to first order, and differentiate them by all unknowns of the recording."""
+    """Return the outputs with gaps closed to first order, and their derivatives by all unknowns of the recording."""
     size = problem.size
     outputs = shot.outputs.copy()
     jac = np.empty((*outputs.shape, by_unknown.shape[2]))
@@ -284,10 +284,10 @@ def _outputs(
 
 
 def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> Iterate:
-    """Run the first phase: a point near enough for the second one.
+    """Run the first phase, to a point near enough for the second one.
 
-    The noise is what the model is off now, at least that of the sensors. Offsets wait: where each segment begins with
-    what a sensor shows, its offset shows only in what it does to volumes and flows.
+    The noise is the present error of the model, at least that of the sensors. Offsets are held: with starts from the
+    sensors, an offset acts only through volumes and flows.
     """
     problem.held = problem.offsets
     least = [e.noise.copy() for e in problem.experiments]
@@ -298,19 +298,21 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
         _take_misfit_as_noise(problem, judge(problem, point, believed, shots, reset=True).residuals, least)
         at = linearise(problem, point, believed, shots, reset=True)
         found = _shortened(problem, point, at, longest, believed, reset=True)
-        if found is None:  # what is carried over may be far from where it belongs: take it there alone
+        if found is None:  # carried states may be far off: first move only these
             if closings == MOST_CLOSINGS:
                 break
             states = [s + closing for s, (_, closing) in zip(point.states, at.carried, strict=True)]
             point, longest, closings = problem.possible(replace(point, states=states)), LONGEST, closings + 1
-            shots = _run(problem, point, "the search came to where the drive cannot be simulated", reset=True)
+            shots = _run(
+                problem, point, "the search reached values for which the drive cannot be simulated", reset=True
+            )
             continue
         gain = 1.0 - found.standing.cost / at.cost
         point, longest, closings = found.point, found.longest, 0
-        watcher.step(problem, "segments apart", found.standing, point)
+        watcher.step(problem, "steps with separate segments", found.standing, point)
         if gain < SMALL_GAIN:
             break
-        shots = _run(problem, point, "the search came to where the drive cannot be simulated", reset=True)
+        shots = _run(problem, point, "the search reached values for which the drive cannot be simulated", reset=True)
     for experiment, noise in zip(problem.experiments, least, strict=True):
         experiment.noise = noise
     problem.held = np.zeros(problem.size, dtype=bool)
@@ -327,7 +329,7 @@ def _take_misfit_as_noise(problem: FitProblem, residuals: list[Array], least: li
 def _run(problem: FitProblem, point: Iterate, otherwise: str, *, reset: bool = False) -> list[Shot]:
     shots = problem.run(point, reset=reset)
     if isinstance(shots, str):
-        remedy = "shorter segments (segment=...), other start values; or look at the units of the recordings"
+        remedy = "Use shorter segments (segment=...) or other start values, or check the units of the recordings."
         raise FitError(otherwise, value=shots, remedy=remedy)
     return shots
 
@@ -342,7 +344,7 @@ class _Found:
 def _shortened(
     problem: FitProblem, point: Iterate, at: Joined, longest: float, believed: list[Array], *, reset: bool = False
 ) -> _Found | None:
-    """Shorten the step until it lowers the merit, by runs without derivatives; None where none does."""
+    """Shorten the step until it lowers the merit, by runs without derivatives; None if none does."""
     information, gradient = equations(problem, point, at)
     before = at.standing.merit
     while longest >= SHORTEST:
@@ -350,7 +352,7 @@ def _shortened(
         trial = problem.possible(_moved(point, at, step))
         try:
             shots = problem.run(trial, derivatives=False)
-        except FitError:  # the core refuses such a drive
+        except FitError:  # the core rejects such a drive
             shots = ""
         if not isinstance(shots, str):
             standing = judge(problem, trial, believed, shots, reset=reset)
@@ -361,7 +363,7 @@ def _shortened(
 
 
 def equations(problem: FitProblem, point: Iterate, at: Joined) -> tuple[Array, Array]:
-    """Information and gradient of the global coordinates, with what is known of the sensors before."""
+    """Return information and gradient of the global coordinates, with prior knowledge of the sensors."""
     information, gradient = reduced(at.blocks, problem.size)
     information += np.diag(problem.prior)
     gradient -= problem.prior * (point.eta - problem.prior_mean)
@@ -379,7 +381,7 @@ def join_segments(
     Returns
     -------
     Iterate, Joined, bool
-        The last accepted point, the problem there, and whether the search has converged.
+        Last accepted point, its linearisation, and whether the search converged.
     """
     shots = _run(problem, point, "a segment cannot be simulated from the values found so far")
     longest = LONGEST
@@ -395,9 +397,11 @@ def join_segments(
         if found is None:
             return point, at, length < 1.0 and at.standing.gap < SOLVER_GAP
         point, longest = found.point, found.longest
-        at = linearise(problem, point, believed, _run(problem, point, "the search came to a drive that cannot be run"))
+        at = linearise(
+            problem, point, believed, _run(problem, point, "the search reached a drive that cannot be simulated")
+        )
         if watcher is not None:
-            watcher.step(problem, "segments joined", at.standing, point)
+            watcher.step(problem, "steps with joined segments", at.standing, point)
     return point, at, False
 
 

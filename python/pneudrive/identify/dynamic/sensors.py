@@ -1,9 +1,9 @@
-"""Between what a drive does and what is recorded of it: gain, offset, lag, noise.
+"""Sensors between the output of a drive and its recording: gain, offset, lag, noise.
 
     y(t) = gain h(t) + offset + noise,    lag dh/dt + h = model output
 
-h is the output through a lag of first order. Offset belongs to a recording (sensors are tared between them), gain and
-lag to the sensor.
+h is the output through a lag of first order. Each recording has its own offset, as sensors are tared in between; gain
+and lag belong to the sensor.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ Free = Literal["free"]
 
 @dataclass(frozen=True)
 class Sensor:
-    """What is known of a measured channel.
+    """Known properties of a measured channel.
 
     Quantities are texts with a unit (``"2 um"``) or numbers in SI.
 
     Attributes
     ----------
     noise : quantity, optional
-        Standard deviation of white noise; estimated from the residuals where nothing is said.
+        Standard deviation of white noise; by default estimated from the residuals.
     offset : quantity or ``"free"``
-        What the sensor adds; free means one for each recording.
+        Error added by the sensor; free means one for each recording.
     offset_uncertainty : quantity, optional
-        Standard uncertainty of a free offset, from a data sheet: the fit takes it as a measurement of the offset.
+        Standard uncertainty of a free offset, from a datasheet, as prior of the fit.
     gain : float or ``"free"``
     lag : quantity or ``"free"``
         Time constant of first order.
@@ -58,7 +58,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Channel:
-    """A sensor in SI; `column` is the model's output, `free` names which of offset, gain and lag are sought."""
+    """Sensor in SI; `column` is the model's output, `free` names the free ones of offset, gain and lag."""
 
     name: str
     column: str
@@ -73,25 +73,25 @@ class Channel:
 
     @property
     def offset_spread(self) -> float:
-        """What a free offset may be, in the unit of the channel: where nothing is said, assumed by its unit."""
+        """Prior standard deviation of a free offset, in the unit of the channel; the default is assumed by its unit."""
         if "offset" not in self.free:
             return 0.0
         return self.offset_uncertainty if np.isfinite(self.offset_uncertainty) else 5.0 * OFFSET_SIZE[self.unit]
 
 
-#: Lag from which the search for a free one starts, s (assumed: that of a pressure transducer with its tube).
+#: Start value of a free lag, s (assumed: that of a pressure transducer with its tube).
 START_LAG_S = 2e-3
-#: Size of a usual offset by unit: the unit of its coordinate.
+#: Usual offset by unit: the unit of its coordinate.
 OFFSET_SIZE = {"m": 1e-3, "Pa": 1e3, "m/s": 1e-2, "K": 1.0, "N": 1.0, "m/s^2": 1.0}
 
 
 def channel(name: str, sensor: Sensor) -> Channel:
-    """Bring a sensor to SI.
+    """Convert a sensor to SI.
 
     Raises
     ------
     FitError
-        A quantity of another dimension, or out of bounds.
+        A quantity has another dimension, or is out of bounds.
     """
     unit = meaning(CHANNELS[name])[1]
 
@@ -116,23 +116,25 @@ def channel(name: str, sensor: Sensor) -> Channel:
 
 @dataclass(frozen=True)
 class Delay:
-    """By how much the valve follows the recorded command late, s; sought, for each recording, where it is free."""
+    """Delay of the valve after the recorded command, s; a free one is fitted for each recording."""
 
     value_s: float = 0.0
     free: bool = False
 
 
 def command_delay(sensors: Mapping[str, Sensor | Mapping[str, Any]] | None) -> Delay:
-    """Return what is said about the command: ``{"command": {"delay": "free"}}``, or a time.
+    """Return the delay of the command: ``{"command": {"delay": "free"}}``, or a time.
 
     Raises
     ------
     FitError
-        Anything else is said about the command, or the delay is no time.
+        The command has another key, or the delay is not a time.
     """
     said = (sensors or {}).get("command", {})
     if isinstance(said, Sensor) or set(said) - {"delay"}:
-        raise FitError("the command is no sensor", rule="a delay can be said of it", remedy="command: delay = free")
+        raise FitError(
+            "the command is not a sensor", rule="the only key of command is delay", remedy="command: delay = free"
+        )
     given = said.get("delay", 0.0)
     return Delay(free=True) if given == "free" else Delay(_si(given, "s", "command.delay", -np.inf))
 
@@ -143,7 +145,7 @@ def _si(given: Any, unit: str, what: str, least: float) -> float:  # noqa: ANN40
     try:
         value = parse(given, unit) if isinstance(given, str) and unit else float(given)
     except (DescriptionError, TypeError, ValueError) as error:
-        reason = error.what if isinstance(error, DescriptionError) else f"{given!r} is no quantity"
+        reason = error.what if isinstance(error, DescriptionError) else f"{given!r} is not a quantity"
         raise FitError(f"sensor {what}: {reason}", rule=f"a quantity in {unit or 'pure numbers'}") from None
     if not (np.isfinite(value) and value >= least):
         raise FitError(f"sensor {what} = {given} is out of bounds", rule="finite and not negative")
@@ -151,12 +153,12 @@ def _si(given: Any, unit: str, what: str, least: float) -> float:  # noqa: ANN40
 
 
 def channels_of(names: list[str], sensors: Mapping[str, Sensor | Mapping[str, Any]] | None) -> list[Channel]:
-    """Return the channels with what is said about their sensors."""
+    """Return the channels with the properties of their sensors."""
     said = {name: given for name, given in (sensors or {}).items() if name != "command"}
     unknown = sorted(set(said) - set(names))
     if unknown:
         raise FitError(
-            f"a sensor is described for {unknown[0]}, which no recording has",
+            f"a sensor is described for {unknown[0]}, but no recording has this channel",
             rule=f"measured channels: {', '.join(names)}",
         )
     made = {name: _made(name, given) for name, given in said.items()}
@@ -173,13 +175,13 @@ def _made(name: str, given: Sensor | Mapping[str, Any]) -> Sensor:
     return Sensor(**given)
 
 
-#: Size of a usual delay of a valve, s: the unit of its coordinate (assumed).
+#: Usual delay of a valve, s: the unit of its coordinate (assumed).
 DELAY_SIZE_S = 2e-3
 
 
 @dataclass(frozen=True)
 class SensorParameter:
-    """A free number of a sensor: an offset of one recording or the delay of its command, or a gain or a lag of all."""
+    """Free parameter of a sensor: offset or command delay of one recording, or gain or lag of all."""
 
     kind: str
     channel: str
@@ -192,16 +194,16 @@ class SensorParameter:
 
     @property
     def lower(self) -> float:
-        """Only a lag has a bound."""
+        """Lower bound; only a lag has one."""
         return 0.0 if self.kind == "lag" else -np.inf
 
 
 def sensor_parameters(
     channels: list[Channel], recordings: list[str], present: list[set[str]], *, delay: bool = False
 ) -> list[SensorParameter]:
-    """List the free numbers of the sensors: an offset for each recording that has the channel; gain and lag once.
+    """Return the free parameters of the sensors: an offset for each recording with the channel; gain and lag once.
 
-    With `delay`, that of each recording's command, too.
+    With `delay`, also the delay of each recording's command.
     """
     which = {i: f" [{name}]" if len(recordings) > 1 else "" for i, name in enumerate(recordings)}
     out = [
@@ -224,14 +226,14 @@ def sensor_parameters(
 
 
 def lagged(time_s: Array, values: Array, lag_s: float) -> Array:
-    """Pass columns through a lag of first order, exactly for values that are straight between the samples.
+    """Pass columns through a lag of first order, exactly for values that are linear between the samples.
 
     Parameters
     ----------
     time_s : ndarray, shape (n,)
     values : ndarray, shape (n, ...)
     lag_s : float
-        Time constant; the lag begins where it would be had the values come along a straight line.
+        Time constant; the lag starts in the steady state of a linear input.
 
     Returns
     -------
@@ -241,7 +243,7 @@ def lagged(time_s: Array, values: Array, lag_s: float) -> Array:
         return values
     step = np.diff(time_s)
     decay = np.exp(-step / lag_s)
-    # y+ = e y + w0 u + w1 u+ solves lag y' + y = u for u straight over the step
+    # y+ = e y + w0 u + w1 u+ solves lag y' + y = u for u linear over the step
     mean = (1.0 - decay) * lag_s / step
     w0, w1 = mean - decay, 1.0 - mean
     out = np.empty_like(values)

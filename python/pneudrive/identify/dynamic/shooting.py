@@ -1,4 +1,4 @@
-"""Segments of a recording through the core: what the drive would have done, and its exact derivatives."""
+"""Multiple shooting: simulated segments of a recording, and their exact derivatives."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Shot:
-    """One run of all segments.
+    """Result of a run of all segments.
 
     Attributes
     ----------
     outputs : ndarray, shape (n, o)
-        At the samples; at the first one of a segment those of its start.
+        Outputs at the samples; at the first one of a segment those of its start.
     by_parameter : ndarray, shape (n, o, p)
-        Derivatives by the free values of the drive, SI; p = 0 where none were asked for.
+        Derivatives by the free values of the drive, SI; p = 0 without derivatives.
     by_start : ndarray, shape (n, o, s)
-        Derivatives by the start of the sample's own segment; s = 0 where none were asked for.
+        Derivatives by the start of the sample's segment; s = 0 without derivatives.
     ends : ndarray, shape (k, s)
         State at the end of each segment.
     ends_by_parameter, ends_by_start : ndarray, shapes (k, s, p), (k, s, s)
     failures : dict
-        Segment -> why it could not be run.
+        Segment -> reason of its failure.
     """
 
     outputs: Array
@@ -52,11 +52,11 @@ class Shot:
 
 
 class Recorded(Protocol):
-    """What a recording has to have."""
+    """Protocol of a recording for shooting."""
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """Name in messages."""
         ...
 
     @property
@@ -70,32 +70,32 @@ class Recorded(Protocol):
 
     @property
     def steps(self) -> tuple[Array, Array]:
-        """Times at which the command changes, and what it changes to."""
+        """Return the times at which the command changes, and its new values."""
         ...
 
 
-#: Half of the difference over which outputs are differentiated by the delay of the command, s: above what the solver's
-#: error shows at, below what a valve's flow changes over.
+#: Half of the difference for derivatives by the delay of the command, s: above the effect of the solver's error, below
+#: the time in which a valve's flow changes.
 DELAY_STEP_S = 1e-4
 
 
 class Shooter:
-    """Runs the segments of one recording.
+    """Runner of the segments of one recording.
 
     Parameters
     ----------
     recording : Recorded
     outputs : sequence of str
-        Columns of the core that are wanted.
+        Wanted columns of the core.
     starts : ndarray of int, shape (k,)
         Samples at which segments begin.
     family : DriveFamily
     rtol : float
     threads : int
     delay_s : float
-        By which the valve follows the command late, where a run says nothing else.
+        Default delay of the valve after the command, s.
     watch : Watch
-        Looked at during each run.
+        Checked during each run.
     """
 
     def __init__(
@@ -114,15 +114,15 @@ class Shooter:
         self._delay_s, self.watch = delay_s, watch
 
     def inner_states(self, values: Array) -> list[str]:
-        """Name what a start has beside the piston and its chambers: states of friction, gas of tubes."""
+        """Names of the states of a start beside piston and chambers: states of friction, gas of tubes."""
         return list(self.family.core(values).start_names[6:])
 
     def with_starts(self, starts: NDArray[np.int64]) -> Shooter:
-        """Return the same with segments that begin at other samples."""
+        """Return a shooter with segments from other samples."""
         return self._with(starts=starts)
 
     def with_outputs(self, outputs: Sequence[str]) -> Shooter:
-        """Return the same with other columns of the core."""
+        """Return a shooter with other columns of the core."""
         return self._with(outputs=list(outputs))
 
     def _with(self, **changed: object) -> Shooter:
@@ -148,16 +148,16 @@ class Shooter:
         initial : ndarray, shape (k, s)
             Starts of the segments.
         derivatives : bool
-            Derivatives by the values and by the starts.
+            Whether to compute derivatives by the values and by the starts.
         by_start : ndarray of int, optional
-            Columns of the starts by which to differentiate, all where nothing is said; by the others they are zero.
+            Columns of the starts for derivatives, default: all; others are zero.
         delay_s : float, optional
-            A delay of the command that is sought: derivatives by it come after those by the values.
+            Free delay of the command: its derivatives follow those by the values.
 
         Raises
         ------
         FitError
-            The core refuses the drive.
+            The core rejects the drive.
         """
         try:
             core = self.family.core(values)
@@ -165,7 +165,7 @@ class Shooter:
             beside = [] if delay_s is None or not derivatives else [delay_s + DELAY_STEP_S, delay_s - DELAY_STEP_S]
             shifted = [self._shoot(core, initial, delay) for delay in beside]
         except ValueError as error:
-            raise FitError(f"the core refuses a drive of the search: {error}") from None
+            raise FitError(f"the core rejects a drive of the search: {error}") from None
         p = self.family.size if derivatives else 0
         sensitivities, ends = found["sensitivities"], found["end_sensitivities"]
         if derivatives:
@@ -217,7 +217,7 @@ class Shooter:
 
 
 def delayed(times: Array, commands: Array, delay_s: float) -> tuple[Array, Array]:
-    """Shift the steps of a command; the first time stays, with what is held there then."""
+    """Shift the steps of a command; the first time stays, with the value that then holds."""
     if delay_s == 0.0:
         return times, commands
     shifted = times + delay_s
@@ -226,13 +226,13 @@ def delayed(times: Array, commands: Array, delay_s: float) -> tuple[Array, Array
 
 
 def _chained(derivatives: Array, by_free: Array) -> Array:
-    """Turn derivatives by all paths of the drive (first on the last axis) into such by its free values."""
+    """Convert derivatives by all paths of the drive (first on the last axis) to its free values."""
     paths = len(by_free)
     return np.concatenate([derivatives[..., :paths] @ by_free, derivatives[..., paths:]], axis=-1)
 
 
 def _spread(derivatives: Array, p: int, columns: NDArray[np.int64], states: int) -> Array:
-    """Put derivatives by some columns of the starts where those by all would stand."""
+    """Expand derivatives by some columns of the starts to all columns."""
     out = np.zeros((*derivatives.shape[:-1], p + states))
     out[..., :p] = derivatives[..., :p]
     out[..., p + columns] = derivatives[..., p:]
@@ -240,7 +240,7 @@ def _spread(derivatives: Array, p: int, columns: NDArray[np.int64], states: int)
 
 
 def segment_starts(time_s: Array, length_s: float | None) -> NDArray[np.int64]:
-    """Return the samples at which segments of about a length begin; None: one segment.
+    """Return the first samples of segments of about a length; None: one segment.
 
     All segments have at least two samples, and none is shorter than half the others.
     """

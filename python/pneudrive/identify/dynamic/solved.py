@@ -1,4 +1,4 @@
-"""Searches of a fit: their options, and where one ended."""
+"""Options and results of the searches of a fit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pneudrive.identify.dynamic.uncertainty import Solved
     from pneudrive.signals.drive_recording import DriveRecording
 
-#: Lengths of the segments of the first phase, s, and those of a second attempt; the shortest has so many samples.
+#: Lengths of the segments of the first phase, s, and of a second attempt; least number of samples of a segment.
 LADDER_S, SECOND_LADDER_S, LEAST_SEGMENT_SAMPLES = (0.01, 0.04), (0.02, 0.08), 8
 
 
@@ -25,11 +25,11 @@ class Attempt:
     solved : Solved
     converged : bool
     missed : dict
-        Channel -> residuals over its noise from sample to sample, where they are larger by more than `MISFIT`.
+        Channel -> residuals relative to its noise from sample to sample, if larger than `MISFIT`.
     score : float
-        Mean logarithm of the residuals, each over the noise of its channel from sample to sample.
+        Mean logarithm of the residuals, relative to the noise of each channel from sample to sample.
     segment_s : float or None
-        Length of its segments.
+        Length of the segments.
     """
 
     solved: Solved
@@ -40,11 +40,11 @@ class Attempt:
 
     @property
     def good(self) -> bool:
-        """Whether the search converged to where the model follows what was measured."""
+        """Whether the search converged and the model follows the measurements."""
         return self.converged and not self.missed
 
     def rank(self) -> tuple[bool, bool, float]:
-        """Less is better."""
+        """Rank of the attempt; less is better."""
         return not self.good, not self.converged, self.score
 
 
@@ -65,11 +65,11 @@ class SearchOptions:
 
     @property
     def ladder(self) -> tuple[float, ...]:
-        """Lengths to which the segments of the first phase grow, s."""
+        """Increasing lengths of the segments of the first phase, s."""
         return tuple(length for length in self.lengths_s[1:] if self.segment_s is not None and length < self.segment_s)
 
     def first_segment_s(self, record: DriveRecording) -> float | None:
-        """Length of the first segments; None where there is no first phase."""
+        """Length of the first segments; None without a first phase."""
         if self.segment_s is None:
             return None
         step = record.duration_s / (len(record) - 1)

@@ -1,4 +1,4 @@
-"""Where segments begin: from what was measured, and from the model for what was not."""
+"""Start states of segments: from measurements, and from the model for unmeasured states."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 POSITION, VELOCITY, PRESSURE_A, TEMPERATURE_A, PRESSURE_B, TEMPERATURE_B = range(6)
-#: Columns of a start that a channel gives directly.
+#: Columns of a start that are measured channels.
 _MEASURED = {
     "position": POSITION,
     "velocity": VELOCITY,
@@ -30,28 +30,28 @@ _MEASURED = {
     "pressure_b": PRESSURE_B,
     "temperature_b": TEMPERATURE_B,
 }
-#: Half width of the window in which a signal is a parabola, s.
+#: Half widths of windows for parabolas, s.
 WINDOW_S = 0.01
 LEAST_HALF_WIDTH = 3  # samples
-#: A signal is a parabola where what is left is below this multiple of its noise.
+#: Multiple of its noise below which the residual of a parabola is accepted.
 PARABOLA_NOISE = 1.5
-#: What a parabola over the window misses of a velocity that changes, m/s (assumed).
+#: Error of a parabola for a changing velocity, m/s (assumed).
 SLOPE_ERROR_M_S = 2e-3
-#: Runs in which what is not measured settles: each takes over the ends of the one before.
+#: Number of runs for unmeasured states to settle: each starts from the ends of the one before.
 ROUNDS = 3
-#: Standard deviations of what a start is believed to be before the fit, where nothing measured says more: position,
+#: Prior standard deviations of a start without more accurate measurements: position,
 #: velocity, pressure, temperature, pressure, temperature. The temperature of a gas that was compressed or released
 #: before the recording began is within tens of kelvin of the wall's (assumed).
 BELIEF = np.array([1e-2, 0.2, 5e4, 20.0, 5e4, 20.0])
-#: Multiple of the belief within which what nothing measures stays.
+#: Bounds of unmeasured states, as a multiple of the prior standard deviation.
 POSSIBLE = 4.0
-#: States that go on growing through a record: what short segments show of them is no bound.
+#: States that grow throughout a recording, so that short segments set no bound.
 GROWING = ("contact_age_s", "sliding_distance_m", "contact_warming_k")
-#: Share of the least pressure and temperature that a model shows in a tube, below which none is sought.
+#: Lower bound of pressure and temperature in a tube, as a share of the least simulated ones.
 LEAST_SHARE = 0.2
 #: Endings of names of the gas in a tube.
 _PRESSURE, _TEMPERATURE = ".pressure_pa", ".temperature_k"
-#: Sizes in which the continuity of states is judged, likewise.
+#: Sizes of states for the continuity, in the same order.
 SIZE = np.array([1e-3, 1e-2, 1e4, 10.0, 1e4, 10.0])
 
 
@@ -63,13 +63,13 @@ class SegmentStarts:
     ----------
     state : ndarray, shape (k, s)
     belief : ndarray, shape (s,)
-        Standard deviations of what is believed before the fit.
+        Prior standard deviations.
     size : ndarray, shape (s,)
-        Size of a change of each state that matters.
+        Relevant change of each state.
     measured : ndarray of bool, shape (s,)
-        Columns that are known from the signals.
+        Mask of measured columns.
     limits : (ndarray, ndarray), shape (s,)
-        What a start can be; infinite where it is measured.
+        Bounds of a start; infinite for measured columns.
     """
 
     state: Array
@@ -88,15 +88,15 @@ def measured_starts(
     inner: list[str],
     watch: Watch,
 ) -> tuple[Array, Array]:
-    """Take starts from the signals, smoothed; the rest as a drive at rest has it.
+    """Return starts from the smoothed signals; unmeasured states as for a drive at rest.
 
     Parameters
     ----------
     recording : DriveRecording
     channels : list of Channel
-        The c measured signals.
+        Measured channels, c in number.
     noise : ndarray, shape (c,)
-        Of the channels.
+        Noise of the channels.
     starts : ndarray, shape (k,)
         Samples at which segments begin.
     drive : Drive
@@ -107,7 +107,7 @@ def measured_starts(
     Returns
     -------
     ndarray, shape (k, 6 + inner), ndarray, shape (6 + inner,)
-        Starts, and the standard deviations of what was measured; NaN for the rest.
+        Starts, and standard deviations of measured columns; NaN for others.
     """
     ambient = drive.ambient
     usual = [0.5 * drive.cylinder.stroke_m, 0.0]
@@ -133,10 +133,10 @@ def measured_starts(
 
 
 def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names: list[str]) -> SegmentStarts:
-    """Let the model find what was not measured: the gas temperatures, the bristles, the gas of tubes.
+    """Return starts with unmeasured states from the model: gas temperatures, bristles, gas of tubes.
 
-    All segments are run, and each takes over from the end of the one before what was not measured; after a few rounds
-    a wrong guess has died away. `names` are those of what a start has beside the piston and its chambers.
+    All segments are run, and each takes unmeasured states from the end of the one before; a wrong guess decays after a
+    few rounds. `names` are the states of a start beside piston and chambers.
     """
     hidden = np.flatnonzero(np.isnan(spread))
     inner = state.shape[1] - BELIEF.size
@@ -155,7 +155,9 @@ def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names
         if name.endswith((_PRESSURE, _TEMPERATURE)):
             of = PRESSURE_A if name.endswith(_PRESSURE) else TEMPERATURE_A
             most[i], size[i] = BELIEF[of], SIZE[of]
-    belief = np.r_[BELIEF, most]  # wide also where it is measured: the samples say it better than their smoothed start
+    belief = np.r_[
+        BELIEF, most
+    ]  # wide also for measured columns, as the samples are more accurate than their smoothed start
     reach = np.where(np.isnan(spread), POSSIBLE * belief, np.inf)
     grows = np.r_[np.zeros(BELIEF.size, dtype=bool), [name in GROWING for name in names]]
     is_gas = np.r_[np.zeros(BELIEF.size, dtype=bool), [name.endswith((_PRESSURE, _TEMPERATURE)) for name in names]]
@@ -170,7 +172,7 @@ def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names
 def _smoothed(
     time_s: Array, values: Array, at: NDArray[np.int64], noise: float, watch: Watch
 ) -> tuple[Array, Array, float]:
-    """Value and slope of a parabola through the samples around each of some samples.
+    """Return value and slope of a parabola through the samples around each of some samples.
 
     The window is the widest of a few over which the signal is a parabola within its noise. The third value times the
     noise is the standard error of a slope over the narrowest one that was used.
@@ -186,7 +188,7 @@ def _smoothed(
         for half in widths:
             near = slice(max(0, i - half), i + half + 1)
             t, y = time_s[near][good[near]] - time_s[i], values[near][good[near]]
-            if y.size < 4:  # a gap in the signal: what stands nearest
+            if y.size < 4:  # a gap in the signal: use the nearest value
                 index = np.flatnonzero(good)
                 level[j], slope[j] = values[index[np.argmin(np.abs(index - i))]], 0.0
                 break

@@ -1,4 +1,4 @@
-"""The coordinates in which free values of a drive and of its sensors are estimated."""
+"""Coordinates for the estimation of free values of a drive and its sensors."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from pneudrive.free.parameters import Parameter
     from pneudrive.identify.dynamic.sensors import SensorParameter
 
-#: The excess Fs - Fc from which a search starts where the drive has none, as a share of Fc.
+#: Start value of the excess Fs - Fc for a drive without excess, as a share of Fc.
 _LEAST_EXCESS = 0.02
 
 
 def transforms_of(parameters: Sequence[Parameter], sensors: Sequence[SensorParameter], drive: Drive) -> Transforms:
     """Return the coordinates of free values of a drive and its sensors.
 
-    The breakaway force is the Coulomb force and an excess, so that it never falls below; one of the two that is held
+    The breakaway force is the Coulomb force plus an excess, so that it never falls below; if one of the two is held, it
     bounds the other.
     """
     names, held = [p.name for p in parameters], drive.friction.parameters

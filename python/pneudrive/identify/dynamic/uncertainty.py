@@ -1,4 +1,4 @@
-"""What the data say about each value, and what they do not: covariance, profile likelihood, bootstrap."""
+"""Uncertainty of identified values: covariance, profile likelihood, bootstrap."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Lags over which residuals are looked at for correlation, as a share of a recording.
+#: Largest lag for the correlation of residuals, as a share of a recording.
 LAG_SHARE = 0.1
-#: Blocks of the bootstrap into which a recording is cut at least.
+#: Least number of blocks of a recording in the bootstrap.
 LEAST_BLOCKS = 8
-#: Steps in which an end of a profile is sought at most.
+#: Largest number of steps to find an end of a profile.
 PROFILE_STEPS = 8
-#: A side on which the cost has not grown so far away, of a logarithm, is open.
+#: Distance in a logarithm without sufficient growth of the cost beyond which a side is open.
 FARTHEST = 50.0
 PROFILE_FITS = 6
 
@@ -36,14 +36,14 @@ class Information:
     Attributes
     ----------
     slopes : list of ndarray, shape (n, c, P)
-        Of each recording, in units of the noise: what of a coordinate's effect the starts cannot imitate.
+        Derivatives of each recording, in units of the noise, without the part that starts can compensate.
     residuals : list of ndarray, shape (n, c)
     matrix : ndarray, shape (P, P)
-        Information of the coordinates, with what was known of the sensors before.
+        Information of the coordinates, with prior knowledge of the sensors.
     inverse : ndarray, shape (P, P)
         Its inverse on the directions that the data determine.
     weak : ndarray, shape (w, P)
-        Unit directions of the scaled coordinates that they do not determine.
+        Unit directions of the scaled coordinates that the data do not determine.
     inflation : dict
         (recording, channel number) -> (variance of the residuals, sum of their correlations over all lags).
     """
@@ -56,7 +56,7 @@ class Information:
     inflation: dict[tuple[int, int], tuple[float, float]]
 
     def covariance(self, problem: FitProblem) -> Array:
-        """Covariance of the coordinates [bates1988], with the residuals' own variance and correlation in time.
+        """Covariance of the coordinates [bates1988], with variance and autocorrelation of the residuals.
 
         inverse (sum over channels of s^2 tau J^T J + prior) inverse,  tau = 1 + 2 sum of autocorrelations.
         """
@@ -69,7 +69,7 @@ class Information:
 
 @dataclass
 class Solved:
-    """The problem with its solution: what profile and bootstrap go on from."""
+    """Fit problem with its solution, for profile and bootstrap."""
 
     problem: FitProblem
     point: Iterate
@@ -80,7 +80,7 @@ class Solved:
 
 
 def information(problem: FitProblem, at: Joined) -> Information:
-    """Linearise at the estimate."""
+    """Return the linearisation at the estimate."""
     matrix, _ = reduced(at.blocks, problem.size)
     matrix += np.diag(problem.prior)
     size = problem.size
@@ -103,7 +103,7 @@ def information(problem: FitProblem, at: Joined) -> Information:
 
 
 def correlation_time(residual: Array) -> float:
-    """Sum of the autocorrelations over all lags of both signs, in samples; 1 for white residuals, and at least 1.
+    """Return the sum of the autocorrelations over all lags of both signs, in samples; 1 for white residuals.
 
     Neighbouring lags are added in pairs until a pair is not positive.
     """
@@ -121,17 +121,17 @@ def correlation_time(residual: Array) -> float:
 
 
 def bootstrap(solved: Solved, count: int, seed: int) -> Array:
-    """Block bootstrap: recordings are cut into blocks, which are drawn with replacement.
+    """Return draws of a block bootstrap: recordings are cut into blocks, which are drawn with replacement.
 
-    Each draw is answered by one Gauss-Newton step from the estimate, which is exact where the model is linear over the
+    Each draw is fitted by one Gauss-Newton step from the estimate, which is exact if the model is linear within the
     uncertainty of its parameters.
 
     Parameters
     ----------
     solved : Solved
-        Where the search ended.
+        End of the search.
     count : int
-        Draws.
+        Number of draws.
     seed : int
 
     Returns
@@ -150,7 +150,7 @@ def bootstrap(solved: Solved, count: int, seed: int) -> Array:
             information_of.append(jac.T @ jac)
             gradient_of.append(jac.T @ residual[part].ravel())
     info, grad = np.array(information_of), np.array(gradient_of)
-    grad = grad - grad.mean(axis=0)  # at the estimate the gradient vanishes but for rounding
+    grad = grad - grad.mean(axis=0)  # at the estimate the gradient is only rounding
     rng = np.random.default_rng(seed)
     project = found.inverse @ found.matrix  # onto the directions that the data determine
     out = np.empty((count, problem.size))
@@ -163,17 +163,18 @@ def bootstrap(solved: Solved, count: int, seed: int) -> Array:
 
 
 def profile(solved: Solved, index: int) -> tuple[float, float]:
-    """Interval of one value by profile likelihood, SI: where the best fit of all others becomes too bad.
+    """Return the interval of one value by profile likelihood, SI.
 
-    The cost may grow by Student's t squared times the inflation of the residuals. Each end is sought by the secant rule
-    from the end that the covariance gives; where the cost never grows that far, it is the bound of the value.
+    With all other values refitted, the cost may grow by Student's t squared times the inflation of the residuals. The
+    secant rule finds each end, starting from that of the covariance; if the cost never grows so far, the end is the
+    bound of the value.
 
     Parameters
     ----------
     solved : Solved
-        Where the search ended.
+        End of the search.
     index : int
-        Of the coordinate.
+        Index of the coordinate.
     """
     problem, point, found, reach = solved.problem, solved.point, solved.information, student(solved.freedom)
     covariance = found.covariance(problem)
@@ -207,7 +208,7 @@ def profile(solved: Solved, index: int) -> tuple[float, float]:
 def _constrained(
     problem: FitProblem, point: Iterate, believed: list[Array], value: float, index: int
 ) -> tuple[float, Iterate]:
-    """Best cost with one coordinate held."""
+    """Return the best cost with one coordinate held."""
     eta = point.eta.copy()
     eta[index] = value
     problem.held = np.arange(problem.size) == index

@@ -1,4 +1,4 @@
-"""What a record does not determine, in words, and what to record instead."""
+"""Statements on values that recordings do not determine, with remedies."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: A value whose 95 % interval reaches further than this share of it is not determined.
+#: Largest distance of a 95 % interval's end, as a share of the value, for a determined value.
 LARGEST_REACH = 0.5
-#: A share of a vanishing direction from which a parameter takes part in it.
+#: Component of a vanishing direction from which a parameter counts as part of it.
 TAKES_PART = 0.3
-#: Correlation from which two values are known together only.
+#: Correlation above which two values are only determined together.
 TOGETHER = 0.95
 #: An encoder resolves bristles whose deflection before breakaway, Fs/sigma0, is at least ten of its steps.
 RESOLVED_SHARE = 0.1
@@ -66,7 +66,7 @@ _ANY = "record motion that depends on it, or fix it"
 
 
 def remedy_for(name: str) -> str:
-    """Say what to record so that a value becomes known."""
+    """Return what to record to determine a value."""
     plain = name.partition(" [")[0]
     return next((text for pattern, text in _REMEDIES.items() if fnmatchcase(plain, pattern)), _ANY)
 
@@ -80,14 +80,14 @@ def statements(
     correlation: Array,
     weak: Array,
 ) -> list[Undetermined]:
-    """Say which values the recordings do not determine.
+    """Return statements on values that the recordings do not determine.
 
     Parameters
     ----------
     names, values
-        Of the free numbers, SI, shape (P,).
+        Names and values of the free numbers, SI, shape (P,).
     sizes : ndarray, shape (P,)
-        Against which an interval is wide: the value, or for what may be zero a usual change.
+        Reference for the width of an interval: the value, or a usual change of a value that may be zero.
     intervals : dict
         95 % intervals.
     units : mapping
@@ -102,7 +102,7 @@ def statements(
         others = {n: [m for m in part if m != n] for n in part}
         for n in part:
             if others[n]:
-                reason = f"together with {', '.join(others[n])} it can change without a trace in the recordings"
+                reason = f"together with {', '.join(others[n])} it can change without an effect on the recordings"
                 rest = f"{remedy_for(n)}; or fix {' or '.join(others[n])}"
             else:
                 reason, rest = "the recordings do not depend on it", remedy_for(n)
@@ -115,23 +115,23 @@ def statements(
         reason = f"anything from {plain(lower / factor)} to {plain(upper / factor)} {unit}".rstrip() + " fits"
         partners = [m for j, m in enumerate(names) if j != i and abs(correlation[i, j]) > TOGETHER]
         if partners:
-            reason += f", since it is known only together with {', '.join(partners)}"
+            reason += f", as it is determined only together with {', '.join(partners)}"
         out[n] = Undetermined(n, reason, remedy_for(n))
     return [out[n] for n in names if n in out]
 
 
 def _is_sensor(name: str) -> bool:
-    """Tell offsets and the like: near zero they have no relative width, only a vanishing direction counts."""
+    """Return whether a value is an offset or similar, without a relative width: only a vanishing direction counts."""
     return name.partition(" [")[0].endswith((".offset", ".lag", ".gain", ".delay"))
 
 
 def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) -> Undetermined | None:
-    """Refuse the bristle damping where the encoder does not resolve the bristles.
+    """Return a statement if the encoder does not resolve the bristles, and the damping is not determined.
 
     Parameters
     ----------
     step_m : float
-        What the position sensor resolves: its step, or its noise where that is larger.
+        Resolution of the position sensor: the larger of its step and its noise.
     breakaway_n, stiffness_n_m : float
         Fs and sigma0.
     """
@@ -140,7 +140,7 @@ def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) 
         return None
     return Undetermined(
         "friction.bristle_damping",
-        f"the position is known to {1e6 * step_m:.3g} um, and the bristles give way after {1e6 * deflection:.3g} um: "
-        "a tenth of that has to be seen",
+        f"the position is known to {1e6 * step_m:.3g} um, but the bristles deflect only {1e6 * deflection:.3g} um "
+        "before breakaway: the sensor must resolve a tenth of that",
         f"measure the position to {1e6 * RESOLVED_SHARE * deflection:.2g} um; it is held at its start value",
     )

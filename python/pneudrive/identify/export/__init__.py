@@ -1,7 +1,7 @@
-"""Friction parameters in the form of other tools' laws, with what the conversion costs.
+"""Export of friction parameters to the laws of other tools, with the error of the conversion.
 
-A conversion is a least-squares fit of the other tool's curve to ours over the measured speeds; its greatest deviation
-is stated, and so is what the other law cannot say.
+A conversion is a least-squares fit of the other tool's curve to that of pneudrive over the measured speeds. The result
+states the greatest deviation and the effects that the other law lacks.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Conversions: the other tool's parameters, and how far its curve is from ours.
+"""Conversions: parameters of the other tool, and deviation of its curve from that of pneudrive.
 
 Simscape, Translational Friction [mathworks-friction]:
 
@@ -35,13 +35,13 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SCALES = 121
-#: Speed scales are looked for so many times below and above the measured speeds.
+#: Range of speed scales, as a factor below and above the measured speeds.
 BEYOND = 30.0
 
 
 @dataclass(frozen=True)
 class ToolParameter:
-    """A parameter of the other tool: its name there, SI."""
+    """Parameter of the other tool, by its name there; SI."""
 
     name: str
     value: float
@@ -51,23 +51,23 @@ class ToolParameter:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Exported(Shown):
-    """A converted law.
+    """Converted friction law.
 
     Attributes
     ----------
     tool : str
     parameters : tuple of ToolParameter
-        Empty where the tool takes our parameters as they are.
+        Empty if the tool has the same parameters.
     curve : SlidingCurve
-        Ours.
+        Curve of pneudrive.
     converted_n : ndarray, shape (n,)
-        The other tool's curve at the speeds of ours.
+        Curve of the other tool at the same speeds.
     lost : tuple of str
-        What the other law does not say.
+        Effects that the other law lacks.
     suffix : str
-        Of a file.
+        Suffix of the file.
     text : str
-        What the file holds.
+        Content of the file.
     """
 
     tool: str
@@ -80,20 +80,20 @@ class Exported(Shown):
 
     @property
     def worst_n(self) -> float:
-        """Greatest deviation from our curve over its speeds, N."""
+        """Greatest deviation from the curve of pneudrive, N."""
         return float(np.abs(self.converted_n - self.curve.friction_n).max())
 
     @property
     def worst_percent(self) -> float:
-        """Greatest deviation relative to our friction at that speed, %."""
+        """Greatest deviation relative to the friction at the same speed, %."""
         return 100.0 * float(np.abs(self.converted_n / self.curve.friction_n - 1.0).max())
 
     def value(self, name: str) -> float:
-        """Value of one parameter, SI."""
+        """Return the value of one parameter, SI."""
         return {parameter.name: parameter.value for parameter in self.parameters}[name]
 
     def remarks(self) -> list[str]:
-        """Say how exact the conversion is, where it holds, and what is lost."""
+        """Return sentences on accuracy, range and losses of the conversion."""
         return _remarks(self.curve, self.converted_n, self.lost)
 
     def write(self, path: str | Path) -> Path:
@@ -102,7 +102,7 @@ class Exported(Shown):
         Raises
         ------
         CommandError
-            It cannot be written.
+            The file cannot be written.
         """
         target = Path(path)
         with whole(target) as temporary:
@@ -117,10 +117,10 @@ def _remarks(curve: SlidingCurve, converted: Array, lost: tuple[str, ...]) -> li
     low, high = 1e3 * curve.speed_m_s[[0, -1]]
     where = f"holds from {low:.4g} to {high:.4g} mm/s; outside it is extrapolated"
     if converted is curve.friction_n:
-        return [where, f"our own parameters: law {curve.law}, Stribeck curve {curve.shape}"]
+        return [where, f"parameters of pneudrive: law {curve.law}, Stribeck curve {curve.shape}"]
     return [
         where,
-        f"greatest deviation from our curve (law {curve.law}, {curve.shape}): {error[worst]:.3g} N at "
+        f"greatest deviation from pneudrive's curve (law {curve.law}, {curve.shape}): {error[worst]:.3g} N at "
         f"{1e3 * curve.speed_m_s[worst]:.4g} mm/s, {share:.3g} % of friction at most",
         *(f"lost: {text}" for text in lost),
     ]
@@ -129,7 +129,7 @@ def _remarks(curve: SlidingCurve, converted: Array, lost: tuple[str, ...]) -> li
 def best_scale(
     curve: SlidingCurve, columns: Callable[[float], Array], lowest: float, highest: float
 ) -> tuple[float, Array]:
-    """Find the scale between two and the non-negative weights of its columns that come closest to a curve.
+    """Return the scale between two limits and the non-negative weights of its columns that best fit a curve.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def best_scale(
 
 
 def simscape_columns(speed: Array, v_brk: float) -> Array:
-    """Columns of F_brk - F_C, F_C and f in Simscape's formula."""
+    """Return the columns of F_brk - F_C, F_C and f in Simscape's formula."""
     v_st, v_c = np.sqrt(2.0) * v_brk, v_brk / 10.0
     stribeck = np.sqrt(2.0 * np.e) * np.exp(-((speed / v_st) ** 2)) * speed / v_st
     return np.column_stack([stribeck, np.tanh(speed / v_c), speed])
@@ -177,7 +177,7 @@ def _simscape(curve: SlidingCurve) -> Exported:
     lost = (
         *curve.lost,
         "sticking: the block's force is a steep slope through zero speed, so a loaded piston creeps",
-        "dwell and presliding: the block has no memory",
+        "dwell and presliding: the block has no history",
     )
     converted = simscape_columns(speed, v_brk) @ np.array([excess, coulomb, viscous])
     text = [
@@ -191,11 +191,11 @@ def _simscape(curve: SlidingCurve) -> Exported:
 
 
 def modelica_columns(speed: Array, fexp: float) -> Array:
-    """Columns of F_Coulomb, F_Stribeck and F_prop in Modelica's formula."""
+    """Return the columns of F_Coulomb, F_Stribeck and F_prop in Modelica's formula."""
     return np.column_stack([np.ones_like(speed), np.exp(-fexp * speed), speed])
 
 
-#: Points of the table beside the formula, in which the library interpolates linearly.
+#: Number of points of the table, which the library interpolates linearly.
 TABLE_POINTS = 40
 
 
@@ -211,7 +211,7 @@ def _modelica(curve: SlidingCurve) -> Exported:
         ToolParameter("F_Stribeck", stribeck, "N", "Stribeck effect"),
         ToolParameter("fexp", 1.0 / scale, "s/m", "Exponential decay"),
     )
-    lost = (*curve.lost, "dwell and presliding: the component sticks at once and forgets")
+    lost = (*curve.lost, "dwell and presliding: the component sticks at once, without a history")
     converted = modelica_columns(speed, 1.0 / scale) @ weights
     knots, level = friction_table(curve)
     peak = max(level[0], 1e-300)
@@ -233,7 +233,7 @@ def _modelica(curve: SlidingCurve) -> Exported:
 
 
 def friction_table(curve: SlidingCurve) -> tuple[Array, Array]:
-    """Speeds from 0 on and friction at them; the value at 0 is that of the lowest measured speed."""
+    """Return speeds from 0 and their friction; the value at 0 is that of the lowest measured speed."""
     knots = np.geomspace(curve.speed_m_s[0], curve.speed_m_s[-1], TABLE_POINTS)
     level = np.interp(np.log(knots), np.log(curve.speed_m_s), curve.friction_n)
     return np.r_[0.0, knots], np.r_[level[0], level]
@@ -259,7 +259,7 @@ TOOLS: dict[str, Callable[[SlidingCurve], Exported]] = {"simscape": _simscape, "
 
 
 def check_tool(to: str) -> None:
-    """Refuse a tool to which nothing can be exported.
+    """Check that a tool is supported.
 
     Raises
     ------
@@ -269,11 +269,11 @@ def check_tool(to: str) -> None:
         return
     if to == "fmu":
         raise FitError(
-            "there is no export of a drive as an FMU yet",
-            rule="what there is: its friction law for " + ", ".join(TOOLS),
-            remedy="--to modelica gives a friction law that a Modelica tool can put into an FMU",
+            "the export of a drive as an FMU is not available yet",
+            rule="its friction law can be exported for " + ", ".join(TOOLS),
+            remedy="Use --to modelica for a friction law that a Modelica tool can put into an FMU.",
         )
-    raise FitError(f"there is no export to {to!r}", remedy=nearest(to, TOOLS))
+    raise FitError(f"the export to {to!r} is not available", remedy=nearest(to, TOOLS))
 
 
 def export(curve: SlidingCurve, to: str) -> Exported:
@@ -288,15 +288,15 @@ def export(curve: SlidingCurve, to: str) -> Exported:
     Raises
     ------
     FitError
-        Another tool, or a curve that is not finite or not positive.
+        The tool is unknown, or the curve is not finite and positive.
     """
     check_tool(to)
     if not (np.isfinite(curve.friction_n).all() and (curve.friction_n > 0.0).all()):
         worst = float(np.min(np.where(np.isfinite(curve.friction_n), curve.friction_n, -np.inf)))
         raise FitError(
-            "the curve is not friction over all of its speeds",
+            "the curve is not positive over all of its speeds",
             value=f"least value {worst:.3g} N",
             rule="finite and above 0 N",
-            remedy="export over the speeds and pressures that were measured",
+            remedy="Export over the measured speeds and pressures.",
         )
     return TOOLS[to](curve)
