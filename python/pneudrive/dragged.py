@@ -46,7 +46,7 @@ class MotionResult(NamedTuple):
     statistics : dict
         Counts of the integration: steps, attempts, events.
     state : list of float
-    State at the end; the next motion can begin from it.
+        State at the end; the next motion can begin from it.
     commanded_m : float
         Commanded position of the carriage at the end, m.
     """

@@ -236,8 +236,8 @@ class Fit(Shown):
             File to write.
         gauge_a_pa, gauge_b_pa : float, optional
             Gauge pressures of the curve; the default is the middle of the measured ones, and 0 for the fit of a drive.
-            speeds_m_s : tuple of float, optional
-        Lowest and highest speed of the curve; the default is the measured range. Required for the fit of a
+        speeds_m_s : tuple of float, optional
+            Lowest and highest speed of the curve; the default is the measured range. Required for the fit of a
             drive.
 
         Returns

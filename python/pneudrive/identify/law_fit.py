@@ -90,8 +90,8 @@ class LawFit(Fit):
         ------
         FitError
             A modifier of sliding friction, such as pressure or direction, differs between drive and fit.
-            DescriptionError
-        The combination of fitted and kept values violates a rule of the law.
+        DescriptionError
+            The combination of fitted and kept values violates a rule of the law.
         """
         own, theirs = self.model.friction, drive.friction
         sliding = [key for key in DEPENDENCES if key not in AT_REST]

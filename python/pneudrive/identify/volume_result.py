@@ -32,8 +32,8 @@ class VolumeFit(Fit):
         Name -> SI unit.
     intervals : dict
         Name -> (lower, upper), 95 %, by profile, of determined values. Empty if the search did not converge.
-        undetermined : tuple of Undetermined
-    Undetermined values, each with reason and remedy.
+    undetermined : tuple of Undetermined
+        Undetermined values, each with reason and remedy.
     notes : tuple of str
     statistics : dict
         ``samples``; ``rms.pressure`` and ``noise.pressure``, Pa; ``rms_share.pressure``: over the range of the

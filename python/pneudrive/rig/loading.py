@@ -56,11 +56,11 @@ def load_rig(
         Seed of all random numbers of a simulated rig; other rigs ignore it.
     pace : float, optional
         Speed of a simulated rig or a replay relative to real time: 1 is real time; None is as fast as possible.
-        found_in : str, optional
-    File that names `source`, if the user has not named it in this run. Then only a simulated rig or a replay is
+    found_in : str, optional
+        File that names `source`, if the user has not named it in this run. Then only a simulated rig or a replay is
         allowed: the user names a rig that runs code, moves an axis or logs in.
-        allow_code : str, optional
-    SHA-256 of a file of own code that may run although only a file names it.
+    allow_code : str, optional
+        SHA-256 of a file of own code that may run although only a file names it.
 
     Returns
     -------
