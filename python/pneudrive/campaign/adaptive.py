@@ -192,7 +192,7 @@ def needless(plan: Plan, finished: Sequence[Finished]) -> set[str]:
     return {p.cycle.key for p in plan.planned if p.cycle.key not in done and _is_tight(p, finished, rules)}
 
 
-def whats_bad(one: Finished, rules: Adaptive) -> str:
+def fault_of(one: Finished, rules: Adaptive) -> str:
     """Return why a cycle is not a good point, in words; empty if it is good."""
     flags = serious(one.flags)
     if flags:
@@ -218,7 +218,7 @@ def _again(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[C
     last = finished[-1]
     if last.cycle.kind not in MEASURED or not rules.repeats:
         return None
-    bad = whats_bad(last, rules)
+    bad = fault_of(last, rules)
     if not bad:
         return None
     cell = _cell(last.cycle)
@@ -243,7 +243,7 @@ def _is_tight(planned: Planned, finished: Sequence[Finished], rules: Adaptive) -
     values = [
         one.point.friction_n
         for one in finished
-        if one.cycle.kind == planned.cycle.kind and _cell(one.cycle) == cell and not whats_bad(one, rules)
+        if one.cycle.kind == planned.cycle.kind and _cell(one.cycle) == cell and not fault_of(one, rules)
     ]
     values = [value for value in values if np.isfinite(value)]
     if len(values) < rules.least_repeats:
@@ -270,7 +270,7 @@ def _added(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[C
         if len(added) >= rules.added_speeds:
             continue
         taken = [one.cycle.speed_m_s for one in members if one.cycle.speed_m_s]
-        chosen = choose_speed([one for one in members if not whats_bad(one, rules)], taken)
+        chosen = choose_speed([one for one in members if not fault_of(one, rules)], taken)
         if chosen is None:
             continue
         speed, why = chosen

@@ -174,7 +174,7 @@ def as_plain(memory: dict[str, Any]) -> dict[str, Any]:
         ) from None
 
 
-def whats_wrong(error: BaseException) -> PneudriveError:
+def as_own_error(error: BaseException) -> PneudriveError:
     """Return an error of pneudrive as it is; wrap an error of a laboratory's code."""
     if isinstance(error, PneudriveError):
         return error

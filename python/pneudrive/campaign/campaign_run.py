@@ -11,7 +11,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.campaign.adaptive import Finished, QuickPoint, finished_of, measure, needless, next_cycle
-from pneudrive.campaign.attempt import Attempts, GivenUpError, Measured, whats_wrong
+from pneudrive.campaign.attempt import Attempts, GivenUpError, Measured, as_own_error
 from pneudrive.campaign.checks import arrival_flags, serious
 from pneudrive.campaign.control import ABORT, PAUSE, RESUME, STOP
 from pneudrive.campaign.documents import Documents
@@ -266,11 +266,11 @@ class CampaignRun:
         self._display.cycle(cycle, reason, len(self.finished), self.total)
         if reason:
             self._journal.write(f"{cycle.key} {reason}")
-        confirmed = self._confirmed(cycle) if cycle.text else {}
+        confirmed = self._confirm(cycle) if cycle.text else {}
         measured = self._measured(cycle)
         return self._write(cycle, reason, measured, confirmed)
 
-    def _confirmed(self, cycle: Cycle) -> dict[str, str]:
+    def _confirm(self, cycle: Cycle) -> dict[str, str]:
         """Ask the operator for a step and return who confirmed it."""
         if self.options.yes:
             self._journal.write(f"{cycle.key}: {cycle.text} (assumed done: --yes)")
@@ -283,8 +283,8 @@ class CampaignRun:
         """Run a cycle until it is complete; wait while conditions are not met."""
         settling_s = self.plan.protocol.pressure.settling_s
         while True:
-            self._good_conditions(cycle)
-            self._room_for(cycle)
+            self._await_conditions(cycle)
+            self._check_space(cycle)
             self._checkpoint()
             attempt = self._on_rig(lambda rig: self._attempts.run(rig, cycle, settling_s))
             error = attempt.exception()
@@ -302,7 +302,7 @@ class CampaignRun:
         PneudriveError
             The error of the rig, or that there are no more attempts.
         """
-        of_rig = None if isinstance(error, GivenUpError) else whats_wrong(error)
+        of_rig = None if isinstance(error, GivenUpError) else as_own_error(error)
         reason = str(of_rig or error).splitlines()[0].strip()
         self._rest()
         self._tell(f"{cycle.key} was given up: {reason}")
@@ -311,7 +311,7 @@ class CampaignRun:
             of_rig is not None
             and not isinstance(of_rig, ConnectionLostError)
             and not _lost(of_rig)
-            and not self._what_is_wrong().startswith((FAULT, NO_ANSWER))
+            and not self._trouble().startswith((FAULT, NO_ANSWER))
         ):
             raise of_rig
         if failures >= self.options.attempts:
@@ -322,7 +322,7 @@ class CampaignRun:
                 remedy="Check the rig, then resume: finished cycles are kept.",
             ) from of_rig
 
-    def _what_is_wrong(self) -> str:
+    def _trouble(self) -> str:
         """Return why measuring cannot go on; empty if it can."""
         return self._on_rig(lambda rig: look(rig, self._bounds), moves=False).result()
 
@@ -331,14 +331,14 @@ class CampaignRun:
         if trouble:
             self._tell(f"the rig may not be at rest: {trouble}")
 
-    def _good_conditions(self, cycle: Cycle) -> None:
+    def _await_conditions(self, cycle: Cycle) -> None:
         """Wait, up to a limit, until conditions, rig and connection allow measuring."""
         options = self.options
         waited = good_for = 0.0
         told = ""
         while True:
             self._checkpoint()
-            wrong = self._what_is_wrong()
+            wrong = self._trouble()
             if not wrong and (not told or good_for >= options.steady_s):
                 break
             good_for = 0.0 if wrong else good_for + options.look_s
@@ -362,7 +362,7 @@ class CampaignRun:
             self._tell(f"going on after {waited:.3g} s: conditions are met again")
             self._lock.tell(state="running", text="")
 
-    def _room_for(self, cycle: Cycle) -> None:
+    def _check_space(self, cycle: Cycle) -> None:
         """Refuse to begin a cycle if the disk has too little space for it."""
         samples = self._samples.get(cycle.key, max(self._samples.values(), default=0))
         needed = samples * SAMPLE_BYTES + CYCLE_BYTES

@@ -95,7 +95,7 @@ def _rig(protocol: Protocol, identity: Identity, envelope: Envelope) -> Iterator
     highest = max(p.absolute_pa(ambient) for pair in protocol.pressure.levels for p in pair)
     if 0.0 < least < highest:
         yield (
-            f"the supply is watched from {least / 1e5:.4g} bar abs on, but {highest / 1e5:.4g} bar abs are asked for: "
+            f"the supply may fall to {least / 1e5:.4g} bar abs, but the protocol needs {highest / 1e5:.4g} bar abs: "
             "raise conditions.supply_pressure"
         )
 

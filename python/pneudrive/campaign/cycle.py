@@ -29,7 +29,7 @@ class Cycle:
     Parameters
     ----------
     key : str
-        Names the cycle within its campaign, for good: file name, seed and resume depend on it.
+        Permanent name of the cycle within its campaign: file name, seed and resume depend on it.
     kind : str
         One of `KINDS`.
     steps : tuple of Move and Hold

@@ -25,7 +25,7 @@ LEAST_SAMPLES = 20
 
 
 def steps_from_motion(time_s: Array, position_m: Array, stop_s: float | None = None) -> NDArray[np.int64]:
-    """Count the moves and holds of a cycle.
+    """Return the number of the move or hold at each sample of a cycle.
 
     Parameters
     ----------

@@ -214,15 +214,15 @@ def _go_on(
             remedy=f"Name another folder, or resume the campaign in this one: pneudrive campaign resume {folder}",
         )
     plan = plan_of(campaign)
-    with FolderLock(folder) as lock, _bench_again(campaign, rig, plan, pace, allow_code) as (bench, source):
-        _same_rig(campaign, bench.identity(), source)
+    with FolderLock(folder) as lock, _rig_again(campaign, rig, plan, pace, allow_code) as (bench, source):
+        _check_rig(campaign, bench.identity(), source)
         if (limits := bench.limits()) != plan.envelope:
             lay_out(plan.protocol, campaign.identity, limits)  # check again: the rig may allow less than before
         options = _with_operator(options, str(campaign.about.get("operator", "")))
         return _run(campaign, plan, bench, options, lock, audience)
 
 
-def _bench_again(
+def _rig_again(
     campaign: Campaign, rig: Rig | str | Path | None, plan: Plan, pace: float | None, allow_code: str | None
 ) -> contextlib.AbstractContextManager[tuple[Rig, str]]:
     """Return the rig that is named now, else the rig that the folder names if that is allowed."""
@@ -236,7 +236,7 @@ def _bench_again(
         raise CampaignError(
             "the folder was made with other code than the allowed one",
             where=where,
-            value=f"SHA-256 {made_with or 'not told'}",
+            value=f"SHA-256 {made_with or 'not stated'}",
             rule=f"--allow-code {allow_code}",
             remedy=f"Check the code, then name it: --rig {given}",
         )
@@ -252,10 +252,10 @@ def _bench(rig: Rig | str | Path, seed: int, pace: float | None, **found: str | 
         yield rig, ""
         return
     with opened(load_rig(rig, seed=seed, pace=pace, **found)) as bench:
-        yield bench, _found_again(str(rig))
+        yield bench, _full_name(str(rig))
 
 
-def _found_again(source: str) -> str:
+def _full_name(source: str) -> str:
     """Return the name of a rig with full paths, valid from any folder (``own_rig.py:make_rig`` too)."""
     if Path(source).exists():
         return str(Path(source).resolve())
@@ -288,7 +288,7 @@ def _digest(source: str) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest() if is_file else own_code.sha256(source)
 
 
-def _same_rig(campaign: Campaign, identity: Identity, source: str) -> None:
+def _check_rig(campaign: Campaign, identity: Identity, source: str) -> None:
     """Refuse to resume with another rig: the cycles would not belong together."""
     here = json.loads(json.dumps(identity.to_dict(), default=plain))
     there = json.loads(json.dumps(campaign.identity.to_dict(), default=plain))

@@ -35,7 +35,7 @@ class Status(Shown):
     remaining_s : float or None
         Remaining time on the rig's clock.
     flags : dict
-        Flag -> number of cycles that carry it.
+        Flag -> number of cycles with it.
     problems : tuple of Problem
     holder : Holder or None
         The process that works on it now.

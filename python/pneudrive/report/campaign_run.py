@@ -49,10 +49,10 @@ def what(found: CampaignCharacteristics) -> Section:
     rows = (
         ("campaign", found.name),
         ("rig", rig.name),
-        ("operator", str(about.get("operator") or "not told")),
+        ("operator", str(about.get("operator") or "not stated")),
         ("labels", ", ".join(f"{k} {v}" for k, v in labels.items()) or "none"),
-        ("created", str(about.get("created", "not told"))),
-        ("seed of the order", str(about.get("seed", "not told"))),
+        ("created", str(about.get("created", "not stated"))),
+        ("seed of the order", str(about.get("seed", "not stated"))),
         ("areas a, b", f"{1e4 * rig.area_a_m2:.4g} cm², {1e4 * rig.area_b_m2:.4g} cm²"),
         ("mass beyond the sensor", f"{rig.mass_beyond_sensor_kg:.3g} kg"),
         ("stiffness", f"{rig.stiffness_n_m:.3g} N/m" if rig.stiffness_n_m else "not stated: stick-slip is not judged"),
@@ -99,13 +99,13 @@ def _sensors(topic: Topic, found: CampaignCharacteristics) -> PageTable:
     rows = [
         (
             channel,
-            "{:g} … {:g}".format(*rig.limits[channel]) if channel in rig.limits else "not told",
+            "{:g} … {:g}".format(*rig.limits[channel]) if channel in rig.limits else "not stated",
             f"{rig.accuracy[channel]:.3g}" if channel in rig.accuracy else untold,
-            rig.calibration.get(channel, "not told"),
+            rig.calibration.get(channel, "not stated"),
         )
         for channel in dict.fromkeys([*rig.accuracy, *rig.limits, *rig.resolution, *rig.calibration])
     ]
-    return topic.table(rows or [("all", "not told", untold, "not told")], "sensors")
+    return topic.table(rows or [("all", "not stated", untold, "not stated")], "sensors")
 
 
 def said(found: CampaignCharacteristics) -> Section | None:
@@ -147,7 +147,7 @@ def provenance(found: CampaignCharacteristics) -> Section:
     """Return the section on software, protocol as run, sources of methods."""
     rows = [
         ("pneudrive, this report", __version__),
-        ("pneudrive, the campaign", str(about_of(found).get("version", "not told"))),
+        ("pneudrive, the campaign", str(about_of(found).get("version", "not stated"))),
         ("Python", platform.python_version()),
         *((package, version(package)) for package in PACKAGES),
         ("raw data", f"{found.folder.name}/cycles, one Parquet file a cycle"),

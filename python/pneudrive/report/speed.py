@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pneudrive.report.study import Fits
 
 
-MOST_LABELS = 40  # points that carry their pressure as a number
+MOST_LABELS = 40  # points labelled with their pressure
 MOST_CURVES = 8
 MANY = 60  # points beyond which markers get smaller
 SAME_BAR = 0.05

@@ -132,7 +132,7 @@ def panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Axes
         spare.set_visible(False)
     for index, axis in enumerate(axes[:count]):
         if shared.get("sharex") and index + columns >= count:
-            axis.tick_params(labelbottom=True)  # the lowest panel of its column carries the numbers
+            axis.tick_params(labelbottom=True)  # the lowest panel of its column has the numbers
     return axes[:count]
 
 

@@ -110,7 +110,7 @@ def characterise(
     Returns
     -------
     xarray.Dataset
-        One dimension ``row`` (recording or cycle, speed level, direction); every variable carries its unit. The map of
+        One dimension ``row`` (recording or cycle, speed level, direction); every variable has its unit. The map of
         a campaign has further columns: its 95 % band and the levels of the plan.
 
     Raises

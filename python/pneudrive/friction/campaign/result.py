@@ -191,7 +191,7 @@ class CampaignCharacteristics(Shown):
         In the order in which they were run.
     skipped : tuple of Skipped
     flags : dict
-        Name -> number of cycles that carry it.
+        Name -> number of cycles with it.
     friction_map : xarray.Dataset
         One row per cycle, speed level and direction: the columns of a friction map, the 95 % band and the levels.
     curves : tuple of Curve

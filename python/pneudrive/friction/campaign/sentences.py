@@ -1,4 +1,4 @@
-"""Sentences on campaigns as statements: what their data carry, what not, and what would."""
+"""Sentences on campaigns as statements: what their data determine, what not, and what would."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ class Corrected:
     Attributes
     ----------
     friction_map : xarray.Dataset
-        As of the campaign; the rows in question carry the corrected friction, an uncertainty of half of the
+        Map of the campaign; these rows have the corrected friction, an uncertainty of half of the
         difference (assumed) in addition to their own, and the flag ``simulated`` after their other flags.
     fit : FrictionFit
         The law at convergence.

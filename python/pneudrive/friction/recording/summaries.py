@@ -1,4 +1,4 @@
-"""Campaigns: thousands of cycles, in one Parquet file or in many files, as one friction map.
+"""Friction map of a campaign of thousands of cycles, in one Parquet file or in many files.
 
 Worker processes read their own part of the file, so no process holds all samples.
 """

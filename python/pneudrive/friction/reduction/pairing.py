@@ -51,7 +51,7 @@ class Profile:
     """Balance, friction and offset over position for one recording and speed level.
 
     ``position_m`` (m,) are bin centres; ``up_n``/``down_n`` (m,) the mean balance of the strokes in
-    +x/-x, ``friction_n`` half their difference, ``offset_n`` half their sum, NaN where a direction
+    +x/-x, ``friction_n`` half their difference, ``offset_n`` half their sum, NaN if a direction
     has no settled samples. ``up_strokes_n`` (strokes, m) and ``down_strokes_n`` keep every stroke.
     ``in_window`` (m,) marks the bins that enter the friction map.
     """

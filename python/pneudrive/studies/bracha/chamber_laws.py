@@ -36,7 +36,7 @@ class ChamberComparison:
     runs : dict of xarray.Dataset
         Trajectory by law.
     stroke_time_s : dict of float
-        First arrival at the far stop by law; NaN where it is not reached.
+        First arrival at the far stop by law; NaN if it is not reached.
     energy_residual_j : dict of float
         Largest error of the energy balance of chamber a.
     stroke_work_j : float

@@ -53,7 +53,7 @@ def checks_of(
         else:
             same = a == b
         form = row.get("written", "{}")
-        words = ["not told" if v is None else form.format(v) for v in (a, b)]
+        words = ["not stated" if v is None else form.format(v) for v in (a, b)]
         yield Check(what, words[0], words[1], same, row["consequence"])
 
 

@@ -53,7 +53,7 @@ class Reduced:
         Friction over its mean in the common range less one; NaN in bins without data.
     offset_pattern_n : ndarray, shape (bins,)
     relative_n : ndarray, shape (n, bins)
-        Friction of each cycle over its mean; NaN where nothing has settled.
+        Friction of each cycle over its mean; NaN if nothing has settled.
     coverage : float
         Share of the whole way that the common range covers.
     """

@@ -181,7 +181,7 @@ class _Basis:
         return replace(basis, kept=independent(basis.fixed(data.speed_m_s, data.curve, observed=True)))
 
     def place(self, speed_m_s: Array) -> Array:
-        """Return the stretched speed from 0 to 1 over the measured range."""
+        """Return the stretched speed, scaled to 0 to 1 over the measured range."""
         return np.nan_to_num(stretched(speed_m_s, self.lowest) / self.width)
 
     def fixed(self, speed_m_s: Array, curve: NDArray[np.int64], *, observed: bool) -> Array:

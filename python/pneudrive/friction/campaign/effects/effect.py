@@ -73,9 +73,9 @@ class AirShare:
     total_n, total_low_n, total_high_n : ndarray, shape (m,)
         Reading of the force sensor without inertia and weight.
     air_n, air_low_n, air_high_n : ndarray, shape (m,)
-        NaN where not separated.
+        NaN if not separated.
     seal_n, seal_low_n, seal_high_n : ndarray, shape (m,)
-        NaN where not separated.
+        NaN if not separated.
     air_bound_n : ndarray, shape (m,)
         Largest force of the air that the total allows if the seal's friction does not fall below its least value
         as speed rises; NaN where separated.
@@ -178,7 +178,7 @@ class Loop:
     presliding_m : float
         Travel in which it goes from 10 % to 90 % of its swing.
     width_n : float
-        Mean difference between slowing down and speeding up at equal speeds: frictional memory; NaN where too few
+        Mean difference between slowing down and speeding up at equal speeds: frictional memory; NaN if too few
         samples lie in the ramps.
     """
 

@@ -67,7 +67,7 @@ def reversal_loop(file: CycleFile, identity: Identity, offset_n: float) -> Loop 
     Returns
     -------
     Loop or None
-        None where the cycle has no reversal.
+        None if the cycle has no reversal.
     """
     recording, _ = recording_of(file, identity, file.samples())
     motion = find_motion(recording)

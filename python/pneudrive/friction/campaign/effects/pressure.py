@@ -157,7 +157,7 @@ def _design(reading: CampaignData, fits: Fits, members: NDArray[np.bool_]) -> tu
 
 
 def _fit(fits: Fits, members: NDArray[np.bool_], x: Array, order: Array) -> MixedFit | None:
-    """Fit fixed effects with the sources of chance that the curves' model has."""
+    """Fit fixed effects with the random effects of the curves' model."""
     points, reduced = fits.points, fits.points.reduced
     if independent(x).size < x.shape[1]:
         return None
@@ -202,7 +202,7 @@ class _Hidden:
 
 
 def _hidden(fits: Fits, model: MixedModel, design: _Design) -> _Hidden | None:
-    """Return the change that is hidden; None where the design carries a drift, which is then in the model."""
+    """Return the change that is hidden; None if the design determines a drift, which is then in the model."""
     if fits.drift_share < CARRIED:
         return None
     size = HIDDEN_CHANGE * float(np.abs(model.y).mean())
@@ -223,7 +223,7 @@ def _over_speed(design: _Design, columns: list[Array]) -> list[Array]:
 def _together(design: _Design, x: Array) -> Array:
     """Return the columns of the product of both pressures, its mean over speeds and its change with their logarithm.
 
-    Centred, so that slopes beside it are those at the mean of the other pressure; none where the design does not carry
+    Centred, so that slopes beside it are those at the mean of the other pressure; none if the design does not determine
     it.
     """
     product = design.centred(design.a) * design.centred(design.b)

@@ -96,7 +96,7 @@ class DwellSeries(Shown):
     increment_n, low_n, high_n : ndarray, shape (C, m)
         Law-free curve with its pointwise 95 % band at each condition.
     laws : tuple of DwellLawFit
-        Best first; empty where fewer than three durations were run.
+        Best first; empty if fewer than three durations were run.
     pressure : DwellPressure or None
     scatter_n, block_n : float
         Standard deviation from stop to stop, and of blocks.

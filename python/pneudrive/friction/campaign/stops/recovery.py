@@ -166,7 +166,7 @@ def _scan(s: Array, y: Array, sigma: Array, lengths: Array) -> Scan:
 
 
 def _by_bins(bins: Excess, left_n: float) -> tuple[float, float, float]:
-    """Return the distance from the bins: where the excess falls below 5 % for good, with its error."""
+    """Return the distance from the bins: where the excess falls below 5 % and stays there, with its error."""
     above = bins.excess_n - left_n
     top = float(above[: max(2, above.size // 10)].mean())
 

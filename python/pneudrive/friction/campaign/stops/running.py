@@ -204,7 +204,7 @@ def _of_approach(friction: Array) -> tuple[float, float, float]:
 
 
 def _approach(recording: Recording, phases: Phases, speed: float) -> slice | None:
-    """Return the last part of an approach in the same direction and at the same speed; None where there is none."""
+    """Return the last part of an approach in the same direction and at the same speed; None if there is none."""
     if phases.reversed or phases.approach.stop - phases.approach.start < 4 * FEWEST:
         return None
     steady = steady_part(recording, phases.approach)
