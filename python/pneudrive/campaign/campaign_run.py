@@ -247,7 +247,7 @@ class CampaignRun:
         if self._prompt.there:
             self._prompt.show(f"{text}\n{keys}")
         else:
-            self._display.say(f"{text} To go on: pneudrive campaign resume {self.campaign.path}")
+            self._display.say(f"{text} To resume: pneudrive campaign resume {self.campaign.path}")
         answer = wait_for_answer(self._requests, self._prompt, operator)
         if not answer.goes_on:
             self._tell(str(answer))

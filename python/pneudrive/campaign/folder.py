@@ -145,7 +145,7 @@ def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError,
         raise CampaignError("the samples are damaged: their SHA-256 differs from the one in the header", where=where)
     missing = [name for name in REQUIRED_COLUMNS if name not in channels]
     if missing:
-        raise CampaignError(f"the file lacks the column {missing[0]}", where=where, rule="SI units in the name")
+        raise CampaignError(f"the file lacks the column {missing[0]}", where=where, rule="names have SI units")
     for name in ("pressure_a_pa", "pressure_b_pa"):
         if name not in channels:
             channels[name] = np.full(channels["time_s"].size, getattr(file.head.cycle, name))

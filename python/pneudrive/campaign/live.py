@@ -38,7 +38,7 @@ class Display:
     wants_points = False
 
     def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
-        """Begin."""
+        """Show that the campaign begins."""
 
     def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
         """Show that a cycle begins."""
@@ -59,7 +59,7 @@ class Display:
         """Use the terminal again after a prompt."""
 
     def ended(self) -> None:
-        """End."""
+        """Show that the campaign ends."""
 
 
 class CampaignProgress:
@@ -132,7 +132,7 @@ class LineDisplay(Display):
         self._planned = 0
 
     def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
-        """Begin."""
+        """Show that the campaign begins."""
         self._progress, self._planned = CampaignProgress(plan, finished), len(plan.planned)
         to_do = f"{self._planned - len(finished)} of {self._planned} cycles to do"
         left = to_do if finished else f"{self._planned} cycles"
@@ -188,7 +188,7 @@ class ScreenDisplay(Display):
         self._cycle: Cycle | None = None
 
     def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
-        """Begin."""
+        """Show that the campaign begins."""
         self._progress = CampaignProgress(plan, finished)
         self._range = plan.envelope.position_m
         self._bar.update(self._task, total=len(plan.planned), completed=len(finished), description=plan.protocol.name)

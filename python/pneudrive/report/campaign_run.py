@@ -150,7 +150,7 @@ def provenance(found: CampaignCharacteristics) -> Section:
         ("pneudrive, the campaign", str(about_of(found).get("version", "not stated"))),
         ("Python", platform.python_version()),
         *((package, version(package)) for package in PACKAGES),
-        ("raw data", f"{found.folder.name}/cycles, one Parquet file a cycle"),
+        ("raw data", f"{found.folder.name}/cycles, one Parquet file per cycle"),
     ]
     topic = Topic("campaign", "provenance")
     return topic.section(
