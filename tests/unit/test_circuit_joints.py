@@ -1,4 +1,4 @@
-"""What becomes of joints of two restrictions."""
+"""Treatment of joints of two restrictions."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def test_wrong_flow_tables_are_told(table, said):
 
 
 def test_a_valve_has_a_size_or_a_flow_table():
-    with pytest.raises(DescriptionError, match=r"v_a\.conductance is given, and v_a\.flow_table says it"):
+    with pytest.raises(DescriptionError, match=r"v_a\.conductance and v_a\.flow_table both set this value"):
         pn.Circuit.load(AXIS.replace('frequency = "90 Hz"', 'conductance = "2 dm3/(s bar)"'))
     with pytest.raises(DescriptionError, match="conductance"):
         pn.Circuit.load(AXIS.replace(TABLE, ""))

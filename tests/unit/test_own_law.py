@@ -150,14 +150,14 @@ REFUSED = [
     ("^2)", "^2", "let.g: this ( is not closed", "Add a )."),
     ("breakaway - coulomb", "breakaway coulomb", "a sign or ) is missing before this", "2*v"),
     ('elastic = "bristle_stiffness*z"', 'elastic = "g*z/z0"', "'g' comes later in [let]", "in their order"),
-    ('elastic = "bristle', 'elastic = "elastic*bristle', "'elastic' is made of itself", ""),
-    ("abs(v)*elastic/g", "abs(v)*z_rate", "'z_rate' is not known yet here", "force and slip"),
+    ('elastic = "bristle', 'elastic = "elastic*bristle', "'elastic' depends on itself", ""),
+    ("abs(v)*elastic/g", "abs(v)*z_rate", "'z_rate' is not defined yet here", "force and slip"),
     ('unit = "N/m"', 'unit = "N/mm"', 'parameters.bristle_stiffness.unit: unit "N/mm"', "20 mm/s"),
-    ("[states]", "[states]\nv = { unit = 'm', rate = '0' }", 'the name "v" has a meaning already', ""),
+    ("[states]", "[states]\nv = { unit = 'm', rate = '0' }", 'the name "v" is reserved', ""),
     ("[let]", "[let]\nviscous = '1'", 'the name "viscous" is given twice', ""),
     ('name = "own-lugre"', 'name = "lugre"', '"lugre" is a law that pneudrive has', ""),
-    ('name = "own-lugre"', 'name = ""', "name: the law has no name", ""),
-    ('"bristle_deflection_m"', '"position_m"', 'a trajectory has a column "position_m" already', "another name"),
+    ('name = "own-lugre"', 'name = ""', "name: the name of the law is empty", ""),
+    ('"bristle_deflection_m"', '"position_m"', 'a trajectory already has a column "position_m"', "another name"),
     ("coulomb = {", "dwell = {", '"dwell" is a key of the friction table', ""),
     ("above = 0, meaning", "over = 0, meaning", "parameters.coulomb.over is not a known key", "above"),
     ("[output]", "", "force is a key under [let]", "[output]"),
@@ -169,7 +169,7 @@ REFUSED = [
         "'viscous' has the unit N s/m; a coulomb level needs N",
         "",
     ),
-    ("[states]", '[levels]\ncoulomb = "colomb"\n[states]', "levels.coulomb: 'colomb' is no parameter", "coulomb"),
+    ("[states]", '[levels]\ncoulomb = "colomb"\n[states]', "levels.coulomb: 'colomb' is not a parameter", "coulomb"),
     ('scale = "1 mm"', 'scale = "1 mm", above = 0', "starts at 0, which is not greater than 0", ""),
     ('scale = "1 mm"', 'scale = "1 N"', "states.z.scale", "a length is needed"),
 ]
@@ -209,7 +209,7 @@ UNUSABLE = [
         "state z does not come to rest in steady sliding at 0.1 mm/s: its rate is",
     ),
     (law("k*z", DAHL, steady="0.5*Fc*tanh(v/v0)"), "but the force settles at"),
-    (law("Fc*tanh(v/v0) + Fc*(v/v0)^2*exp(-(v/v0)^2)", odd=True), "says odd = true, but"),
+    (law("Fc*tanh(v/v0) + Fc*(v/v0)^2*exp(-(v/v0)^2)", odd=True), "has odd = true, but"),
 ]
 
 

@@ -55,7 +55,7 @@ def test_steady_friction_with_derivatives():
 
 
 def test_what_is_no_number_is_refused_with_the_choices(drive):
-    with pytest.raises(ValueError, match=r'"valve\.conductance" is no number of this description; it has ambient'):
+    with pytest.raises(ValueError, match=r'"valve\.conductance" is not a number of this description; it has ambient'):
         shoot(drive, ["valve.conductance"])
 
 

@@ -75,7 +75,7 @@ impl CarriageId {
     }
 }
 
-/// What a volume has too little of.
+/// What a volume lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lacking {
     Room,
@@ -120,7 +120,7 @@ impl<P> PistonSide<P> {
     }
 }
 
-/// What does not change while a circuit runs; shared by all its copies.
+/// The constant part of a circuit, shared by all its copies.
 #[derive(Debug)]
 struct Topology {
     /// The name and unit of each state.
@@ -144,7 +144,7 @@ pub struct Circuit<P> {
     gas_nodes: usize,
     axis_nodes: usize,
     signals: usize,
-    /// What parts and nodes are called until it is built.
+    /// Names of parts and nodes until it is built.
     called: Called,
     /// Of which parts it is made, and how they are joined: circuits that differ in numbers alone have the same.
     shape: u64,
@@ -262,7 +262,7 @@ impl<R: Lane> Circuit<R> {
         self.end_stops_mut().for_each(|stops| stops.lay_out(start));
     }
 
-    /// What they are laid out for, if there are any, Pa absolute.
+    /// The pressure for which they are designed, if any, Pa absolute.
     pub(crate) fn stops_laid_out_for(&self) -> Option<R> {
         let usual = self.parts.cylinders.iter().map(|(_, cylinder)| &cylinder.stops);
         let others = self.parts.other_cylinders.iter().map(|(_, cylinder)| &cylinder.stops);
@@ -398,7 +398,7 @@ impl<R: Lane> Circuit<R> {
         self.parts.stores(y, &net, &self.common)
     }
 
-    /// What is stored at state `y` (accounts included), and every account.
+    /// Stored quantities at state `y` (accounts included), and every account.
     pub fn books(&self, y: &[R]) -> ([R; 3], Vec<R>) {
         let mut net = self.work::<R>();
         self.observe(y, &mut net);
@@ -417,7 +417,7 @@ impl Circuit<f64> {
         self.inside(y, &mut self.work()) > 0.0
     }
 
-    /// What follows the impacts of each cylinder.
+    /// Trackers of the impacts of each cylinder.
     pub(crate) fn impacts(&self) -> Vec<Impacts> {
         let usual = self.parts.cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));
         let others = self.parts.other_cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));

@@ -64,18 +64,18 @@ pub(crate) use series::{Chain, PortId};
 pub use symbol::{Stroke, Symbol};
 pub use table::{LINEAR_ABOVE, Row, SUBSONIC_INDEX, count, join};
 
-/// What may be joined to a port.
+/// Kind of a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortKind {
     /// Gas passes it.
     Gas,
     /// A mass that moves along one line.
     Axis,
-    /// Feels the pressure of the gas that it is joined to, and lets none of it pass.
+    /// A pilot: it senses the pressure of the gas at its joint, and lets no gas pass.
     Pilot,
 }
 
-/// What determines the state behind a port.
+/// Role of a port in the state of its joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Holds {
     /// A restriction: the gas is that of the joint; a mass: it moves with that.
@@ -97,9 +97,9 @@ pub struct Port {
     pub name: &'static str,
     /// What may be joined to it.
     pub kind: PortKind,
-    /// Open to the ambient air where nothing is joined to it.
+    /// Open to the ambient air if not joined.
     pub exhaust: bool,
-    /// Shut where nothing is joined to it.
+    /// Shut if not joined.
     pub optional: bool,
     /// What determines the state behind it.
     pub holds: Holds,
@@ -149,23 +149,23 @@ const LEAST_VOLUME: f64 = 1e-7;
 pub struct Choice {
     /// Its key in a description.
     pub name: &'static str,
-    /// What can be chosen.
+    /// The options.
     pub options: &'static [&'static str],
-    /// What the choice is about, in words.
+    /// Meaning of the choice, in words.
     pub meaning: &'static str,
 }
 
 /// A variable of a component: name, unit, meaning.
 pub type Variable = (&'static str, &'static str, &'static str);
 
-/// What is known of a kind of component.
+/// The table of a kind of component.
 #[derive(Clone, Copy, Debug)]
 pub struct Kind {
     /// Its key in a description.
     pub key: &'static str,
     /// Its name for people.
     pub title: &'static str,
-    /// What it is, and its equation.
+    /// Its description and equation.
     pub text: &'static str,
     /// Keys in references.bib.
     pub sources: &'static [&'static str],
@@ -175,7 +175,7 @@ pub struct Kind {
     pub parameters: &'static [Row],
     /// Its choices, which are no numbers.
     pub choices: &'static [Choice],
-    /// What it takes beside them.
+    /// Its additions: formula or points.
     pub extra: Extra,
     /// Gas can always pass between its ports.
     pub open: bool,
@@ -185,16 +185,16 @@ pub struct Kind {
     pub needs_friction: bool,
     /// Keys of numbers that only the schedule sees, or that are rounded: no derivative is taken by them.
     pub discrete: &'static [&'static str],
-    /// What can be set while it runs.
+    /// Its inputs.
     pub inputs: &'static [Variable],
-    /// What can be read while it runs.
+    /// Its outputs.
     pub outputs: &'static [Variable],
-    /// How it is drawn.
+    /// Its symbol.
     pub symbol: Symbol,
 }
 
 impl Kind {
-    /// What most kinds have none of.
+    /// Defaults of most kinds.
     pub const PLAIN: Kind = Kind {
         key: "",
         title: "",
@@ -246,7 +246,7 @@ impl<P> Instance<P> {
         each.find(|(own, _)| own.name == choice).map(|(own, option)| own.options[*option])
     }
 
-    /// What is known of its kind.
+    /// The table of its kind.
     pub fn kind(&self) -> &'static Kind {
         self.extra.kind(registry::kind(self.kind))
     }
@@ -338,7 +338,7 @@ impl<P: Lane> Instance<P> {
     }
 }
 
-/// What a component brings to the joint at one of its ports.
+/// The contribution of a component to the joint at one of its ports.
 #[allow(missing_docs)] // of fields: each variant names its own, in their order
 #[derive(Clone, Debug)]
 pub enum Brings<P> {
@@ -354,7 +354,7 @@ pub enum Brings<P> {
     Mass { mass: P, incline: Option<P>, force: P, friction: Option<Contact<P>> },
     /// A motion that nothing bends.
     Motion,
-    /// What moves along with a mass by a ratio that depends on its position.
+    /// A mass coupled to another by a ratio that depends on the position.
     Along,
 }
 
@@ -401,10 +401,10 @@ impl Terminals<'_> {
 
 /// A kind of component.
 pub trait Component: 'static {
-    /// What is known of it.
+    /// Its table.
     const KIND: Kind;
 
-    /// What it brings to the joint at a port.
+    /// Its contribution to the joint at a port.
     fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
         Brings::Nothing
     }

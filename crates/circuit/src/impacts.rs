@@ -7,7 +7,7 @@ use ode::Accepted;
 /// A contact with an end stop.
 #[derive(Clone, Copy, Debug)]
 pub struct Impact {
-    /// What meets the stop.
+    /// The axis that meets the stop.
     pub axis: AxisId,
     /// When it begins, s.
     pub time: f64,
@@ -25,7 +25,7 @@ pub struct Impact {
     pub through: bool,
 }
 
-/// Contacts slower than this are none, m/s: a piston that is held against a stop trembles on it (assumed).
+/// Least speed of a contact, m/s: a piston that is held against a stop trembles on it (assumed).
 const LEAST_SPEED: f64 = 1e-3;
 /// Points of a step in contact at which depth and force are looked at.
 const POINTS: u32 = 8;

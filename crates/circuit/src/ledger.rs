@@ -1,8 +1,8 @@
-//! Mass, energy and entropy accounts: what crossed the boundary and what was produced, as quadratures.
+//! Mass, energy and entropy accounts, as quadratures: flows over the boundary, and production.
 
 use crate::circuit::Circuit;
 
-/// What a quadrature counts. Flows count positive into the circuit's gas, masses and springs.
+/// Quantity of a quadrature. Flows count positive into the circuit's gas, masses and springs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Mass from a reservoir, kg.
@@ -20,13 +20,13 @@ pub enum Kind {
 /// One account.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Channel {
-    /// Of which part it is, and of what.
+    /// Its part and quantity.
     pub name: String,
-    /// What it counts.
+    /// Its kind.
     pub kind: Kind,
 }
 
-/// The three accounts closed: what is stored now minus at the start, minus what came in.
+/// The three balances closed: change of the stored quantity minus inflow.
 #[derive(Clone, Debug)]
 pub struct Balance {
     /// Mass stored minus mass that came in, relative to the mass that was stored or moved, -.
@@ -49,7 +49,7 @@ pub struct Balance {
 /// a stiff stop, less is turned over.
 const LEAST_SHARE: f64 = 1.0 / 300.0;
 
-/// What the ledger takes from one sample: what a part stores may depend on the mode that it is in then.
+/// Data of the ledger at one sample: the stored energy of a part may depend on its mode.
 #[derive(Clone, Debug)]
 pub struct Entry {
     /// Mass, kg, energy, J, and entropy of the gas, J/K.
@@ -72,7 +72,7 @@ pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
     closed(circuit, &samples.iter().map(|y| Entry::of(circuit, y)).collect::<Vec<_>>())
 }
 
-/// The accounts of a run closed, from what was entered at its samples.
+/// The accounts of a run closed, from the data at its samples.
 pub(crate) fn closed(circuit: &Circuit<f64>, entries: &[Entry]) -> Balance {
     let [first, last] =
         [entries.first(), entries.last()].map(|entry| entry.expect("at least the initial state"));

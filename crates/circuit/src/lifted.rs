@@ -31,7 +31,7 @@ impl<'a, T> Lifted<'a, T> {
         Lifted { value, index: None, free: &[], first: 0 }
     }
 
-    /// Numbers with the derivatives in as many directions as they hold, from the direction `first` on.
+    /// Numbers with derivatives in consecutive directions, beginning with `first`.
     pub fn new(seeds: &'a Seeds<T>, first: usize) -> Self {
         Lifted { value: &seeds.value, index: Some(&seeds.index), free: &seeds.free, first }
     }
@@ -57,7 +57,7 @@ impl<'a, T> Lifted<'a, T> {
         self.number_or(0.0, |table| Some(f(table)))
     }
 
-    /// One number, with the value that it has where it is absent.
+    /// One number, with its default if it is absent.
     pub fn number_or<P: Lane>(&self, default: f64, f: impl Fn(&T) -> Option<f64>) -> P {
         let index = self.index.and_then(&f);
         P::from_parts(|part| match part {
@@ -86,7 +86,7 @@ pub(crate) fn seeds<T: DeserializeOwned>(
     root: &str,
     names: &[String],
 ) -> Result<Seeds<T>, Error> {
-    let unfit = |error| Error::Specification(format!("the description does not fit the core: {error}"));
+    let unfit = |error| Error::Specification(format!("the core cannot read the description: {error}"));
     let mut table: Value = serde_json::from_str(json).map_err(unfit)?;
     let paths: Vec<String> = names.iter().map(|name| below(root, name)).collect::<Result<_, _>>()?;
     for path in &paths {
@@ -96,7 +96,9 @@ pub(crate) fn seeds<T: DeserializeOwned>(
     for (path, name) in paths.iter().zip(names) {
         if path.starts_with("gas.") {
             // A component is measured with air: another gas is another law of flow.
-            return Err(Error::Specification(format!("the gas cannot be free, but \"{name}\" is asked for")));
+            return Err(Error::Specification(format!(
+                "\"{name}\" is a number of the gas and cannot be free"
+            )));
         }
         // A parameter that is not given has its default, and is a number all the same.
         let may_be_absent = path
@@ -116,7 +118,7 @@ pub(crate) fn seeds<T: DeserializeOwned>(
     Ok(Seeds { value, index: serde_json::from_value(index).map_err(unfit)?, free })
 }
 
-/// What a description leaves out where it is zero, and may be free all the same.
+/// Numbers that a description omits if zero, but that may be free.
 fn add_absent(table: &mut Value, path: &str) {
     let (what, with) = match path.rsplit_once('.') {
         // Seal lips that no pressure acts on.
@@ -142,7 +144,7 @@ fn below(root: &str, name: &str) -> Result<String, Error> {
     path.map(str::to_string).ok_or_else(|| Error::Specification(format!("\"{name}\" lies outside {root}")))
 }
 
-/// What lies at a path; with `add`, its last key is added where it is missing.
+/// The value at a path; with `add`, a missing last key is added.
 fn place<'v>(table: &'v mut Value, path: &str, add: bool) -> Option<&'v mut Value> {
     let mut at = table;
     let mut keys = path.split('.').peekable();
@@ -194,5 +196,8 @@ fn numbers(value: &Value, path: &str, out: &mut Vec<String>) {
 fn unknown(table: &Value, root: &str, name: &str) -> Error {
     let mut names = Vec::new();
     numbers(table, root, &mut names);
-    Error::Specification(format!("\"{name}\" is no number of this description; it has {}", names.join(", ")))
+    Error::Specification(format!(
+        "\"{name}\" is not a number of this description; it has {}",
+        names.join(", ")
+    ))
 }

@@ -1,4 +1,4 @@
-//! What parts share while the right-hand side is evaluated.
+//! The nodes that parts share during an evaluation of the right-hand side.
 
 use crate::circuit::{AxisId, GasId};
 use math::Real;

@@ -91,7 +91,7 @@ pub use table_force::{Along, TableForce};
 pub use volume::{ChamberLaw, Volume};
 pub use wall::Wall;
 
-/// What a state is of: what people call it by.
+/// The owner of a state, which gives its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Of {
     Part,
@@ -110,7 +110,7 @@ pub struct State {
     pub unit: &'static str,
     /// Absolute error scale, in the unit.
     pub scale: f64,
-    /// What it is a state of.
+    /// Its owner.
     pub of: Of,
 }
 
@@ -167,18 +167,18 @@ pub(crate) struct EventId {
     event: usize,
 }
 
-/// What a run starts from, by node; what is given for no node stays zero.
+/// Start of a run by node; default: zero.
 #[derive(Clone, Copy, Debug)]
 pub struct Given<'a, R> {
     /// Pressure, Pa absolute, and temperature, K.
     pub gas: &'a [(GasId, R, R)],
     /// Position, m, and velocity, m/s.
     pub axes: &'a [(AxisId, R, R)],
-    /// For how long a contact has stood, s. Friction without memory does not mind.
+    /// Time for which a contact has stood, s; used by friction with an age.
     pub ages: &'a [(AxisId, R)],
     /// All inner states of friction.
     pub inner: &'a [(AxisId, &'a [R])],
-    /// What a signal starts at: the position of an armature.
+    /// Start of a signal: the position of an armature.
     pub signals: &'a [(usize, R)],
 }
 
@@ -196,7 +196,7 @@ impl<R: Copy> Given<'_, R> {
     }
 }
 
-/// What every part shares with the circuit.
+/// Data that all parts share.
 #[derive(Clone, Copy, Debug)]
 pub struct Common<P> {
     /// The gas of the circuit.
@@ -286,10 +286,10 @@ pub trait Part<P: Real> {
         unreachable!("there is no input {input}")
     }
 
-    /// First phase: what follows from states without a pressure, such as positions, velocities and signals.
+    /// First phase: quantities that follow from states without a pressure, such as positions, velocities and signals.
     #[inline(always)]
     fn place<S: Over<P>>(&self, _y: Own<S>, _net: &mut Net<S>, _common: &Common<P>) {}
-    /// Second phase: what pistons leave of volumes.
+    /// Second phase: volumes that pistons leave.
     #[inline(always)]
     fn shape<S: Over<P>>(&self, _net: &mut Net<S>) {}
     /// Third phase: pressures and temperatures.
@@ -349,14 +349,14 @@ pub trait Part<P: Real> {
     /// that the positions leave.
     fn begin(&self, _given: &Given<P>, _y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {}
 
-    /// How many surfaces it has behind which its equations are of another kind.
+    /// Number of surfaces behind which its equations change.
     fn n_obstacles(&self) -> usize {
         0
     }
     /// Functions that are positive before each and negative behind it.
     fn obstacles(&self, _y: Own<P>, _net: &Net<P>, _out: &mut [P]) {}
 
-    /// How many events the part has, each with a mode of its own: a number in each lane.
+    /// Number of events of the part, each with its own mode: a number in each lane.
     fn n_events(&self) -> usize {
         0
     }
@@ -364,7 +364,7 @@ pub trait Part<P: Real> {
     fn event(&self, event: usize, _y: Own<P>, _net: &Net<P>) -> P {
         unreachable!("there is no event {event}")
     }
-    /// How far below zero it may lie where the event is taken, in its unit.
+    /// Depth below zero at which the event may be taken, in its unit.
     fn event_tolerance(&self, _event: usize) -> f64 {
         0.0
     }
@@ -401,7 +401,7 @@ pub trait Part<P: Real> {
     {
     }
 
-    /// What the accounts hold beside their integrals, as a function of the state; `out` comes as zeros.
+    /// The parts of accounts that are functions of the state, beside the integrals; `out` begins as zeros.
     fn standing<S: Over<P>>(&self, _net: &Net<S>, _common: &Common<P>, _out: &mut [S]) {}
 }
 
@@ -415,7 +415,7 @@ where
     fn kept(parts: &mut Parts<P>) -> &mut Vec<(Place, Self)>;
 }
 
-/// Where a part's states and accounts lie.
+/// Places of a part's states and accounts.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Place {
     pub first: usize,

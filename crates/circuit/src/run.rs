@@ -1,4 +1,4 @@
-//! What a session writes while it runs: samples, impacts, accounts, and errors in words.
+//! Output of a session: samples, impacts, accounts, and errors in words.
 
 use crate::assembly::{Assembly, Session};
 use crate::circuit::{Circuit, Lacking, Scarce};
@@ -8,13 +8,13 @@ use crate::net::Net;
 use math::Lane;
 use ode::{Accepted, Failure, Output, Paused, Statistics, Stepper, System};
 
-/// Why a description or a run cannot go on.
+/// Errors of a description or a run.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The description, or what is asked of it, is refused: why.
+    /// The description or the request is refused; the reason.
     #[error("{0}")]
     Specification(String),
-    /// What has begun cannot go on: why.
+    /// A run failed; the reason.
     #[error("{0}")]
     Stopped(String),
     /// The user wants to stop.
@@ -28,7 +28,7 @@ pub enum Error {
 /// Attempts between two looks at whether the user wants to stop, fewer with derivatives: some 20 ms of work.
 const ATTEMPTS_PER_LOOK: u64 = 20_000;
 
-/// Attempts at a step that a run may take where nobody says how many: for each second of motion and for each step of the
+/// Default budget of attempts at a step: for each second of motion and for each step of the
 /// command, and for the run itself. Most of many attempts are made of kinks and events, at any tolerance.
 const BUDGET: [f64; 3] = [100_000.0, 100.0, 220_000.0];
 /// The number of states to which the budget belongs, and the least share of it. An attempt with more states costs more.
@@ -55,7 +55,7 @@ impl<'a> Look<'a> {
     }
 }
 
-/// What a run leaves behind.
+/// Results of a run.
 pub struct Run {
     /// One vector for each column, in the order of the assembly's names.
     pub columns: Vec<Vec<f64>>,
@@ -102,7 +102,7 @@ impl Recorder {
         }
     }
 
-    /// What the run up to the end leaves behind.
+    /// Results of a complete run.
     pub fn finish(mut self, session: &Session) -> Run {
         self.complete(session);
         let statistics = session.statistics();
@@ -242,7 +242,7 @@ pub fn advance<R: Lane>(
     }
 }
 
-/// When, in which state, with which value, and what to try.
+/// The message of a failed run: time, state, value and remedy.
 fn in_words<R: Lane>(failure: Failure, lane: usize, stepper: &Stepper<R, Circuit<R>>) -> String {
     let (circuit, y) = (stepper.system(), stepper.state());
     let names = circuit.state_names();
@@ -260,14 +260,12 @@ fn in_words<R: Lane>(failure: Failure, lane: usize, stepper: &Stepper<R, Circuit
             format!("a rate is not finite near {}", state(i)),
             "a larger dead volume or a stiffer end stop",
         ),
-        Failure::Outside { t } => (
-            t,
-            "no shorter step keeps it within its equations".to_string(),
-            "another start, or a tighter rtol",
-        ),
+        Failure::Outside { t } => {
+            (t, "no shorter step keeps the state valid".to_string(), "another start, or a tighter rtol")
+        }
         Failure::Chatter { t, .. } => (
             t,
-            "stick and slip alternate without time passing".to_string(),
+            "stick and slip alternate without progress in time".to_string(),
             "law = \"lugre\", or a breakaway force above the Coulomb force",
         ),
         Failure::TooManyAttempts { t, attempts } => (
@@ -312,5 +310,5 @@ fn in_words<R: Lane>(failure: Failure, lane: usize, stepper: &Stepper<R, Circuit
     )
 }
 
-/// How many states a message shows: those of one cylinder.
+/// Number of states in a message: those of one cylinder.
 const SHOWN: usize = 7;

@@ -14,7 +14,7 @@ pub struct Gas {
     pub heat_capacity_ratio: f64,
     /// Specific gas constant, J/(kg K).
     pub gas_constant_j_kg_k: f64,
-    /// An ideal gas has none.
+    /// None for an ideal gas.
     #[serde(default)]
     pub virial: Option<Virial>,
 }
@@ -57,7 +57,7 @@ pub struct FixedVolume {
     pub leakage_m3_s_pa: f64,
 }
 
-/// What joins a volume to gas of constant pressure and temperature: a restriction after ISO 6358.
+/// A line from a volume to gas of constant pressure and temperature: a restriction after ISO 6358.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Line {
@@ -75,17 +75,17 @@ pub struct Line {
     pub temperature_k: f64,
 }
 
-/// A tank on a line, or one that is shut where there is none.
+/// A tank on a line, or a shut tank.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tank {
     /// The gas in it and around it.
     pub gas: Gas,
-    /// What the leak goes into.
+    /// The air around, into which it leaks.
     pub ambient: GasState,
-    /// What holds the gas.
+    /// The volume.
     pub volume: FixedVolume,
-    /// None: it is shut.
+    /// None: the tank is shut.
     pub line: Option<Line>,
     /// Numbers of the tube with waves between line and volume.
     #[serde(default)]
@@ -115,7 +115,7 @@ pub enum ChamberLawName {
     AsPrinted,
 }
 
-/// What is left out follows from the drive.
+/// End stops; missing values follow from the drive.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EndStop {
@@ -153,7 +153,7 @@ pub struct Cylinder {
     pub heat_transfer_w_m2_k: f64,
     /// Temperature of the wall, K.
     pub wall_temperature_k: f64,
-    /// What the piston meets at both ends of the stroke.
+    /// End stops at both ends of the stroke.
     #[serde(default)]
     pub end_stop: EndStop,
     /// Sonic conductance of the leak past the piston, m3/(s Pa); 0: none.
@@ -196,7 +196,7 @@ pub struct LoadSpring {
     pub rest_position_m: f64,
 }
 
-/// What a cylinder moves beside its own mass.
+/// The load of a cylinder.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Load {
@@ -217,22 +217,22 @@ pub struct Load {
 pub struct Drive {
     /// The gas of the drive, its supply and the ambient.
     pub gas: Gas,
-    /// What the exhaust goes into.
+    /// The air around, into which the exhaust goes.
     pub ambient: GasState,
-    /// What feeds the valve.
+    /// The supply of the valve.
     pub supply: GasState,
-    /// What the valve moves.
+    /// The cylinder.
     pub cylinder: Cylinder,
-    /// What joins the chambers to supply and exhaust.
+    /// The valve between the chambers, supply and exhaust.
     pub valve: Valve,
     /// Friction of the moving mass.
     pub friction: Friction,
-    /// What the cylinder moves.
+    /// The load.
     #[serde(default)]
     pub load: Load,
 }
 
-/// Where a drive starts.
+/// The start of a drive.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Initial {
@@ -249,7 +249,7 @@ pub struct Initial {
     pub temperature_a_k: f64,
     /// K.
     pub temperature_b_k: f64,
-    /// For how long the contact has stood, s; for friction that remembers it.
+    /// Time for which the contact has stood, s; for friction with an age.
     #[serde(default)]
     pub contact_age_s: f64,
 }
@@ -265,13 +265,13 @@ pub struct Component {
     /// Values in SI by the keys of the parameters.
     #[serde(default)]
     pub numbers: BTreeMap<String, f64>,
-    /// Options by the names of the choices; what is left out has the first one.
+    /// Options by the names of the choices; default: the first option.
     #[serde(default)]
     pub choices: BTreeMap<String, String>,
-    /// Where its kind takes friction.
+    /// Friction, if its kind has any.
     #[serde(default)]
     pub friction: Option<Friction>,
-    /// Where its kind takes a formula.
+    /// Formula, if its kind takes one.
     #[serde(default)]
     pub formula: Option<ComponentFormula>,
     /// Rows of numbers in the order of the kind's columns.
@@ -283,7 +283,7 @@ pub struct Component {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ComponentFormula {
-    /// What messages and tables call it.
+    /// Its name in messages and tables.
     pub name: String,
     /// Its name for people.
     #[serde(default)]
@@ -296,7 +296,7 @@ pub struct ComponentFormula {
     /// Name and formula, in their order.
     #[serde(default)]
     pub lets: Vec<(String, String)>,
-    /// What its kind asks for.
+    /// The formula itself.
     pub output: String,
 }
 
@@ -306,18 +306,18 @@ pub struct ComponentFormula {
 pub struct Circuit {
     /// The gas in all of it.
     pub gas: Gas,
-    /// What open exhausts and leaks go into.
+    /// The air around, into which open exhausts and leaks go.
     pub ambient: GasState,
-    /// What it is made of.
+    /// Its components.
     pub components: Vec<Component>,
-    /// Each the ports that are joined.
+    /// The joined ports of each joint.
     pub joints: Vec<Vec<String>>,
-    /// What becomes of joints of two restrictions.
+    /// Treatment of joints of two restrictions.
     #[serde(default)]
     pub junctions: Junctions,
 }
 
-/// What becomes of a joint of two restrictions and nothing else.
+/// Treatment of a joint of two restrictions only.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Junctions {

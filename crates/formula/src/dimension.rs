@@ -23,7 +23,7 @@ const UNITS: [(&str, [f64; 4]); 11] = [
     ("1", [0.0; 4]),
 ];
 
-/// How dimensions of friction are written in messages.
+/// Units of friction as written in messages.
 const SPOKEN: [&str; 27] = [
     "m", "kg", "s", "K", "N", "Pa", "J", "W", "m/s", "m/s2", "1/s", "1/m", "1/Pa", "1/K", "N/m", "N s/m",
     "N s2/m2", "N m", "N/s", "N/K", "Pa/s", "1/m2", "m2", "m3", "s/m", "1/N", "m/N",
@@ -82,7 +82,7 @@ fn product(text: &str) -> Result<Dimension, String> {
     let text = text.trim();
     let text = text.strip_prefix('(').and_then(|text| text.strip_suffix(')')).unwrap_or(text);
     if text.is_empty() {
-        return Err("a unit is missing beside /".into());
+        return Err("a unit is missing next to /".into());
     }
     let mut total = Dimension::NONE;
     for factor in text.split_whitespace() {
@@ -91,11 +91,11 @@ fn product(text: &str) -> Result<Dimension, String> {
         let split = factor.char_indices().nth(letters).map_or(factor.len(), |(at, _)| at);
         let (symbol, power) = factor.split_at(split);
         let Some((_, base)) = UNITS.iter().find(|(name, _)| *name == symbol) else {
-            return Err(format!("\"{factor}\" is no SI unit without prefix"));
+            return Err(format!("\"{factor}\" is not an SI unit without prefix"));
         };
         let power = match power {
             "" => 1.0,
-            power => power.parse::<i8>().map_err(|_| format!("\"{power}\" is no power of a unit"))?.into(),
+            power => power.parse::<i8>().map_err(|_| format!("\"{power}\" is not a power of a unit"))?.into(),
         };
         total = total.times(Dimension(*base).to_power(power));
     }

@@ -89,7 +89,7 @@ impl Operation {
 #[derive(Clone, Debug)]
 pub(crate) struct Node {
     pub operation: Operation,
-    /// None: the number zero, which has every dimension.
+    /// None for the number zero, which has every dimension.
     pub dimension: Option<Dimension>,
     pub range: Range,
     /// Made of parameters and numbers alone.
@@ -105,7 +105,7 @@ pub struct Graph {
     inputs: usize,
 }
 
-/// What names mean.
+/// Meanings of names.
 pub type Scope = BTreeMap<String, Id>;
 
 impl Graph {
@@ -116,7 +116,7 @@ impl Graph {
         self.node(Node { operation, dimension: Some(dimension), range, constant: true })
     }
 
-    /// What changes from one evaluation to the next; inputs are numbered as they are made.
+    /// Variables of an evaluation; inputs are numbered as they are made.
     pub fn input(&mut self, dimension: Dimension, range: Range) -> Id {
         self.inputs += 1;
         let operation = Operation::Input(self.inputs - 1);

@@ -6,7 +6,7 @@ use crate::parse::{Expression, Kind};
 use crate::problem::{Place, Problem, nearest};
 use crate::range::Range;
 
-/// Functions and how many arguments they take.
+/// Functions and their numbers of arguments.
 const FUNCTIONS: [(&str, usize); 14] = [
     ("abs", 1),
     ("sign", 1),
@@ -64,7 +64,7 @@ impl Graph {
             }
             Kind::Pair(..) | Kind::Not(_) => {
                 let remedy = "Write if(condition, value where it holds, value where it does not).";
-                Err(Problem::new("a condition is no value", place, remedy))
+                Err(Problem::new("a condition is not a value", place, remedy))
             }
             Kind::Call(name, arguments) => self.call(name, arguments, place, scope),
         }
@@ -103,7 +103,7 @@ impl Graph {
         let Some((_, count)) = FUNCTIONS.iter().find(|(known, _)| *known == name) else {
             let function = Place { start: place.start, end: place.start + name.chars().count() };
             if scope.contains_key(name) {
-                let what = format!("'{name}' is no function");
+                let what = format!("'{name}' is not a function");
                 return Err(Problem::new(what, function, "A product needs its sign: a*(b + c)."));
             }
             let remedy = nearest(name, FUNCTIONS.iter().map(|(known, _)| *known));
@@ -193,7 +193,7 @@ impl Graph {
             }
             _ => {
                 let remedy = "Compare two values with <, <=, > or >=; join with and, or, not.";
-                Err(Problem::new("this is no condition", condition.place, remedy))
+                Err(Problem::new("this is not a condition", condition.place, remedy))
             }
         }
     }
@@ -306,12 +306,12 @@ impl Graph {
         let dimension = match (self.dimension(base), self.number(exponent)) {
             (Some(own), Some(n)) => own.to_power(n),
             (Some(own), None) if own != Dimension::NONE => {
-                let what = format!("a power that is no number needs a pure number as its base, not {own}");
+                let what = format!("a power that is not a number needs a pure number as its base, not {own}");
                 return Err(Problem::new(what, places[0], "Divide by a parameter of the same unit first."));
             }
             _ => Dimension::NONE,
         };
-        self.above_zero(base, "a power that is no whole number", places[0])?;
+        self.above_zero(base, "a power that is not a whole number", places[0])?;
         let logarithm = self.at(base).range.through(f64::ln);
         let range = logarithm.times(self.at(exponent).range).saturating(f64::exp, 0.0, f64::INFINITY);
         Ok(self.make(Operation::Power(base, exponent), Some(dimension), range))
@@ -379,7 +379,7 @@ impl Graph {
         if !range.contains(0.0) {
             return Ok(());
         }
-        let what = format!("this divisor can be zero: as far as is known it is {}", range.shown());
+        let what = format!("this divisor can be zero: its known range is {}", range.shown());
         let remedy = "Give the parameters in it bounds (above = 0), or keep it away from zero: max(x, 0.01*coulomb), \
                       x^2 + v0^2. Both sides of an if are always computed.";
         Err(Problem::new(what, place, remedy))
@@ -390,7 +390,7 @@ impl Graph {
         if range.positive() {
             return Ok(());
         }
-        let what = format!("{what} needs a value above zero: as far as is known this is {}", range.shown());
+        let what = format!("{what} needs a value above zero: its known range is {}", range.shown());
         let remedy = "Give the parameters in it bounds (above = 0), or keep it above zero: max(x, 1e-12), \
                       sqrt(v^2 + v0^2).";
         Err(Problem::new(what, place, remedy))

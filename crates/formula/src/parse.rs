@@ -17,7 +17,7 @@ pub(crate) enum Kind {
     Call(String, Vec<Expression>),
 }
 
-/// What a formula says, with its place.
+/// A parsed formula with places.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expression {
     pub(crate) kind: Kind,
@@ -28,7 +28,7 @@ pub struct Expression {
 pub fn parse(formula: &str) -> Result<Expression, Problem> {
     let length = formula.chars().count();
     if length > MOST_CHARACTERS {
-        let what = format!("the formula has {length} characters; at most {MOST_CHARACTERS} are taken");
+        let what = format!("the formula has {length} characters, more than the limit {MOST_CHARACTERS}");
         return Err(Problem::of_all(what, "Split it by [let]."));
     }
     let tokens = tokens(formula)?;
@@ -42,7 +42,7 @@ pub fn parse(formula: &str) -> Result<Expression, Problem> {
     let out = parser.level(0)?;
     match parser.tokens.get(parser.at) {
         None => Ok(out),
-        Some((Token::Sign(")"), place)) => Err(Problem::new("this ) closes nothing", *place, "")),
+        Some((Token::Sign(")"), place)) => Err(Problem::new("this ) has no matching (", *place, "")),
         Some((_, place)) => Err(Problem::new(
             "a sign is missing before this",
             *place,

@@ -18,16 +18,16 @@ impl Place {
 /// Why a formula is refused.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
-    /// What is wrong.
+    /// The fault.
     pub what: String,
-    /// Where in the formula.
+    /// Its place in the formula.
     pub place: Option<Place>,
-    /// What to do.
+    /// The remedy.
     pub remedy: String,
 }
 
 impl Problem {
-    /// What is wrong at a place, and what to do.
+    /// A fault at a place, and its remedy.
     pub fn new(what: impl Into<String>, place: Place, remedy: impl Into<String>) -> Self {
         Problem { what: what.into(), place: Some(place), remedy: remedy.into() }
     }
@@ -55,7 +55,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// Which of the names was probably meant, and which there are.
+/// The most similar name, and all known names.
 pub fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
     let mut known: Vec<&str> = known.collect();
     known.sort_unstable();

@@ -133,7 +133,7 @@ impl Program {
             steps.push((code, to, of));
         }
         if next > MOST_REGISTERS {
-            let what = format!("the law keeps {next} values at once; at most {MOST_REGISTERS} are possible");
+            let what = format!("the law keeps {next} values at once, more than the limit {MOST_REGISTERS}");
             return Err(Problem::of_all(what, "Simplify it."));
         }
         let byte = |register: usize| u8::try_from(register).expect("within MOST_REGISTERS");
@@ -145,7 +145,7 @@ impl Program {
         Ok(Program { steps: steps.collect(), registers: next, constants, inputs, outputs })
     }
 
-    /// How many operations run.
+    /// Number of operations.
     pub fn len(&self) -> usize {
         self.steps.len()
     }

@@ -1,4 +1,4 @@
-/// What values a quantity can have: an interval whose ends belong to it or not.
+/// The values that a quantity can have: an interval with open or closed ends.
 ///
 /// It encloses the values for every parameter within its bounds and every state and velocity; that each
 /// of them is reached is not claimed. Infinite ends never belong to it.
@@ -55,7 +55,7 @@ impl Range {
         above && (x < self.high.at || (x == self.high.at && self.high.reached))
     }
 
-    /// Nothing but numbers above zero.
+    /// All numbers above zero.
     pub(crate) fn positive(self) -> bool {
         self.low.at > 0.0 || (self.low.at == 0.0 && !self.low.reached)
     }

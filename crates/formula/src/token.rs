@@ -52,7 +52,7 @@ fn foreign(c: char, place: Place) -> Problem {
         '=' | '!' => "Conditions are written with <, <=, >, >= inside if(condition, a, b).",
         '&' | '|' => "Conditions are joined by `and`, `or`, `not`.",
         '[' | ']' | '{' | '}' => "Write ( and ).",
-        ';' => "The arguments of a function are parted by commas.",
+        ';' => "Separate the arguments of a function by commas.",
         '²' | '³' => "A power is written ^2 or ^3.",
         '·' | '×' => "A product is written *.",
         '−' | '–' => "A minus is written - (the plain one).",

@@ -60,9 +60,9 @@ pub struct At<S> {
     pub gauge_a: S,
     /// Gauge pressure in chamber b, Pa.
     pub gauge_b: S,
-    /// Sum of all other forces in +x, N: what friction must balance in stick.
+    /// Sum of all other forces in +x, N: friction balances it in stick.
     pub applied: S,
-    /// What [`Law::prepare`] gave for this velocity.
+    /// Result of [`Law::prepare`] for this velocity.
     pub prepared: S,
 }
 
@@ -101,7 +101,7 @@ pub struct Levels<S> {
     pub breakaway: S,
     /// Viscous coefficient Fv, N s/m.
     pub viscous: S,
-    /// What Fc and Fs are more for a contact deflected towards +x, and less towards -x: see [`Sense::Deflection`].
+    /// What a contact deflected towards +x adds to Fc and Fs, and one towards -x subtracts: see [`Sense::Deflection`].
     pub lean: [S; 2],
 }
 
@@ -145,7 +145,7 @@ impl<S: Real> Levels<S> {
     }
 }
 
-/// Share of a level that is left at least, where a dependence would take more.
+/// Least share of a level that a dependence may leave.
 const FLOOR: f64 = 0.01;
 
 /// Steady sliding, N:  level sgn(v) + Fv v, where v = 0 counts as positive.
@@ -168,32 +168,32 @@ pub struct InnerState {
 /// The most inner states that a contact has: those of its law, and of what acts on it.
 pub const MOST_INNER: usize = 16;
 
-/// Choices of a description that select code and are no numbers; a law takes those that it knows.
+/// Choices of a description that select code; each law uses those it knows.
 #[derive(Clone, Debug, Default)]
 pub struct Choices {
-    /// Shape of the Stribeck curve, where it is not given by the exponent.
+    /// Shape of the Stribeck curve, unless the exponent gives it.
     pub shape: Option<Shape>,
-    /// Elements of a law of elements, stiffness in N/m; none: those of the law.
+    /// Elements of a law of elements, stiffness in N/m; empty: the default of the law.
     pub elements: Vec<Element<f64>>,
     /// How the state of a rate-and-state contact evolves.
     pub evolution: Evolution,
 }
 
-/// What a law says of itself; the conformance tests hold it to that.
+/// Claims of a law, which the conformance tests check.
 #[derive(Clone, Copy, Debug)]
 pub struct Claims {
     /// F(-v, -z) = -F(v, z).
     pub odd: bool,
-    /// The force depends on the path, not on how fast it is passed (without viscous friction).
+    /// The force depends on the path, not on the speed along it (without viscous friction).
     pub rate_independent: bool,
     /// A load that oscillates below breakaway does not make it creep.
     pub no_drift: bool,
-    /// It never gives energy, whatever its parameters; else [`AnyLaw::warning`] says when it may.
+    /// It never produces energy for any parameters; else [`AnyLaw::warning`] says when it may.
     pub always_passive: bool,
 }
 
 impl Claims {
-    /// What holds for most laws.
+    /// Claims of most laws.
     pub const USUAL: Self =
         Claims { odd: true, rate_independent: false, no_drift: false, always_passive: false };
 }
@@ -203,7 +203,7 @@ pub trait Described: Sized {
     /// From the values of its parameters, in their order.
     fn build(values: &[f64], choices: &Choices) -> Self;
 
-    /// What the user should know about these parameters with these levels, if anything.
+    /// Warning about these parameters with these levels, if any.
     fn warning(&self, _levels: &Levels<f64>) -> Option<String> {
         None
     }
@@ -217,7 +217,7 @@ pub trait Law<P: Real> {
     const TITLE: &'static str;
     /// Key in references.bib.
     const SOURCE: &'static str;
-    /// The inner states; of a law of elements, those where a description lists none.
+    /// The inner states; for a law of elements, those of its default elements.
     const STATES: &'static [InnerState] = &[];
     /// The law sticks by a mode (0, or the direction of slip by its sign), with located events.
     const STICKS: bool = false;
@@ -227,13 +227,13 @@ pub trait Law<P: Real> {
     const DAMPED: bool = false;
     /// An event of the mode leaves the velocity at zero exactly, unless it goes on in the same direction.
     const STOPS: bool = true;
-    /// What shows the direction that its levels may depend on.
+    /// Which quantity shows the direction on which its levels may depend.
     const SENSE: Sense = if Self::STICKS { Sense::Mode } else { Sense::Velocity };
     /// A description may list its elements.
     const ELEMENTS: bool = false;
     /// A description may choose how its state evolves.
     const EVOLVES: bool = false;
-    /// What the conformance tests hold the law to.
+    /// Claims of the law, which the conformance tests check.
     const CLAIMS: Claims = Claims::USUAL;
 
     /// Fc, Fs and Fv before any dependence. A law without one of them gives what stands for it: without Fs
@@ -275,7 +275,7 @@ pub trait Law<P: Real> {
         if self.spring().is_some() { v - dz[0] } else { v }
     }
 
-    /// Whether a mass that is set going with these inner states slips, and does not move elastically in stick.
+    /// Whether a mass that starts with these inner states slips, instead of moving elastically in stick.
     fn slips_at(&self, at: &At<P>, _levels: &Levels<P>, _z: &[P]) -> P::Mask {
         P::zero().lt(at.v.abs())
     }
@@ -306,7 +306,7 @@ pub trait Law<P: Real> {
     /// Steady sliding at velocity `v` (after any transient), N.
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S;
 
-    /// The same where more than the levels depends on where the contact is.
+    /// The same for a law that depends on the place beyond its levels.
     fn steady_at<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>) -> S {
         self.steady(at.v, levels)
     }
@@ -342,7 +342,7 @@ pub struct Meta {
 }
 
 /// Lists the laws. Those of an ordinary drive are `usual`: they are evaluated in line, the others in a
-/// function of their own, so that the usual ones do not pay for them with registers. [`Formula`] stands
+/// function of their own, so that they do not cost the usual ones registers. [`Formula`] stands
 /// beside them: each of its laws has a table of its own.
 macro_rules! laws {
     (usual: $($usual:ident),*; others: $($other:ident),* $(,)?) => {
@@ -377,7 +377,7 @@ macro_rules! laws {
         #[derive(Clone, Debug)]
         pub enum AnyLaw<P> {
             $(#[doc = concat!("See [`", stringify!($name), "`].")] $name($name<P>),)*
-            /// A law of the user's own.
+            /// A custom law.
             Formula(Formula<P>),
         }
 
@@ -425,7 +425,7 @@ macro_rules! laws {
                 }
             }
 
-            /// What the user should know about this parameter set with these levels, if anything.
+            /// Warning about this parameter set with these levels, if any.
             pub fn warning(&self, levels: &Levels<f64>) -> Option<String> {
                 match self { $(AnyLaw::$name(law) => law.warning(levels),)* AnyLaw::Formula(law) => law.warning(levels) }
             }
@@ -455,7 +455,7 @@ macro_rules! laws {
         }
 
         impl<P: Real> AnyLaw<P> {
-            /// Its entry in the registry, or that of the user's own law.
+            /// Its entry in the registry, or that of the custom law.
             pub fn meta(&self) -> &'static Meta {
                 let key = match self {
                     $(AnyLaw::$name(_) => <$name<P> as Law<P>>::KEY,)*
@@ -510,7 +510,7 @@ macro_rules! laws {
             pub(super) fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
                 match self { $(AnyLaw::$name(law) => law.heat(v, force, z, dz),)* AnyLaw::Formula(law) => law.heat(v, force, z, dz) }
             }
-            /// Steady sliding at a place and pressures, which count where the law names them.
+            /// Steady sliding at a place and pressures, for laws that depend on them.
             pub fn steady_at<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>) -> S {
                 match self { $(AnyLaw::$name(law) => law.steady_at(at, levels),)* AnyLaw::Formula(law) => law.steady(at, levels) }
             }

@@ -12,7 +12,7 @@ use std::ops::Deref;
 #[derive(Clone, Copy, Debug)]
 pub struct Gas<P> {
     ideal: IdealGas<P>,
-    /// The numbers of the virial coefficient; none: ideal.
+    /// The numbers of the virial coefficient; None: ideal gas.
     pub virial: Option<Virial<P>>,
 }
 

@@ -4,9 +4,9 @@
 /// The values that a parameter may take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
-    /// Lower bound; minus infinity where there is none.
+    /// Lower bound; minus infinity: unbounded.
     pub lower: f64,
-    /// Upper bound; infinity where there is none.
+    /// Upper bound; infinity: unbounded.
     pub upper: f64,
     /// The lower bound itself is refused.
     pub open: bool,
@@ -15,7 +15,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Whether a value lies within them.
+    /// Whether a value lies within the bounds.
     pub fn contain(&self, x: f64) -> bool {
         let above = if self.open { x > self.lower } else { x >= self.lower };
         above && if self.open_above { x < self.upper } else { x <= self.upper }
@@ -72,9 +72,9 @@ pub struct Parameter {
     pub unit: &'static str,
     /// The values that it may take.
     pub bounds: Bounds,
-    /// Value where a description gives none, if there is one.
+    /// Default value, if there is one.
     pub default: Option<f64>,
-    /// What it is, in words.
+    /// Its meaning, in words.
     pub meaning: &'static str,
 }
 

@@ -14,13 +14,13 @@ const MOST_PARAMETERS: usize = 48;
 const MOST_LETS: usize = 64;
 const MOST_NAME: usize = 80;
 
-/// Names that mean something in every formula.
+/// Names with a meaning in every formula.
 const TAKEN: [&str; 18] = [
     "pi", "and", "or", "not", "abs", "sign", "sqrt", "exp", "ln", "tanh", "sin", "cos", "min", "max", "pow",
     "fma", "if", "select",
 ];
 
-/// A parameter as its author writes it, quantities in SI.
+/// A parameter as written by its author, quantities in SI.
 #[derive(Clone, Debug)]
 pub struct ParameterText {
     /// Its name in formulas.
@@ -38,11 +38,11 @@ pub struct ParameterText {
 /// Why formulas are refused.
 #[derive(Clone, Debug)]
 pub struct Refusal {
-    /// Where: `force`, `let.g`, `states.z.rate`, `parameters.vs.unit`.
+    /// Place: `force`, `let.g`, `states.z.rate`, `parameters.vs.unit`.
     pub key: String,
-    /// The formula there, where it is one.
+    /// The formula there, if it is one.
     pub formula: String,
-    /// What is wrong, where in the formula, and what to do.
+    /// The fault, its place in the formula, and the remedy.
     pub problem: Problem,
 }
 
@@ -61,7 +61,7 @@ impl fmt::Display for Refusal {
 }
 
 impl Refusal {
-    /// Of what is no formula.
+    /// A refusal of something other than a formula.
     pub fn of(key: impl Into<String>, what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Refusal { key: key.into(), formula: String::new(), problem: Problem::of_all(what, remedy) }
     }
@@ -106,7 +106,7 @@ pub(crate) fn check_names<'a>(
     let counts = [("parameters", parameters.len(), MOST_PARAMETERS), ("let", lets.len(), MOST_LETS)];
     check_counts(&counts)?;
     if !(1..=MOST_NAME).contains(&name.trim().chars().count()) {
-        return refuse("name", "the law has no name, or a very long one", "Give it a short name.");
+        return refuse("name", "the name of the law is empty or very long", "Give it a short name.");
     }
     let given: Vec<&str> = given.collect();
     let keys = parameters.iter().map(|p| ("parameters", p.key.clone()));
@@ -121,7 +121,7 @@ pub(crate) fn check_names<'a>(
             return refuse(full, what, "Names are letters, digits and _, beginning with a letter.");
         }
         if TAKEN.contains(&key.as_str()) || given.contains(&key.as_str()) {
-            return refuse(full, format!("the name \"{key}\" has a meaning already"), "Choose another one.");
+            return refuse(full, format!("the name \"{key}\" is reserved"), "Choose another one.");
         }
         if let Some(other) = seen.insert(key.clone(), table) {
             let what = format!("the name \"{key}\" is given twice, also in {other}");
@@ -131,23 +131,23 @@ pub(crate) fn check_names<'a>(
     Ok(())
 }
 
-/// What there is too much of, if anything: name, count, the most that is taken.
+/// What exceeds its limit, if anything: name, count, limit.
 pub(crate) fn check_counts(counts: &[(&str, usize, usize)]) -> Compiled<()> {
     match counts.iter().find(|(_, count, most)| count > most) {
         Some((what, count, most)) => {
-            refuse(*what, format!("the law has {count} of them; at most {most} are taken"), "")
+            refuse(*what, format!("the law has {count} of them, more than the limit {most}"), "")
         }
         None => Ok(()),
     }
 }
 
-/// Formulas on their way to programs.
+/// Compiler of formulas to programs.
 pub(crate) struct Reader<'a> {
     pub graph: Graph,
     pub scope: Scope,
     /// The parameters, in their order.
     pub parameters: Vec<Id>,
-    /// Names that only later formulas know: rates of states.
+    /// Names that only later formulas may use: rates of states.
     pub later: Vec<String>,
     texts: &'a [ParameterText],
     lets: &'a [(String, String)],
@@ -168,7 +168,7 @@ impl<'a> Reader<'a> {
         Ok(reader)
     }
 
-    /// Reads what `let` gives.
+    /// Reads the formulas of `let`.
     pub fn read_lets(&mut self) -> Compiled<()> {
         for (i, (name, formula)) in self.lets.iter().enumerate() {
             let id = self.value(&format!("let.{name}"), formula, Some(i))?;
@@ -177,12 +177,12 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// A formula of a given unit of ours.
+    /// A formula with one of our units.
     pub fn formula(&mut self, key: &str, formula: &str, unit: &str) -> Compiled<Id> {
         self.formula_of(key, formula, dimension(unit), unit)
     }
 
-    /// A formula of a given dimension, and what that is called.
+    /// A formula with a given dimension, and its name.
     pub fn formula_of(&mut self, key: &str, formula: &str, dimension: Dimension, unit: &str) -> Compiled<Id> {
         let id = self.value(key, formula, None)?;
         match self.graph.dimension(id) {
@@ -207,7 +207,7 @@ impl<'a> Reader<'a> {
             if unknown && self.lets.iter().enumerate().any(later) {
                 let itself = i.is_some_and(|i| self.lets[i].0 == name);
                 problem.what = if itself {
-                    format!("'{name}' is made of itself")
+                    format!("'{name}' depends on itself")
                 } else {
                     format!("'{name}' comes later in [let]")
                 };
@@ -215,14 +215,14 @@ impl<'a> Reader<'a> {
                     "Formulas in [let] are computed in their order, each from those above it.".into();
             }
             if unknown && self.later.contains(&name) {
-                problem.what = format!("'{name}' is not known yet here");
-                problem.remedy = "Rates are there for force and slip alone.".into();
+                problem.what = format!("'{name}' is not defined yet here");
+                problem.remedy = "Only force and slip can use rates.".into();
             }
             refuse(problem)
         })
     }
 
-    /// What is given and not used: `by` what.
+    /// Warnings about names that `by` does not use.
     pub fn unused(&self, used: &[Id], by: &str) -> Vec<String> {
         let reached = self.graph.reached(used);
         let idle = |id: &Id| !reached.contains(id);
@@ -265,7 +265,7 @@ pub(crate) fn leak(text: &str) -> &'static str {
     Box::leak(text.to_string().into_boxed_str())
 }
 
-/// What a process has compiled, by the text that it was compiled from; it stays until the process ends.
+/// Compiled formulas of a process by their text; they stay until the process ends.
 pub struct Known<T: 'static>(std::sync::Mutex<Option<HashMap<String, &'static T>>>);
 
 /// Texts that a process keeps.
@@ -278,7 +278,7 @@ impl<T> Known<T> {
         Known(std::sync::Mutex::new(None))
     }
 
-    /// What is compiled from a text, now or before.
+    /// The result compiled from a text, now or before.
     pub fn get(
         &self,
         text: String,
@@ -291,7 +291,7 @@ impl<T> Known<T> {
         }
         if known.len() >= MOST_KNOWN {
             let what = format!("{MOST_KNOWN} different laws were used in one process");
-            return refuse("law", what, "Vary parameters, not formulas, or begin a new process.");
+            return refuse("law", what, "Vary parameters, not formulas, or start a new process.");
         }
         let own: &'static T = Box::leak(Box::new(compile()?));
         known.insert(text, own);

@@ -1,4 +1,4 @@
-//! What every class returns and raises: errors, runs, tables.
+//! Results and errors of all classes: errors, runs, tables.
 
 use crate::table::PyColumn;
 use circuit::{Balance, Error, Impact, Kind, Run, budget};
@@ -18,7 +18,7 @@ pub fn to_python(error: Error) -> PyErr {
 
 pub fn parse<'a, T: serde::Deserialize<'a>>(json: &'a str) -> PyResult<T> {
     serde_json::from_str(json)
-        .map_err(|error| PyValueError::new_err(format!("the description does not fit the core: {error}")))
+        .map_err(|error| PyValueError::new_err(format!("the core cannot read the description: {error}")))
 }
 
 /// Numbers in a row. An array is copied as a whole: one by one, a million of them would keep the interpreter's lock

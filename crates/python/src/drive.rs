@@ -151,7 +151,7 @@ impl PyDrive {
     }
 
     /// Simulates a command, put back at each of the restarts (rows of t, position, velocity, pressure a and b)
-    /// to a measured state: columns by name, and what could not go on.
+    /// to a measured state: columns by name, and the runs that failed.
     #[allow(clippy::too_many_arguments)]
     fn restarted<'py>(
         &self,
@@ -247,14 +247,14 @@ impl PyDrive {
         (stop.stiffness, stop.damping, stop.damping_depth)
     }
 
-    /// What end stops that follow from the drive take up: mass kg, speed m/s and force N, within a depth m.
+    /// Design load of end stops that follow from the drive: mass kg, speed m/s and force N, within a depth m.
     #[getter]
     fn end_stop_takes(&self) -> (f64, f64, f64, f64) {
         let (_, taken) = self.drive.end_stop();
         (taken.mass, taken.speed, taken.force, taken.depth)
     }
 
-    /// What the user should know about this description.
+    /// Warnings about this description.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.drive.warnings().to_vec()

@@ -1,4 +1,4 @@
-//! Friction laws: which there are, laws of one's own, steady sliding.
+//! Friction laws: the list, custom laws, steady sliding.
 
 use crate::convert::{Table, detached, parse, to_python};
 use circuit::{friction_law, own_law, specification, steady_sensitivity};
@@ -46,7 +46,7 @@ fn law_entry<'py>(py: Python<'py>, meta: &Meta) -> PyResult<Bound<'py, PyDict>> 
     Ok(law)
 }
 
-/// The entry, as of `friction_laws`, of a law of one's own (JSON), with `warnings`.
+/// The entry, as of `friction_laws`, of a custom law (JSON), with `warnings`.
 ///
 /// Raises ValueError(what, key, formula, line, column, text, caret, remedy); no line: not a place in a formula.
 #[pyfunction]
@@ -121,7 +121,7 @@ pub fn seal_factors(
     (levels.coulomb, levels.viscous)
 }
 
-/// What a contact is warmer than its surroundings, K, after a constant heat of friction, W, for a duration, s.
+/// Rise of a contact above its surroundings, K, after a constant heat of friction, W, for a duration, s.
 #[pyfunction]
 pub fn seal_warming(resistance_k_w: f64, time_s: f64, warming_k: f64, heat_w: f64, duration_s: f64) -> f64 {
     heated(0.0, 0.0, resistance_k_w, time_s).after(warming_k, heat_w, duration_s)

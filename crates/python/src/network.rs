@@ -1,4 +1,4 @@
-//! `Circuit`: components and joints; `components`: what there is.
+//! `Circuit`: components and joints; `components`: all kinds of component.
 
 use crate::convert::{Teller, options, parse, run_to_dict, to_python, watched};
 use crate::friction::refused;
@@ -24,7 +24,7 @@ pub struct PyCircuit {
     network: Network,
 }
 
-/// Where a session starts.
+/// Start of a session.
 #[derive(FromPyObject)]
 enum Start {
     Named(BTreeMap<String, f64>),
@@ -47,7 +47,7 @@ impl PyCircuit {
         inputs.map(|own| (&*own.name, own.unit, own.bounds.to_string(), own.meaning)).collect()
     }
 
-    /// Names of what can be read.
+    /// Names of the outputs.
     #[getter]
     fn columns(&self) -> Vec<String> {
         self.network.assembly().columns().to_vec()
@@ -65,7 +65,7 @@ impl PyCircuit {
         self.network.assembly().start_names()
     }
 
-    /// Joints of gas whose volume is no component's: the first port of each, and what its ports bring, m3.
+    /// Gas joints whose volume belongs to no component: the first port of each, and the volume of its ports, m3.
     #[getter]
     fn joint_volumes(&self) -> Vec<(String, f64)> {
         self.network.joint_volumes().to_vec()
@@ -89,7 +89,7 @@ impl PyCircuit {
         self.network.assembly().circuit.state_names().to_vec()
     }
 
-    /// What the user should know about this description.
+    /// Warnings about this description.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.network.warnings().to_vec()
@@ -194,7 +194,7 @@ impl PyMembers {
         self.each.len()
     }
 
-    /// How many of them had to be analysed by themselves, their parts being others.
+    /// Number of members that were analysed separately because their parts differ.
     #[getter]
     fn analysed(&self) -> usize {
         let own = |each: &&Assembly| !each.circuit.shares_analysis(&self.template.circuit);

@@ -1,4 +1,4 @@
-//! `Session`: a drive that runs.
+//! `Session`: a running drive.
 
 use crate::convert::{Numbers, Teller, run_to_dict, statistics, to_python, watched};
 use circuit::{Look, Session};
@@ -36,7 +36,7 @@ impl PySession {
         self.session.time()
     }
 
-    /// Why it cannot go on, if it cannot.
+    /// Reason why it cannot go on, if any.
     #[getter]
     fn failed(&self) -> Option<&str> {
         self.session.failed()
@@ -54,7 +54,7 @@ impl PySession {
         inputs.map(|own| (&*own.name, own.unit, own.bounds.to_string(), own.meaning)).collect()
     }
 
-    /// Names of what can be read.
+    /// Names of the outputs.
     #[getter]
     fn columns(&self) -> Vec<String> {
         self.session.columns().to_vec()
@@ -71,7 +71,7 @@ impl PySession {
         self.session.set(self.input(name)?, value).map_err(to_python)
     }
 
-    /// Sets an input at times to come.
+    /// Sets an input at future times.
     fn schedule(&mut self, name: &str, times: Vec<f64>, values: Vec<f64>) -> PyResult<()> {
         self.session.schedule(self.input(name)?, &times, &values).map_err(to_python)
     }

@@ -85,7 +85,7 @@ fn a_key_is_taken_once() {
         }
     }
     let refused = register::<Another>().expect_err("a tank is there").to_string();
-    assert!(refused.contains("component \"tank\" is there already"), "{refused}");
+    assert!(refused.contains("component \"tank\" exists already"), "{refused}");
     register::<Filter>().expect("once");
     register::<Filter>().expect("and again");
     assert_eq!(circuit::kinds().iter().filter(|kind| kind.key == "own/filter").count(), 1);

@@ -52,7 +52,7 @@ def test_cut_in_two_it_is_the_same_run():
 
 def test_what_no_motion_begins_with_is_refused():
     rig = core_rig(LUGRE, (2e5, 2e5))
-    with pytest.raises(ValueError, match="1 values, of a circuit of another make: this one has"):
+    with pytest.raises(ValueError, match="1 values and belongs to another circuit: this one has"):
         run(rig, dwell(1.0), [0.0])
     with pytest.raises(ValueError, match="samples must ascend"):
         rig.run([1.0], [0.0], [0.5, 0.2], 0.1, RTOL)

@@ -132,7 +132,7 @@ impl Drive {
     }
 }
 
-/// A measured state that a run is put back to.
+/// A measured state to which a run is reset.
 #[derive(Clone, Copy, Debug)]
 pub struct Restart {
     /// s.

@@ -288,18 +288,18 @@ impl Drive {
         self.assembly().set(circuit, COMMAND, lane, u);
     }
 
-    /// The end stops, as given or as they follow from the drive, and what the latter take up.
+    /// The end stops, as given or as they follow from the drive, and the design load of the latter.
     pub fn end_stop(&self) -> (&EndStop<f64>, &Taken<f64>) {
         let ends = &self.wired.piston.ends;
         (&ends.stop, &ends.taken)
     }
 
-    /// What the user should know about this description.
+    /// Warnings about this description.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// What to say of impacts that press a stop through, or are too hard for a cylinder of this size.
+    /// Warnings about impacts that press a stop through, or are too hard for a cylinder of this size.
     pub fn impact_warnings(&self, impacts: &[Impact]) -> impl Iterator<Item = String> {
         let Piston { ends, areas, .. } = &self.wired.piston;
         let through = through_warning(ends.enough, "cylinder.end_stop.stiffness", impacts);

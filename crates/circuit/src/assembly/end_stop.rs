@@ -33,7 +33,7 @@ const LEAST_COVER_SPEED: f64 = 10.0;
 /// 25 mm.
 const TAKEN_J_M2: f64 = 4000.0;
 
-/// What a piston meets at the end of its stroke.
+/// The ends of a stroke.
 #[derive(Clone, Debug)]
 pub(crate) struct Ends<P> {
     pub stop: EndStop<P>,
@@ -42,12 +42,12 @@ pub(crate) struct Ends<P> {
     /// Stiffness that keeps any piston of the drive off the covers, N/m.
     pub enough: P,
     pub taken: Taken<P>,
-    /// How a stop that the description leaves open grows with the pressure of a start.
+    /// Growth of a default stop with the pressure of a start.
     pub follows: Option<Follows<P>>,
 }
 
 impl Ends<f64> {
-    /// The stop of a run that starts with a highest pressure, Pa absolute, and what it takes up on `area` m2 over `stroke` m.
+    /// The stop of a run that starts with a highest pressure, Pa absolute, and its design load on `area` m2 over `stroke` m.
     pub fn from(&self, start: f64, area: f64, stroke: f64) -> (EndStop<f64>, Taken<f64>) {
         let Some(follows) = &self.follows else { return (self.stop.clone(), self.taken) };
         let Taken { mass, speed, force, depth } = self.taken;
@@ -57,7 +57,7 @@ impl Ends<f64> {
     }
 }
 
-/// What a stop that follows from the drive takes up.
+/// Design load of a stop that follows from the drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Taken<P> {
     /// Moving mass and load, kg, its speed, m/s, and the force that drives it, N.
@@ -68,7 +68,7 @@ pub struct Taken<P> {
     pub depth: P,
 }
 
-/// What the ends of a cylinder follow from, in SI units.
+/// Design data of the ends of a cylinder, in SI units.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Driven<'a, P> {
     pub sides: &'a [PistonSide<P>; 2],
@@ -177,7 +177,7 @@ fn end(impact: &Impact) -> &'static str {
     if impact.at_b { "b" } else { "a" }
 }
 
-/// What to say of impacts that have pressed a stop through; `named` is the name of its stiffness.
+/// Warnings about impacts that pressed a stop through; `named` is the name of its stiffness.
 pub(super) fn through_warning(enough: f64, named: &str, impacts: &[Impact]) -> Option<String> {
     let through = || impacts.iter().filter(|impact| impact.through);
     let deepest = through().max_by(|a, b| a.force.total_cmp(&b.force))?;
@@ -193,7 +193,7 @@ pub(super) fn through_warning(enough: f64, named: &str, impacts: &[Impact]) -> O
     ))
 }
 
-/// What to say of the hardest of these impacts, where it is beyond what a cylinder with a piston of this area takes.
+/// Warning about the hardest of these impacts, if it exceeds the limit of a cylinder with this piston area.
 pub(super) fn impact_warning(area: f64, impacts: &[Impact]) -> Option<String> {
     let taken = TAKEN_J_M2 * area;
     let beyond = impacts.iter().filter(|impact| impact.energy > taken).count();

@@ -1,4 +1,4 @@
-//! The friction of a description: a law, and what acts on it, with every value checked.
+//! The friction of a description: a law and its modifiers, with every value checked.
 
 use super::DIRECTIONS;
 use super::own_law::{check_levels, own_law};
@@ -20,7 +20,7 @@ const MOST_POINTS: usize = 50;
 /// Harmonics of position that a description may have: more would describe the noise of a recording.
 const MOST_HARMONICS: usize = 4;
 
-/// How far from 1 the sum of shares may be: that of numbers rounded to four digits.
+/// Largest deviation of the sum of shares from 1: rounding to four digits.
 const SHARES_WITHIN: f64 = 1e-3;
 
 fn refuse<T>(message: String) -> Result<T, Error> {
@@ -68,7 +68,7 @@ pub fn steady_sensitivity(
     Ok((places.iter().map(|at| friction.steady(at)).collect(), derivatives))
 }
 
-/// The table of the law, and the law itself where it is of the user's own.
+/// The table of the law, and the law itself if it is a custom law.
 pub(super) fn meta(
     spec: &specification::Friction,
 ) -> Result<(&'static Meta, Option<&'static OwnLaw>), Error> {
@@ -94,7 +94,7 @@ fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, E
         if !meta.parameters.iter().any(|parameter| parameter.key == key) {
             let names: Vec<&str> = meta.parameters.iter().map(|parameter| parameter.key).collect();
             return refuse(format!(
-                "friction.{key} is no parameter of \"{}\"; it has {}",
+                "friction.{key} is not a parameter of \"{}\"; it has {}",
                 meta.key,
                 names.join(", ")
             ));
@@ -160,7 +160,7 @@ fn number<P: Lane>(lifted: &Lifted<specification::Friction>, parameter: &Paramet
     }
 }
 
-/// What the description chooses beside numbers.
+/// Choices of the description.
 fn choices(spec: &specification::Friction, law: &Meta, own: bool) -> Result<Choices, Error> {
     let (elements, evolution) = (elements(spec, law)?, evolution(spec, law)?);
     Ok(Choices { shape: shape(spec, law, own)?, elements, evolution })
@@ -171,7 +171,7 @@ fn shape(spec: &specification::Friction, law: &Meta, own: bool) -> Result<Option
     let takes = |key: &str| law.parameters.iter().any(|parameter| parameter.key == key);
     if own || !takes("stribeck_exponent") {
         return refuse(format!(
-            "friction.stribeck_shape needs a Stribeck curve, which law \"{}\" has not",
+            "friction.stribeck_shape needs a Stribeck curve, but law \"{}\" has none",
             law.key
         ));
     }
@@ -204,14 +204,15 @@ fn elements(spec: &specification::Friction, law: &Meta) -> Result<Vec<Element<f6
         }
         (true, false, Some(_)) => {
             return refuse(
-                "friction.bristle_stiffness is that of friction.elements: give one of the two".into(),
+                "friction.bristle_stiffness and friction.elements both give the stiffness: give one of them"
+                    .into(),
             );
         }
         (true, false, None) => {}
     }
     if !ELEMENTS.contains(&listed.len()) {
         return refuse(format!(
-            "friction.elements has {} elements; {} to {} are taken",
+            "friction.elements has {} elements; it must have {} to {}",
             listed.len(),
             ELEMENTS.start(),
             ELEMENTS.end()
@@ -329,7 +330,7 @@ fn relaxed<P: Lane>(table: &Lifted<specification::Relaxation>, law: &Meta) -> Re
     if !law.bristles {
         let laws = LAWS.iter().filter(|meta| meta.bristles).map(|meta| meta.key);
         return refuse(format!(
-            "friction.relaxation needs elastic bristles, which law \"{}\" has not; choose one of {}",
+            "friction.relaxation needs elastic bristles, but law \"{}\" has none; choose one of {}",
             law.key,
             laws.collect::<Vec<_>>().join(", ")
         ));
@@ -344,7 +345,7 @@ fn position_table<P: Lane>(position: &Lifted<specification::Position>) -> Result
     let points = &position.value.table;
     if points.len() == 1 || points.len() > MOST_POINTS {
         return refuse(format!(
-            "friction.position.table has {} points; 2 to {MOST_POINTS} are taken",
+            "friction.position.table has {} points; it must have 2 to {MOST_POINTS}",
             points.len()
         ));
     }
@@ -374,7 +375,7 @@ fn position<P: Lane>(table: &Lifted<specification::Position>) -> Result<Position
     let waves = &table.value.harmonics;
     if waves.len() > MOST_HARMONICS {
         return refuse(format!(
-            "friction.position has {} harmonics; at most {MOST_HARMONICS} are taken",
+            "friction.position has {} harmonics; it may have at most {MOST_HARMONICS}",
             waves.len()
         ));
     }

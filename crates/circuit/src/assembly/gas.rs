@@ -1,11 +1,11 @@
-//! The gas of a description, and what is to be said of it.
+//! The gas of a description, and its warnings.
 
 use crate::lifted::Lifted;
 use crate::specification;
 use math::Lane;
 use physics::{Gas, IdealGas, Virial};
 
-/// Where the numbers of virial coefficients come from.
+/// Source of the numbers of virial coefficients.
 pub(super) const VIRIAL_SOURCE: &str = "libretexts-virial";
 
 /// The gas of a description.
@@ -22,10 +22,10 @@ pub(super) fn gas<P: Lane>(lifted: &Lifted<specification::Gas>) -> Gas<P> {
     Gas::from(&ideal).with(virial)
 }
 
-/// Share of the pressure from which on what a third virial coefficient would add is told (assumed).
+/// Least share of the pressure from a third virial coefficient that gives a warning (assumed).
 const MUCH_OFF: f64 = 0.1;
 
-/// What to say of a gas whose second virial coefficient alone does not do.
+/// Warning for a gas for which the second virial coefficient is insufficient.
 pub(super) fn virial_warning(gas: &Gas<f64>, pressure: f64, temperature: f64) -> Option<String> {
     let off = gas.virial?.off(gas, pressure, temperature);
     (off.abs() > MUCH_OFF).then(|| {

@@ -15,7 +15,7 @@ use crate::specification::{self, Friction};
 use physics::Gas;
 use serde_json::Value;
 
-/// A number that members of one topology have each for themselves.
+/// A number in which members of one topology differ.
 #[derive(Clone, Debug)]
 enum Number {
     /// Of a component: its place there.
@@ -124,7 +124,7 @@ impl Network {
                     parameters[component].push(parameter.to_string());
                     Ok(Number::Friction(component, parameter.into()))
                 }
-                _ => refuse(format!("{name} is no parameter of a friction law that is described")),
+                _ => refuse(format!("{name} is not a parameter of a described friction law")),
             }
         };
         let numbers = names.iter().map(number).collect::<Result<_, Error>>()?;

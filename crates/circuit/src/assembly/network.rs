@@ -37,7 +37,7 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
     let kinds = kinds();
     let Some(kind) = kinds.iter().position(|kind| kind.key == spec.kind) else {
         let kinds = one_of(kinds.iter().map(|kind| kind.key));
-        return refuse(format!("{name}: there is no kind \"{}\" of component; there are {kinds}", spec.kind));
+        return refuse(format!("{name}: there is no kind \"{}\" of component; kinds: {kinds}", spec.kind));
     };
     let extra = Extra::of(kinds[kind], spec)?;
     let table = extra.kind(kinds[kind]);
@@ -137,7 +137,7 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joint
             }
             let port = find(name)?;
             if joined.contains(&port) {
-                return refuse(format!("port {name} stands in two joints, or twice in one"));
+                return refuse(format!("port {name} occurs twice in the joints"));
             }
             joined.push(port);
             joint.ports.push(port);
@@ -158,7 +158,7 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joint
                 continue;
             }
             if !port.exhaust && !port.optional {
-                return refuse(format!("port {}.{} leads nowhere", own.name, port.name));
+                return refuse(format!("port {}.{} is not joined", own.name, port.name));
             }
             // A rod that nothing is joined to moves all the same.
             joints.push(Joint { ports: vec![(component, place)], ambient: port.exhaust });
@@ -250,12 +250,12 @@ impl Network {
         self.is_air
     }
 
-    /// What the user should know about this description.
+    /// Warnings about this description.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// Joints of gas whose volume is no component's: the first port of each, and what its ports bring, m3.
+    /// Gas joints whose volume belongs to no component: the first port of each, and the volume of its ports, m3.
     pub fn joint_volumes(&self) -> &[(String, f64)] {
         &self.joint_volumes
     }
@@ -274,7 +274,7 @@ impl Network {
         &self.citations
     }
 
-    /// What to say of the impacts of a run.
+    /// Warnings about the impacts of a run.
     pub fn impact_warnings(&self, impacts: &[Impact]) -> Vec<String> {
         let each = self.pistons.iter().flat_map(|Piston { axis, name, ends, areas, .. }| {
             let own: Vec<Impact> = impacts.iter().filter(|impact| impact.axis == *axis).copied().collect();
@@ -422,7 +422,7 @@ impl Assembly {
         let n = circuit.n_states();
         if y.len() != n {
             return refuse(format!(
-                "the state has {} values, of a circuit of another make: this one has {n}",
+                "the state has {} values and belongs to another circuit: this one has {n}",
                 y.len()
             ));
         }

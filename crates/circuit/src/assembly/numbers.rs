@@ -19,14 +19,14 @@ pub(super) fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
 }
 
 pub(super) fn unfit(error: &serde_json::Error) -> Error {
-    Error::Specification(format!("the description does not fit the core: {error}"))
+    Error::Specification(format!("the core cannot read the description: {error}"))
 }
 
-/// Which component a name is of, and the rest of it: "left.friction.parameters.coulomb".
+/// The component of a name, and the rest of the name: "left.friction.parameters.coulomb".
 pub(super) fn split<'a>(each: &[Instance<f64>], name: &'a str) -> Result<(usize, &'a str), Error> {
     let rest = |own: &Instance<f64>| name.strip_prefix(&own.name).and_then(|rest| rest.strip_prefix('.'));
     let found = each.iter().enumerate().find_map(|(i, own)| Some((i, rest(own)?)));
-    found.ok_or_else(|| Error::Specification(format!("\"{name}\" is of no component of this circuit")))
+    found.ok_or_else(|| Error::Specification(format!("\"{name}\" belongs to no component of this circuit")))
 }
 
 /// The place of a number among those of its component, which has a value.

@@ -1,4 +1,4 @@
-//! A friction law of the user's own, from its description.
+//! A custom friction law, from its description.
 
 use super::drive::COLUMNS;
 use crate::run::Error;
@@ -12,7 +12,7 @@ pub fn own_law(formula: &specification::Formula) -> Result<&'static OwnLaw, Refu
     for (i, state) in formula.states.iter().enumerate() {
         let twice = formula.states[..i].iter().any(|other| other.name == state.name);
         if twice || COLUMNS.iter().chain(&COMPOSITION_STATES).any(|name| *name == state.name) {
-            let what = format!("a trajectory has a column \"{}\" already", state.name);
+            let what = format!("a trajectory already has a column \"{}\"", state.name);
             let problem = Problem::of_all(what, "Give the state another name = \"...\".");
             return Err(Refusal {
                 key: format!("states.{}.name", state.key),
@@ -58,7 +58,7 @@ impl From<&specification::FormulaParameter> for ParameterText {
     }
 }
 
-/// Ends that are not given are infinite, and no value.
+/// Missing ends are infinite and open.
 fn bounds(own: &specification::Bounds) -> Bounds {
     Bounds {
         lower: own.above.or(own.at_least).unwrap_or(f64::NEG_INFINITY),
@@ -68,7 +68,7 @@ fn bounds(own: &specification::Bounds) -> Bounds {
     }
 }
 
-/// What acts on levels needs a law that has them.
+/// Modifiers of levels need a law that has levels.
 pub(super) fn check_levels(spec: &specification::Friction, own: &OwnLaw) -> Result<(), Error> {
     let tables = [
         ("pressure", spec.pressure.is_some()),

@@ -106,7 +106,7 @@ impl<R: Lane> Session<R> {
         settled(self.circuit(), self.state())
     }
 
-    /// Why it cannot go on, if it cannot.
+    /// Reason why it cannot go on, if any.
     pub fn failed(&self) -> Option<&str> {
         self.failed.as_deref()
     }
@@ -122,14 +122,14 @@ impl<R: Lane> Session<R> {
         if t.is_finite() && t >= self.time() {
             return Ok(());
         }
-        let why = if t.is_finite() { "has passed" } else { "is no time" };
+        let why = if t.is_finite() { "has passed" } else { "is not a time" };
         refuse(format!(
             "{what} = {t} s {why}: it must be finite and not before the present, {} s",
             self.time()
         ))
     }
 
-    /// Sets an input from now on, whatever its bounds.
+    /// Sets an input from now on, without a check of its bounds.
     pub(crate) fn put(&mut self, input: usize, value: f64) {
         if let Target::Timed(timing) = self.assembly.variables.inputs[input].target {
             return self.command(timing, value);
@@ -148,12 +148,12 @@ impl<R: Lane> Session<R> {
         self.is_read = false;
     }
 
-    /// What follows from commands later on.
+    /// Delayed effects of commands.
     pub(super) fn timings(&self) -> &[Timing] {
         &self.assembly.timings
     }
 
-    /// Something of a timing is due at a time to come, after what is due then already.
+    /// Adds an entry of a timing at a future time, after entries due at the same time.
     pub(super) fn later(&mut self, time: f64, timing: usize, due: Due, value: f64) {
         let place = self.schedule.partition_point(|entry| entry.0 > time);
         self.schedule.insert(place, (time, What::Timing(timing, due), value));
@@ -167,7 +167,7 @@ impl<R: Lane> Session<R> {
         self.schedule.retain(|entry| entry.1 != What::Timing(timing, due));
     }
 
-    /// Sets an input at times to come, whatever its bounds: the integration ends on each of them exactly.
+    /// Sets an input at future times, without a check of its bounds: the integration ends on each of them exactly.
     pub fn plan(&mut self, input: usize, entries: impl IntoIterator<Item = (f64, f64)>) {
         self.schedule.extend(entries.into_iter().map(|(time, value)| (time, What::Input(input), value)));
         // Stable, and from the last to the first: of entries at one time the one given last holds.
@@ -182,7 +182,7 @@ impl<R: Lane> Session<R> {
         }
     }
 
-    /// Sets what is due now.
+    /// Applies the entries that are due now.
     pub fn settle_schedule(&mut self) {
         let now = self.time();
         while let Some((_, what, value)) = self.schedule.pop_if(|entry| entry.0 <= now) {
@@ -247,17 +247,17 @@ impl Session {
         self
     }
 
-    /// What can be set.
+    /// The inputs.
     pub fn inputs(&self) -> &[Settable] {
         &self.assembly.variables.inputs
     }
 
-    /// What can be read.
+    /// The outputs.
     pub fn columns(&self) -> &[String] {
         self.assembly.columns()
     }
 
-    /// What an input is set to; the command is not a number while edges are set by themselves.
+    /// The value of an input; the command is not a number while edges are set by themselves.
     pub fn input(&self, input: usize) -> f64 {
         self.assembly.get(self.circuit(), input)
     }
@@ -268,7 +268,7 @@ impl Session {
         if value.is_finite() && bounds.contain(value) {
             if whole && value.fract() != 0.0 {
                 return refuse(format!(
-                    "{name} = {value}: a switching valve takes whole numbers. Give it a pulse frequency to command a share"
+                    "{name} = {value}: a switching valve takes whole numbers. Set a pulse frequency to command a share"
                 ));
             }
             return Ok(());
@@ -284,7 +284,7 @@ impl Session {
         Ok(())
     }
 
-    /// Sets an input at times to come.
+    /// Sets an input at future times.
     pub fn schedule(&mut self, input: usize, times: &[f64], values: &[f64]) -> Result<(), Error> {
         self.alive()?;
         if times.len() != values.len() {
@@ -355,10 +355,10 @@ impl Session {
         Ok(bytes)
     }
 
-    /// Puts the session back to where bytes were saved, bit for bit; one that has failed too.
+    /// Restores the session from saved bytes, bit for bit; a failed one too.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), Error> {
         let Some(rest) = bytes.strip_prefix(MAGIC) else {
-            return refuse("these bytes are no session, or one of another version of their form");
+            return refuse("these bytes are not a session, or have another version of the format");
         };
         let (words, _) = rest.as_chunks::<8>();
         let words: Vec<u64> = words.iter().map(|word| u64::from_le_bytes(*word)).collect();

@@ -1,4 +1,4 @@
-//! Several runs of an assembly from starts of their own, with derivatives: what multiple shooting needs.
+//! Several runs of an assembly, each from its own start, with derivatives, for multiple shooting.
 
 use super::drive::{Drive, Wired, later};
 use super::session::Session;
@@ -13,7 +13,7 @@ use math::{Dual, Lane};
 use ode::{Options, Output, System};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// How many derivatives one pass carries.
+/// Number of derivatives of one pass.
 pub const DIRECTIONS: usize = 8;
 pub(super) type Sensitive = Dual<f64, DIRECTIONS>;
 
@@ -47,7 +47,7 @@ impl ByStart {
     }
 }
 
-/// What is asked: segments of a record, each from a start of its own.
+/// A request: segments of a record, each from its own start.
 #[derive(Clone, Debug)]
 pub struct Shooting {
     /// The command is constant from each of these times, s, to the next.
@@ -72,7 +72,7 @@ pub struct Shooting {
     pub threads: usize,
 }
 
-/// What comes back; arrays row by row, derivatives last.
+/// The result; arrays row by row, derivatives last.
 #[derive(Clone, Debug)]
 pub struct Shot {
     /// (samples, outputs); those of a segment's first sample are of its start.
@@ -83,9 +83,9 @@ pub struct Shot {
     pub ends: Vec<f64>,
     /// (segments, states, directions)
     pub end_sensitivities: Vec<f64>,
-    /// Why a segment could not be finished; its numbers from there on are not finite.
+    /// Reason why a segment failed; its numbers from there on are not finite.
     pub failures: Vec<Option<String>>,
-    /// How many derivatives each value has.
+    /// Number of derivatives of each value.
     pub directions: usize,
 }
 
@@ -140,11 +140,11 @@ fn refuse<T>(message: String) -> Result<T, Error> {
 fn column(names: &[String], name: &str) -> Result<usize, Error> {
     match names.iter().position(|column| column == name) {
         Some(column) => Ok(column),
-        None => refuse(format!("\"{name}\" is no output; choose of {}", names.join(", "))),
+        None => refuse(format!("\"{name}\" is not an output; choose one of {}", names.join(", "))),
     }
 }
 
-/// How many numbers a start has, where what is asked is in order.
+/// Number of values of a start, for a valid request.
 fn check(asked: &Shooting, of: &Assembly) -> Result<usize, Error> {
     let increasing = |times: &[f64]| times.windows(2).all(|pair| pair[0] < pair[1]);
     let n = asked.sample_times.len();

@@ -1,4 +1,4 @@
-//! What follows from a command later on: dead times, the travel of an armature, pulses. Time does not enter the
+//! Delayed effects of commands: dead times, the travel of an armature, pulses. Time does not enter the
 //! equations: the schedule of a session sets what they read, and the integration ends on each entry exactly.
 
 use super::session::Session;
@@ -6,7 +6,7 @@ use crate::circuit::Circuit;
 use crate::part::{InputId, PartId, signal};
 use math::Lane;
 
-/// How a command acts in time.
+/// Timing of a command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Timing {
     /// A spool takes the command behind its play after a dead time.
@@ -40,7 +40,7 @@ pub struct Pulses {
     pub period: f64,
 }
 
-/// What an entry of a schedule does for a timing.
+/// Effect of an entry of a schedule on a timing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Due {
     /// The value acts on the part.
@@ -70,7 +70,7 @@ impl Timing {
         self.part().input(input)
     }
 
-    /// What was commanded.
+    /// The command.
     pub fn commanded(&self) -> InputId {
         self.input(signal::COMMANDED)
     }
@@ -125,17 +125,17 @@ fn average(d: f64, [on, off]: [f64; 2], dead: [f64; 2], Pulses { period }: Pulse
     }
 }
 
-/// The middle of what the play lets pass: it stays where the command is within half of its width.
+/// The middle of the play: it stays where the command is within half of its width.
 pub(super) fn behind_play(remembered: f64, command: f64, play: f64) -> f64 {
     remembered.clamp(command - play, command + play)
 }
 
-/// What is set at a time to come.
+/// An entry of a schedule.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum What {
     /// An input.
     Input(usize),
-    /// What follows from a command: of which timing, and what.
+    /// A delayed effect of a command: its timing, and the effect.
     Timing(usize, Due),
 }
 
@@ -158,7 +158,7 @@ impl What {
     }
 }
 
-/// Of an armature: how near to its end of travel it has arrived.
+/// Distance from its end of travel at which an armature has arrived.
 const ARRIVED: f64 = 1e-9;
 
 impl<R: Lane> Session<R> {
@@ -202,7 +202,7 @@ impl<R: Lane> Session<R> {
         self.later(self.time() + dead[usize::from(to == 0.0)], timing, Due::Start, to);
     }
 
-    /// Does what is due of a timing now.
+    /// Applies the entry of a timing that is due now.
     pub(super) fn happens(&mut self, timing: usize, due: Due, value: f64) {
         let (now, what) = (self.time(), self.timings()[timing]);
         match (due, what) {

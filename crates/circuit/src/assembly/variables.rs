@@ -1,4 +1,4 @@
-//! A circuit with names: what can be set, what is read, from what it starts.
+//! A circuit with names of its inputs, outputs and start.
 
 use super::timing::Timing;
 use crate::circuit::{AxisId, Circuit, GasId, Path};
@@ -8,29 +8,29 @@ use math::{Lane, Real};
 use physics::Bounds;
 use std::sync::Arc;
 
-/// What a named input acts on.
+/// Target of a named input.
 #[derive(Clone, Copy, Debug)]
 pub enum Target {
     /// An input of a part.
     Input(InputId),
     /// The edges of a proportional 5/3 valve: supply to a, a to exhaust, supply to b, b to exhaust.
     Edges([InputId; 4]),
-    /// What follows from a command later on: which of the timings.
+    /// Delayed effects of a command: index of the timing.
     Timed(usize),
 }
 
 /// A named input.
 #[derive(Clone, Debug)]
 pub struct Settable {
-    /// What a user calls it.
+    /// Its name for users.
     pub name: String,
     /// Its unit in SI; `1` for a pure number.
     pub unit: &'static str,
     /// The values that it may take, in the unit.
     pub bounds: Bounds,
-    /// What it is, in words.
+    /// Its meaning, in words.
     pub meaning: &'static str,
-    /// What it acts on.
+    /// Its target.
     pub target: Target,
 }
 
@@ -48,7 +48,7 @@ impl Settable {
     }
 }
 
-/// What a column holds.
+/// Content of a column.
 #[derive(Clone, Copy, Debug)]
 pub enum Quantity {
     /// s.
@@ -69,7 +69,7 @@ pub enum Quantity {
     Temperature(GasId),
     /// Net, into the node.
     MassFlow(GasId),
-    /// What one part tells others: its place among the signals.
+    /// A signal between parts: its index.
     Signal(usize),
     /// Of an input.
     Input(InputId),
@@ -103,11 +103,11 @@ pub enum Starting {
 /// The names of a circuit.
 #[derive(Clone, Debug, Default)]
 pub struct Variables {
-    /// The first is what a plan of commands sets.
+    /// The first one is set by a plan of commands.
     pub inputs: Vec<Settable>,
     /// Names of the columns of a run.
     pub columns: Vec<String>,
-    /// What each column holds.
+    /// Content of each column.
     pub quantities: Vec<Quantity>,
     /// Each with the names of its numbers.
     pub starts: Vec<(Starting, Vec<String>)>,
@@ -128,13 +128,13 @@ impl Variables {
 pub struct Assembly<P = f64> {
     /// The equations.
     pub circuit: Arc<Circuit<P>>,
-    /// What can be set, what is read, from what it starts.
+    /// Inputs, outputs and start.
     pub variables: Arc<Variables>,
-    /// What follows from commands later on.
+    /// Delayed effects of commands.
     pub timings: Arc<[Timing]>,
 }
 
-/// How far a command opens each edge of a proportional 5/3 valve: u > 0 supply to a and b to exhaust with the share u,
+/// Opening of each edge of a proportional 5/3 valve for a command: u > 0 supply to a and b to exhaust with the share u,
 /// u < 0 the mirror.
 pub(super) fn openings<R: Real>(u: R) -> [R; 4] {
     let (extend, retract) = (u.max(R::zero()), (-u).max(R::zero()));
@@ -193,7 +193,7 @@ impl<P: Lane> Assembly<P> {
         }
     }
 
-    /// Sets what a plan of commands sets, if there is anything.
+    /// Sets the input of a plan of commands, if there is one.
     pub fn set_command<R: Lane>(&self, circuit: &mut Circuit<R>, lane: usize, u: R) {
         if !self.variables.inputs.is_empty() {
             self.set(circuit, 0, lane, u);

@@ -14,7 +14,7 @@ use physics::Gas;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What a joint calls the air around.
+/// Name of the ambient air in a joint.
 pub(super) const AMBIENT: &str = "ambient";
 
 /// Ports that are one point, and whether the air around is joined to them.
@@ -24,7 +24,7 @@ pub(super) struct Joint {
     pub ambient: bool,
 }
 
-/// The joints of a circuit, and what becomes of those of two restrictions.
+/// The joints of a circuit, and the treatment of those of two restrictions.
 #[derive(Clone, Debug)]
 pub(super) struct Joints {
     pub each: Vec<Joint>,
@@ -199,7 +199,7 @@ where
             }
             if moves && !name.is_empty() {
                 return refuse(format!(
-                    "{name} and {one} move each on a line of its own: put a coupling between them"
+                    "{name} and {one} each have their own axis: put a coupling between them"
                 ));
             }
             if moves {
@@ -266,15 +266,15 @@ pub(super) struct Wired<P> {
     pub pistons: Vec<Piston<P>>,
     /// Name, meaning, and what it acts on.
     pub inputs: Vec<(String, &'static str, Acts)>,
-    /// It was built as another of the same parts, which has the names.
+    /// It was built like another circuit of the same parts, which has the names.
     pub is_like: bool,
     columns: Vec<(String, Quantity)>,
     pub starts: Vec<(Starting, Vec<String>)>,
-    /// Joints of gas whose volume is no component's: the first port, and what its ports bring, m3.
+    /// Gas joints whose volume belongs to no component: the first port, and the volume of its ports, m3.
     pub joint_volumes: Vec<(String, P)>,
 }
 
-/// Refuses what a piston never runs into.
+/// Refuses contacts outside the stroke of their piston.
 fn check_met<P: Lane>(build: &Build<P>) -> Result<(), Error> {
     for (name, position, axis) in &build.met {
         // The piston on the axis, or on one that is coupled to it.

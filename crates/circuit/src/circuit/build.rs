@@ -39,7 +39,7 @@ impl<R: Lane> Circuit<R> {
         self.shape = (self.shape ^ number as u64).wrapping_mul(0x0100_0000_01b3).rotate_left(29);
     }
 
-    /// What was added since the last call belongs to this component.
+    /// Parts added since the last call belong to this component.
     pub(crate) fn own(&mut self, name: &str) {
         self.called.owners.push(name.into());
         self.parts.own(self.called.owners.len());
@@ -210,12 +210,12 @@ impl<R: Lane> Circuit<R> {
         &mut stops.expect("an axis with end stops").1
     }
 
-    /// What the end stops of a cylinder, which has them, follow from.
+    /// Design data of the end stops of a cylinder, which has them.
     pub(crate) fn stops_follow(&mut self, axis: AxisId, follows: Follows<R>) {
         self.stops_of(axis).follows = Some(Box::new(follows));
     }
 
-    /// What lies behind the end stops of a cylinder, which has them.
+    /// The covers behind the end stops of a cylinder, which has them.
     pub fn covers(&mut self, axis: AxisId, covers: Covers<R>) {
         self.stops_of(axis).covers = Some(covers);
     }

@@ -1,4 +1,4 @@
-//! What symbols of valves are made of: boxes of 4 modules, flows within one about its middle, what moves it.
+//! Parts of valve symbols: boxes of 4 modules, flows within a box about its middle, actuators.
 
 use super::Stroke;
 

@@ -1,4 +1,4 @@
-//! What components add their parts to.
+//! The circuit under construction, to which components add their parts.
 
 use super::{Instance, Vessel};
 use crate::assembly::end_stop::Ends;
@@ -9,7 +9,7 @@ use math::{Deps, Lane, Over};
 use physics::flow::Iso6358;
 use physics::{Bounds, Gas};
 
-/// What an input acts on, known once the circuit is built.
+/// Target of an input, known once the circuit is built.
 #[derive(Clone, Copy, Debug)]
 pub enum Acts {
     /// An input of a part.
@@ -18,7 +18,7 @@ pub enum Acts {
     Command([InputId; 4]),
     /// The external force on an axis.
     Force(AxisId),
-    /// What follows from a command later on, and the bounds of that.
+    /// Delayed effects of a command, and its bounds.
     Timed(Timing, Bounds),
     /// The pressure of a reservoir.
     Pressure(GasId),
@@ -29,7 +29,7 @@ pub enum Acts {
 /// The piston of a cylinder.
 #[derive(Clone, Debug)]
 pub struct Piston<P> {
-    /// What moves.
+    /// The axis.
     pub axis: AxisId,
     /// The name of its cylinder.
     pub name: String,
@@ -38,7 +38,7 @@ pub struct Piston<P> {
     pub(crate) ends: Ends<P>,
     /// Areas on the sides of chambers a and b, m2.
     pub areas: [P; 2],
-    /// What an end stop may take up there, m3.
+    /// Volume that an end stop may use there, m3.
     pub dead_volumes: [P; 2],
 }
 
@@ -62,7 +62,7 @@ pub struct Build<P> {
     pub springs: Vec<(AxisId, P, P)>,
     /// Those of all cylinders so far.
     pub pistons: Vec<Piston<P>>,
-    /// What masses run into: its name, its position, m, and the axis.
+    /// Contacts of masses: name, position, m, and axis.
     pub met: Vec<(String, P, AxisId)>,
     /// Axes that move together but for a play, m.
     pub coupled: Vec<([AxisId; 2], P)>,
@@ -70,11 +70,11 @@ pub struct Build<P> {
     pub open: Vec<InputId>,
     /// Sonic conductance of each restriction and its ends.
     pub paths: Vec<(P, GasId, GasId)>,
-    /// Nothing is named: a circuit of the same parts has the names.
+    /// No names: a circuit of the same parts has them.
     pub is_like: bool,
-    /// Name, meaning, and what it acts on.
+    /// Name, meaning and target.
     pub inputs: Vec<(String, &'static str, Acts)>,
-    /// Name, and what it holds.
+    /// Name and content.
     pub columns: Vec<(String, Quantity)>,
     /// Each with the names of its numbers.
     pub starts: Vec<(Starting, Vec<String>)>,

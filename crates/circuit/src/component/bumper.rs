@@ -7,11 +7,11 @@ use math::{Lane, Real};
 /// An elastomer that a mass runs into.
 pub struct Bumper;
 
-/// At which end of a line of motion something stands.
+/// The side of an axis on which a contact lies.
 pub(super) const SIDE: Choice = Choice {
     name: "side",
     options: &["b", "a"],
-    meaning: "Where it stands: b is met in +x, as the end of chamber b, a in -x",
+    meaning: "Side: b is met in +x, like the end of chamber b, a in -x",
 };
 
 /// Where a component with a position and a side is met.
@@ -45,17 +45,17 @@ impl Component for Bumper {
         key: "bumper",
         title: "Elastomer bumper",
         text: "An elastomer at position x_0 that the mass runs into, by Hunt and Crossley: F = F_r (d/d_r)^n (1 + lambda d'), \
-               never pulling. lambda follows from the restitution: the share of the speed that a free mass leaves with.",
+               never pulling. lambda follows from the restitution: speed of a free mass after impact over its speed before.",
         ports: &[axis("1", false)],
         parameters: table! {
-            position: "m", physics::any(), "Position x_0 where it is touched";
+            position: "m", physics::any(), "Position x_0 of first contact";
             rated_force: "N", physics::above(0.0), "Static force F_r at the depth d_r";
             rated_depth: "m", physics::above(0.0), "Depth d_r";
             exponent: "1", physics::at_least(1.0), default 1.5, assumed "of a round body", "Exponent n";
             restitution: "1", physics::between(0.0, 1.0), default 0.5, assumed "of a usual elastomer",
                 "Speed after a free impact over speed before it";
             impact_speed: "m/s", physics::above(0.0), default 0.5, assumed "a usual speed of impact",
-                "Speed of impact at which that is so; a faster one gives back less";
+                "Speed of impact for this ratio; a faster impact returns less";
         },
         choices: &[SIDE],
         outputs: &[("force_n", "N", "force, positive where it pushes towards -x")],

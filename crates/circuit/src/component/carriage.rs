@@ -16,24 +16,24 @@ impl Component for Carriage {
         title: "Carriage of a servo axis",
         text: "A commanded motion of piecewise constant jerk: x' = v, v' = a, a' = jerk. With a servo the carriage follows it as \
                a position loop of second order with the velocity fed forward, x_f'' = w^2 (x - x_f) + 2 zeta w (v - x_f'), \
-               w = 2 pi f; its velocity ripples with x_f. No force bends its motion, but while it gives way: \
+               w = 2 pi f; its velocity ripples with x_f. No force changes its motion, except during a release: \
                m x_f'' = F - c x_f' with m = k t^2 and c = 2 k t, until the force F on it is zero.",
         ports: &[Port { holds: Holds::Motion, ..axis("1", false) }],
         parameters: table! {
             servo_bandwidth: "Hz", above(0.0), within "servo", "Natural frequency f of the position loop; without a servo the carriage is its command";
             servo_damping_ratio: "1", above(0.0), within "servo", "Damping ratio zeta of the position loop";
-            ripple_velocity: "1", Bounds { open: false, ..between(0.0, 1.0) }, within "ripple", "Relative velocity ripple, of screw or motor: below 1, so that it does not turn round";
-            ripple_pitch: "m", above(0.0), within "ripple", "Way after which the ripple repeats";
-            release_stiffness: "N/m", above(0.0), within "release", "Stiffness k of what it gives way to, such as a force sensor";
+            ripple_velocity: "1", Bounds { open: false, ..between(0.0, 1.0) }, within "ripple", "Relative velocity ripple, of screw or motor: below 1, so that the motion does not reverse";
+            ripple_pitch: "m", above(0.0), within "ripple", "Distance after which the ripple repeats";
+            release_stiffness: "N/m", above(0.0), within "release", "Stiffness k of the part between carriage and load, such as a force sensor";
             release_time: "s", above(0.0), default 0.02, assumed "a usual admittance control", within "release",
-                "Time constant t with which it gives way";
+                "Time constant t of the release";
         },
         inputs: &[
             ("jerk_m_s3", "m/s3", "jerk of the command"),
             (
                 "giving_way",
                 "1",
-                "1: it gives way to the force on it, 0: it follows its command; with a release alone",
+                "1: it moves until the force on it is zero, 0: it follows its command; only with a release",
             ),
         ],
         outputs: &[

@@ -12,15 +12,15 @@ impl Component for Compressor {
         key: "compressor",
         title: "Compressor with a pressure switch",
         text: "A constant mass flow V_dot p_amb/(R T_amb) out of port 1 at temperature T_out. A pressure switch turns it off \
-               where the pressure at its port reaches the stop pressure, and on where it falls to the start pressure. \
+               when the pressure at its port reaches the stop pressure, and on when it falls to the start pressure. \
                Join a tank to it.",
         ports: &[gas("1")],
         parameters: table! {
-            free_air_delivery: "m3/s", physics::above(0.0), "Volume flow V_dot that it delivers, at ambient pressure and temperature";
+            free_air_delivery: "m3/s", physics::above(0.0), "Delivered volume flow V_dot, at ambient pressure and temperature";
             start_pressure: "Pa abs", physics::above(0.0), "Pressure at which it turns on";
             stop_pressure: "Pa abs", physics::above(0.0), "Pressure at which it turns off";
             outlet_temperature: "K", physics::above(0.0), follows "the ambient temperature, behind an aftercooler",
-                "Temperature T_out of the gas that it delivers";
+                "Temperature T_out of the delivered gas";
         },
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow out of port 1")],
         symbol: SYMBOL,
@@ -34,7 +34,7 @@ impl Component for Compressor {
         }
         let name = &own.name;
         Err(Error::Specification(format!(
-            "{name}.start_pressure = {start} Pa is not below {name}.stop_pressure = {stop} Pa: it would turn on and off at once"
+            "{name}.start_pressure = {start} Pa must be below {name}.stop_pressure = {stop} Pa: else it would turn on and off at once"
         )))
     }
 

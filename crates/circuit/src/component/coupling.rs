@@ -4,7 +4,7 @@ use crate::part::Coupling as Play;
 use math::Lane;
 use physics::mechanics::EndStop;
 
-/// What joins two masses, with play or without.
+/// A coupling of two masses, with or without play.
 pub struct Coupling;
 
 impl Component for Coupling {
@@ -19,7 +19,7 @@ impl Component for Coupling {
             damping: "N s/m", physics::at_least(0.0), default 0.0, "Damping c";
             play: "m", physics::at_least(0.0), default 0.0, "Play g between both sides";
             damping_depth: "m", physics::above(0.0), default 1e-4, assumed "a modelling parameter", only "play",
-                "Depth d_c from which on the damper acts fully, where there is play";
+                "Depth d_c at which the damper acts fully, if there is play";
         },
         outputs: &[("force_n", "N", "force in +x on the mass at port 2")],
         symbol: SYMBOL,

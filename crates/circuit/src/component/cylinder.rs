@@ -15,7 +15,7 @@ use std::f64::consts::PI;
 /// Cylinders with two chambers. The port of a chamber has no volume of its own: the dead volume includes it.
 const PORTS: &[Port] = &[chamber("a"), chamber("b"), axis("rod", true)];
 
-/// What every cylinder has.
+/// Parameters of every cylinder.
 const PARAMETERS: &[Row] = table! {
     bore: "m", physics::above(0.0), "Bore D";
     rod_diameter: "m", physics::at_least(0.0), default 0.0, "Diameter of the rod d";
@@ -27,7 +27,7 @@ const PARAMETERS: &[Row] = table! {
     heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, assumed "of air in a cylinder of this size",
         "Heat-transfer coefficient to the wall";
     wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", only "heat_transfer",
-        "Temperature of the wall; of one that stores heat at the start";
+        "Temperature of the wall; its start if the wall stores heat";
     ..WALL;
     leakage: "m3/(s Pa)", physics::at_least(0.0), default 0.0, "Sonic conductance of the leak past the piston";
     end_stop_stiffness: "N/m", physics::above(0.0), follows "the circuit, so that a sensible run never reaches a cover",
@@ -47,7 +47,7 @@ macro_rules! cushion_rows {
             $plunger_diameter: "m", physics::above(0.0), within $table,
                     "Diameter of the plunger";
             $needle_conductance: "m3/(s Pa)", physics::at_least(0.0), within $table,
-                    "Sonic conductance of the needle as it is set, for air";
+                    "Sonic conductance of the needle at its setting, for air";
             $port_volume: "m3", physics::above(0.0), within $table,
                     "Volume of port and line behind the bore with the plunger all the way in; the dead volume is then that of the chamber alone";
             $check_conductance: "m3/(s Pa)", physics::at_least(0.0), default 1e-8, assumed "of a lip seal of this size", within $table,
@@ -59,7 +59,7 @@ macro_rules! cushion_rows {
             $critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a needle", within $table,
                     "Critical pressure ratio of needle, check valve and bore";
             $transition: "m", physics::above(0.0), default 2e-4, assumed "a modelling parameter", within $table,
-                    "Way over which the bore shuts";
+                    "Distance over which the bore shuts";
         }
     };
 }
@@ -148,14 +148,14 @@ fn cushioned<P: Lane>(own: &Instance<P>, end: &str) -> bool {
     own.kind().parameters.iter().any(|row| row.key == key) && own.given(&key).is_some()
 }
 
-/// What is at the port of a chamber: the chamber, or what lies behind its cushion.
+/// The volume at the port of a chamber: the chamber, or the one behind its cushion.
 fn bring_port<P: Lane>(own: &Instance<P>, end: &str, ambient_temperature: P) -> Brings<P> {
     let dead_volume =
         if cushioned(own, end) { format!("cushion_{end}_port_volume") } else { format!("dead_volume_{end}") };
     Brings::Volume(vessel(own, &dead_volume, ambient_temperature))
 }
 
-/// What a chamber is, its dead volume having this key.
+/// The chamber whose dead volume has this key.
 fn vessel<P: Lane>(own: &Instance<P>, dead_volume: &str, ambient_temperature: P) -> Vessel<P> {
     // A wall that stores heat gives it by itself.
     let by_wall = own.given("wall_capacity").is_some();
@@ -181,7 +181,10 @@ fn check(own: &Instance<f64>, has_rod: bool) -> Result<(), Error> {
     let (bore, rod) = (own.number("bore"), own.number("rod_diameter"));
     let refuse = |message: String| Err(Error::Specification(message));
     if chamber_law(own) == ChamberLaw::AsPrinted && own.given("wall_capacity").is_some() {
-        return refuse(format!("{}: chamber law \"as-printed\" takes no wall that stores heat", own.name));
+        return refuse(format!(
+            "{}: chamber law \"as-printed\" does not support a wall that stores heat",
+            own.name
+        ));
     }
     if own.friction.is_none() {
         return refuse(format!("{}: a cylinder needs a friction table", own.name));
@@ -244,7 +247,7 @@ fn check_cushion(own: &Instance<f64>, end: &str) -> Result<(), Error> {
         ));
     }
     if chamber_law(own) == ChamberLaw::AsPrinted {
-        return refuse(format!("{}: chamber law \"as-printed\" takes no cushion", own.name));
+        return refuse(format!("{}: chamber law \"as-printed\" does not support a cushion", own.name));
     }
     Ok(())
 }
@@ -303,7 +306,7 @@ fn cushion<P: Lane>(
     chamber
 }
 
-/// What an end stop may take up, m3: the dead volume, or so much that the plunger of a cushion is not through what lies
+/// Volume that an end stop may use, m3: the dead volume, or so much that the plunger of a cushion is not through what lies
 /// behind it.
 fn room<P: Lane>(own: &Instance<P>, end: &str, area: P) -> P {
     let chamber = own.number(&format!("dead_volume_{end}"));

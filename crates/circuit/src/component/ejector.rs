@@ -15,7 +15,7 @@ impl Component for Ejector {
         title: "Vacuum ejector",
         text: "A nozzle of conductance C from port 1 to port 3 whose jet sucks from port 2 through the conductance C_s towards \
                the pressure p_low = p3 + y (p_min - p3), y = clip((p1 - p3)/dp_work): without suction flow port 2 reaches \
-               p_min. Where the jet does not hold it, gas comes back from port 3.",
+               p_min. If the jet cannot hold this pressure, gas flows back from port 3.",
         sources: &["iso6358-2013"],
         ports: &[gas("1"), gas("2"), exhaust("3")],
         parameters: table! {
@@ -24,7 +24,7 @@ impl Component for Ejector {
             lowest_pressure: "Pa abs", physics::above(0.0), default 1.5e4, assumed "of a single-stage ejector",
                 "Pressure p_min that it reaches without suction flow";
             working_difference: "Pa", physics::above(0.0), default 4e5, assumed "of a single-stage ejector",
-                "Supply above exhaust pressure, dp_work, from which on it reaches that";
+                "Supply above exhaust pressure, dp_work, at which it reaches p_min";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.5, assumed "of a nozzle",
                 "Critical pressure ratio b of both paths";
             SUBSONIC_INDEX;

@@ -1,4 +1,4 @@
-//! What some kinds of component take beside their parameters: a formula, or points.
+//! Additions to the parameters of some kinds of component: a formula, or points.
 
 use super::Kind;
 use super::formula::{Written, written};
@@ -8,10 +8,10 @@ use math::Real;
 use physics::Parameter;
 use physics::written::Role;
 
-/// What a kind takes beside its parameters.
+/// Addition to the parameters of a kind.
 #[derive(Clone, Copy, Debug)]
 pub enum Extra {
-    /// It has parameters alone.
+    /// None: parameters only.
     Nothing,
     /// A formula, which gives this and has parameters of its own.
     Formula(&'static Role),
@@ -24,9 +24,9 @@ pub enum Extra {
 pub struct Points {
     /// Their key in the table of a component.
     pub key: &'static str,
-    /// What the numbers of a point are, in their order.
+    /// The numbers of a point, in their order.
     pub columns: &'static [Parameter],
-    /// A component does without where they are not given, else it has to have them.
+    /// Whether the points are optional.
     pub optional: bool,
 }
 
@@ -41,7 +41,7 @@ impl Extra {
         if let Extra::Points(points) = self { Some(points.key) } else { None }
     }
 
-    /// How many points there may be: each costs time at every evaluation.
+    /// Most points: each costs time at every evaluation.
     pub const MOST_POINTS: usize = 50;
 }
 
@@ -96,7 +96,7 @@ impl<P> Given<P> {
     }
 }
 
-/// What is wrong with points, if anything is.
+/// The fault of points, if any.
 fn examined(columns: &[Parameter], points: &[Vec<f64>]) -> Result<(), String> {
     let most = Extra::MOST_POINTS;
     if !(2..=most).contains(&points.len()) {

@@ -6,7 +6,7 @@ use crate::assembly::Quantity;
 use crate::circuit::Path;
 use math::Lane;
 
-/// A restriction that is open where nothing sets it.
+/// A restriction that is open unless its input is set.
 pub struct Fitting;
 
 impl Component for Fitting {
@@ -14,7 +14,7 @@ impl Component for Fitting {
         key: "fitting",
         title: "Fitting, orifice",
         text: "A flow path by ISO 6358: m_dot = y C p1 rho0 sqrt(T0/T1) phi(p2/p1), in both directions; y is its opening, \
-               1 where nothing sets it.",
+               1 unless set.",
         sources: &["iso6358-2013"],
         ports: &[gas("1"), gas("2")],
         parameters: table! {

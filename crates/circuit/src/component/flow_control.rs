@@ -20,7 +20,7 @@ impl Component for FlowControl {
         sources: &["iso6358-2013"],
         ports: &[gas("1"), gas("2")],
         parameters: table! {
-            needle_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_n of the needle as it is set, for air";
+            needle_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_n of the needle at its setting, for air";
             check_conductance: "m3/(s Pa)", physics::above(0.0), unless "throttles = both", was "conductance",
                 "Sonic conductance C of the check valve, for air";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a fitting of this kind",
@@ -33,7 +33,7 @@ impl Component for FlowControl {
         choices: &[Choice {
             name: "throttles",
             options: &["out", "in", "both"],
-            meaning: "What it throttles: gas out of the cylinder, gas into it, or both",
+            meaning: "Throttled direction: gas out of the cylinder, gas into it, or both",
         }],
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],

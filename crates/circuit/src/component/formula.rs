@@ -66,7 +66,7 @@ pub(crate) fn written(
     })
 }
 
-/// The table of the components of a kind that a formula makes, and what its author should know; None where there is no
+/// The table of the components of a kind that a formula makes, and warnings to its author; None where there is no
 /// such kind that takes a formula.
 pub fn formula_kind(
     kind: &str,
@@ -91,14 +91,14 @@ impl Component for Restriction {
     const KIND: Kind = Kind {
         key: "restriction/formula",
         title: "Flow path by a formula",
-        text: "A flow path whose mass flow from the higher pressure to the lower one is a formula of yours, with parameters \
-               of its own. The other way it is the same formula with the ends exchanged, or nothing. Gas keeps its \
-               enthalpy on the way.",
+        text: "A flow path whose mass flow from the higher pressure to the lower one is your formula, with its own \
+               parameters. Reverse flow follows the same formula with the ends exchanged, or is shut. Gas keeps its \
+               enthalpy.",
         ports: &[gas("1"), gas("2")],
         choices: &[Choice {
             name: "backward",
             options: &["alike", "shut"],
-            meaning: "Flow from port 2 to port 1: as from 1 to 2, or none",
+            meaning: "Flow from port 2 to port 1: like from 1 to 2, or none",
         }],
         extra: Extra::Formula(&MASS_FLOW),
         inputs: &[("command", "1", "opening, 0 to 1")],
@@ -137,8 +137,8 @@ impl Component for Force {
     const KIND: Kind = Kind {
         key: "force/formula",
         title: "Force by a formula",
-        text: "A force on a mass, in +x, that is a formula of yours of position, velocity and a command, with parameters of \
-               its own. All of its work stands in one account of the ledger.",
+        text: "A force on a mass, in +x, that is your formula of position, velocity and a command, with its own \
+               parameters. One account of the ledger books all its work.",
         ports: &[axis("1", false)],
         extra: Extra::Formula(&FORCE),
         inputs: &[("command", "1", "command, -1 to 1")],

@@ -16,8 +16,8 @@ impl Component for Impulse52 {
         title: "5/2 impulse valve",
         symbol: SYMBOL,
         text: "Two coils and no spring: command 1 opens 1 to 4 and 2 to 3, command -1 opens 1 to 2 and 4 to 5, and without a \
-               command, 0, the valve keeps its position. After a command the armature stands for the dead time, then it \
-               travels at a steady rate to the end, with the command or without it; edges of one port are never open at \
+               command, 0, the valve keeps its position. After a command the armature waits for the dead time, then it \
+               travels at a constant rate to the end, even if the command ends; edges of one port are never open at \
                once. A pulse that is shorter than the dead time does not move it.",
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the paths from port 1, for air";
@@ -27,11 +27,11 @@ impl Component for Impulse52 {
             time_off: "s", physics::above(0.0), follows "the time under command 1",
                 "Time from command -1 to the middle of the travel back";
             travel_share: "1", physics::between(0.0, 1.0), default 0.2, assumed "of a small solenoid valve",
-                "Share of these times that the whole travel takes";
+                "Share of these times for the whole travel";
             SUBSONIC_INDEX;
             LINEAR_ABOVE;
         },
-        inputs: &[("command", "1", "1, 0 or -1: one coil, none or the other")],
+        inputs: &[("command", "1", "1, 0 or -1: first coil, none or second coil")],
         ..FIVE
     };
 

@@ -21,9 +21,9 @@ impl Component for Table {
     const KIND: Kind = Kind {
         key: "inertia/table",
         title: "Position-dependent mass",
-        text: "What moves with a mass M by a ratio that depends on its position x, as a mass m(x) beside M: (M + m) x'' + m' x'^2/2 = F, \
-               so that no energy is lost or won. m is given at points; beyond them it keeps the last value. Its weight is not in \
-               it: give it as a force/position.",
+        text: "A mechanism coupled to a mass M by a ratio that depends on its position x, as a mass m(x) beside M: (M + m) x'' + m' x'^2/2 = F, \
+               so energy is conserved. m is given at points; beyond them it is constant. Weight is not \
+               included: add it as a force/position.",
         sources: &["fritsch1984"],
         symbol: CURVE,
         extra: Extra::points(&[
@@ -64,8 +64,8 @@ impl Component for Lever {
                m = J h^2/(h^2 + s^2)^2 beside M: (M + m) x'' + m' x'^2/2 = F. Without weight.",
         parameters: table! {
             moment_of_inertia: "kg m2", physics::above(0.0), "Moment of inertia J about its pivot";
-            distance: "m", physics::above(0.0), "Distance h of the pivot from the line of the pin";
-            centre: "m", physics::any(), "Position x_0 at which it stands across the line";
+            distance: "m", physics::above(0.0), "Distance h of the pivot from the axis of the pin";
+            centre: "m", physics::any(), "Position x_0 at which it is perpendicular to the axis";
         },
         symbol: Symbol {
             strokes: &[

@@ -15,16 +15,16 @@ impl Component for Leak {
         title: "Leak, laminar gap",
         text: "A narrow gap through which gas leaks in both directions: m_dot = c_l (p1^2 - p2^2)/T1 with p1 the higher \
                pressure and c_l = pi D h^3/(24 mu L R), laminar flow between two walls a distance h apart. Give the gap, or \
-               c_l where it was measured.",
+               a measured c_l.",
         ports: &[gas("1"), gas("2")],
         parameters: table! {
             gap_height: "m", physics::above(0.0), unless "coefficient", "Height h of the gap";
-            diameter: "m", physics::above(0.0), unless "coefficient", "Diameter D around which the gap runs";
+            diameter: "m", physics::above(0.0), unless "coefficient", "Diameter D of the annular gap";
             length: "m", physics::above(0.0), unless "coefficient", "Length L of the gap in the direction of the flow";
             viscosity: "Pa s", physics::above(0.0), default 1.82e-5, assumed "of air at 20 degC",
                 "Dynamic viscosity mu of the gas";
             coefficient: "kg K/(s Pa2)", physics::above(0.0), follows "gap_height, diameter, length and viscosity",
-                "Leak coefficient c_l, where it was measured";
+                "Measured leak coefficient c_l";
         },
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
@@ -36,7 +36,7 @@ impl Component for Leak {
         let given = ["gap_height", "diameter", "length"].into_iter().find(|key| own.given(key).is_some());
         match given.filter(|_| own.given("coefficient").is_some()) {
             Some(key) => Err(Error::Specification(format!(
-                "{}.coefficient and {}.{key} both say how large the leak is: keep one of them",
+                "{}.coefficient and {}.{key} both give the size of the leak: keep one of them",
                 own.name, own.name
             ))),
             None => Ok(()),

@@ -15,8 +15,8 @@ impl Component for Line {
         key: "tube/distributed",
         title: "Tube with waves",
         text: "N lengths of gas with inertia and friction between N + 1 cells with a wall, those at the ends half as long: \
-               l/A m' = p1 - p2 - (f l/d + zeta) m |m|/(2 rho A^2), f Re = 64 for laminar and 0.3164 Re^0.75 for turbulent flow; no cell is \
-               left faster than sound. \
+               l/A m' = p1 - p2 - (f l/d + zeta) m |m|/(2 rho A^2), f Re = 64 for laminar and 0.3164 Re^0.75 for turbulent flow; no outflow of a cell \
+               is supersonic. \
                N = ceil(12.8 f_max L/c) keeps the speed of sound to 1 % up to f_max. The bore at each end chokes the flow: \
                C = 0.2 dm3/(s bar) per mm2, b = 0.528.",
         sources: &["modelica-straight-pipe", "iso6358-2013"],
@@ -25,7 +25,7 @@ impl Component for Line {
             length: "m", physics::above(0.0), "Length L";
             diameter: "m", physics::above(0.0), "Inner diameter d";
             bandwidth: "Hz", physics::above(0.0), default 20.0, assumed "of a positioning drive",
-                "Frequency f_max up to which the speed of sound is right to 1 %";
+                "Frequency f_max up to which the speed of sound is accurate to 1 %";
             cells: "1", physics::within(1.0, 150.0), follows "length and bandwidth", "Number N of lengths with inertia";
             friction_scale: "1", physics::at_least(0.0), default 1.0, "Factor on the friction of a smooth pipe";
             loss: "1", physics::at_least(0.0), default 0.0, "Coefficient zeta of local losses, bends included, over the whole tube";

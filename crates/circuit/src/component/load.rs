@@ -40,7 +40,7 @@ impl Component for Spring {
     const KIND: Kind = Kind {
         key: "spring",
         title: "Spring",
-        text: "F = -k (x - x0) on the mass that it is joined to.",
+        text: "F = -k (x - x0) on the mass at its port.",
         ports: &[axis("1", false)],
         parameters: table! {
             stiffness: "N/m", physics::above(0.0), "Stiffness k";

@@ -15,14 +15,14 @@ pub struct Lumped;
 
 const PORTS: &[Port] = &[Port { volume: 0.0, ..gas("1") }, Port { volume: 0.0, ..gas("2") }];
 
-/// What a tube needs in any case, and where its flow was measured.
+/// Parameters of every tube, and of a measured one.
 const STEADY: [Row; 5] = *table! {
     length: "m", physics::above(0.0), "Length L";
     diameter: "m", physics::above(0.0), "Inner diameter d";
     conductance: "m3/(s Pa)", physics::above(0.0), follows "length and diameter, by an empirical formula (assumed)",
-        "Sonic conductance C of the whole tube, where it was measured; without waves";
+        "Measured sonic conductance C of the whole tube; without waves";
     critical_pressure_ratio: "1", physics::between(0.0, 1.0), follows "conductance and diameter, by an empirical formula (assumed)",
-        "Critical pressure ratio b of the whole tube, where it was measured; without waves";
+        "Measured critical pressure ratio b of the whole tube; without waves";
     LINEAR_ABOVE;
 };
 
@@ -58,7 +58,7 @@ impl Component for Lumped {
         key: "tube/lumped",
         title: "Tube, lumped",
         text: "The whole volume of the tube with its wall, between two equal flow paths by ISO 6358 that have in series the C \
-               and b of the steady tube; subsonic flow is up to 0.7 % more. It stores gas and heat along its way, and has no waves.",
+               and b of the steady tube; subsonic flow is up to 0.7 % higher. It stores gas and heat, without waves.",
         parameters: table! {
             ..STEADY;
             ..WALL;
@@ -89,7 +89,7 @@ impl Component for Lumped {
     }
 }
 
-/// A tube whose length decides how it is modelled.
+/// A tube whose model follows from its length.
 pub struct Auto;
 
 /// Speed of sound by which a tube is short or long, m/s: of air at 20 degC.
@@ -97,7 +97,7 @@ const SOUND: f64 = 343.2;
 /// Share of a wave length below which a tube is short.
 const SHORT: f64 = 0.05;
 
-/// Whether waves do not matter up to the bandwidth.
+/// Whether waves are negligible up to the bandwidth.
 fn is_short<P: Lane>(own: &Instance<P>) -> bool {
     own.number("length").get(0) * own.number("bandwidth").get(0) < SHORT * SOUND
 }
@@ -107,12 +107,12 @@ impl Component for Auto {
         key: "tube/auto",
         title: "Tube, steady or with waves",
         text: "A steady tube, kind tube, where L < c/(20 f_max) with c = 343.2 m/s, 0.86 m for 20 Hz; else one with waves, \
-               kind tube/distributed. Each takes the keys that it has.",
+               kind tube/distributed. Each model uses its own keys.",
         sources: &["modelica-straight-pipe", "iso6358-2013"],
         parameters: table! {
             ..STEADY;
             bandwidth: "Hz", physics::above(0.0), default 20.0, assumed "of a positioning drive",
-                "Frequency f_max up to which the tube is to be right";
+                "Frequency f_max up to which the tube must be accurate";
             cells: "1", physics::within(1.0, 150.0), follows "length and bandwidth", "With waves: number N of lengths with inertia";
             friction_scale: "1", physics::at_least(0.0), default 1.0, "With waves: factor on the friction of a smooth pipe";
             loss: "1", physics::at_least(0.0), default 0.0, "With waves: coefficient zeta of local losses, bends included, over the whole tube";

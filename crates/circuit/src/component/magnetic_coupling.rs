@@ -11,11 +11,11 @@ impl Component for MagneticCoupling {
         key: "magnetic-coupling",
         title: "Magnetic coupling",
         text: "Magnets that couple two masses, the piston of a rodless cylinder and the slide outside: F = F_h sin(pi D/L_p) + c D', \
-               D = x_1 - x_2. Where |D| reaches L_p/2 they decouple, and let go of each other until |D| is below L_p/4 \
-               again; the energy that they have more at L_p/2 becomes heat. They start coupled. The sine is assumed.",
+               D = x_1 - x_2. They decouple when |D| reaches L_p/2, and couple again when |D| falls below L_p/4; \
+               the difference of their energies at L_p/2 and L_p/4 becomes heat. They start coupled. The sine is assumed.",
         ports: &[axis("1", false), axis("2", false)],
         parameters: table! {
-            holding_force: "N", physics::above(0.0), "Holding force F_h: the greatest that they carry";
+            holding_force: "N", physics::above(0.0), "Holding force F_h: the greatest force of the magnets";
             pole_pitch: "m", physics::above(0.0), default 0.01, assumed "of magnets for a bore of 20 to 32 mm",
                 "Pole pitch L_p: at half of it they carry the holding force";
             damping: "N s/m", physics::at_least(0.0), default 0.0, "Damping c while they are coupled";

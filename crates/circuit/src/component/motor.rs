@@ -10,7 +10,7 @@ impl Component for Motor {
     const KIND: Kind = Kind {
         key: "motor",
         title: "Motor with a prescribed velocity",
-        text: "Moves a mass at the velocity u through a spring and a damper, however much force that takes: d' = u - v, \
+        text: "Moves a mass at the velocity u with any force, through a spring and a damper: d' = u - v, \
                F = k d + c (u - v); in steady motion v = u. The mean force over a time is the growth of the impulse, \
                I' = F, over it; the work done on the mass is W' = F v.",
         ports: &[axis("1", false)],
@@ -19,7 +19,7 @@ impl Component for Motor {
             stiffness: "N/m", physics::above(0.0), default 1e6, assumed "of a servo axis with a ball screw", "Stiffness k";
             damping: "N s/m", physics::at_least(0.0), default 2e3, assumed "of such an axis, damped well with 1 kg", "Damping c";
         },
-        inputs: &[("velocity_m_s", "m/s", "velocity in +x that it keeps")],
+        inputs: &[("velocity_m_s", "m/s", "prescribed velocity in +x")],
         outputs: &[
             ("force_n", "N", "force on the mass in +x"),
             ("impulse_n_s", "N s", "integral of the force over time, since the start"),

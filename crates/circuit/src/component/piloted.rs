@@ -15,7 +15,7 @@ impl Component for PilotedCheckValve {
     const KIND: Kind = Kind {
         key: "check-valve/piloted",
         title: "Piloted check valve",
-        text: "A check valve from port 1 to port 2 that lets gas back while pressure at the pilot port 12 opens it: its \
+        text: "A check valve from port 1 to port 2 that passes reverse flow while pressure at the pilot port 12 opens it: its \
                poppet opens by the share clip((p1 - p2 + a (p12 - p_amb) - p_c)/dp_full) of C, a being the area of the pilot \
                piston over that of the seat; the pilot only pushes. No gas passes the pilot port.",
         sources: &["iso6358-2013"],

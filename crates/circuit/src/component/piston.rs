@@ -5,23 +5,23 @@ use crate::assembly::Quantity;
 use crate::circuit::PistonSide;
 use math::Lane;
 
-/// A piston that something else keeps away from its ends.
+/// A piston whose motion is limited by other components.
 pub struct Bare;
 
 impl Component for Bare {
     const KIND: Kind = Kind {
         key: "piston",
         title: "Piston without end stops",
-        text: "A piston with friction between two chambers, dragged so that it never reaches an end. What is joined to its \
-               ports is what it moves in: a tank is the dead volume of a chamber, a reservoir holds its pressure. x grows \
+        text: "A piston with friction between two chambers, dragged so that it never reaches an end. Join its ports \
+               to a tank, as the dead volume of a chamber, or to a reservoir at constant pressure. x grows \
                from chamber a's end to chamber b's.",
         sources: &["bejan2016"],
         ports: &[Port { volume: 0.0, ..gas("a") }, Port { volume: 0.0, ..gas("b") }, axis("rod", true)],
         parameters: table! {
             area_a: "m2", physics::above(0.0), "Area on which the pressure in chamber a acts";
             area_b: "m2", physics::above(0.0), "Area on which the pressure in chamber b acts";
-            perimeter_a: "m", physics::at_least(0.0), default 0.0, "Perimeter of barrel and rod in chamber a that gives heat";
-            perimeter_b: "m", physics::at_least(0.0), default 0.0, "Perimeter of barrel and rod in chamber b that gives heat";
+            perimeter_a: "m", physics::at_least(0.0), default 0.0, "Perimeter of barrel and rod in chamber a that exchanges heat";
+            perimeter_b: "m", physics::at_least(0.0), default 0.0, "Perimeter of barrel and rod in chamber b that exchanges heat";
             stroke: "m", physics::above(0.0), "Stroke";
             moving_mass: "kg", physics::above(0.0), "Mass of piston, rod and carriage";
             incline: "rad", physics::any(), default 0.0, "Incline of the axis; positive: x points up";

@@ -7,14 +7,14 @@ use crate::run::Error;
 use math::Lane;
 use std::f64::consts::PI;
 
-/// Gas whose pressure swings.
+/// Gas with an oscillating pressure.
 pub struct Pulsating;
 
 impl Component for Pulsating {
     const KIND: Kind = Kind {
         key: "reservoir/pulsating",
         title: "Reservoir, pulsating",
-        text: "Gas of constant temperature whose pressure swings about its mean, p + A sin(2 pi f t), as much as is asked for: \
+        text: "Gas of constant temperature whose pressure oscillates about its mean, p + A sin(2 pi f t), in unlimited amount: \
                a mains behind a piston compressor.",
         ports: &[Port { holds: Holds::Pressure, ..gas("1") }],
         parameters: table! {
@@ -44,7 +44,7 @@ impl Component for Pulsating {
         }
         let name = &own.name;
         Err(Error::Specification(format!(
-            "{name}.amplitude = {amplitude} Pa is not below {name}.pressure = {pressure} Pa: a pressure is above vacuum"
+            "{name}.amplitude = {amplitude} Pa must be below {name}.pressure = {pressure} Pa: absolute pressures are positive"
         )))
     }
 

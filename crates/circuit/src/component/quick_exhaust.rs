@@ -14,8 +14,8 @@ impl Component for QuickExhaust {
     const KIND: Kind = Kind {
         key: "quick-exhaust",
         title: "Quick exhaust valve",
-        text: "Gas goes from port 1 to port 2 through a check valve; where port 2 is above port 1, its cup opens port 2 to \
-               port 3 by the share s = smoothstep((p2 - p1)/dp) of the conductance C_23. Nothing goes from 1 to 3.",
+        text: "Gas flows from port 1 to port 2 through a check valve; if the pressure at port 2 exceeds that at port 1, its cup opens port 2 to \
+               port 3 by the share s = smoothstep((p2 - p1)/dp) of the conductance C_23. No flow from 1 to 3.",
         sources: &["iso6358-2013"],
         ports: &[gas("1"), gas("2"), exhaust("3")],
         parameters: table! {
@@ -28,7 +28,7 @@ impl Component for QuickExhaust {
             cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "a usual lip seal",
                 "Cracking pressure from port 1 to port 2, a difference";
             switching_pressure: "Pa", physics::above(0.0), default 1e4, assumed "a usual lip seal",
-                "Difference dp from which on port 3 is fully open";
+                "Difference dp at which port 3 is fully open";
         },
         outputs: &[
             ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2"),

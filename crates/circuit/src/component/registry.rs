@@ -23,8 +23,8 @@ pub fn register<C: Component>() -> Result<(), Error> {
     let key = own.kind().key;
     let taken = KINDS.iter().copied().chain(others.iter().map(|other| other.kind()));
     if key.is_empty() || taken.into_iter().any(|other| other.key == key) {
-        let what = if key.is_empty() { "has no key" } else { "is there already" };
-        return Err(Error::Specification(format!("component \"{key}\" {what}: give it a key of its own")));
+        let what = if key.is_empty() { "has no key" } else { "exists already" };
+        return Err(Error::Specification(format!("component \"{key}\" {what}: give it another key")));
     }
     others.push(own);
     Ok(())
@@ -51,7 +51,7 @@ pub(super) trait Registered: Send + Sync {
     fn of(&self) -> TypeId;
     fn kind(&self) -> &'static Kind;
     fn check(&self, own: &Instance<f64>) -> Result<(), Error>;
-    /// What it brings, as numbers of the type of `own`.
+    /// Its contribution to a joint, as numbers of the type of `own`.
     fn bring(&self, own: &dyn Any, port: usize, ambient_temperature: &dyn Any) -> Box<dyn Any>;
     /// What it brings to others in series, as numbers of the type of `own`.
     fn series(&self, own: &dyn Any) -> Box<dyn Any>;

@@ -9,7 +9,7 @@ use math::Lane;
 use physics::constants::P_0;
 use std::f64::consts::PI;
 
-/// What every regulator has.
+/// Parameters of every regulator.
 const OF_A_REGULATOR: &[Row] = table! {
     set_pressure: "Pa abs", physics::above(0.0), "Set pressure p_set";
     conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the open seat, for air";
@@ -22,7 +22,7 @@ const OF_A_REGULATOR: &[Row] = table! {
     relief_conductance: "m3/(s Pa)", physics::above(0.0), default 1e-9, assumed "of a small regulator", only "relieving = yes",
         "Sonic conductance of the open relief, for air";
     relief_offset: "Pa", physics::at_least(0.0), default 2e4, assumed "of a small regulator", only "relieving = yes",
-        "Rise dp_on above p_set from which on it relieves, a difference";
+        "Rise dp_on above p_set at which relief begins, a difference";
     relief_rise: "Pa", physics::above(0.0), default 2e4, assumed "of a small regulator", only "relieving = yes",
         "Further rise dp_relief at which the relief is fully open, a difference";
     SUBSONIC_INDEX;
@@ -33,7 +33,7 @@ const PORTS: &[Port] = &[gas("1"), Port { holds: Holds::Set, ..gas("2") }, exhau
 const CHOICES: &[Choice] = &[Choice {
     name: "relieving",
     options: &["yes", "no"],
-    meaning: "Whether it vents a pressure behind it that is too high",
+    meaning: "Whether it vents excess pressure at its outlet",
 }];
 const OUTPUTS: &[Variable] = &[
     ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2"),
@@ -78,7 +78,7 @@ impl Component for PressureRegulator {
         key: "regulator",
         title: "Pressure regulator",
         text: "A seat from port 1 to port 2 that opens by the share y of its conductance, tau y' = clip((p_set - p2)/dp_full) - y, \
-               and, where it relieves, a path from port 2 to port 3 that opens by clip((p2 - p_set - dp_on)/dp_relief).",
+               and, if relieving, a path from port 2 to port 3 that opens by clip((p2 - p_set - dp_on)/dp_relief).",
         sources: &["iso6358-2013"],
         ports: PORTS,
         parameters: OF_A_REGULATOR,

@@ -11,7 +11,7 @@ impl Component for Reservoir {
     const KIND: Kind = Kind {
         key: "reservoir",
         title: "Reservoir",
-        text: "Gas of constant pressure and temperature, as much as is asked for: a mains, an open room.",
+        text: "An unlimited amount of gas at constant pressure and temperature: a mains, an open room.",
         ports: &[Port { holds: Holds::Pressure, ..gas("1") }],
         parameters: table! {
             pressure: "Pa abs", physics::above(0.0), "Pressure";

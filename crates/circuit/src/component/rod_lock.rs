@@ -11,18 +11,18 @@ impl Component for RodLock {
     const KIND: Kind = Kind {
         key: "rod-lock",
         title: "Rod lock",
-        text: "Jaws that clamp the rod that they are joined to while the command is 1: an elastic grip of stiffness k that carries \
-               up to the holding force F_h and slips above, beside whatever friction the mass has. The jaws start as the \
-               command of the start has them; a later command takes its time.",
+        text: "Jaws that clamp the joined rod while the command is 1: an elastic grip of stiffness k that carries \
+               up to the holding force F_h and slips above, in addition to friction of the mass. The jaws start as \
+               commanded at the start; a later command acts after its times.",
         ports: &[axis("1", false)],
         parameters: table! {
             holding_force: "N", physics::above(0.0), "Holding force F_h";
             time_on: "s", physics::above(0.0), default 0.06, assumed "of a small rod lock",
-                "Time from the command on to the middle of the way on which the jaws shut";
+                "Time from the command on to the middle of the closing travel of the jaws";
             time_off: "s", physics::above(0.0), default 0.04, assumed "of a small rod lock",
-                "Time from the command off to the middle of the way on which they open";
+                "Time from the command off to the middle of their opening travel";
             travel_share: "1", physics::between(0.0, 1.0), default 0.2, assumed "of a small rod lock",
-                "Share of these times that the whole way takes; the force follows it";
+                "Share of these times for the whole travel; the force follows it";
             stiffness: "N/m", physics::above(0.0), default 1e7, assumed "of jaws on a rod", "Stiffness k of the grip";
             damping: "N s/m", physics::above(0.0), follows "stiffness and moving mass, for half of the critical damping (assumed)",
                 "Damping of the grip";
@@ -31,7 +31,7 @@ impl Component for RodLock {
         inputs: &[("command", "1", "1: shut, 0: open")],
         outputs: &[
             ("command", "1", "command"),
-            ("position", "1", "how far the jaws are shut, 0 to 1"),
+            ("position", "1", "closing of the jaws, 0 to 1"),
             ("force_n", "N", "force of the grip, positive where it pushes towards -x"),
         ],
         symbol: Symbol {

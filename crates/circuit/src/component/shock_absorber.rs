@@ -12,23 +12,23 @@ impl Component for ShockAbsorber {
         key: "shock-absorber",
         title: "Hydraulic shock absorber",
         text: "A shock absorber at position x_0 that the mass runs into: F = F_0 + k s + c(s) v^2 while it is pushed in, \
-               F_0 + k s while it comes out. c goes in a straight line from its value at the begin of the stroke to that \
-               at its end. Behind the stroke lies its body.",
+               F_0 + k s while it extends. c changes linearly from its value at the start of the stroke to that \
+               at its end. Its body lies behind the stroke.",
         ports: &[axis("1", false)],
         parameters: table! {
-            position: "m", physics::any(), "Position x_0 where it is touched";
+            position: "m", physics::any(), "Position x_0 of first contact";
             stroke: "m", physics::above(0.0), "Stroke S";
-            damping: "kg/m", physics::at_least(0.0), "Damping c at the begin of the stroke";
-            end_damping: "kg/m", physics::at_least(0.0), follows "the damping at the begin of the stroke",
+            damping: "kg/m", physics::at_least(0.0), "Damping c at the start of the stroke";
+            end_damping: "kg/m", physics::at_least(0.0), follows "the damping at the start of the stroke",
                 "Damping c at the end of the stroke";
             preload: "N", physics::at_least(0.0), default 10.0, assumed "of a small absorber",
-                "Force F_0 of its spring when it is out";
+                "Force F_0 of its extended spring";
             stiffness: "N/m", physics::at_least(0.0), default 500.0, assumed "of a small absorber",
                 "Stiffness k of its spring";
             body_stiffness: "N/m", physics::above(0.0), default 1e7, assumed "of a body of steel",
                 "Stiffness of its body";
             contact_depth: "m", physics::above(0.0), default 1e-4, assumed "a modelling parameter",
-                "Depth over which the force comes at the first touch";
+                "Depth over which the force rises at first contact";
         },
         choices: &[SIDE],
         outputs: &[("force_n", "N", "force, positive where it pushes towards -x")],

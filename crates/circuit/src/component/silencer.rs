@@ -13,13 +13,13 @@ impl Component for Silencer {
     const KIND: Kind = Kind {
         key: "silencer",
         title: "Silencer",
-        text: "A flow path by ISO 6358 from port 1 into the ambient air; clogging takes a share of its conductance C away.",
+        text: "A flow path by ISO 6358 from port 1 into the ambient air; clogging reduces its conductance C.",
         sources: &["iso6358-2013"],
         ports: &[gas("1"), exhaust("2")],
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the clean silencer, for air";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), "Critical pressure ratio b";
-            clogging: "1", physics::Bounds { open_above: true, ..physics::within(0.0, 1.0) }, default 0.0, "Share of C that dirt takes away";
+            clogging: "1", physics::Bounds { open_above: true, ..physics::within(0.0, 1.0) }, default 0.0, "Share of C lost by dirt";
             SUBSONIC_INDEX;
             LINEAR_ABOVE;
         },
@@ -41,7 +41,7 @@ impl Component for Silencer {
     }
 }
 
-/// What dirt has left of the conductance.
+/// Conductance with dirt.
 fn clogged<P: Lane>(own: &Instance<P>) -> P {
     own.number("conductance") * (P::one() - own.number("clogging"))
 }

@@ -8,7 +8,7 @@ impl Component for Slide {
     const KIND: Kind = Kind {
         key: "slide",
         title: "Slide",
-        text: "A mass on a line of its own, with friction if it has any: what a coupling moves, or what is run into.",
+        text: "A mass with its own axis, with optional friction, moved by a coupling or by an impact.",
         ports: &[axis("1", false)],
         parameters: table! {
             mass: "kg", physics::above(0.0), "Mass";

@@ -7,7 +7,7 @@ use crate::part::Latch;
 use crate::run::Error;
 use math::Lane;
 
-/// A valve that fills a system slowly first.
+/// A valve that first fills a system slowly.
 pub struct SoftStart;
 
 impl Component for SoftStart {
@@ -20,14 +20,14 @@ impl Component for SoftStart {
         sources: &["iso6358-2013"],
         ports: &[gas("1"), gas("2")],
         parameters: table! {
-            needle_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_n of the needle as it is set, for air";
+            needle_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_n of the needle at its setting, for air";
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the open valve, for air";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a valve of this kind",
                 "Critical pressure ratio b";
             opening_share: "1", physics::between(0.0, 1.0), default 0.5, assumed "of a valve of this kind",
                 "Share of the inlet's gauge pressure above which it opens";
             reset_pressure: "Pa abs", physics::above(0.0), default 2.5e5, assumed "of a valve of this kind",
-                "Pressure at the inlet below which it falls shut";
+                "Pressure at the inlet below which it shuts";
             SUBSONIC_INDEX;
             LINEAR_ABOVE;
         },

@@ -13,17 +13,17 @@ use crate::run::Error;
 use math::Lane;
 use physics::flow::Iso6358;
 
-/// When an armature moves.
+/// Times of an armature.
 const TIMES: [Row; 3] = *table! {
     time_on: "s", physics::above(0.0), "Time from the command on to the middle of the travel";
     time_off: "s", physics::above(0.0), "Time from the command off to the middle of the travel back";
     travel_share: "1", physics::between(0.0, 1.0), default 0.2, assumed "of a small solenoid valve",
-        "Share of these times that the whole travel takes";
+        "Share of these times for the whole travel";
 };
 
 const PULSES: [Row; 1] = *table! {
     pwm_frequency: "Hz", physics::at_least(0.0), default 0.0,
-        "Frequency of pulses whose width the command is; 0: the command switches";
+        "Frequency of pulses with the command as width; 0: the command switches";
 };
 
 pub(super) const EXHAUST: [Row; 2] = *table! {
@@ -36,7 +36,7 @@ pub(super) const EXHAUST: [Row; 2] = *table! {
 const PWM_MODEL: Choice = Choice {
     name: "pwm_model",
     options: &["exact", "averaged"],
-    meaning: "Each pulse, or their mean: for design, where the period is short against the time in which a chamber fills",
+    meaning: "Each pulse, or their mean: for design, if the period is much shorter than the filling time of a chamber",
 };
 
 const NORMALLY: Choice =
@@ -50,7 +50,7 @@ const ALONE: [f64; 2] = [-SLACK, 1.0 + 2.0 * SLACK];
 const ALONE_SHUTS: [f64; 2] = [1.0 + SLACK, -1.0 - 2.0 * SLACK];
 const SLACK: f64 = 1e-8;
 
-/// How an armature is driven.
+/// Drive of an armature.
 #[derive(Clone, Copy)]
 pub(super) struct Drives {
     pub has_pulses: bool,
@@ -140,7 +140,7 @@ macro_rules! text {
         concat!(
             $of,
             " After a command the armature stands for the dead time, then it travels at a steady rate; edges of one port \
-             are never open at once. Where a command comes back within the dead time, it does not move."
+             are never open at once. If a command returns within the dead time, the armature does not move."
         )
     };
 }
@@ -302,12 +302,12 @@ impl Component for Switching53 {
         title: "5/3 switching valve",
         symbol: THREE_POSITIONS,
         text: text!(
-            "Under command 1, 1 to 4 and 2 to 3 are open; under -1, 1 to 2 and 4 to 5; under 0 what the centre says."
+            "Under command 1, 1 to 4 and 2 to 3 are open; under -1, 1 to 2 and 4 to 5; under 0 the paths of the centre."
         ),
         choices: &[Choice {
             name: "centre",
             options: &["closed", "exhaust", "pressure"],
-            meaning: "What is open in the centre: nothing, 4 to 5 and 2 to 3, or 1 to 4 and 1 to 2",
+            meaning: "Paths open in the centre: none, 4 to 5 and 2 to 3, or 1 to 4 and 1 to 2",
         }],
         inputs: &[("command", "1", "1, 0 or -1")],
         ..FIVE

@@ -19,7 +19,7 @@ pub enum Stroke {
     Moved(&'static [Stroke], [f64; 2], bool),
 }
 
-/// How a component is drawn, after ISO 1219: supply below, consumers above.
+/// Drawing of a component, after ISO 1219: supply below, consumers above.
 #[derive(Clone, Copy, Debug)]
 pub struct Symbol {
     /// Strokes that are always drawn.

@@ -8,17 +8,17 @@ use std::ops::Deref;
 pub struct Row {
     /// Key, unit, bounds, default and meaning.
     pub parameter: Parameter,
-    /// What its default is assumed of; empty where it is none, or stands in a source of the component.
+    /// What its default is assumed for; empty without a default, or if a source of the component has it.
     pub assumed: &'static str,
-    /// What it follows from where it is left out; empty where it does not.
+    /// What its default follows from; empty: from nothing.
     pub follows: &'static str,
-    /// It has to be given, unless this is: the key of another number, or a choice, "throttles = both".
+    /// Required, unless this is given: the key of another number, or a choice, "throttles = both".
     pub unless: &'static str,
     /// The table that it belongs to, which may be left out as a whole; empty where it belongs to none.
     pub within: &'static str,
     /// It acts only where this number is above zero, or this choice is made, "relieving = yes"; empty where it always does.
     pub only: &'static str,
-    /// Its key in files of before.
+    /// Its key in older files.
     pub was: &'static str,
 }
 
@@ -122,8 +122,8 @@ pub const LINEAR_ABOVE: Row = table! {
 }[0];
 /// Rows of a wall that stores heat.
 pub(super) const WALL: &[Row] = table! {
-    wall_capacity: "J/K", physics::above(0.0), within "wall", "Heat capacity of the wall: with it the wall stores heat, at one temperature; without it keeps its own";
-    wall_outer_area: "m2", physics::at_least(0.0), within "wall", "Area of the wall on the side of the air around";
+    wall_capacity: "J/K", physics::above(0.0), within "wall", "Heat capacity of the wall, which stores heat at one temperature; absent: a wall at constant temperature";
+    wall_outer_area: "m2", physics::at_least(0.0), within "wall", "Area of the wall on the side of the ambient air";
     wall_outer_heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 10.0, assumed "of still air, with radiation",
-        within "wall", "Heat-transfer coefficient from the air around to the wall";
+        within "wall", "Heat-transfer coefficient from the ambient air to the wall";
 };

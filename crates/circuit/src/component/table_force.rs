@@ -82,19 +82,19 @@ macro_rules! force {
 
 force! {
     OverPosition, "force/position", "Force over the position",
-    "A force in +x on the mass that it is joined to, F(x), given at points of its position; beyond them it keeps the \
+    "A force in +x on the joined mass, F(x), given at points of its position; beyond them it keeps the \
      last value. It stores the energy -int F dx.",
     Along::Position, POSITION
 }
 force! {
     OverVelocity, "force/velocity", "Force over the velocity",
-    "A force in +x on the mass that it is joined to, F(v), given at points of its velocity; beyond them it keeps the \
+    "A force in +x on the joined mass, F(v), given at points of its velocity; beyond them it keeps the \
      last value. Its work is external.",
     Along::Velocity, VELOCITY
 }
 force! {
     OverTime, "force/time", "Force over the time",
-    "A force in +x on the mass that it is joined to, F(t), given at times since the start; before and after them it keeps \
+    "A force in +x on the joined mass, F(t), given at times since the start; before and after them it keeps \
      the nearest value. Its work is external. The integration ends on each point.",
     Along::Time, TIME
 }

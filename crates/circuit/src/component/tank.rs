@@ -17,10 +17,10 @@ impl Component for Tank {
         ports: &[chamber("1")],
         parameters: table! {
             volume: "m3", physics::above(0.0), "Volume V";
-            wall_area: "m2", physics::at_least(0.0), default 0.0, "Area A of the wall that gives heat; 0: no heat passes";
+            wall_area: "m2", physics::at_least(0.0), default 0.0, "Area A of the wall that exchanges heat; 0: adiabatic";
             heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 0.0, "Heat-transfer coefficient alpha of the wall";
             wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", only "wall_area",
-                "Temperature T_w of the wall; of one that stores heat at the start";
+                "Temperature T_w of the wall; its start if the wall stores heat";
             ..WALL;
         },
         outputs: &[

@@ -15,17 +15,17 @@ impl Component for Tube {
         key: "tube",
         title: "Tube, steady",
         text: "A flow path by ISO 6358 with C = 0.029 d^2/sqrt(L/d^1.25 + 510) and b = 474 C/d^2 (d and L in m, C in m3/(s Pa); \
-               an empirical formula, assumed), and half of the volume pi d^2 L/4 at each end. It has no waves: for tubes that \
-               are short against a quarter of the wave length. Smooth-pipe theory at 7 bar gives C some 10 to 15 % higher.",
+               an empirical formula, assumed), and half of the volume pi d^2 L/4 at each end. It has no waves: for tubes \
+               much shorter than a quarter of the wave length. Smooth-pipe theory at 7 bar gives C some 10 to 15 % higher.",
         sources: &["iso6358-2013"],
         ports: &[Port { volume: 0.0, ..gas("1") }, Port { volume: 0.0, ..gas("2") }],
         parameters: table! {
             length: "m", physics::above(0.0), "Length L";
             diameter: "m", physics::above(0.0), "Inner diameter d";
             conductance: "m3/(s Pa)", physics::above(0.0), follows "length and diameter, by an empirical formula (assumed)",
-                "Sonic conductance C, where it was measured";
+                "Measured sonic conductance C";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), follows "conductance and diameter, by an empirical formula (assumed)",
-                "Critical pressure ratio b, where it was measured";
+                "Measured critical pressure ratio b";
             LINEAR_ABOVE;
         },
         open: true,

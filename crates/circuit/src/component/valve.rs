@@ -19,18 +19,18 @@ use std::f64::consts::PI;
 /// A 5/3 proportional valve.
 pub struct Proportional53;
 
-/// How a spool moves and what its edges are like.
+/// Motion of a spool, and shape of its edges.
 const DYNAMICS: [Row; 8] = *table! {
     frequency: "Hz", physics::at_least(0.0), default 0.0,
         "Natural frequency of the spool; 0: it follows the command at once";
     damping_ratio: "1", physics::above(0.0), default 0.7, assumed "of a directly driven spool", only "frequency",
         "Damping ratio of the spool";
-    stroke_time: "s", physics::above(0.0), follows "nothing that is given: the speed of the spool has no bound", only "frequency",
-        "Time in which the spool at its top speed goes from the centre to its end";
+    stroke_time: "s", physics::above(0.0), follows "nothing: the speed of the spool is unbounded", only "frequency",
+        "Time of the spool at its top speed from the centre to its end";
     delay: "s", physics::at_least(0.0), default 0.0, "Dead time from the command to the spool";
     hysteresis: "1", physics::within(0.0, 1.0), default 0.0, "Width of the play between command and spool";
     overlap: "1", Bounds { open: true, ..physics::between(-1.0, 1.0) }, default 0.0,
-        "Position up to which an edge stays shut; negative: how far it is open in the centre";
+        "Position up to which an edge stays shut; negative: opening in the centre";
     leakage: "1", physics::within(0.0, 1.0), default 0.0, "Share of the conductance that leaks past each edge in the centre";
     leakage_width: "1", physics::above(0.0), default 0.05, assumed "of a sliding spool", only "leakage",
         "Position over which the leak falls to 1/e";
@@ -94,7 +94,7 @@ fn edge<P: Lane>(
     })
 }
 
-/// The conductance of an edge at an opening, zero where a point does not say it.
+/// The conductance of an edge at an opening; zero if a point omits it.
 const fn flow(key: &'static str, meaning: &'static str) -> Parameter {
     Parameter { key, unit: "m3/(s Pa)", bounds: physics::at_least(0.0), default: Some(0.0), meaning }
 }
@@ -160,7 +160,7 @@ fn table_edge<P: Lane>(
     Some(Path::along(build.flow_part(part, &[largest]), 0))
 }
 
-/// What a flow table takes the place of, and what it has to have.
+/// Checks of a flow table: keys that it replaces, and keys that it needs.
 fn check_table(own: &Instance<f64>) -> Result<(), Error> {
     let (points, name) = (own.points(), &own.name);
     if points.is_empty() {
@@ -172,7 +172,7 @@ fn check_table(own: &Instance<f64>) -> Result<(), Error> {
         .filter(|key| own.kind().parameters.iter().any(|row| row.key == *key));
     let shaped = ["overlap", "leakage"].into_iter().filter(|key| own.number(key) != 0.0);
     if let Some(key) = sized.filter(|key| own.given(key).is_some()).chain(shaped).next() {
-        return refuse(format!("{name}.{key} is given, and {name}.{FLOW_TABLE} says it: keep one of them"));
+        return refuse(format!("{name}.{key} and {name}.{FLOW_TABLE} both set this value: keep one of them"));
     }
     if points.iter().all(|point| point[1..].iter().step_by(2).all(|size| *size == 0.0)) {
         return refuse(format!("{name}.{FLOW_TABLE} opens no edge: give a conductance at an opening"));

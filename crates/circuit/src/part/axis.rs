@@ -24,9 +24,9 @@ pub struct Axis<P> {
     pub weight: P,
     /// External force in +x, N: an input.
     pub external_force: P,
-    /// None: it moves without friction.
+    /// None: no friction.
     pub friction: Option<Contact<P>>,
-    /// What moves along by a ratio that depends on the position.
+    /// A mass coupled by a ratio that depends on the position.
     pub(crate) moves: Vec<Inertia<P>>,
     /// -1, 0 or +1: see [`physics::friction`].
     pub mode: P,
@@ -111,7 +111,7 @@ const GAUSS: [(f64, f64); 4] = [
     (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
 ];
 
-/// Where the friction law of a mass is evaluated.
+/// The place at which the friction law of a mass is evaluated.
 #[inline(always)]
 fn at<S: Real>(node: &AxisNode<S>) -> At<S> {
     At {
@@ -130,7 +130,7 @@ impl<P: Real> Axis<P> {
         self.friction.as_ref().is_none_or(Contact::is_usual) && self.moves.is_empty()
     }
 
-    /// Position, velocity and the forces that are always there.
+    /// Position, velocity and the constant forces.
     #[inline(always)]
     pub(super) fn stand<S: Over<P>>(&self, y: [S; 2], node: &mut AxisNode<S>) {
         [node.x, node.v] = y;
@@ -228,7 +228,7 @@ impl<P: Real> Axis<P> {
         self.friction.as_ref().is_some_and(|contact| contact.law.is_damped())
     }
 
-    /// How many events its law has: one where it sticks by a mode.
+    /// Number of events of its law: one if it sticks by a mode.
     pub(super) fn events_of_law(&self) -> usize {
         usize::from(self.friction.as_ref().is_some_and(|contact| contact.law.meta().sticks))
     }

@@ -1,4 +1,4 @@
-//! Springs with dampers: their accounts, and those that stand in the way of a mass.
+//! Springs with dampers: their accounts, and contacts that a mass runs into.
 
 use super::Common;
 use crate::ledger::Kind;
@@ -20,7 +20,7 @@ pub(super) fn standing<P: Real, S: Over<P>>(spring: S, common: &Common<P>, out: 
     account(-spring, common, out);
 }
 
-/// Where something stands that a mass runs into, from one side.
+/// Position of a contact that a mass runs into, from one side.
 #[derive(Clone, Debug)]
 pub struct Meets<P> {
     /// Where it is touched, m.
@@ -38,7 +38,7 @@ impl<R: Lane> Meets<R> {
 }
 
 impl<P: Real> Meets<P> {
-    /// How far the mass is in, m, and how fast it goes further in, m/s.
+    /// Penetration of the mass, m, and its rate, m/s.
     pub(super) fn contact<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
         let axis = &net.axis[self.axis];
         let depth = axis.x - S::from(self.position);

@@ -9,17 +9,17 @@ use physics::mechanics::EndStop;
 pub struct EndStops<P> {
     /// The force of either stop.
     pub law: EndStop<P>,
-    /// What lies behind stops that can be pressed through.
+    /// The covers behind stops that can be pressed through.
     pub covers: Option<Covers<P>>,
     /// Stroke, m.
     pub stroke: P,
-    /// Place of what meets them among the axes of the net.
+    /// Index of the axis of the piston in the net.
     pub axis: usize,
-    /// What a stop follows from that the description leaves open.
+    /// Design data of stops that the description leaves open.
     pub(crate) follows: Option<Box<Follows<P>>>,
 }
 
-/// How a stop that follows from the drive grows with a start of more pressure than the supply has.
+/// Growth of a default stop with a start pressure above the supply pressure.
 #[derive(Clone, Debug)]
 pub(crate) struct Follows<P> {
     /// The stop of a start without.
@@ -89,7 +89,7 @@ impl<R: Lane> EndStops<R> {
 }
 
 impl<R: Lane> Covers<R> {
-    /// A lane without covers has them nowhere.
+    /// A lane without covers: no cover at any depth.
     fn gather(each: &[&EndStops<f64>]) -> Self {
         let own: Vec<_> = each.iter().map(|part| part.covers.as_ref()).collect();
         let laws: Vec<_> =
@@ -127,7 +127,7 @@ impl<R: Lane> EndStops<R> {
 }
 
 impl<P: Real> Covers<P> {
-    /// How deep a piston in contact with a stop is in the cover behind it.
+    /// Penetration of a piston in contact with a stop into the cover behind it.
     fn depth<S: Over<P>>(&self, depth: S, direction: S) -> S {
         let [at_a, at_b] = self.met.map(S::from);
         depth - S::select(direction.lt(S::zero()), at_b, at_a)
@@ -170,7 +170,7 @@ impl<P: Real> EndStops<P> {
         }
     }
 
-    /// How far it is to each of the stops from `x`, m.
+    /// Distance from `x` to each of the stops, m.
     pub(super) fn ahead(&self, x: P) -> [P; 2] {
         [x, self.stroke - x]
     }

@@ -26,7 +26,7 @@ physics::parameters! {
         axis: usize,
         /// The chamber grows with x (side a)
         grows: bool,
-        /// The gas is a reservoir: it takes no notice of the piston
+        /// The gas is a reservoir: the piston does not change it
         held: bool,
     }
 }

@@ -1,4 +1,4 @@
-//! Parts of other crates, kept as objects: what a circuit knows of them is their trait.
+//! Parts of other crates, stored as objects: a circuit knows them by their trait only.
 
 use super::path::Between;
 use super::{Common, Given, Input, Own, OwnMut, Part, State};
@@ -20,7 +20,7 @@ pub trait Family: 'static {
 
 /// A struct of a family.
 pub trait Member {
-    /// What it is of.
+    /// Its scalar.
     type Family: Family;
 }
 
@@ -120,7 +120,7 @@ fn of<T: 'static>(part: &dyn Any) -> &T {
     part.downcast_ref().expect("the part's own type")
 }
 
-/// What a part does with its own numbers.
+/// Functions of a part with its own numbers.
 trait Object<P>: Debug + Send + Sync {
     fn copy(&self) -> Box<dyn Object<P>>;
     fn any(&self) -> &dyn Any;
@@ -230,7 +230,7 @@ impl<P: Real, T: Part<P> + Clone + Debug + Send + Sync + 'static> Object<P> for 
     }
 }
 
-/// What a part does over a scalar.
+/// Functions of a part over a scalar.
 trait Run<P, S: Real>: Send + Sync {
     fn place(&self, part: &dyn Any, y: Own<S>, net: &mut Net<S>, common: &Common<P>);
     fn shape(&self, part: &dyn Any, net: &mut Net<S>);

@@ -1,4 +1,4 @@
-//! The kinds of part: what a circuit does with each of its parts.
+//! The kinds of part, and the loops of a circuit over its parts.
 
 use super::{Of, State};
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ impl Names {
     }
 }
 
-/// What the components that parts belong to are called, and the nodes: what begins the names of their states.
+/// Names of the components of parts and of the nodes: the beginnings of the names of their states.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Called {
     pub owners: Vec<String>,
@@ -148,7 +148,7 @@ macro_rules! parts {
                 all.into_iter()
             }
 
-            /// How many states the parts of each owner have; those that nobody has first.
+            /// Number of states of the parts of each owner; parts without an owner first.
             pub fn count_states(&self, owners: usize) -> Vec<usize> {
                 let mut counts = vec![0; owners + 1];
                 $(for (place, part) in &self.$field {
@@ -177,7 +177,7 @@ macro_rules! parts {
                 }
             }
 
-            /// Gives every part that nobody has an owner.
+            /// Gives every part without an owner an owner.
             pub fn own(&mut self, owner: usize) {
                 $(for (place, _) in self.$field.iter_mut().filter(|(place, _)| place.owner == 0) {
                     place.owner = owner;
@@ -247,7 +247,7 @@ macro_rules! parts {
                 all
             }
 
-            /// What an input is.
+            /// Name, unit and bounds of an input.
             pub fn what_input(&self, id: InputId) -> &'static Input {
                 match id.kind {
                     $(PartKind::$part => &Part::<P>::inputs(&self.$field[id.index].1)[id.input],)*

@@ -33,12 +33,12 @@ gathered! {
 }
 
 impl<P: Real> Lock<P> {
-    /// The greatest force that it carries now, N.
+    /// The greatest force that it can carry now, N.
     fn limit<S: Over<P>>(&self, net: &Net<S>) -> S {
         S::from(self.holding_force) * clip(net.signal[self.shut])
     }
 
-    /// What the grip carries where it is `z` off its rest, N.
+    /// Force of the grip at the distance `z` from its rest, N.
     fn grip<S: Over<P>>(&self, z: S, net: &Net<S>) -> S {
         let limit = self.limit(net);
         (S::from(self.stiffness) * z).max(-limit).min(limit)

@@ -125,7 +125,7 @@ impl<P: Real> Part<P> for Magnet<P> {
         }
     }
 
-    /// They start coupled, where they are not too far apart for that.
+    /// They start coupled unless they are too far apart.
     fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, net: &Net<P>)
     where
         P: Lane,

@@ -1,4 +1,4 @@
-//! Flow paths: what passes them, and the accounts of that.
+//! Flow paths: their flows and accounts.
 
 use super::{
     Common,
@@ -18,7 +18,7 @@ pub struct Between {
     pub from: GasId,
     /// Flow to here counts positive.
     pub to: GasId,
-    /// An end is a reservoir: what passes it crosses the boundary.
+    /// An end is a reservoir: its flow crosses the boundary.
     pub(crate) boundary: [bool; 2],
 }
 

@@ -12,7 +12,7 @@ pub struct Restriction<P> {
     pub law: Iso6358<P>,
     /// Opening, 0 to 1: the share of the full conductance. An input: it may change at any time.
     pub opening: P,
-    /// Nothing passes it in any lane.
+    /// No flow in any lane.
     pub(crate) closed: bool,
     /// Its ends.
     pub path: Between,

@@ -26,7 +26,7 @@ gathered! {
 }
 
 impl<P: Real> ShockAbsorber<P> {
-    /// How far it is pushed in beyond its stroke.
+    /// Depth beyond its stroke.
     fn beyond<S: Over<P>>(&self, depth: S) -> S {
         (depth - S::from(self.stroke)).max(S::zero())
     }

@@ -1,4 +1,4 @@
-//! What positions the edges of a valve: a signal between parts.
+//! Positions of a valve's edges: signals between parts.
 
 use super::path::{clip, gathered};
 use super::second_order::follows;
@@ -6,7 +6,7 @@ use super::{Common, Given, Input, Own, OwnMut, Part, State};
 use crate::net::Net;
 use math::{Over, Real};
 
-/// What a valve's inputs are: what acts, what its play remembers, and what was commanded.
+/// The inputs of a valve: the acting command, the state of its play, and the given command.
 pub(crate) const ACTS: usize = 0;
 pub(crate) const REMEMBERED: usize = 1;
 pub(crate) const COMMANDED: usize = 2;

@@ -8,7 +8,7 @@ use physics::curve::Curve;
 /// Seconds: far below what any step resolves.
 const TOLERANCE: f64 = 1e-9;
 
-/// What a force is given over.
+/// The variable that a force depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Along {
     Position,
@@ -22,7 +22,7 @@ gathered! {
     /// event, so that no step misses one.
     pub struct TableForce {
         numbers {
-            /// How many points have passed.
+            /// Number of points passed.
             mode,
         }
         laws { curve: Curve }
@@ -96,7 +96,7 @@ impl<P: Real> Part<P> for TableForce<P> {
         usize::from(self.is_timed())
     }
 
-    /// How long it is to the next point.
+    /// Time to the next point.
     fn event(&self, _event: usize, _y: Own<P>, net: &Net<P>) -> P {
         let each = (0..self.curve.places().count()).rev().zip(self.curve.places().rev());
         each.fold(P::one(), |next, (k, place)| {

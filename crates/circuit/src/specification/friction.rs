@@ -1,4 +1,4 @@
-//! The friction of a drive or rig: a law with its parameters, and what acts on it.
+//! The friction of a drive or rig: a law with its parameters, and its modifiers.
 
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -21,7 +21,7 @@ pub struct SealPressure {
     pub breakaway_b: f64,
 }
 
-/// How friction grows with the age of the contact.
+/// Growth of friction with the age of the contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Growth {
@@ -37,7 +37,7 @@ pub enum Growth {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dwell {
-    /// Psi, how the increment grows with the age.
+    /// Psi, growth of the increment with the age.
     pub growth: Growth,
     /// Increment b0, N.
     pub increment_n: f64,
@@ -95,7 +95,7 @@ pub struct Temperature {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wear {
-    /// Share by which friction of a new seal is more, -.
+    /// Additional share of friction of a new seal, -.
     #[serde(default)]
     pub run_in: f64,
     /// Sliding distance of the run-in, m.
@@ -201,7 +201,7 @@ pub struct Bounds {
     pub at_most: Option<f64>,
 }
 
-/// A parameter of a law of one's own.
+/// A parameter of a custom law.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FormulaParameter {
@@ -212,27 +212,27 @@ pub struct FormulaParameter {
     /// The values that it may take, in the unit.
     #[serde(default)]
     pub bounds: Bounds,
-    /// Value where a description gives none, if there is one.
+    /// Default value, if there is one.
     #[serde(default)]
     pub default: Option<f64>,
-    /// What it is, in words.
+    /// Its meaning, in words.
     #[serde(default)]
     pub meaning: String,
 }
 
-/// An inner state of a law of one's own.
+/// An inner state of a custom law.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FormulaState {
-    /// What formulas call it.
+    /// Its name in formulas.
     pub key: String,
-    /// What a trajectory calls it.
+    /// Its name in a trajectory.
     pub name: String,
     /// Its unit in SI.
     pub unit: String,
     /// Absolute error scale, in the unit.
     pub scale: f64,
-    /// Where the rate keeps it, in the unit.
+    /// Bounds within which the rate keeps it, in the unit.
     #[serde(default)]
     pub bounds: Bounds,
     /// Formula of its derivative by time, in the unit per second.
@@ -254,11 +254,11 @@ pub struct FormulaLevels {
     pub viscous: Option<String>,
 }
 
-/// A friction law of one's own: see [`physics::friction::formula::Text`].
+/// A custom friction law: see [`physics::friction::formula::Text`].
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Formula {
-    /// What messages and tables call it.
+    /// Its name in messages and tables.
     pub name: String,
     /// Its name for people.
     #[serde(default)]
@@ -268,7 +268,7 @@ pub struct Formula {
     pub source: String,
     /// Its parameters, in their order.
     pub parameters: Vec<FormulaParameter>,
-    /// Which of them dependences act on.
+    /// Those that modifiers act on.
     #[serde(default)]
     pub levels: FormulaLevels,
     /// Its inner states, in their order.
@@ -282,7 +282,7 @@ pub struct Formula {
     /// Formula of the energy stored in the inner states, J.
     #[serde(default)]
     pub energy: Option<String>,
-    /// Formula of the rate at which the contact slips for good, m/s.
+    /// Formula of the rate of irreversible slip, m/s.
     #[serde(default)]
     pub slip: Option<String>,
     /// Formula of the force in steady sliding, N.
@@ -303,7 +303,7 @@ pub struct SlipElement {
     pub share: f64,
 }
 
-/// How the state of a contact of rate and state evolves.
+/// Evolution of the state of a rate-and-state contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Evolution {
@@ -313,7 +313,7 @@ pub enum Evolution {
     Slip,
 }
 
-/// A law with its parameters, and what acts on it.
+/// A law with its parameters and modifiers.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Friction {
@@ -321,16 +321,16 @@ pub struct Friction {
     pub law: String,
     /// Values in SI by the keys of its parameters.
     pub parameters: BTreeMap<String, f64>,
-    /// A law of one's own, by the name of `law`.
+    /// A custom law with the name `law`.
     #[serde(default)]
     pub formula: Option<Formula>,
     /// Absent: that of the exponent.
     #[serde(default)]
     pub stribeck_shape: Option<StribeckShape>,
-    /// Empty: those that the law makes of its stiffness.
+    /// Empty: the default elements of the law.
     #[serde(default)]
     pub elements: Vec<SlipElement>,
-    /// How the state of a law of rate and state evolves; absent: by ageing.
+    /// Evolution of the state of a rate-and-state law; absent: by ageing.
     #[serde(default)]
     pub evolution: Option<Evolution>,
     /// Dependence on the pressures in the chambers.
@@ -360,7 +360,7 @@ pub struct Friction {
 }
 
 impl Friction {
-    /// A law that nothing else acts on.
+    /// A law without modifiers.
     pub fn of(law: &str, parameters: BTreeMap<String, f64>) -> Self {
         Friction {
             law: law.into(),

@@ -231,7 +231,7 @@ fn what_a_force_cannot_be_is_refused() {
         ("size*x", "the formula gives J; N is needed"),
         ("size/x", "this divisor can be zero"),
         ("size*exp(x)", "exp needs a pure number, not m"),
-        ("size", "force is the same whatever happens: it is made of none of x, v, command"),
+        ("size", "force is constant: it uses none of x, v, command"),
         ("size*p_up", "the name 'p_up' is unknown"),
     ];
     for (output, expected) in asked {

@@ -38,6 +38,6 @@ fn values_out_of_bounds_are_refused_by_name_value_and_rule() {
             }
         }
         let message = told("friction_of_nothing", Some(1.0));
-        assert!(message.contains("friction.friction_of_nothing is no parameter"), "{message}");
+        assert!(message.contains("friction.friction_of_nothing is not a parameter"), "{message}");
     }
 }

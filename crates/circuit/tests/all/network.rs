@@ -293,7 +293,7 @@ fn what_cannot_be_joined_is_said() {
                           "numbers": { "conductance": 1e-8, "critical_pressure_ratio": 0.3 } });
     let tank = |name: &str| json!({ "name": name, "kind": "tank", "numbers": { "volume": 1e-3 } });
     let cases = [
-        (json!([fitting]), json!([["fitting.1", "ambient"]]), "port fitting.2 leads nowhere"),
+        (json!([fitting]), json!([["fitting.1", "ambient"]]), "port fitting.2 is not joined"),
         (
             json!([supply("a", 7e5), supply("b", 9e5), fitting]),
             json!([["a.1", "b.1", "fitting.1"], ["fitting.2", "ambient"]]),
@@ -307,7 +307,7 @@ fn what_cannot_be_joined_is_said() {
             "has no port \"3\"; it has 1, 2",
         ),
         (json!([fitting]), json!([["hose.3", "ambient"]]), "there is no such component"),
-        (json!([fitting]), json!([["fitting.1", "fitting.1"], ["fitting.2"]]), "stands in two joints"),
+        (json!([fitting]), json!([["fitting.1", "fitting.1"], ["fitting.2"]]), "occurs twice in the joints"),
         (json!([tank("one"), tank("one")]), json!([]), "the name one is taken"),
         (json!([{ "name": "x", "kind": "hose" }]), json!([]), "there is no kind \"hose\""),
         (json!([{ "name": "x", "kind": "tank" }]), json!([["x.1"]]), "x.volume is missing"),

@@ -130,7 +130,7 @@ fn a_member_of_other_parts_is_analysed_by_itself() {
     assert!(refused(&[-1.0, 2.0], &mut members).contains("left.bore = -1 m is out of bounds"));
     assert!(refused(&[0.02], &mut members).contains("1 values for 2 numbers"));
     let unknown = |name: &str| network.members(&json, &[name.into()]).expect_err("none").to_string();
-    assert!(unknown("right.bore").contains("is of no component"));
+    assert!(unknown("right.bore").contains("belongs to no component"));
     assert!(unknown("left.weight").contains("no parameter \"weight\"; it has bore"));
     assert!(unknown("hose.heat_transfer").contains("follows laminar flow"));
 }
@@ -182,7 +182,7 @@ fn a_run_is_differentiated_by_numbers_of_components() {
     let refused = |name: &str| shot(&with(&[]), &[name]).err().map(|e| e.to_string()).unwrap_or_default();
     assert!(refused("valve.delay").contains("has no derivative by it"), "{}", refused("valve.delay"));
     assert!(refused("hose.cells").contains("has no derivative by it"));
-    assert!(refused("gas.gas_constant_j_kg_k").contains("the gas cannot be free"));
+    assert!(refused("gas.gas_constant_j_kg_k").contains("is a number of the gas and cannot be free"));
 }
 
 #[test]

@@ -39,7 +39,7 @@ fn each_message_says_what_and_why() {
             "stribeck",
             "relaxation",
             relaxation.clone(),
-            "law \"stribeck\" has not; choose one of lugre, elasto-plastic",
+            "law \"stribeck\" has none; choose one of lugre, elasto-plastic",
         ),
         (
             "lugre",
@@ -58,7 +58,7 @@ fn each_message_says_what_and_why() {
         ("lugre", "dwell", dwell(json!({ "exponent": 2.5 })), "friction.dwell.exponent = 2.5"),
         ("lugre", "dwell", dwell(json!({ "distance_m": 0.0 })), "friction.dwell.distance = 0 m"),
         ("lugre", "dwell", dwell(json!({ "distance": 1.0 })), "unknown field `distance`"),
-        ("coulomb", "position", json!({}), "friction.breakaway is no parameter of \"coulomb\""),
+        ("coulomb", "position", json!({}), "friction.breakaway is not a parameter of \"coulomb\""),
         ("stribeck", "position", json!({ "harmonics": [wave(0.6), wave(-0.4)] }), "add up to 1"),
         ("stribeck", "position", json!({ "harmonics": vec![wave(0.1); 5] }), "at most 4"),
         (

@@ -322,10 +322,13 @@ fn what_cannot_be_free_is_refused() {
     let json = case_a().to_string();
     let drive = Drive::assemble(&serde_json::from_str(&json).expect("fits"), false).expect("assembles");
     for (path, message) in [
-        ("cylinder.bor_m", "\"cylinder.bor_m\" is no number of this description; it has ambient.pressure_pa"),
-        ("cylinder.kind", "\"cylinder.kind\" is no number of this description"),
-        ("friction.parameters.stiffness", "friction.stiffness is no parameter of \"lugre\""),
-        ("gas.gas_constant_j_kg_k", "the gas cannot be free"),
+        (
+            "cylinder.bor_m",
+            "\"cylinder.bor_m\" is not a number of this description; it has ambient.pressure_pa",
+        ),
+        ("cylinder.kind", "\"cylinder.kind\" is not a number of this description"),
+        ("friction.parameters.stiffness", "friction.stiffness is not a parameter of \"lugre\""),
+        ("gas.gas_constant_j_kg_k", "is a number of the gas and cannot be free"),
     ] {
         let asked = asked(0.1, &[0.0], &[path], false);
         let refused = drive.shoot(&json, &asked, &mut |_| false).expect_err("refused").to_string();

@@ -445,7 +445,7 @@ fn a_flow_table_is_the_only_word_on_the_edges() {
     for (found, said) in [
         (
             message(json!({ "conductance": 1e-8 }), good.clone()),
-            "v.conductance is given, and v.flow_table says it",
+            "v.conductance and v.flow_table both set this value",
         ),
         (message(json!({ "overlap": 0.1 }), good.clone()), "v.overlap is given"),
         (message(json!({}), shut), "v.flow_table opens no edge"),

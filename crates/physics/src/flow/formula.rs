@@ -5,7 +5,7 @@ use crate::written::{Formula, Given, OwnFormula, Role};
 use math::{Lane, Over, Real};
 
 const PRESSURE: Given = Given { name: "", unit: "Pa", bounds: above(0.0), meaning: "" };
-/// What a formula of a mass flow is made of.
+/// Output and variables of a formula of a mass flow.
 pub const MASS_FLOW: Role = Role {
     output: ("mass_flow", "kg/s"),
     variables: &[
@@ -16,7 +16,7 @@ pub const MASS_FLOW: Role = Role {
             name: "opening",
             unit: "1",
             bounds: within(0.0, 1.0),
-            meaning: "share that a command opens; a formula with it makes a component with a command",
+            meaning: "open share, 0 to 1; a formula that uses it makes a component with a command",
         },
     ],
     constants: &[
@@ -43,12 +43,12 @@ pub const MASS_FLOW: Role = Role {
 };
 const N: usize = 4;
 
-/// Where a formula is looked at: pressures, Pa, ratios p_down/p_up, temperatures, K, openings.
+/// Where a formula is checked: pressures, Pa, ratios p_down/p_up, temperatures, K, openings.
 const PRESSURES: [f64; 4] = [2e4, 1e5, 7e5, 2e6];
 const RATIOS: [f64; 7] = [1e-3, 0.2, 0.5, 0.8, 0.98, 0.9999, 1.0];
 const TEMPERATURES: [f64; 3] = [200.0, 293.15, 400.0];
 const OPENINGS: [f64; 4] = [0.0, 1e-3, 0.5, 1.0];
-/// Flow at equal pressures over flow at half the pressure that is rounding.
+/// Flow at equal pressures that counts as rounding, share of the flow at half the pressure.
 const ROUNDING: f64 = 1e-9;
 
 /// A flow path whose mass flow is a formula of a user:
@@ -60,7 +60,7 @@ const ROUNDING: f64 = 1e-9;
 pub struct FlowFormula<P> {
     /// m_dot, with the values of its parameters and of the gas.
     pub formula: Formula<P>,
-    /// Nothing flows from end 2 to end 1.
+    /// No flow from end 2 to end 1.
     pub one_way: bool,
 }
 
@@ -83,7 +83,7 @@ impl<P: Real> FlowFormula<P> {
 }
 
 impl FlowFormula<f64> {
-    /// Refuses values with which it cannot be used; the message says where.
+    /// Refuses invalid values of the formula; the message says where.
     pub fn examine(&self) -> Result<(), String> {
         let own = self.formula.own;
         for p_up in PRESSURES {

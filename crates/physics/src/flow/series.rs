@@ -1,6 +1,6 @@
 use math::Real;
 
-/// Least critical pressure ratio that the rule takes.
+/// Least critical pressure ratio of the rule.
 const LEAST_RATIO: f64 = 1e-3;
 
 /// Sonic conductance and critical pressure ratio of two paths in series, the first upstream:

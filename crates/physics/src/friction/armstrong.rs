@@ -54,7 +54,7 @@ impl Described for Armstrong<f64> {
 }
 
 impl<P: Real> Armstrong<P> {
-    /// E/(Fs - Fc): the share of static friction that is there.
+    /// E/(Fs - Fc): the present share of static friction.
     #[inline(always)]
     fn rested<S: Over<P>>(&self, z: &[S]) -> S {
         let gamma = S::from(self.recovery_time);

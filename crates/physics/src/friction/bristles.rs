@@ -1,4 +1,4 @@
-//! What the laws of elastic bristles share: the fade of their damping and the conditions of passivity.
+//! Common parts of the laws of elastic bristles: the fade of their damping and the conditions of passivity.
 
 use super::{InnerState, Levels};
 use math::{Over, Real};
@@ -67,7 +67,7 @@ pub(super) fn damping<P: Real, S: Over<P>>(v: S, sigma_1: P, fade_velocity: P, f
     }
 }
 
-/// What decides whether bristles can give more energy than they took.
+/// Conditions under which bristles cannot produce energy.
 ///
 /// Passive where Fv >= sigma1 (Fs - Fc)/Fc, or with a fade where sigma1 vd/sqrt(2 e) <= 4 Fc. The
 /// conditions are those of LuGre [barabanov2000]; an elasto-plastic law meets them too, as it differs only

@@ -4,7 +4,7 @@ use super::{
 };
 use math::{Lane, Over, Real};
 
-/// What acts on a friction law beside seal lips; each on its own, with any law that allows it.
+/// Friction modifiers beside seal lips; each by itself, with any law that allows it.
 ///
 /// The levels Fc and Fs of the law pass through: seal lips, position, direction, temperature, wear (these are
 /// what the seals give), then the guide's side load, then the age of the contact.
@@ -27,7 +27,7 @@ pub struct Composition<P> {
 }
 
 impl<P> Composition<P> {
-    /// Nothing: the law as it is.
+    /// No modifiers: the law alone.
     pub const NONE: Self = Composition {
         position: None,
         direction: None,
@@ -49,17 +49,17 @@ impl<P> Composition<P> {
     }
 }
 
-/// The friction of a moving mass: a law and all that it depends on. Its inner states are those of the law,
+/// The friction of a moving mass: a law and its modifiers. Its inner states are those of the law,
 /// then the relaxed deflection, the age of the contact, its warming, the distance slid.
 #[derive(Clone, Debug)]
 pub struct Contact<P> {
-    /// What gives the force.
+    /// The law that gives the force.
     pub law: AnyLaw<P>,
     /// Dependence on the pressures in the chambers.
     pub seal_lips: Option<SealLips<P>>,
-    /// Boxed, as most have none.
+    /// Boxed, because most contacts have none.
     pub composition: Option<Box<Composition<P>>>,
-    /// One of the usual laws without a composition: evaluated in line, see [`Contact::usual_force`].
+    /// One of the usual laws without modifiers: evaluated in line, see [`Contact::usual_force`].
     usual: bool,
 }
 
@@ -70,13 +70,13 @@ impl<P: Real> From<AnyLaw<P>> for Contact<P> {
 }
 
 impl<P: Real> Contact<P> {
-    /// The law with `seal_lips` and a composition.
+    /// The law with `seal_lips` and modifiers.
     pub fn new(law: AnyLaw<P>, seal_lips: Option<SealLips<P>>, composition: Composition<P>) -> Self {
         let composition = (!composition.is_none()).then(|| Box::new(composition));
         Contact { usual: composition.is_none() && law.is_usual(), law, seal_lips, composition }
     }
 
-    /// Whether the law is evaluated in line: it is one of the usual ones, and nothing acts on it but seal lips.
+    /// Whether the law is evaluated in line: it is one of the usual ones, with seal lips only.
     #[inline(always)]
     pub fn is_usual(&self) -> bool {
         self.usual
@@ -115,7 +115,7 @@ impl<R: Lane> Contact<R> {
     }
 }
 
-/// Names of the inner states of what acts on a law, whichever law it is.
+/// Names of the inner states of modifiers, for any law.
 pub const COMPOSITION_STATES: [&str; 4] =
     [relaxation::STATE.name, dwell::STATE, temperature::STATE.name, wear::STATE.name];
 
@@ -136,7 +136,7 @@ impl<P: Real> Contact<P> {
         self.composition.as_ref()?.wear.as_ref()
     }
 
-    /// Where age, warming and distance slid are among the inner states, each if it is there.
+    /// Places of age, warming and distance slid among the inner states, if present.
     #[inline(always)]
     fn places(&self) -> [usize; 3] {
         let age = self.law.states().len() + usize::from(self.relaxation().is_some());
@@ -168,12 +168,12 @@ impl<P: Real> Contact<P> {
         self.law.inertia()
     }
 
-    /// Which inner state is the age of the contact.
+    /// Index of the inner state that is the age of the contact.
     pub fn age_index(&self) -> Option<usize> {
         self.dwell().map(|_| self.places()[0])
     }
 
-    /// Keys in references.bib of the law and what acts on it.
+    /// Keys in references.bib of the law and its modifiers.
     pub fn sources(&self) -> Vec<&'static str> {
         let mut sources: Vec<&str> =
             Some(self.law.meta().source).filter(|key| !key.is_empty()).into_iter().collect();
@@ -226,7 +226,7 @@ impl<P: Real> Contact<P> {
         force
     }
 
-    /// What the age of the contact adds to Fc and Fs, N.
+    /// Force that the age of the contact adds to Fc and Fs, N.
     #[inline(always)]
     fn increment<S: Over<P>>(&self, at: &At<S>, inner: &[S]) -> S {
         match (self.dwell(), inner.get(self.places()[0])) {
@@ -235,7 +235,7 @@ impl<P: Real> Contact<P> {
         }
     }
 
-    /// Fc and Fs with all that acts on them.
+    /// Fc and Fs with all modifiers.
     pub fn levels<S: Over<P>>(&self, at: &At<S>, inner: &[S], mode: P) -> Levels<S> {
         self.levels_but_age(at, inner, mode).plus(self.increment(at, inner))
     }
@@ -271,7 +271,7 @@ impl<P: Real> Contact<P> {
         self.law.event(at, &self.levels(at, inner, mode), own, mode)
     }
 
-    /// The mode of a mass that is set going at this velocity with these inner states.
+    /// The mode of a mass that starts at this velocity with these inner states.
     pub fn first_mode(&self, at: &At<P>, inner: &[P]) -> P {
         let way = P::select(at.v.lt(P::zero()), -P::one(), P::one());
         let levels = self.levels(at, inner, way);
@@ -322,7 +322,7 @@ impl<P: Real> Contact<P> {
 }
 
 impl Contact<f64> {
-    /// What the user should know about this friction, with gauge pressures between zero and `gauge` Pa in
+    /// Warnings about this friction, with gauge pressures between zero and `gauge` Pa in
     /// either chamber and positions between 0 and `stroke` m.
     pub fn warnings(&self, gauge: f64, stroke: f64) -> Vec<String> {
         let pressed = self.seal_lips.is_some() || self.dwell().is_some();

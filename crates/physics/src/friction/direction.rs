@@ -2,7 +2,7 @@ use super::{At, Levels, dry};
 use crate::parameter::above;
 use math::{Over, Real};
 
-/// What shows the direction of a contact.
+/// Quantity that shows the direction of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sense {
     /// The sign of v: of a law that slips by |v| times a function, so that nothing jumps with it.
@@ -29,7 +29,7 @@ crate::parameters! {
         /// Factor for v < 0
         negative: "-", above(0.0), default 1.0;
     } with {
-        /// What shows the direction of the law
+        /// Quantity that shows the direction of the law
         sense: Sense,
     }
 }

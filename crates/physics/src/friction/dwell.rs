@@ -2,7 +2,7 @@ use super::{At, InnerState};
 use crate::parameter::{above, any, at_least, between};
 use math::{Lane, Over, Real};
 
-/// How friction grows with the age phi of the contact.
+/// Growth of friction with the age phi of the contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Growth {
     /// 1 - exp(-(phi/tau)^m): bounded. Source: [kato1972].
@@ -53,17 +53,17 @@ impl Growth {
 /// changes the level by less than 2e-5 of the increment for exponents from 0.4.
 const SMALLEST_RATIO: f64 = 1e-12;
 
-/// The speed, m/s, up to which the age of sliding is resolved so well that the level is.
+/// The speed, m/s, up to which the age of sliding is resolved accurately enough for the level.
 const FAST: f64 = 1.0;
 
-/// The longest stop that warnings think of, s: a day.
+/// The longest stop that warnings consider, s: a day.
 pub(super) const LONGEST_STOP: f64 = 86_400.0;
 
-/// What bristles may still lack of their limit when the contact breaks away, as a share of the increment: the
+/// Largest gap between bristles and their limit at breakaway, share of the increment: the
 /// peak loses less than this of it. Assumed; a smaller one makes flatter peaks.
 const LACKING: f64 = 0.04;
 
-/// The least of that, as a share of the limit: so that small increments do not make a kink.
+/// The least such gap, share of the limit, so that small increments do not make a kink.
 const LEAST_LACKING: f64 = 1.5e-3;
 
 /// Sliding slower than this, m/s, ages like this: a contact of a million years.
@@ -97,7 +97,7 @@ crate::parameters! {
         /// Share b_b by which the increment grows with the gauge pressure in chamber b
         pressure_b: "1/Pa", any(), default 0.0;
     } with {
-        /// Psi, how the increment grows with phi
+        /// Psi, growth of the increment with phi
         growth: Growth,
         /// Absolute error scale of phi, s
         scale: f64,

@@ -25,7 +25,7 @@ bristle_parameters! {
 }
 
 impl<P: Real> ElastoPlastic<P> {
-    /// alpha: which share of a motion is slip, for bristles deflected to the share `q` of their limit.
+    /// alpha: share of the motion that is slip, for bristles deflected to the share `q` of their limit.
     #[inline(always)]
     fn plastic_share<S: Over<P>>(&self, v: S, z: S, q: S) -> S {
         let begin = S::from(self.breakaway_share);

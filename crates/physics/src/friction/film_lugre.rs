@@ -35,7 +35,7 @@ bristle_parameters! {
     /// elsewhere h <= 1 - Fc/Fs. Passive under the conditions of LuGre, as g lies between Fc and Fs.
     /// Source: [tran2013]; of it the abstract could be read, not the tables of values.
     pub struct FilmLuGre {
-        /// Velocity vb from which on the film is at its greatest
+        /// Velocity vb above which the film is thickest
         film_velocity: "m/s", above(0.0);
         /// Time constant tau_p of a film that grows
         film_growth_time: "s", above(0.0);

@@ -1,4 +1,4 @@
-//! A law of the user's own: formulas, checked and run by an interpreter.
+//! A custom law: formulas, checked and run by an interpreter.
 
 mod compile;
 mod examine;
@@ -13,21 +13,21 @@ use std::sync::Mutex;
 
 pub use text::{ParameterText, Problem, Refusal, StateText, Text};
 
-/// The most inner states of a law of one's own.
+/// The most inner states of a custom law.
 pub const MOST_STATES: usize = 8;
 
-/// What a formula can be evaluated from, in the order of a graph's inputs; then the states, then their rates.
+/// Variables of a formula, in the order of a graph's inputs; then the states, then their rates.
 const VARIABLES: [(&str, &str); 4] = [("v", "m/s"), ("x", "m"), ("pressure_a", "Pa"), ("pressure_b", "Pa")];
 const LEVELS: [(&str, &str); 3] = [("coulomb", "N"), ("breakaway", "N"), ("viscous", "N s/m")];
 const FIRST_STATE: usize = VARIABLES.len() + LEVELS.len();
 
-/// A law that has been checked; what is the same for every set of its parameters. Each text is compiled once
+/// A checked law: the part common to all sets of its parameters. Each text is compiled once
 /// and kept for the life of the process, so that names and tables are as static as those of other laws.
 #[derive(Debug)]
 pub struct OwnLaw {
     /// Its entry, as those of the registry.
     pub meta: Meta,
-    /// What the author should know.
+    /// Warnings to the author.
     pub warnings: Vec<String>,
     graph: Graph,
     /// Force, then the rates of the inner states.
@@ -35,22 +35,22 @@ pub struct OwnLaw {
     energy: Option<Program>,
     slip: Program,
     steady: Option<Program>,
-    /// Which parameter each level of [`LEVELS`] is.
+    /// Index of the parameter for each level of [`LEVELS`].
     levels: [Option<usize>; 3],
-    /// What formulas call the states, and where the states stay.
+    /// Names of the states in formulas, and their bounds.
     keys: Vec<&'static str>,
     kept: Vec<Bounds>,
-    /// The values that were found good last: a fit asks again and again.
+    /// The values that passed the checks last: a fit repeats them often.
     good: Mutex<Vec<f64>>,
 }
 
-/// A law of the user's own with values for its parameters.
+/// A custom law with values for its parameters.
 ///
 /// What is made of parameters alone is computed ahead, in the scalar of the parameters; the rest runs as a
-/// [`Program`] over the scalar of the states. A text sticks to what it says: no mode, no events.
+/// [`Program`] over the scalar of the states. A custom law has no mode and no events.
 #[derive(Clone, Debug)]
 pub struct Formula<P> {
-    /// What all sets of parameters share.
+    /// The part common to all sets of parameters.
     pub law: &'static OwnLaw,
     parameters: Vec<P>,
     motion: Vec<P>,
@@ -60,7 +60,7 @@ pub struct Formula<P> {
 }
 
 impl OwnLaw {
-    /// Whether dependences have something to act on.
+    /// Whether modifiers have a level to act on.
     pub fn has_levels(&self) -> bool {
         self.levels[0].is_some()
     }
@@ -147,7 +147,7 @@ impl<P: Real> Formula<P> {
         force * v - self.stored_in(|p| Dual::from(S::from(p)), &along).eps[0]
     }
 
-    /// Steady sliding at `at`, N; position and pressures count where the law names them.
+    /// Steady sliding at `at`, N; for laws that depend on position and pressures, at these.
     pub fn steady<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>) -> S {
         match &self.law.steady {
             Some(steady) => {

@@ -31,7 +31,7 @@ fn way<P: Real>(mode: P) -> P {
     P::select(dry::is_stick(mode), P::zero(), P::select(mode.lt(P::zero()), -P::one(), P::one()))
 }
 
-/// Whether a mode is that of leaving.
+/// Whether the mode is that of leaving stick.
 fn is_leaving<P: Real>(mode: P) -> P::Mask {
     P::c(0.5 * (1.0 + LEAVING)).lt(mode.abs())
 }

@@ -4,7 +4,7 @@ use crate::Parameter;
 use crate::parameter::{above, at_least};
 use math::{Lane, Over, Real};
 
-/// Elements where a description lists none.
+/// Number of elements by default.
 const USUAL_ELEMENTS: usize = 4;
 
 /// The most and the fewest elements of a description.
@@ -64,7 +64,7 @@ impl Element<f64> {
 }
 
 stribeck_parameters! {
-    /// The numbers of [`MaxwellSlip`] that all its elements share.
+    /// Parameters of [`MaxwellSlip`] shared by all its elements.
     pub struct Common {
         /// Stiffness sigma0 of all elements together; where elements are listed, it is theirs
         bristle_stiffness: "N/m", at_least(f64::MIN_POSITIVE), default f64::INFINITY;
@@ -101,7 +101,7 @@ stribeck_parameters! {
 /// Always passive, as w_i has the sign of z_i. Sources: [albender2005], [lampaert2003].
 #[derive(Clone, Debug)]
 pub struct MaxwellSlip<P> {
-    /// What all elements share.
+    /// Parameters shared by all elements.
     pub common: Common<P>,
     /// In the order in which they slip.
     pub elements: Vec<Element<P>>,

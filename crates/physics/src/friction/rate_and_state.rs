@@ -3,7 +3,7 @@ use super::{At, Choices, Claims, Described, InnerState, Law, Levels, Sense};
 use crate::parameter::{above, at_least, between};
 use math::{Over, Real};
 
-/// How the state of the contact evolves.
+/// Evolution of the state of the contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Evolution {
     /// dtheta/dt = 1 - |w| theta/L: the contact ages with time, also at rest. Source: [dieterich1979].
@@ -75,10 +75,10 @@ crate::parameters! {
         bristle_stiffness: "N/m", above(0.0);
         /// Viscous coefficient Fv
         viscous: "N s/m", at_least(0.0), default 0.0;
-        /// Velocity vc that slip stays below
+        /// Velocity vc, upper limit of slip
         slip_velocity: "m/s", above(0.0), default 1000.0;
     } with {
-        /// How the inner state of the contact evolves
+        /// Evolution of the inner state of the contact
         evolution: Evolution,
     }
 }
@@ -102,7 +102,7 @@ impl Described for RateAndState<f64> {
 }
 
 impl<P: Real> RateAndState<P> {
-    /// D, m: the distance that renews the contact, not less than what it gives way elastically in either direction.
+    /// D, m: the distance that renews the contact, not less than its elastic deflection.
     fn renewal<S: Over<P>>(&self, levels: &Levels<S>) -> S {
         let largest = levels.coulomb + levels.lean[0].abs();
         (S::from(self.evolution_effect / self.bristle_stiffness) * largest).max(S::from(self.distance))

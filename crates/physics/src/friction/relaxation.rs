@@ -7,7 +7,7 @@ crate::parameters! {
     /// solid, a spring sigma0 (1 - rho) beside a spring sigma0 rho in series with a dashpot. On laws of
     /// bristles, with z the deflection, d that of the dashpot and w = v - dz/dt the slip rate of the law:
     ///
-    ///   s = z - rho d                              what the law sees in place of z
+    ///   s = z - rho d                              takes the place of z in the law
     ///   dd/dt = (z - d)/tau - d |w| / L            the dashpot follows; slip renews bristles
     ///   dz/dt = v - w - A                          A: the deflection that leaves with renewed dashpots
     ///   A = rho max(0, d |w|/L - max(0, (z - d)/tau))        for d > 0, mirrored for d < 0
@@ -31,7 +31,7 @@ crate::parameters! {
 pub(super) const STATE: InnerState = InnerState { name: "relaxed_deflection_m", unit: "m", scale: 1e-3 };
 
 impl<P: Real> Relaxation<P> {
-    /// s, what the law sees in place of z.
+    /// s, takes the place of z in the law.
     #[inline(always)]
     pub(super) fn seen<S: Over<P>>(&self, z: S, d: S) -> S {
         z - S::from(self.share) * d
@@ -48,7 +48,7 @@ impl<P: Real> Relaxation<P> {
         [law_rate - S::from(self.share) * leaving, yielding - renewal]
     }
 
-    /// A weighted sum of what the law says of the deflections z and z - d.
+    /// A weighted sum of a function of the law at the deflections z and z - d.
     pub(super) fn mixed<S: Over<P>>(&self, of_all: S, of_springs: S) -> S {
         let share = S::from(self.share);
         (S::one() - share) * of_all + share * of_springs

@@ -5,7 +5,7 @@ use math::{Over, Real};
 /// infinite: it changes the weight by less than 1e-6 for exponents from 0.5.
 const SMALLEST_RATIO: f64 = 1e-12;
 
-/// How the excess of breakaway over Coulomb force falls with the velocity.
+/// Fall of the excess of breakaway over Coulomb force with the velocity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// exp(-(v/vs)^2): a square instead of a power.
@@ -17,13 +17,13 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// The shape that a description chose, or that of its exponent.
+    /// The shape that a description chooses, or that of its exponent.
     pub(super) fn of(choices: &Choices, exponent: f64) -> Self {
         choices.shape.unwrap_or(if exponent == 2.0 { Shape::Gaussian } else { Shape::Power })
     }
 }
 
-/// How much of Fs - Fc is left at velocity `v`.
+/// Share of Fs - Fc that is left at velocity `v`.
 #[inline(always)]
 pub fn weight<P: Real, S: Over<P>>(v: S, vs: P, exponent: P, shape: Shape) -> S {
     let ratio = v * S::from(P::one() / vs);

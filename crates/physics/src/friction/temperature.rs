@@ -2,7 +2,7 @@ use super::{FLOOR, InnerState, Levels};
 use crate::parameter::{above, any, at_least};
 use math::{Over, Real};
 
-/// The greatest rise above ambient, K, that warnings think of. Assumed.
+/// The greatest rise above ambient, K, that warnings consider. Assumed.
 pub(super) const HOTTEST: f64 = 60.0;
 
 crate::parameters! {
@@ -35,7 +35,7 @@ crate::parameters! {
 pub(super) const STATE: InnerState = InnerState { name: "contact_warming_k", unit: "K", scale: 10.0 };
 
 impl<P: Real> Heating<P> {
-    /// The levels of a contact that is this much warmer than its surroundings, K.
+    /// The levels of a contact at this rise above its surroundings, K.
     #[inline(always)]
     pub fn apply<S: Over<P>>(&self, base: &Levels<S>, warming: S) -> Levels<S> {
         let above = S::from(self.ambient - self.reference) + warming;

@@ -2,7 +2,7 @@ use super::{FLOOR, InnerState, Levels};
 use crate::parameter::{above, any, at_least};
 use math::{Over, Real};
 
-/// The longest way from the start, m, that warnings think of: a hundred kilometres. Assumed.
+/// The longest way from the start, m, that warnings consider: a hundred kilometres. Assumed.
 pub(super) const FARTHEST: f64 = 1e5;
 
 crate::parameters! {
@@ -13,7 +13,7 @@ crate::parameters! {
     /// never less than a hundredth; s is the way that the contact has slid for good, w its plastic slip rate. The
     /// parameters of the law are those of a seal that has run in and not worn. Source: [assumed].
     pub struct Wear {
-        /// Share a that a new seal has more
+        /// Additional share a of friction of a new seal
         run_in: "-", above(-1.0), default 0.0;
         /// Sliding distance s0 of the run-in
         run_in_distance: "m", above(0.0), default 1000.0;

@@ -60,7 +60,7 @@ impl<P: Real> Virial<P> {
         (p * (S::one() + warmer / ideal) * (S::one() + second * density), t, h)
     }
 
-    /// How much of the pressure of the ideal gas the coefficient takes off, about: its law is good while that is little.
+    /// Approximate share of the ideal pressure that the coefficient subtracts: the law is valid while it is small.
     pub fn off(&self, gas: &IdealGas<P>, p: P, t: P) -> P {
         P::one() - P::one() / self.denser(gas, p, t)
     }

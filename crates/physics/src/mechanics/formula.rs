@@ -2,7 +2,7 @@ use crate::parameter::{any, within};
 use crate::written::{Formula, Given, OwnFormula, Role};
 use math::{Lane, Over, Real};
 
-/// What a formula of a force is made of.
+/// Output and variables of a formula of a force.
 pub const FORCE: Role = Role {
     output: ("force", "N"),
     variables: &[
@@ -12,13 +12,13 @@ pub const FORCE: Role = Role {
             name: "command",
             unit: "1",
             bounds: within(-1.0, 1.0),
-            meaning: "what is commanded; a formula with it makes a component with a command",
+            meaning: "the command, -1 to 1; a formula that uses it makes a component with a command",
         },
     ],
     constants: &[],
 };
 
-/// Where a formula is looked at: positions, m, velocities, m/s, commands.
+/// Where a formula is checked: positions, m, velocities, m/s, commands.
 const POSITIONS: [f64; 9] = [0.0, 1e-3, -1e-3, 0.02, -0.02, 0.2, -0.2, 1.0, -1.0];
 const VELOCITIES: [f64; 7] = [0.0, 1e-3, -1e-3, 0.1, -0.1, 5.0, -5.0];
 const COMMANDS: [f64; 3] = [0.0, 1.0, -1.0];
@@ -27,7 +27,7 @@ const COMMANDS: [f64; 3] = [0.0, 1.0, -1.0];
 const SLOWEST: f64 = 1e-10;
 const SLOW: f64 = 1e-3;
 const JUMP: f64 = 0.1;
-/// A jump below this is none, N.
+/// Least jump that counts, N.
 const NO_JUMP: f64 = 1e-9;
 
 /// A force on a mass that is a formula of a user, in +x: F = f(x, v, command), N.
@@ -52,7 +52,7 @@ impl<P: Real> ForceFormula<P> {
 }
 
 impl ForceFormula<f64> {
-    /// Refuses values with which it cannot be used; the message says where.
+    /// Refuses invalid values of the formula; the message says where.
     pub fn examine(&self) -> Result<(), String> {
         for x in POSITIONS {
             for command in COMMANDS {

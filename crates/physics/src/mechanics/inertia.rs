@@ -4,7 +4,7 @@ use math::{Lane, Over, Real};
 /// Share of l^2 that l^2 - s^2 keeps at least: a toggle of almost folded links stays finite.
 const FOLDED: f64 = 1e-3;
 
-/// What moves with an axis by a ratio that depends on its position: a mass m(x) beside its own,
+/// A mass coupled to an axis by a ratio that depends on its position: a mass m(x) beside its own,
 ///
 ///   (M + m(x)) x'' + m'(x) x'^2/2 = F                                  [N]
 ///

@@ -1,4 +1,4 @@
-//! One formula of a user as a law: what it gives, of what.
+//! A user's formula for a component: its output and variables.
 
 use super::{Compiled, Known, ParameterText, Reader, check_names, dimension, leak, leaked, of_whole, range};
 use crate::parameter::{Bounds, Parameter};
@@ -6,34 +6,34 @@ use ::formula::{Graph, Program};
 use math::{Lane, Over, Real};
 use std::fmt::Write;
 
-/// A name that a formula finds there.
+/// A name that a formula can use.
 #[derive(Clone, Copy, Debug)]
 pub struct Given {
     /// Its name in formulas.
     pub name: &'static str,
     /// Its unit in SI; `1` for a pure number.
     pub unit: &'static str,
-    /// The values that a formula is made for.
+    /// The range of its values.
     pub bounds: Bounds,
     /// What it is, in words.
     pub meaning: &'static str,
 }
 
-/// What formulas of one sort give, and of what.
+/// Output and variables of one kind of formula.
 #[derive(Debug)]
 pub struct Role {
-    /// What it gives, and its unit.
+    /// Name and unit of the output.
     pub output: (&'static str, &'static str),
-    /// What changes from one evaluation to the next.
+    /// Variables of an evaluation.
     pub variables: &'static [Given],
     /// Numbers of the circuit.
     pub constants: &'static [Given],
 }
 
-/// A formula as its author writes it.
+/// A formula as written by its author.
 #[derive(Clone, Debug, Default)]
 pub struct Text {
-    /// What messages and tables call it.
+    /// Its name in messages and tables.
     pub name: String,
     /// Its name for people.
     pub title: String,
@@ -47,10 +47,10 @@ pub struct Text {
     pub output: String,
 }
 
-/// A formula that has been checked: what is the same for every set of its parameters. It stays until the process ends.
+/// A checked formula: the part common to all sets of its parameters. It stays until the process ends.
 #[derive(Debug)]
 pub struct OwnFormula {
-    /// What messages and tables call it.
+    /// Its name in messages and tables.
     pub name: &'static str,
     /// Its name for people.
     pub title: &'static str,
@@ -58,11 +58,11 @@ pub struct OwnFormula {
     pub source: &'static str,
     /// In the order in which it takes their values.
     pub parameters: &'static [Parameter],
-    /// What the author should know.
+    /// Warnings to the author.
     pub warnings: Vec<String>,
-    /// What it gives, of what.
+    /// Output and variables.
     pub role: &'static Role,
-    /// Which of the variables of its role it is made of.
+    /// Which variables of its role it uses.
     pub uses: Vec<bool>,
     graph: Graph,
     program: Program,
@@ -71,12 +71,12 @@ pub struct OwnFormula {
 static KNOWN: Known<OwnFormula> = Known::new();
 
 impl OwnFormula {
-    /// The formula that `text` describes, compiled where it is not known yet.
+    /// The formula that `text` describes, compiled at first use.
     pub fn of(role: &'static Role, text: &Text) -> Compiled<&'static OwnFormula> {
         KNOWN.get(format!("{} {text:?}", role.output.0), || compile(role, text))
     }
 
-    /// Whether it is made of a variable.
+    /// Whether it uses a variable.
     pub fn uses(&self, variable: &str) -> bool {
         self.role.variables.iter().zip(&self.uses).any(|(own, used)| own.name == variable && *used)
     }
@@ -103,7 +103,7 @@ fn compile(role: &'static Role, text: &Text) -> Compiled<OwnFormula> {
     let uses: Vec<bool> = variables.iter().map(|id| reached.contains(id)).collect();
     if uses.iter().all(|used| !used) {
         let names: Vec<&str> = role.variables.iter().map(|given| given.name).collect();
-        let what = format!("{key} is the same whatever happens: it is made of none of {}", names.join(", "));
+        let what = format!("{key} is constant: it uses none of {}", names.join(", "));
         return Err(of_whole(key, &text.output, what));
     }
     Ok(OwnFormula {
@@ -121,11 +121,11 @@ fn compile(role: &'static Role, text: &Text) -> Compiled<OwnFormula> {
 
 /// A formula with values of its parameters and of the constants of its role.
 ///
-/// What is made of these alone is computed ahead, in their scalar; the rest runs as a program over the scalar of the
+/// Terms of these alone are computed in advance, in their scalar; the rest runs as a program over the scalar of the
 /// variables.
 #[derive(Clone, Debug)]
 pub struct Formula<P> {
-    /// What is the same for every set of its parameters.
+    /// The part common to all sets of its parameters.
     pub own: &'static OwnFormula,
     values: Vec<P>,
     constants: Vec<P>,
@@ -137,7 +137,7 @@ impl<P: Real> Formula<P> {
         Formula { own, constants: own.program.own(&own.graph.constants(&values)), values }
     }
 
-    /// The value, of the variables of its role.
+    /// Its value for given variables.
     #[inline]
     pub fn value<S: Over<P>>(&self, variable: impl Fn(usize) -> S) -> S {
         let mut out = [S::zero()];
@@ -147,7 +147,7 @@ impl<P: Real> Formula<P> {
 }
 
 impl Formula<f64> {
-    /// Variables with their values, for people.
+    /// Variables with their values, as text.
     pub fn place(&self, values: &[f64]) -> String {
         let mut words = String::new();
         let used = self.own.role.variables.iter().zip(values).zip(&self.own.uses).filter(|(_, used)| **used);
@@ -159,7 +159,7 @@ impl Formula<f64> {
         words.trim_end().into()
     }
 
-    /// The value and its derivatives by the variables, where all of them are finite.
+    /// The value and its derivatives by the variables, if all are finite.
     pub fn slopes<const N: usize>(&self, values: &[f64; N]) -> Result<(f64, [f64; N]), String> {
         let seed = |k: usize| {
             let mut eps = [0.0; N];

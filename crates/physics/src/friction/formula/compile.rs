@@ -17,18 +17,18 @@ const LOWEST_GAUGE: f64 = -1.2e5;
 static KNOWN: Known<OwnLaw> = Known::new();
 
 impl OwnLaw {
-    /// The law that `text` describes, compiled where it is not known yet.
+    /// The law that `text` describes, compiled at first use.
     pub fn of(text: &Text) -> Compiled<&'static OwnLaw> {
         KNOWN.get(format!("{text:?}"), || compile(text))
     }
 }
 
-/// A law on its way.
+/// A law during compilation.
 struct Work<'a> {
     text: &'a Text,
     reader: Reader<'a>,
     states: Vec<Id>,
-    /// What is used by formulas, to tell of what is not.
+    /// What the formulas use, to warn of the rest.
     used: Vec<Id>,
 }
 
@@ -75,11 +75,11 @@ fn compile(text: &Text) -> Compiled<OwnLaw> {
     Ok(law)
 }
 
-/// Every name is one, is free, and is given once; counts are within limits.
+/// Checks that names are valid, free and unique, and counts within limits.
 fn names(text: &Text) -> Compiled<()> {
     if LAWS.iter().any(|meta| meta.key == text.name) {
         let what = format!("\"{}\" is a law that pneudrive has", text.name);
-        return refuse("name", what, "Give your law a name of its own.");
+        return refuse("name", what, "Give your law another name.");
     }
     check_counts(&[("states", text.states.len(), MOST_STATES)])?;
     let states = text.states.iter().flat_map(|state| [state.key.clone(), format!("{}_rate", state.key)]);
@@ -95,7 +95,7 @@ fn levels(text: &Text) -> Compiled<[Option<usize>; 3]> {
         let key = format!("levels.{level}");
         let Some(k) = text.parameters.iter().position(|p| p.key == *name) else {
             let known = text.parameters.iter().map(|p| p.key.as_str());
-            return refuse(key, format!("'{name}' is no parameter"), ::formula::nearest(name, known));
+            return refuse(key, format!("'{name}' is not a parameter"), ::formula::nearest(name, known));
         };
         let own = unit(&format!("parameters.{name}.unit"), &text.parameters[k].unit)?;
         let needed = dimension(level_unit);
@@ -107,7 +107,7 @@ fn levels(text: &Text) -> Compiled<[Option<usize>; 3]> {
     Ok(out)
 }
 
-/// What a level can become under pressure, age and so on: its sign stays, its size does not.
+/// Range of a level under pressure, age and so on: its sign stays, its size does not.
 fn level_range(bounds: &Bounds) -> Range {
     if bounds.lower > 0.0 || (bounds.lower == 0.0 && bounds.open) {
         Range::new(0.0, f64::INFINITY, [false; 2])
@@ -142,10 +142,14 @@ impl Work<'_> {
             let dimension = unit(&format!("{key}.unit"), &state.unit)?;
             if !state.bounds.contain(0.0) {
                 let what = format!("the state starts at 0, which is not {}", state.bounds);
-                return refuse(key, what, "Count the state from where it starts.");
+                return refuse(key, what, "Define the state relative to its start.");
             }
             if !(state.scale > 0.0 && state.scale.is_finite()) {
-                return refuse(format!("{key}.scale"), format!("{} is no size of a state", state.scale), "");
+                return refuse(
+                    format!("{key}.scale"),
+                    format!("{} is not a valid scale of a state", state.scale),
+                    "",
+                );
             }
             let id = self.reader.graph.input(dimension, range(&state.bounds));
             self.reader.scope.insert(state.key.clone(), id);
@@ -154,14 +158,14 @@ impl Work<'_> {
         Ok(())
     }
 
-    /// The energy depends on states and parameters that are no levels.
+    /// The energy may depend on states and on parameters that are not levels.
     fn energy(&mut self, formula: &str) -> Compiled<Id> {
         let id = self.reader.formula("energy", formula, "J")?;
         let allowed = |other: &Id| !self.reader.graph.is_input(*other) || self.states.contains(other);
-        self.only(id, "energy", formula, allowed, "states and on parameters that are no levels")
+        self.only(id, "energy", formula, allowed, "states and on parameters that are not levels")
     }
 
-    /// Steady sliding depends on no state.
+    /// Steady sliding must not depend on states.
     fn steady(&mut self, formula: &str) -> Compiled<Id> {
         let id = self.reader.formula("steady", formula, "N")?;
         let allowed = |other: &Id| !self.states.contains(other);
@@ -182,7 +186,7 @@ impl Work<'_> {
         Err(of_whole(key, formula, format!("{key} may depend on {on}")))
     }
 
-    /// What slips for good: as the law says, or the velocity less the rate of the first state that is a length.
+    /// Irreversible slip: as the law says, or the velocity less the rate of the first state that is a length.
     fn slip(&mut self, parameters: Scope) -> Compiled<Id> {
         let mut own = String::from("v");
         let mut scope = parameters;

@@ -1,4 +1,4 @@
-//! What a law of one's own does with given values of its parameters: finite, steady, opposing, passive.
+//! Checks of a custom law with given values of its parameters: finite, steady, opposing, passive.
 
 use super::{Formula, LEVELS, MOST_STATES, OwnLaw, VARIABLES};
 use crate::friction::{At, Levels};
@@ -11,11 +11,11 @@ const VELOCITIES: [f64; 11] = [0.0, 1e-6, -1e-6, 1e-3, -1e-3, 0.02, -0.02, 0.3, 
 /// Shares of a state's scale.
 const DEFLECTIONS: [f64; 5] = [0.0, 1e-3, -1e-3, 0.3, -0.3];
 const GAUGES: [[f64; 2]; 3] = [[0.0, 0.0], [6e5, 0.0], [-5e4, 1e6]];
-/// Where steady sliding is looked at, m/s.
+/// Velocities at which steady sliding is checked, m/s.
 const STEADY: [f64; 5] = [1e-4, 1e-3, 0.02, 0.3, 1.0];
-/// To which it may change, m/s.
+/// Velocities to which it may change, m/s.
 const SUDDEN: [f64; 8] = [1e-3, 0.01, 0.03, 0.1, 0.3, 1.0, 2.0, 5.0];
-/// A rate that is left of what it was at first, where the state is said to have come to rest.
+/// Share of its first rate at which a state counts as settled.
 const AT_REST: f64 = 1e-6;
 const SAME_FORCE: f64 = 1e-6;
 /// Velocity at which a force that jumps at v = 0 has jumped, m/s, and the share of the force at SLOW.
@@ -24,7 +24,7 @@ const SLOW: f64 = 1e-3;
 const JUMP: f64 = 0.1;
 
 impl OwnLaw {
-    /// Whether the law is one of bristles, which can relax: one state, a length, whose energy is its square.
+    /// Whether the law has bristles, which can relax: one state, a length, whose energy is its square.
     pub(super) fn is_bristles(&self) -> bool {
         let [state] = self.meta.states else { return false };
         let Some(energy) = self.energy.as_ref().filter(|_| state.unit == "m") else { return false };
@@ -48,7 +48,7 @@ impl OwnLaw {
 }
 
 impl Formula<f64> {
-    /// Refuses values with which the law cannot be used; each message says where.
+    /// Refuses invalid values of the law; each message says where.
     pub fn examine(&self) -> Result<(), String> {
         let mut good = self.law.good.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if !good.is_empty() && *good == self.values() {
@@ -80,14 +80,14 @@ impl Formula<f64> {
         Ok(())
     }
 
-    /// What the user should know about these values with these levels.
+    /// Warnings about these values with these levels.
     pub fn warning(&self, levels: &Levels<f64>) -> Option<String> {
         let name = self.law.meta.key;
         let pushes = STEADY.iter().flat_map(|v| [*v, -v]).find_map(|v| {
             let force = self.steady(&At { v, ..At::at_rest() }, levels);
             (force * v < 0.0).then(|| {
                 format!(
-                    "friction law \"{name}\" pushes along: {force:.3} N in steady sliding at {} mm/s{}",
+                    "friction law \"{name}\" drives the motion: {force:.3} N in steady sliding at {} mm/s{}",
                     1e3 * v,
                     self.with(levels)
                 )
@@ -214,7 +214,7 @@ impl Formula<f64> {
             return Ok(());
         }
         Err(format!(
-            "friction law \"{}\" says odd = true, but at {} the force is {} N, and {} N with v and all states turned",
+            "friction law \"{}\" has odd = true, but at {} the force is {} N, and {} N with v and all states reversed",
             self.law.meta.key,
             self.place(at, z),
             own[0],
@@ -222,7 +222,7 @@ impl Formula<f64> {
         ))
     }
 
-    /// A force that jumps where v changes its sign would let the integrator chatter.
+    /// A force that jumps at v = 0 would make the integrator chatter.
     fn continuous(&self, at: &At<f64>, z: &[f64]) -> Result<(), String> {
         let jump = |v: f64| self.both(&At { v, ..*at }, z)[0] - self.both(&At { v: -v, ..*at }, z)[0];
         let (near, far) = (jump(SLOWEST).abs(), jump(SLOW).abs());
@@ -237,7 +237,7 @@ impl Formula<f64> {
         ))
     }
 
-    /// The force in steady sliding at `v`, once it is sure that there is such a thing.
+    /// The force in steady sliding at `v`, after a check that it exists.
     fn rests(&self, v: f64) -> Result<f64, String> {
         let name = self.law.meta.key;
         let (at, levels) = (At { v, ..At::at_rest() }, self.levels());
@@ -268,15 +268,15 @@ impl Formula<f64> {
     }
 }
 
-/// Random motions: how many, of how many pieces, of how many steps.
+/// Random motions: their number, pieces of each, steps of each piece.
 const MOTIONS: u64 = 10;
 const PIECES: usize = 30;
 const PIECE_STEPS: u32 = 20;
-/// Energy given, relative to what was turned over, that is no error of integration.
+/// Produced energy, relative to the exchanged energy, above errors of integration.
 const GIVEN: f64 = 1e-4;
 
 impl Formula<f64> {
-    /// Moves the contact at random, from rest; tells of a motion that got out more than had been put in.
+    /// Moves the contact at random, from rest; returns a motion that extracts more energy than it put in.
     fn gives_energy(&self, levels: &Levels<f64>) -> Option<String> {
         (1..=MOTIONS).find_map(|seed| self.gives_energy_in(random_motion(seed), levels))
     }

@@ -1,4 +1,4 @@
-//! Steady sliding where no formula of it is given: inner states are led to rest.
+//! Steady sliding without a formula of it: inner states are integrated until they settle.
 
 use super::Formula;
 use crate::friction::{At, Levels};

@@ -1,10 +1,10 @@
 use crate::parameter::Bounds;
 pub use crate::written::{ParameterText, Problem, Refusal};
 
-/// A law as its author writes it, quantities in SI.
+/// A law as written by its author, quantities in SI.
 #[derive(Clone, Debug, Default)]
 pub struct Text {
-    /// What messages and tables call it.
+    /// Its name in messages and tables.
     pub name: String,
     /// Its name for people.
     pub title: String,
@@ -22,7 +22,7 @@ pub struct Text {
     pub force: String,
     /// Energy stored in the inner states, J.
     pub energy: Option<String>,
-    /// Rate at which the contact slips for good, m/s.
+    /// Rate of irreversible slip, m/s.
     pub slip: Option<String>,
     /// Force in steady sliding, N.
     pub steady: Option<String>,
@@ -30,18 +30,18 @@ pub struct Text {
     pub odd: bool,
 }
 
-/// An inner state of a law of one's own.
+/// An inner state of a custom law.
 #[derive(Clone, Debug)]
 pub struct StateText {
-    /// What formulas call it.
+    /// Its name in formulas.
     pub key: String,
-    /// What a trajectory calls it.
+    /// Its name in a trajectory.
     pub name: String,
     /// Its unit in SI.
     pub unit: String,
     /// Absolute error scale, in the unit.
     pub scale: f64,
-    /// Where the rate keeps it.
+    /// Bounds within which the rate keeps it.
     pub bounds: Bounds,
     /// Formula of its derivative by time, in the unit per second.
     pub rate: String,
