@@ -231,7 +231,7 @@ def test_what_may_be_a_mistake_is_said():
     assert messages(law("k*z", DAHL, energy="0.5*k*z^2")) == []
     assert messages(law("k*z", DAHL)) == []
     (pushes,) = messages(law("Fc*tanh(v/v0) - 3*Fc*exp(-((v - 20*v0)/(4*v0))^2)"))
-    assert "pushes along" in pushes
+    assert "drives the motion" in pushes
     assert "in steady sliding at 20 mm/s" in pushes
     # A damper with the wrong sign: seen by its power where an energy is given, else by motions at random.
     (power,) = messages(law("k*z - d*z_rate", DAHL, energy="0.5*k*z^2"))

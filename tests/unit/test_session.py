@@ -233,7 +233,7 @@ WRONG = {
     "foreign": (lambda s: s.restore(STICKS.start(START).save()), CommandError, "of another drive"),
     "tolerance": (lambda s: s.restore(REFERENCE.start(START, rtol=1e-8).save()), CommandError, "another tolerance"),
     "time": (lambda s: s.advance("1 s"), CommandError, "until = '1 s' is a str"),
-    "bytes": (lambda s: s.restore(b"pneudrive"), CommandError, "are no session"),
+    "bytes": (lambda s: s.restore(b"pneudrive"), CommandError, "are not a session"),
     "cut": (lambda s: s.restore(s.save()[:-5]), CommandError, "damaged"),
     "empty": (lambda s: s.restore(s.save()[:8]), CommandError, "damaged"),
     "flipped": (lambda s: s.restore(s.save()[:40] + b"x" + s.save()[41:]), CommandError, "damaged"),
