@@ -203,7 +203,7 @@ DAHL = {"z": {"unit": "m", "rate": "v - abs(v)*k*z/Fc"}}
 UNUSABLE = [
     (law("Fc*tanh(v/v0)*exp(v/v0)"), "force is not finite at v = 5 m/s"),
     (law("Fc*sign(v)"), "the force jumps by 60.0000 N where v changes its sign"),
-    (law("-Fc*tanh(v/v0)"), "pushes along at every speed"),
+    (law("-Fc*tanh(v/v0)"), "drives the motion at every tested speed"),
     (
         law("k*z", {"z": {"unit": "m", "rate": "v"}}),
         "state z does not come to rest in steady sliding at 0.1 mm/s: its rate is",

@@ -72,7 +72,7 @@ impl Formula<f64> {
         let forces = forces.collect::<Result<Vec<(f64, f64)>, String>>()?;
         if forces.iter().all(|(v, force)| force * v < 0.0) {
             return Err(format!(
-                "friction law \"{}\": in steady sliding the force pushes along at every speed looked at; \
+                "friction law \"{}\": in steady sliding the force drives the motion at every tested speed; \
                  it must be positive where it opposes v > 0: change its sign",
                 self.law.meta.key
             ));
