@@ -1,4 +1,4 @@
-//! How steps come near a kink that no step passes easily.
+//! Approach of steps to a kink that no step passes easily.
 
 /// An attempt whose error is this many tolerances may have run into something.
 pub(crate) const FAR_OFF: f64 = 10.0;

@@ -3,7 +3,7 @@
 use crate::approach::{Approach, FAR_OFF};
 use crate::swing::Swing;
 
-/// How accurately, and how long at most.
+/// Accuracy and longest step.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// Relative tolerance; the absolute one is `rtol` times the scale that the system declares.
@@ -37,7 +37,7 @@ pub struct Statistics {
     pub events: u64,
 }
 
-/// Why an integration cannot go on at a time `t`, s, with a step `h`, s. `state` is the index of the component that
+/// Reason why an integration cannot go on at a time `t`, s, with a step `h`, s. `state` is the index of the component that
 /// stood in the way, `event` that of the event function; each variant is what its message says.
 #[allow(missing_docs)] // of variants and fields: named above
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -46,11 +46,11 @@ pub enum Failure {
     StepTooSmall { t: f64, h: f64, state: usize },
     #[error("the right-hand side is not finite at t = {t}, state {state}")]
     NotFinite { t: f64, state: usize },
-    #[error("the state leaves what its equations hold for at t = {t}")]
+    #[error("the state is no longer valid at t = {t}")]
     Outside { t: f64 },
     #[error("event {event} fires again and again at t = {t}")]
     Chatter { t: f64, event: usize },
-    #[error("{attempts} attempts were not enough to pass t = {t}")]
+    #[error("{attempts} attempts did not suffice to pass t = {t}")]
     TooManyAttempts { t: f64, attempts: u64 },
 }
 
@@ -103,7 +103,7 @@ mod tests {
 /// Step control of one lane.
 #[derive(Clone, Debug)]
 pub(crate) struct Control {
-    /// The step that error control would like next.
+    /// The next step proposed by error control.
     pub wish: f64,
     /// After a rejection the next step may not grow.
     pub after_rejection: bool,
@@ -111,7 +111,7 @@ pub(crate) struct Control {
     pub approach: Approach,
     /// The present attempt ends on the target exactly.
     pub last: bool,
-    /// Length of the next attempt, where it is to end on an event.
+    /// Length of the next attempt, if it must end on an event.
     pub cut: Option<f64>,
     /// The present attempt was cut to end on an event.
     pub cutting: bool,

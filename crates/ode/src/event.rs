@@ -1,4 +1,4 @@
-//! Where in a step an event lies.
+//! The place of an event within a step.
 
 /// Interior points at which the event functions are looked at, so that a dip below zero within a
 /// step is seen, not only a change of sign over the step.

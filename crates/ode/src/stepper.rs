@@ -40,7 +40,7 @@ fn is_outside<R: Lane>(inside: R::Plain, lane: usize) -> bool {
     value.is_nan() || value <= 0.0
 }
 
-/// Why `advance` came back.
+/// Reason why `advance` returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Paused {
     /// Every lane is at the target or has failed; see [`Stepper::failure`].
@@ -159,12 +159,12 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         self.options.max_attempts = done.saturating_add(attempts);
     }
 
-    /// Why a lane has stopped early, if it has.
+    /// Reason why a lane stopped early, if any.
     pub fn failure(&self, lane: usize) -> Option<Failure> {
         self.lanes[lane].failure
     }
 
-    /// What a lane has cost.
+    /// Work of a lane.
     pub fn statistics(&self, lane: usize) -> Statistics {
         self.lanes[lane].statistics
     }

@@ -3,7 +3,7 @@
 
 use math::Deps;
 
-/// How many directions one pass of dual numbers carries.
+/// Number of directions of one pass of dual numbers.
 pub const DIRECTIONS: usize = 8;
 
 /// Slot of a matrix entry in the array of stored values.

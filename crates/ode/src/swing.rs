@@ -1,4 +1,4 @@
-//! How long a mass has been swinging with the energy that it has.
+//! Count of the half swings of a mass with its present energy.
 
 /// Half swings whose errors may add up at this relative tolerance and looser ones, and in proportion more at tighter ones:
 /// sensible drives lose their energy sooner, but for one in a thousand (assumed).
@@ -24,7 +24,7 @@ pub(crate) struct Swing {
     pub memory: Memory,
 }
 
-/// What `Swing` knows of the past.
+/// History of a `Swing`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Memory {
     /// Half swings that count.

@@ -1,4 +1,4 @@
-//! What an integrator needs to know of a system of equations.
+//! Interface between an integrator and a system of equations.
 
 use crate::stepper::Accepted;
 use crate::structure::Structure;
@@ -40,7 +40,7 @@ pub trait System<R: Lane> {
     /// Writes what an accepted step adds to the quadratures beside the integrals of `rhs`, into what comes as zeros.
     fn complete(&self, _step: &mut Accepted<'_, R>, _out: &mut [R]) {}
 
-    /// How many event functions there are.
+    /// Number of event functions.
     fn n_events(&self) -> usize {
         0
     }
@@ -48,12 +48,12 @@ pub trait System<R: Lane> {
     /// Event functions at `y`: positive while the present mode holds, an event where one turns negative.
     fn events(&self, _t: R, _y: &[R], _out: &mut [R], _work: &mut Self::Work<R>) {}
 
-    /// How far below zero an event function may lie where the event is taken, in the function's unit.
+    /// Depth below zero at which an event may be taken, in the function's unit.
     fn event_tolerance(&self, _event: usize) -> f64 {
         0.0
     }
 
-    /// How many obstacles there are: surfaces behind which the right-hand side is of another kind.
+    /// Number of obstacles (discontinuity surfaces): behind one the right-hand side is of another kind.
     fn n_obstacles(&self) -> usize {
         0
     }

@@ -50,7 +50,7 @@ impl<Sys: System<f64>> Stepper<f64, Sys> {
         Some(words.chain(flags.map(u64::from)).chain(counts).chain(swings).collect())
     }
 
-    /// How many words that are.
+    /// Number of these words.
     pub fn words(&self) -> usize {
         self.structure.n() + 19 + SWING * self.lanes[0].swings.len()
     }

@@ -1,4 +1,4 @@
-//! Samples, and whatever else follows the integration.
+//! Samples, and other observers of the integration.
 
 use super::{Stepper, is_outside};
 use crate::dense::Step;
@@ -10,7 +10,7 @@ use math::Lane;
 pub trait Output<R: Lane, Sys> {
     /// The next time at which this lane wants a sample; infinity where it wants none.
     fn due(&self, lane: usize) -> f64;
-    /// The state of this lane at the time that was due.
+    /// The state of this lane at the due time.
     fn sample(&mut self, lane: usize, t: f64, y: &[R], system: &Sys);
     /// A step of this lane from `t` of length `h`, once it is accepted.
     #[inline(always)]
@@ -24,11 +24,11 @@ pub struct Accepted<'a, R: Lane> {
 }
 
 impl<R: Lane> Accepted<'_, R> {
-    /// Where the step begins.
+    /// Time at the start of the step.
     pub fn before(&self) -> &[R] {
         self.step.y0.as_flattened()
     }
-    /// Where it ends.
+    /// Time at its end.
     pub fn after(&self) -> &[R] {
         self.step.y1.as_flattened()
     }

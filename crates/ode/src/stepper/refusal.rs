@@ -1,4 +1,4 @@
-//! What follows an attempt that is not taken: a shorter one, or the end of the lane.
+//! Rejected attempts: a shorter one follows, or the lane fails.
 
 use super::{MIN_RELATIVE_STEP, Stepper};
 use crate::control::Failure;
@@ -53,7 +53,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         }
     }
 
-    /// Fails a lane that no shorter step keeps within what its equations hold for.
+    /// Fails a lane that no shorter step keeps valid.
     pub(super) fn check_outside(&mut self, lane: usize) {
         if self.is_too_small(lane) {
             self.lanes[lane].failure = Some(Failure::Outside { t: self.t[lane] });

@@ -1,4 +1,4 @@
-//! What an event does to derivatives.
+//! Effect of an event on derivatives.
 //!
 //! A step ends on an event at a fixed time t*, but with the parameters the event moves: the derivatives of
 //! the state before and after it differ by the rates before and after it times dt*,

@@ -5,7 +5,7 @@ use crate::event::{LOOKOUTS, locate};
 use crate::system::System;
 use math::Lane;
 
-/// What the search came to.
+/// Result of the search.
 pub(super) enum Found {
     Nothing,
     /// The step ends on the event.
