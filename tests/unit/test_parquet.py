@@ -59,6 +59,20 @@ def test_texts_and_seal(tmp_path):
         open_table(path, "parquet")
 
 
+def test_a_large_file_is_hashed_once_until_it_changes(tmp_path, monkeypatch):
+    monkeypatch.setattr(seal, "STRETCH", 1 << 16)  # of a file of 3 MB
+    path = _saved(tmp_path, {"time_s": np.arange(200_000.0), "x": np.zeros(200_000)})
+    assert open_table(path, "parquet").own is not None
+    with monkeypatch.context() as closed:
+        closed.setattr(seal, "_look", None)
+        assert open_table(path, "parquet").count() == 200_000
+    with path.open("r+b") as file:
+        file.seek(1_000_000)
+        file.write(b"x")
+    with pytest.raises(RecordingError, match="checksum"):
+        open_table(path, "parquet")
+
+
 def test_the_core_writes_its_own_columns_as_it_writes_arrays(tmp_path):
     drive = pn.Drive.load("catalogue:reference")
     arrays, own = (run(drive, "0 s: 0.6", "0.1 s", arrays=arrays) for arrays in (True, False))

@@ -7,6 +7,7 @@ import io
 import mmap
 import os
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ SEAL = "pneudrive-seal"
 BLANK = "0" * 64
 PARQUET = b"PAR1"
 MAPPED = 1 << 20  # bytes from which a file is mapped: a smaller one is read faster
+STRETCH = 1 << 24  # bytes of a mapped file that are hashed at a time
 TAIL = 8  # length of the footer and the mark of the format
 
 Bytes = bytes | mmap.mmap
@@ -68,7 +70,11 @@ def _look(parquet: Bytes) -> tuple[str | None, bool]:
     if at is None:
         with_seal = parquet.find(SEAL.encode(), footer) >= 0
         return ("the file is damaged: its checksum cannot be read" if with_seal else None), False
-    total = hashlib.sha256(memoryview(parquet)[:at])
+    total = hashlib.sha256()
+    for begin in range(0, at, STRETCH):
+        total.update(memoryview(parquet)[begin : min(begin + STRETCH, at)])
+        if isinstance(parquet, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):  # or all of it would stay in memory
+            parquet.madvise(mmap.MADV_DONTNEED, begin, STRETCH)
     total.update(BLANK.encode())
     total.update(memoryview(parquet)[at + len(BLANK) :])
     if total.hexdigest().encode() != parquet[at : at + len(BLANK)]:
@@ -134,8 +140,8 @@ def look(path: Path, size: int) -> Looked:
         The file cannot be read.
     """
     if size >= MAPPED:
-        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            return Looked(*_look(data))
+        status = path.stat()
+        return _look_mapped(path.resolve(), status.st_size, status.st_mtime_ns, status.st_ino)
     # A campaign has 20,000 files: an object for each would double the time of reading.
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
     try:
@@ -144,6 +150,13 @@ def look(path: Path, size: int) -> Looked:
         os.close(descriptor)
     wrong, own = _look(parquet)
     return Looked(wrong, own, b"" if wrong else parquet[(_footer(parquet) or 0) - len(PARQUET) :])
+
+
+@lru_cache(maxsize=16)
+def _look_mapped(path: Path, _size: int, _changed_ns: int, _number: int) -> Looked:
+    """Check a large file once for as long as it stays the same: its hash takes longer than what is read of it."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        return Looked(*_look(data))
 
 
 def _footer(parquet: Bytes) -> int | None:

@@ -1,7 +1,7 @@
 """Columns of a binary file, read by one kept process that may crash instead of this one.
 
 A Parquet file with a valid checksum (`pneudrive.files.seal`: campaigns, maps and trajectories of pneudrive) has the
-bytes that polars wrote, and is read here. All others are read in `reader_process`. Measured on two cores: the first
+bytes that we wrote, and is read here. All others are read in `reader_process`. Measured on two cores: the first
 file costs the start of a process and the import of its library (0.2 to 0.6 s), each further message 0.3 ms and the
 copy of the columns into shared memory; so many small files are one message.
 """

@@ -11,12 +11,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import RecordingError
+from pneudrive.files.tables import open_table
 from pneudrive.signals.layout import FileLayout, Layout, SampledLayout, stem
 from pneudrive.signals.layout_tables import CHANNEL_UNITS
 from pneudrive.signals.recording import Recording
 from pneudrive.signals.tables.formats import read_columns
 from pneudrive.signals.tables.text_table import read_bytes, read_text
-from pneudrive.signals.trajectories import is_trajectory, read_trajectory
+from pneudrive.signals.trajectories import (
+    COLUMNS,
+    MEASURED,
+    digest_of,
+    is_trajectory,
+    read_trajectory,
+    recording_of,
+)
+from pneudrive.trajectory import read_columns as read_trajectory_columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -24,6 +33,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SIGNAL_NOISE = 0.02  # of full opening: largest excess of a measured signal over its range (assumed)
+HASHED_ROWS, HASHED_BYTES = 1 << 20, 1 << 20  # of a long file at a time
 MISSING_LAYOUT = "give a layout with --layout LAYOUT.toml; 'pneudrive layout FILE' proposes one"
 
 
@@ -117,6 +127,64 @@ def read_rows(path: Path, said: FileLayout, rows: tuple[int, int]) -> dict[str, 
     """Read some rows of the raw columns that a layout names, by channel, from a Parquet file."""
     wanted = [column.column for column in said.columns.values()]
     return dict(zip(said.columns, read_columns(said.format, path, wanted, said.dates, rows).columns, strict=True))
+
+
+@dataclass(frozen=True)
+class LongFile:
+    """A Parquet file of many rows, of which recordings of some are made.
+
+    Attributes
+    ----------
+    file : RecordingFile
+    said : FileLayout or None
+        None: a trajectory.
+    count : int
+        Rows of the file.
+    """
+
+    file: RecordingFile
+    said: FileLayout | None
+    count: int
+
+    @property
+    def first(self) -> int:
+        """First row that counts."""
+        return 0 if self.said is None else self.said.skip_samples
+
+    def read(self, rows: tuple[int, int]) -> dict[str, NDArray[np.float64]]:
+        """Read some rows of the raw columns, by channel."""
+        if self.said is None:
+            return read_trajectory_columns(self.file.path, MEASURED, rows)
+        return read_rows(self.file.path, self.said, rows)
+
+    def recording(self, raw: dict[str, NDArray[np.float64]]) -> Recording:
+        """Return the recording of raw columns, without the hash of the file."""
+        if self.said is None:
+            return recording_of(raw, self.file.name, self.file.path, None)
+        return to_recording(self.file.name, self.file.path, self.said, raw, {}, None)
+
+    def sha256(self) -> str:
+        """Return the hash that a recording of the whole file has: of its bytes, or of the columns of a trajectory."""
+        path = self.file.path
+        if self.said is None:
+            parts = [(begin, min(begin + HASHED_ROWS, self.count)) for begin in range(0, self.count, HASHED_ROWS)]
+            return digest_of(read_trajectory_columns(path, [c], part)[c] for c in COLUMNS for part in parts)
+        total, buffer = hashlib.sha256(), memoryview(bytearray(HASHED_BYTES))
+        with path.open("rb", buffering=0) as data:
+            while count := data.readinto(buffer):
+                total.update(buffer[:count])
+        return total.hexdigest()
+
+
+def find_long(file: RecordingFile, least: int) -> LongFile | None:
+    """Return a Parquet file as one of many rows if it has more than `least`; None for all others, and with dates."""
+    said = None if file.layout is None or file.has_cycles else file.layout.for_file(file.path)
+    if file.has_cycles or (said is not None and (said.format != "parquet" or said.dates)):
+        return None
+    if said is None and file.path.suffix != ".parquet":
+        return None
+    count = open_table(file.path, "parquet").count()
+    return LongFile(file, said, count) if count is not None and count > least else None
 
 
 def read_raw(

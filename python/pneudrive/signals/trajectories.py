@@ -13,6 +13,7 @@ from pneudrive.signals.recording import CHANNELS, Recording
 from pneudrive.trajectory import columns_in, meaning, read_columns
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from pathlib import Path
 
     import xarray as xr
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 # Columns that identify a trajectory file; other files lack some.
 COLUMNS = ("time_s", "position_m", "velocity_m_s", "friction_force_n", "pressure_a_pa", "pressure_b_pa", "command")
+#: Those that a recording is made of.
+MEASURED = ("time_s", "position_m", "friction_force_n", "pressure_a_pa", "pressure_b_pa")
 VARIABLES = tuple(meaning(column)[0] for column in COLUMNS)
 
 
@@ -29,7 +32,19 @@ def from_trajectory(columns: dict[str, NDArray], name: str, source: Path | None 
     The force is the friction force itself, like that of an ideal sensor between rig and piston in steady
     sliding; the areas are zero, since the force contains no pressure.
     """
-    digest = hashlib.sha256(b"".join(np.ascontiguousarray(columns[c]).tobytes() for c in COLUMNS)).hexdigest()
+    return recording_of(columns, name, source, digest_of(columns[c] for c in COLUMNS))
+
+
+def digest_of(columns: Iterable[NDArray]) -> str:
+    """Hash the samples of columns one after the other; each may come in parts."""
+    total = hashlib.sha256()
+    for values in columns:
+        total.update(np.ascontiguousarray(values).data)
+    return total.hexdigest()
+
+
+def recording_of(columns: dict[str, NDArray], name: str, source: Path | None, sha256: str | None) -> Recording:
+    """Return the recording whose hash is known, or, for a part of a trajectory, not asked for."""
     return Recording(
         name=name,
         time_s=columns["time_s"],
@@ -41,7 +56,7 @@ def from_trajectory(columns: dict[str, NDArray], name: str, source: Path | None 
         area_b_m2=0.0,
         accuracy=dict.fromkeys((*CHANNELS, "area", "alignment_rad"), 0.0),
         source=source,
-        sha256=digest,
+        sha256=sha256,
         synthetic=True,
     )
 

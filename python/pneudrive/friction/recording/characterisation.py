@@ -15,7 +15,7 @@ from pneudrive.estimate.estimates import changed
 from pneudrive.friction.friction_map import Row, rows_to_dataset
 from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA, ClosureFit, fit_closures
 from pneudrive.friction.recording.extract import Level, RecordingResult, extract
-from pneudrive.friction.recording.long_recording import extract_long, is_long
+from pneudrive.friction.recording.long_recording import extract_long, long_file
 from pneudrive.friction.recording.pressure_line import (
     CONFOUNDED,
     FrictionPoint,
@@ -152,14 +152,15 @@ def characterise_recordings(
     loaded, sources = _sources(recordings, layout)
     number = len(loaded) + sum(len(s) if isinstance(s, Cycles) else 1 for s in sources)
     if number <= KEPT_IN_FULL:
-        long = [source for source in sources if isinstance(source, RecordingFile) and is_long(source)]
-        loaded += _read([source for source in sources if source not in long], watch)
+        as_long = [long_file(source) if isinstance(source, RecordingFile) else None for source in sources]
+        long = [file for file in as_long if file is not None]
+        loaded += _read([source for source, one in zip(sources, as_long, strict=True) if one is None], watch)
         places, skipped = _count_once((r.name, _digest(r), "") for r in loaded)
         unique = [loaded[place] for place in places]
         notes = [sentence("note.same_samples", name=name, why=why) for name, why in skipped]
         results = tuple(extract(recording, choice) for recording in watch.each(unique, "recordings characterised"))
         results += tuple(extract_long(file, choice, watch) for file in long)
-        notes += [sentence("note.part_by_part", name=file.name) for file in long]
+        notes += [sentence("note.part_by_part", name=one.file.name) for one in long]
         return _assemble(results, [summary_of(result) for result in results], skipped, notes, choice)
     summaries = [summary_of(extract(recording, choice)) for recording in loaded] + summarise(sources, choice)
     places, skipped = _count_once((s.name, s.digest, s.reason) for s in summaries)
@@ -274,8 +275,10 @@ def _count_once(found: Iterable[tuple[str, object, str]]) -> tuple[list[int], li
 
 
 def _digest(recording: Recording) -> bytes:
-    channels = (getattr(recording, channel) for channel in ("time_s", *CHANNELS))
-    return hashlib.sha256(b"".join(values.tobytes() for values in channels)).digest()
+    total = hashlib.sha256()
+    for channel in ("time_s", *CHANNELS):
+        total.update(np.ascontiguousarray(getattr(recording, channel)).data)
+    return total.digest()
 
 
 def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[Row]) -> float:

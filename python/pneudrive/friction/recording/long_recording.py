@@ -9,28 +9,29 @@ largest force are kept, for figures and the uncertainty budget.
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.bulk import in_advance
 from pneudrive.errors import RecordingError
-from pneudrive.files.tables import open_table
 from pneudrive.friction.recording.extract import RecordingResult, result_of, window_of
 from pneudrive.friction.reduction.sliding import Sliding, StrokeFriction, find_motion, judge, stroke_frictions
 from pneudrive.signals.levels import speed_levels
-from pneudrive.signals.load import read_rows, to_recording
+from pneudrive.signals.load import find_long
 from pneudrive.signals.samples import clean
 from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from numpy.typing import NDArray
+
     from pneudrive.friction.recording.extract import Level
     from pneudrive.friction.reduction.pairing import Grid
     from pneudrive.friction.reduction.sliding import SampleChoice
-    from pneudrive.signals.load import RecordingFile
+    from pneudrive.signals.load import LongFile, RecordingFile
     from pneudrive.signals.motion import Stroke
     from pneudrive.watch import Watch
 
@@ -38,27 +39,19 @@ LONG_SAMPLES = 4_000_000  # samples above which a recording is read part by part
 PART_SAMPLES = 1_000_000
 LEAST_STROKES = 4  # strokes in a part: the one before, one that is counted, and two for the start of the next part
 LARGEST_PART = 16  # multiple of the usual part: longer strokes cannot be separated
-_CHUNK = 1 << 20
 
 
-def is_long(file: RecordingFile) -> bool:
-    """Return whether a file is read part by part: a Parquet table with more rows than are held at once."""
-    if file.layout is None or file.has_cycles:
-        return False
-    said = file.layout.for_file(file.path)
-    if said.format != "parquet" or said.dates:
-        return False
-    count = open_table(file.path, "parquet").count()
-    return count is not None and count > LONG_SAMPLES
+def long_file(file: RecordingFile) -> LongFile | None:
+    """Return a file as one that is read part by part; None where its recording is read as a whole."""
+    return find_long(file, LONG_SAMPLES)
 
 
-def extract_long(file: RecordingFile, choice: SampleChoice, watch: Watch = UNWATCHED) -> RecordingResult:
+def extract_long(file: LongFile, choice: SampleChoice, watch: Watch = UNWATCHED) -> RecordingResult:
     """Extract friction from a long recording.
 
     Parameters
     ----------
-    file : RecordingFile
-        A file for which `is_long` is true.
+    file : LongFile
     choice : SampleChoice
     watch : Watch
         Receives the number of rows done.
@@ -93,9 +86,9 @@ def extract_long(file: RecordingFile, choice: SampleChoice, watch: Watch = UNWAT
         for kind, count in sliding.recording.flags.items():
             flags[kind] = flags.get(kind, 0) + count
     if shown is None or window is None:
-        raise RecordingError("no stroke was found", where=file.name, rule="the position must move back and forth")
+        raise RecordingError("no stroke was found", where=file.file.name, rule="the position must move back and forth")
     sliding, first = shown
-    whole = replace(sliding, recording=replace(sliding.recording, flags=flags, sha256=_hash(file)))
+    whole = replace(sliding, recording=replace(sliding.recording, flags=flags, sha256=file.sha256()))
     result = result_of(whole, _levels(grids, strokes, frictions), window, choice)
     return replace(result, levels=tuple(_of_part(level, sliding, first) for level in result.levels))
 
@@ -113,47 +106,39 @@ def _of_part(level: Level, sliding: Sliding, first: int) -> Level:
     return replace(level, strokes=strokes, peaks=tuple(p for p in peaks if p.stroke in kept))
 
 
-def _parts(file: RecordingFile, choice: SampleChoice, watch: Watch) -> Iterator[tuple[Sliding, tuple[Stroke, ...]]]:
-    """Read a recording part by part, each with the strokes that are counted in it."""
-    assert file.layout is not None
-    said = file.layout.for_file(file.path)
-    rows = open_table(file.path, "parquet").count() or 0
-    start, size, is_first = said.skip_samples, PART_SAMPLES, True
-    while start < rows:
-        watch.tell(start, rows, f"rows of {file.name}")
-        stop = min(start + size, rows)
-        recording = to_recording(file.name, file.path, said, read_rows(file.path, said, (start, stop)), {}, None)
+def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[tuple[Sliding, tuple[Stroke, ...]]]:
+    """Read a recording part by part, each with the strokes that are counted in it; the next one is read meanwhile."""
+    name, first, count = file.file.name, file.first, file.count
+    blocks = [(begin, min(begin + PART_SAMPLES, count)) for begin in range(first, count, PART_SAMPLES)]
+    left: dict[str, NDArray[np.float64]] = {}
+    is_first = True
+    for block, read in zip(blocks, in_advance(file.read, blocks, 1), strict=True):
+        watch.tell(block[0], count, f"rows of {name}")
+        raw = {channel: np.concatenate((left[channel], new)) if left else new for channel, new in read.items()}
+        recording = file.recording(raw)
         sliding = judge(find_motion(clean(recording)), choice)
-        is_last, n = stop == rows, len(sliding.strokes)
+        is_last, n = block is blocks[-1], len(sliding.strokes)
         if not is_last and n < LEAST_STROKES:
-            size *= 2
-            if size > LARGEST_PART * PART_SAMPLES:
+            if len(recording) >= LARGEST_PART * PART_SAMPLES:
                 raise RecordingError(
-                    f"{size // 2} samples hold {n} strokes",
-                    where=str(file.path),
+                    f"{len(recording)} samples hold {n} strokes",
+                    where=str(file.file.path),
                     rule=f"a recording of more than {LONG_SAMPLES} samples is read part by part, and a part has "
                     f"{LEAST_STROKES} strokes",
                     remedy="record fewer samples per stroke, or a file for each part",
                 )
+            left = raw
             continue
         counted = sliding.strokes[0 if is_first else 1 : n if is_last else n - 1]
         if counted:
             yield sliding, counted
-        if is_last:
-            break
-        # The next part counts from the last stroke; the one before it, with its rest, is included.
-        begin = float(sliding.recording.time_s[sliding.strokes[-3].stop - 1])
-        start += int(np.flatnonzero(recording.time_s >= begin)[0])
-        is_first, size = False, max(size, PART_SAMPLES)
-    watch.tell(rows, rows, f"rows of {file.name}")
-
-
-def _hash(file: RecordingFile) -> str:
-    digest = hashlib.sha256()
-    with file.path.open("rb") as data:
-        while chunk := data.read(_CHUNK):
-            digest.update(chunk)
-    return digest.hexdigest()
+        if not is_last:
+            # The next part counts from the last stroke; the one before it, with its rest, is included.
+            begin = float(sliding.recording.time_s[sliding.strokes[-3].stop - 1])
+            kept = int(np.flatnonzero(recording.time_s >= begin)[0])
+            left = {channel: values[kept:].copy() for channel, values in raw.items()}
+            is_first = False
+    watch.tell(count, count, f"rows of {name}")
 
 
 def _numbered(friction: StrokeFriction, first: int) -> StrokeFriction:

@@ -178,6 +178,7 @@ def stroke_frictions(
         return grid, []
     both = len({s.direction for s, ok in zip(strokes, covers, strict=True) if ok}) == 2
     peaks = find_reversal_peaks(recording, strokes, balance, pair(grid, by_direction(strokes, rows))) if both else []
+    peak_of = {peak.stroke: peak for peak in peaks}
     found = []
     for stroke, row, ok in zip(strokes, rows, covers, strict=True):
         counts = balance[stroke.samples][sliding.settled[stroke.samples]]
@@ -189,7 +190,7 @@ def stroke_frictions(
                 balance_n=row,
                 mean_n=float(counts.mean()) if ok else float("nan"),
                 inside=_window_means(recording, stroke, sliding.settled, window) if ok else None,
-                peak=next((p for p in peaks if p.stroke == stroke.index), None),
+                peak=peak_of.get(stroke.index),
                 stick_slip=stick_slip_of(stroke, recording.time_s, recording.position_m) if ok else None,
             )
         )

@@ -116,4 +116,4 @@ def as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | Non
             value=f"{column[:1].tolist()}",
             remedy='state its unit: unit = "s", or unit = "day"',
         )
-    return measurable(column.astype(np.float64))
+    return measurable(column.astype(np.float64, copy=False))

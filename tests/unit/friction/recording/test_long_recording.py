@@ -10,7 +10,10 @@ import polars as pl
 import pytest
 
 from pneudrive.characterise import Layout, SourcePaper, characterise_recordings
+from pneudrive.errors import RecordingError
 from pneudrive.friction.recording import long_recording
+from pneudrive.signals import load
+from pneudrive.trajectory import save_columns
 
 LAYOUT = """
 format = "parquet"
@@ -61,6 +64,44 @@ def test_part_by_part_gives_what_the_whole_gives(make, tmp_path, monkeypatch, ch
         assert set(a.flags) == set(b.flags)
     assert parts.results[0].recording.sha256 == whole.results[0].recording.sha256
     assert len(parts.results[0].recording) < 0.5 * len(whole.results[0].recording)
+
+
+def test_a_long_trajectory_is_read_part_by_part_too(make, tmp_path, monkeypatch):
+    r = make(strokes=40, drift=0.01, offset=lambda x: 3 * x, dwell=0.3)
+    columns = {c: getattr(r, c) for c in COLUMNS if c != "force_n"} | {"friction_force_n": r.force_n}
+    columns |= {"velocity_m_s": np.gradient(r.position_m, r.time_s), "command": np.zeros(len(r))}
+    path = save_columns(columns, {}, tmp_path / "run.parquet")
+    whole = characterise_recordings(path)
+    monkeypatch.setattr(long_recording, "LONG_SAMPLES", 1000)
+    monkeypatch.setattr(long_recording, "PART_SAMPLES", 4000)
+    monkeypatch.setattr(load, "HASHED_ROWS", 700)
+    parts = characterise_recordings(path)
+    assert any("part by part" in note for note in parts.notes)
+    assert not any("part by part" in note for note in whole.notes)
+    for a, b in zip(parts.levels, whole.levels, strict=True):
+        assert [s.strokes for s in a.spreads.values()] == [s.strokes for s in b.spreads.values()]
+        assert a.friction_n == pytest.approx(b.friction_n, rel=2e-3)
+        assert a.offset_n == pytest.approx(b.offset_n, abs=2e-3)
+    found = parts.results[0].recording
+    assert found.sha256 == whole.results[0].recording.sha256
+    assert found.synthetic
+    assert len(found) < 0.5 * len(r)
+
+
+def test_strokes_longer_than_a_part_are_read_as_longer_parts_up_to_a_bound(make, tmp_path, monkeypatch):
+    r = make(strokes=12, dwell=0.3)
+    save(tmp_path / "a.parquet", [r])
+    layout = Layout.loads(LAYOUT)
+    whole = characterise_recordings(tmp_path / "a.parquet", layout)
+    monkeypatch.setattr(long_recording, "LONG_SAMPLES", 100)
+    monkeypatch.setattr(long_recording, "PART_SAMPLES", len(r) // 30)
+    parts = characterise_recordings(tmp_path / "a.parquet", layout)
+    assert [s.strokes for s in parts.levels[0].spreads.values()] == [
+        s.strokes for s in whole.levels[0].spreads.values()
+    ]
+    monkeypatch.setattr(long_recording, "LARGEST_PART", 2)
+    with pytest.raises(RecordingError, match="samples hold"):
+        characterise_recordings(tmp_path / "a.parquet", layout)
 
 
 MEASURE = r"""
