@@ -12,13 +12,14 @@ import os
 import platform
 import time
 import warnings
+from collections.abc import Sequence
 from importlib.metadata import version
 from importlib.util import find_spec
 from math import inf
 from pathlib import Path
 from typing import Any
 
-from benches import doors, tables
+from benches import doors, ensemble, growth, tables
 from benches.problem import CASES, GRID
 from benches.sweep import Entry, interleave
 
@@ -99,8 +100,11 @@ def measured(peers_only: bool, rounds: dict[str, int]) -> list[Entry]:
     return entries
 
 
-def report(entries: list[Entry], waits: list[tuple[str, float, float]]) -> tuple[str, str]:
-    """Return the report for the terminal and as Markdown."""
+Table = tuple[Sequence[str], Sequence[Sequence[str]]]
+
+
+def report(entries: list[Entry], more: Sequence[Table], waits: list[tuple[str, float, float]]) -> tuple[str, str]:
+    """Return the report for the terminal and as Markdown: cases, further tables, goals."""
     printed, marked = [], []
     for case in CASES:
         title, body = case.title, tables.rows(entries, case.name)
@@ -115,6 +119,9 @@ def report(entries: list[Entry], waits: list[tuple[str, float, float]]) -> tuple
         (what, f"{1e3 * took:.3g} ms", *(("", "") if bound == inf else (f"< {1e3 * bound:g} ms", _met(took < bound))))
         for what, took, bound in waits
     ]
+    for head, body in more:
+        printed += [tables.text(head, body), ""]
+        marked += [tables.markdown(head, body), ""]
     head = ("goal", "measured", "wanted", "met")
     printed += [tables.text(head, goals)]
     marked += [tables.markdown(head, goals), ""]
@@ -135,7 +142,12 @@ def main() -> None:
     started = time.perf_counter()
     entries = measured(arguments.peers_only, {"A": 3, "B": 3, "C": 1} if arguments.quick else ROUNDS)
     waits = [] if arguments.peers_only else doors.measure()
-    printed, marked = report(entries, waits)
+    more: list[Table] = []
+    if not arguments.peers_only:
+        members = ensemble.measure()
+        share = ("all cores, beside as many processes", f"{ensemble.share_of_processes():.3g}", "")
+        more = [(ensemble.HEAD, [*members, share]), (growth.HEAD, growth.measure())]
+    printed, marked = report(entries, more, waits)
     took = time.perf_counter() - started
     print(printed + f"\n\n{took:.0f} s in all")
     if arguments.quick or arguments.peers_only:
