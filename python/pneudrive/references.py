@@ -1,4 +1,4 @@
-"""The sources behind equations and values: entries of references.bib by key."""
+"""Sources of equations and values: entries of references.bib by key."""
 
 from __future__ import annotations
 

@@ -204,8 +204,8 @@ def run(
 ) -> Run:
     """Simulate and return unlabelled columns, without importing xarray.
 
-    Arguments and errors are those of `simulate`. Without `arrays`, columns are those of the core, which a file can be
-    written of: NumPy is not imported, unless the gas has a dew point.
+    Arguments and errors are those of `simulate`. Without `arrays`, columns keep the core's form, which can be
+    written to a file without NumPy; only a gas with a dew point needs it.
     """
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     seconds = positive(duration, "s", "duration")

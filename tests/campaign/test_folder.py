@@ -108,7 +108,7 @@ def test_a_foreign_file_is_a_problem_of_its_own(folder, content, what):
         ({"speed_m_s": None}, "cycle.speed_m_s is missing"),
         ({"pressure_a_pa": None}, "cycle.pressure_a_pa is missing"),
         ({"pressure_b_pa": -1.0}, "positive"),
-        ({"speed_m_s": "50 mm/s"}, "it is a number"),
+        ({"speed_m_s": "50 mm/s"}, "the value is a number"),
         ({"steps": [{"to": 1.0}]}, "is invalid"),
     ],
 )

@@ -137,7 +137,7 @@ def test_a_server_is_not_open_to_the_network_by_mistake(files, capsys):
     assert "anyone who reaches this address could move the axis" in capsys.readouterr().err
     with pytest.raises(CommandError, match="need --certificate"):
         Protection.of(None, None, None, files / "users")
-    with pytest.raises(CommandError, match="without --trust"):
+    with pytest.raises(CommandError, match="needs --trust"):
         Protection.of(files / "server.pem", None, None, None)
 
 

@@ -113,7 +113,7 @@ def test_a_rig_behind_opc_ua_and_a_node_map(tmp_path):
     path.write_text(RIG)
     said = told(lambda: load_opcua(path), RigError)
     for word in (
-        "colour is not a known key", "'http://x' is no address", "reconnect: ", "identity.name is missing",
+        "colour is not a known key", "'http://x' is not an address", "reconnect: ", "identity.name is missing",
         "identity.bore: ", "identity.stiffness: ", "limits.position: ", "limits.speed: ",
         "limits.acceleration is missing",
         "limits.jerk is missing",

@@ -171,7 +171,7 @@ def _options(operator: str, yes: bool, patience: str) -> Options:
     except PneudriveError as error:
         raise CommandError(f"--patience {patience} is not a time", value=str(error)) from None
     if seconds < 0.0:
-        raise CommandError(f"--patience {patience}", rule="zero or more")
+        raise CommandError(f"--patience {patience} is out of bounds", rule="zero or more")
     return Options(operator=operator, yes=yes, patience_s=seconds)
 
 

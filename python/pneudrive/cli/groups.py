@@ -78,7 +78,7 @@ def group(table: Mapping[str, str], hidden: frozenset[str] = frozenset(), *, com
     Parameters
     ----------
     table : mapping
-        Command -> module with a function, or a group from this function, of the command's name.
+        Command -> module, which has a function or a group with the command's name.
     hidden : frozenset of str
         Commands that the help leaves out.
     completion : bool

@@ -60,16 +60,16 @@ def serve(
     protection = Protection.of(certificate, key, trust, user_file, trust_user)
     if bind not in LOOPBACK and certificate is None and not unprotected:
         raise CommandError(
-            f"--bind {bind} without --certificate",
+            f"--bind {bind} needs --certificate",
             rule="anyone who reaches this address could move the axis",
             remedy="Give certificates (pneudrive rig certificate), or add --unprotected.",
         )
     if pace < 0.0 or 0.0 < pace < 1.0:
-        raise CommandError(f"--pace {pace:g}", rule="0, or at least 1")
+        raise CommandError(f"--pace {pace:g} is out of bounds", rule="0, or at least 1")
     with option("--heartbeat"):
         heartbeat_s = parse(heartbeat, "s") if heartbeat else None
     if heartbeat_s is not None and heartbeat_s <= 0.0:
-        raise CommandError(f"--heartbeat {heartbeat}", rule="greater than zero")
+        raise CommandError(f"--heartbeat {heartbeat} is out of bounds", rule="greater than zero")
     bench = load_rig(rig, seed, pace or None)
     ended = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ended.set())

@@ -75,7 +75,7 @@ def fit_any_law(
     unknown = [n for n in free or () if n not in known]
     if unknown:
         raise FitError(
-            f"law {friction.law!r} has no parameter {unknown[0]!r}", rule="its parameters: " + ", ".join(known)
+            f"law {friction.law!r} has no parameter {unknown[0]!r}", rule="parameters of the law: " + ", ".join(known)
         )
     seen = _seen(_with_sizes(AnyLaw(friction, known), data), data)
     model = _with_sizes(AnyLaw(friction, tuple(free) if free else seen, seed=seed), data)

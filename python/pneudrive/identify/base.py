@@ -91,7 +91,7 @@ class Intervals(dict[str, tuple[float, float]]):
         super().__init__({n: (float(a), float(b)) for n, (a, b) in ends.items() if converged and n not in lost})
 
     def __missing__(self, name: str) -> tuple[float, float]:
-        raise KeyError(f"{name} has no interval: the data do not determine it, or the search has not converged")
+        raise KeyError(f"{name} has no interval: the data do not determine it, or the search did not converge")
 
 
 def names_of(undetermined: Iterable[str | Undetermined]) -> set[str]:

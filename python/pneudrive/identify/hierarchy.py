@@ -258,7 +258,7 @@ def survey_values(
     freedom = sum(len(s.data) - s.theta.size for s in seals.values())
     if freedom < LEAST_FREEDOM:
         raise FitError(
-            "the recordings hardly outnumber the parameters",
+            "too few recordings for the number of parameters",
             value=f"{freedom} degrees of freedom over {len(seals)} seals",
             rule=f"at least {LEAST_FREEDOM} are needed for a scatter between recordings",
             remedy="Measure more pressures of each seal, or repeat runs.",

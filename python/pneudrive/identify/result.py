@@ -175,7 +175,7 @@ class FrictionFit(Fit):
     def apply(self, drive: Drive) -> Drive:
         """Return a new drive whose friction has the determined parameters of this fit.
 
-        Undetermined parameters, and those without effect on sliding (bristles), keep the values of the drive.
+        The drive keeps its own values of undetermined parameters, and of those without effect on sliding (bristles).
 
         Parameters
         ----------
@@ -290,7 +290,7 @@ class FrictionFit(Fit):
     # -- file and display ----------------------------------------------------------------------------
 
     def _groups(self) -> tuple[dict[str, float], ...]:
-        """Return the parameters, and the sums of two slopes, half of which is given to each."""
+        """Return the tables of values: parameters, and sums of two slopes of which only the sum is determined."""
         return self.values, {n: self.values[n.removesuffix("b")] for n in self.free if n.endswith("_ab")}
 
     def _last(self) -> dict[str, Any]:

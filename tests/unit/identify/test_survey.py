@@ -89,5 +89,5 @@ def test_messages_name_what_is_there(make_map):
         survey(curves, "seal")
     with pytest.raises(FitError, match=r"cannot hold out by 'day'"):
         held_out(curves, ["O-ring"] * 12, by="day")
-    with pytest.raises(FitError, match="hardly outnumber the parameters"):
+    with pytest.raises(FitError, match="too few recordings for the number of parameters"):
         survey(curves.isel(row=slice(0, 6)), ["O-ring"] * 6)

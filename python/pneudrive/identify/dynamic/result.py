@@ -176,7 +176,7 @@ class DriveFit(Fit):
     def apply(self, drive: Drive | None = None) -> Drive:
         """Return a drive with the determined values of this fit, each with its interval and its recordings.
 
-        Undetermined values keep those of the drive.
+        The drive keeps its own values where the recordings determine none.
 
         Parameters
         ----------

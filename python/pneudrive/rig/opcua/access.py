@@ -190,9 +190,7 @@ class Protection:
             return cls()
         key = certificate.with_suffix(".key") if key is None else key
         if not trusted:
-            raise CommandError(
-                "--certificate without --trust", rule="--trust gives the certificates of admitted clients"
-            )
+            raise CommandError("--certificate needs --trust", rule="--trust gives the certificates of admitted clients")
         secret(key)
         return cls(
             certificate,
@@ -334,7 +332,9 @@ def read_users(path: Path) -> dict[str, str]:
         name, _, kept = line.partition(":")
         if kept.count(":") != 2 or not kept.startswith("scrypt:"):
             raise RigError(
-                "the line is not a user", where=f"{path}:{number}", remedy="pneudrive rig user NAME --user-file FILE"
+                "this line does not describe a user",
+                where=f"{path}:{number}",
+                remedy="pneudrive rig user NAME --user-file FILE",
             )
         users[name] = kept
     if not users:
