@@ -259,7 +259,7 @@ def _number_column(values: NDArray[Any], name: str, where: str) -> NDArray[np.fl
 
 
 def _step_column(values: NDArray[Any], where: str) -> NDArray[np.int64]:
-    if values.dtype.kind not in "iu":  # whole numbers of which some are missing come as floats
+    if values.dtype.kind not in "iu":  # whole numbers with missing ones come as floats
         raise CampaignError(f"column step holds {values.dtype}", where=where, rule="whole numbers, none missing")
     return np.array(values, dtype=np.int64)
 

@@ -106,7 +106,7 @@ class Allowed:
 
     @classmethod
     def of(cls, plan: Plan) -> Allowed:
-        """Take the tighter of what the rig says of itself and what the protocol asks for."""
+        """Return the tighter limits of rig and protocol."""
         rig, tight, identity = plan.envelope, plan.protocol.limits, plan.identity
         ambient = identity.ambient_pressure_pa
         pressure = math.inf if tight.pressure is None else tight.pressure.absolute_pa(ambient)

@@ -1,4 +1,4 @@
-"""The campaign protocol: what is varied, in which order, and what is done around it, as a TOML file."""
+"""The campaign protocol as a TOML file: factors, order, preparations and checks."""
 
 from __future__ import annotations
 

@@ -180,7 +180,7 @@ _NewtonLimit = Annotated[float, Quantity("N", bounds=Bounds(at_least=0.0))]
 
 
 class ForceCalibrationTable(Described):
-    """``[force_calibration]``: what the certificate of a force sensor says."""
+    """``[force_calibration]``: the certificate of a force sensor."""
 
     reference_n: tuple[_Newton, ...] = ()
     shown_n: tuple[_Newton, ...] = ()

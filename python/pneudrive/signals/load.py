@@ -131,7 +131,7 @@ def read_rows(path: Path, said: FileLayout, rows: tuple[int, int]) -> dict[str, 
 
 @dataclass(frozen=True)
 class LongFile:
-    """A Parquet file of many rows, of which recordings of some are made.
+    """A Parquet file of many rows, from parts of which recordings are made.
 
     Attributes
     ----------

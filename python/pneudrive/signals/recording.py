@@ -1,4 +1,4 @@
-"""A recording: what a rig, real or simulated, measured while a piston was moved."""
+"""A recording: measurements of a real or simulated rig while a piston moves."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ def find_reversal_peaks(
 
 @dataclass(frozen=True)
 class _Usual:
-    """What the peaks of a level are held against: sliding friction, time step, noise of balance and pressures."""
+    """References for the peaks of a level: sliding friction, time step, noise of balance and pressures."""
 
     sliding_n: float
     step_s: float

@@ -111,7 +111,7 @@ def drift_of(reading: CampaignData, fits: Fits, found: Causes) -> Drift:
 
 
 def _effect(fits: Fits, column: Array, unit: str) -> Estimate | None:
-    """Return the effect of one cause on friction at its mean, the smooth drift being part of what is unknown."""
+    """Return the effect of one cause on friction at its mean, with the smooth drift among the unknowns."""
     model = fits.friction.fit.model
     x = np.column_stack([model.x, column - column.mean()])
     if independent(x).size < x.shape[1] or x.shape[0] <= x.shape[1] + 1:
