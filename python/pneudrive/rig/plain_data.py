@@ -83,7 +83,7 @@ def check_fields(data: dict[str, Any], cls: type, where: str, kind: type[Pneudri
     for name, value in data.items():
         rule = rules.get(name)
         if rule is None:
-            notes.append(f"{path}{name} is not a known key and ignored. {nearest(name, rules)}")
+            notes.append(f"{path}{name} is ignored, as it is not a known key. {nearest(name, rules)}")
         elif value is not None and not rule.holds(value):
             raise kind(f"{path}{name} = {value!r:.80}", where=where, rule=f"the value is {rule.words}")
     return notes
