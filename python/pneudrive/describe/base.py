@@ -388,7 +388,7 @@ class Described(Shown, BaseModel):
         key = cls._key(first["loc"])
         if first["type"] == "extra_forbidden":
             name = str(first["loc"][-1])
-            inner = [one.removeprefix(f"{name}_") for one in cls.keys() if one.startswith(f"{name}_")]  # noqa: SIM118 - a method of ours
+            inner = [one.removeprefix(f"{name}_") for one in cls.keys() if one.startswith(f"{name}_")]  # noqa: SIM118 - a class method
             if inner:
                 what = f"{key} = {first['input']!r} is not a table"
                 return wrong(key, what, remedy=f"Write {{ {', '.join(f'{one} = ...' for one in inner)} }}.")

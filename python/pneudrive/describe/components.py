@@ -239,7 +239,7 @@ class Component(Described):
             key = cls.renamed.get(written, written)
             origin = given if sourced.has_origin(given) else None
             value = given if origin is None else origin["value"]
-            inner = isinstance(value, dict) and key not in cls.keys()  # noqa: SIM118 - a method of ours
+            inner = isinstance(value, dict) and key not in cls.keys()  # noqa: SIM118 - a class method
             if inner and any(name.startswith(f"{key}_") for name in cls.fields):
                 each = value if origin is None else {sub: origin | {"value": one} for sub, one in value.items()}
                 found = {f"{key}_{sub}": one for sub, one in each.items()}
@@ -486,7 +486,7 @@ def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
     if entry["friction"]:
         needed = "needed" if entry["friction"] == "needed" else "none"
         out.append(("friction", "a table", needed, "As [friction] of a drive file"))
-    if COMMAND in kind.keys():  # noqa: SIM118 - a method of ours
+    if COMMAND in kind.keys():  # noqa: SIM118 - a class method
         out.append((COMMAND, "V or mA", "", 'Range of the electrical input, "0 V .. 10 V"'))
     return out
 

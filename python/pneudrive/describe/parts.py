@@ -39,7 +39,7 @@ from pneudrive.describe.signal import Signal, SignalRange
 from pneudrive.errors import warn
 
 NOT_NEGATIVE = Bounds(at_least=0.0)
-#: -80 to 60 degC: dryers of all kinds, and as far as the vapour pressure of water is asked for.
+#: -80 to 60 degC: the range of dryers and of the formula of the vapour pressure.
 DEW_POINTS = Bounds(at_least=193.15, at_most=333.15)
 
 
