@@ -6,6 +6,7 @@ was lost with its worker runs again.
 
 from __future__ import annotations
 
+import time
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -19,6 +20,8 @@ Result = TypeVar("Result")
 
 #: Items on the way for each thread of the workers: one runs, the others wait there.
 AHEAD = 3
+#: How often it is looked whether workers are there, and for how long none may be, s.
+LOOK_S, NO_WORKER_S = 5.0, 300.0
 
 
 class Executor(Protocol):
@@ -71,20 +74,21 @@ class DaskExecutor:
         Raises
         ------
         SimulationError
-            An item lost its worker again and again.
+            An item lost its worker again and again, or no worker is left.
         """
-        from distributed import as_completed  # pyright: ignore[reportMissingImports]
+        from distributed import wait  # pyright: ignore[reportMissingImports]
         from distributed.scheduler import KilledWorker  # pyright: ignore[reportMissingImports]
 
         waiting = iter(items)
         ahead = AHEAD * max(1, sum(self.client.nthreads().values()))
         on_the_way = {self.client.submit(work, item, pure=False) for item in islice(waiting, ahead)}
-        done = as_completed(on_the_way)
+        seen = time.monotonic()
         try:
-            for future in done:
-                on_the_way.discard(future)
+            while on_the_way:
                 try:
-                    result = future.result()
+                    done = wait(on_the_way, timeout=LOOK_S, return_when="FIRST_COMPLETED").done
+                    future = next(iter(done))
+                    result = future.result(timeout=LOOK_S)
                 except KilledWorker as error:
                     raise SimulationError(
                         "a chunk of the study lost its worker again and again",
@@ -92,10 +96,20 @@ class DaskExecutor:
                         remedy="Look at the workers' memory, take smaller chunks, or let Dask try more often: its "
                         "setting distributed.scheduler.allowed-failures.",
                     ) from None
+                except TimeoutError:  # chunks take long, or one is run again whose result was lost with its worker
+                    seen = self._still_there(seen)
+                    continue
+                seen = time.monotonic()
+                on_the_way.discard(future)
+                on_the_way |= {self.client.submit(work, item, pure=False) for item in islice(waiting, 1)}
                 yield result
-                for item in islice(waiting, 1):
-                    following = self.client.submit(work, item, pure=False)
-                    on_the_way.add(following)
-                    done.add(following)
         finally:
             self.client.cancel(list(on_the_way))
+
+    def _still_there(self, seen: float) -> float:
+        """Return when a worker was seen last; give up where that is long ago."""
+        if self.client.nthreads():
+            return time.monotonic()
+        if time.monotonic() - seen > NO_WORKER_S:
+            raise SimulationError(f"the cluster has had no worker for {NO_WORKER_S:g} s", remedy="Start workers.")
+        return seen

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -106,7 +107,7 @@ def simulate_many(
     max_members_in_memory : int
         With more members than that `out` is needed, and the data set returned has none of them.
     threads : int, optional
-        All processors where nothing is said.
+        All processors where nothing is said; with an executor one for each chunk.
     progress, cancel : optional
         See `pneudrive.watch.Watch`.
 
@@ -231,7 +232,9 @@ def results(
     chunks = study.chunks(members) if store is None else store.missing()
     total = study.rows.size
     done = total - sum(chunk.last - chunk.first for chunk in chunks)
-    items = ((study.part(chunk), chunk) for chunk in chunks)
+    # A cluster runs as many chunks at a time as it has threads: each takes one.
+    each = study if executor is None else replace(study, threads=study.threads or 1)
+    items = ((each.part(chunk), chunk) for chunk in chunks)
 
     def look(count: float) -> None:
         watch.tell(done + count, total, "members simulated")
