@@ -280,7 +280,11 @@ def to_recording(
 def convert(said: FileLayout | SampledLayout, channel: str, raw: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the raw values of one channel in SI, pressures absolute."""
     column = said.columns[channel]
-    value = column.sign * (raw * column.scale + column.offset) * column.unit.factor + column.unit.shift
+    value = raw if column.scale == 1.0 else raw * column.scale
+    value = value if column.offset == 0.0 else value + column.offset
+    for factor in (column.sign, column.unit.factor):
+        value = value if factor == 1.0 else factor * value
+    value = value + column.unit.shift  # always: what is returned is never the raw column, and has no zero with a sign
     if column.curve is not None:
         value = column.sign * column.curve.force_n(column.sign * value)
     if channel == "command" and column.range_si is not None:  # noise of the measured signal at full opening
