@@ -140,8 +140,8 @@ def one_plan(law: str, moves_per_bar: float, cycle_share: float) -> World:
 CAUSES = (
     "narrower than single cycles scatter",
     "Nothing was repeated",
-    "lie off what the others say",
-    "The curves leave",
+    "possible outliers",
+    "differ from the curves",
     "cannot be separated from the curve",
 )
 
