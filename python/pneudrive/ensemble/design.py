@@ -15,6 +15,8 @@ from pneudrive.errors import CommandError, nearest
 from pneudrive.free.parameters import chosen
 from pneudrive.identify.base import names_of
 from pneudrive.identify.dynamic.transforms import transforms_of
+from pneudrive.identify.model import PRESSURE_NAMES
+from pneudrive.identify.result import slope_key
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -142,7 +144,9 @@ class EnsembleDesign(Shown):
         return cls("random", dict(distributions), n, seed, dict(correlation or {}))
 
     @classmethod
-    def posterior(cls, fit: Fit, n: int, *, seed: int = 0, method: str = "sobol") -> EnsembleDesign:
+    def posterior(
+        cls, fit: Fit, n: int, *, names: Sequence[str] | None = None, seed: int = 0, method: str = "sobol"
+    ) -> EnsembleDesign:
         """Members as uncertain as a fit is: jointly normal in the coordinates in which its intervals are taken.
 
         What the data do not determine, and what was not free, keeps the drive's value.
@@ -153,11 +157,17 @@ class EnsembleDesign(Shown):
             Any with a covariance: of `identify`, `fit_friction`, `fit_any_law`, ...
         n : int
             Members.
+        names : sequence of str, optional
+            Which of its values vary; all that the data determine where nothing is said.
         seed : int
         method : str
             ``"sobol"``, ``"latin-hypercube"`` or ``"random"``.
         """
         determined = [name for name in fit.free if name in fit.values and name not in names_of(fit.undetermined)]
+        for name in names or ():
+            if name not in determined:
+                raise CommandError(f"the fit has no covariance of {name}", remedy=nearest(name, determined))
+        determined = [name for name in determined if names is None or name in names]
         if not determined or not fit.covariance.size:
             raise CommandError("the fit has no covariance of a value that the data determine")
         return cls(method, dict.fromkeys(determined, "as the fit"), n, seed, fit=fit)
@@ -167,7 +177,7 @@ class EnsembleDesign(Shown):
         """Names of the numbers that vary, as in the drive file."""
         if self.fit is None:
             return list(self.each)
-        return [name if "." in name else f"friction.{name}" for name in self.each]
+        return [_name_in_drive(name) for name in self.each]
 
     def rows(self, variation: Variation) -> Rows:
         """Return the rows in SI.
@@ -282,6 +292,13 @@ def design_of(
     if n is not None and kind == "a grid":
         raise CommandError("a grid has as many members as combinations", remedy="Leave n out.")
     return design
+
+
+def _name_in_drive(name: str) -> str:
+    """Return what a drive file calls a value of a fit."""
+    if name in PRESSURE_NAMES:
+        return slope_key(name)
+    return name if "." in name else f"friction.{name}"
 
 
 def _distribution(name: str, one: Any) -> Distribution:  # noqa: ANN401

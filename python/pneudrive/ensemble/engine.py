@@ -142,7 +142,11 @@ def _ensemble(json: str, is_circuit: bool, *paths: str) -> Ensemble:
     try:
         return _core.Ensemble("circuit" if is_circuit else "drive", json, list(paths))
     except ValueError as error:
-        raise CommandError(f"vary: {error}") from None
+        raise CommandError(
+            f"vary: {error}",
+            rule="numbers of the components, of the friction law and of the ambient air vary",
+            remedy="Leave it out; of a fit say which values vary: pn.Design.posterior(fit, n, names=[...]).",
+        ) from None
 
 
 def _asked(one: Reduction, columns: Mapping[str, str]) -> CoreOutput:

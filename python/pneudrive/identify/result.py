@@ -229,7 +229,7 @@ class FrictionFit(Fit):
             names.append("stribeck_exponent")
         half = [n for n in PRESSURE_NAMES if n in self.values and f"{n[:-1]}ab" in self.free]
         slopes = [n for n in PRESSURE_NAMES if n in self.determined or n in half]
-        return self.identified_as({n: f"friction.{n}" for n in names} | {n: _slope_key(n) for n in slopes})
+        return self.identified_as({n: f"friction.{n}" for n in names} | {n: slope_key(n) for n in slopes})
 
     def _check_pressure(self, drive: Drive) -> None:
         if self.model.chambers and self.model.pressure != "linear":
@@ -267,7 +267,7 @@ class FrictionFit(Fit):
         found = self.identified()
         entries = []
         for name, value in self.values.items():
-            key = _slope_key(name) if name in PRESSURE_NAMES else f"friction.{name}"
+            key = slope_key(name) if name in PRESSURE_NAMES else f"friction.{name}"
             ends = found.intervals.get(key, (np.nan, np.nan))
             note = "" if name in self.determined else "fixed" if name not in self.free else "not determined by the data"
             source = ", ".join(found.sources[key]) if key in found.intervals else ""
@@ -338,7 +338,8 @@ class FrictionFit(Fit):
         )
 
 
-def _slope_key(name: str) -> str:
+def slope_key(name: str) -> str:
+    """Return what a drive file calls the slope of a force over a chamber's pressure."""
     force, _, chamber = name.rpartition("_")
     return f"friction.pressure.{force}.{chamber}"
 

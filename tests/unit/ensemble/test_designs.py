@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -11,7 +13,9 @@ from pneudrive.ensemble.distributions import Lognormal, Normal, Triangular, Unif
 from pneudrive.ensemble.variation import Variation
 from pneudrive.errors import CommandError
 from pneudrive.identify.dynamic import DriveFit
+from pneudrive.identify.files import read_fit
 
+ROOT = Path(__file__).parents[3]
 DRIVE = pn.Drive.load("catalogue:reference")
 TWO = {"cylinder.bore": "uniform(20 mm, 30 mm)", "friction.coulomb": "normal(30 N, 10 %)"}
 
@@ -104,6 +108,18 @@ def test_the_posterior_of_a_fit_has_its_values_and_its_covariance():
     np.testing.assert_allclose(np.cov(values.T), fit.covariance, rtol=0.1, atol=1e-4)
     assert (values[:, 1] > values[:, 0]).all()
     np.testing.assert_array_equal(rows.take(1000, 1002), values[1000:1002])
+
+
+def test_the_posterior_of_a_friction_fit_takes_its_names_and_those_of_it_that_are_asked_for():
+    fit = read_fit(ROOT / "tests/old_files/f77d3a3/map-fit.toml")
+    some = pn.Design.posterior(fit, 64, names=["coulomb"])
+    assert some.names == ["friction.coulomb"]
+    low, high = fit.intervals["coulomb"]
+    spread = rows_of(some).take(0, 64).std()
+    assert spread == pytest.approx(fit.standard_errors["coulomb"], rel=0.1)
+    assert low < fit.values["coulomb"] < high
+    with pytest.raises(CommandError, match="no covariance of speed"):
+        pn.Design.posterior(fit, 64, names=["speed"])
 
 
 def test_correlations_that_contradict_each_other_are_refused():
