@@ -33,7 +33,7 @@ demo: setup  ## real recordings and a simulated rig: friction map, fit, stick-sl
 test: test-rust test-python  ## all tests
 
 test-rust: setup
-	cargo test --workspace --locked
+	CARGO_INCREMENTAL=0 cargo test --workspace --locked --tests
 
 test-python: setup
 	$(PY) -m pytest -n $(PYTEST_WORKERS)

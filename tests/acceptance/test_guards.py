@@ -41,15 +41,30 @@ def test_names_that_the_pages_promise_are_exported():
     assert not {(name, page) for name, page in promised if not hasattr(pn, name)}
 
 
-def test_crates_know_what_the_architecture_says():
-    """What each crate's row calls known is among its dependencies, and nothing that is not known through those."""
-    rows = re.findall(r"^\| `(?:crates|examples)/([\w-]+)` \|.*\| ([\w, ]+) \|$", ARCHITECTURE, re.MULTILINE)
-    said = {crate: set() if knows == "nothing" else set(knows.split(", ")) for crate, knows in rows}
+def _crates():
     told = subprocess.run(
         ["cargo", "metadata", "--format-version", "1", "--no-deps", "--offline"],
         cwd=ROOT, capture_output=True, check=True,
     )  # fmt: skip
-    packages = json.loads(told.stdout)["packages"]
+    return json.loads(told.stdout)["packages"]
+
+
+def test_no_test_stands_where_cargo_does_not_look():
+    """`make test` builds most libraries once, without tests inside them, and no code of documentation."""
+    libraries = [target for package in _crates() for target in package["targets"] if "lib" in target["kind"]]
+    assert any(not library["test"] for library in libraries)
+    for library in libraries:
+        for path in Path(library["src_path"]).parent.rglob("*.rs"):
+            text = path.read_text("utf-8")
+            assert library["test"] or "#[test]" not in text, f"{path}: put the test into the crate's tests/"
+            assert not re.search(r"^\s*//[/!] *```", text, re.MULTILINE), f"{path}: is not run"
+
+
+def test_crates_know_what_the_architecture_says():
+    """What each crate's row calls known is among its dependencies, and nothing that is not known through those."""
+    rows = re.findall(r"^\| `(?:crates|examples)/([\w-]+)` \|.*\| ([\w, ]+) \|$", ARCHITECTURE, re.MULTILINE)
+    said = {crate: set() if knows == "nothing" else set(knows.split(", ")) for crate, knows in rows}
+    packages = _crates()
     folder = {package["name"]: Path(package["manifest_path"]).parent.name for package in packages}
     depends = {
         folder[package["name"]]: {

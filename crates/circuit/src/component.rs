@@ -253,6 +253,11 @@ impl<P> Instance<P> {
 }
 
 impl<P: Lane> Instance<P> {
+    /// What it brings to the joint at one of its ports, where the ambient air has this temperature, K.
+    pub fn brings(&self, port: usize, ambient_temperature: P) -> Brings<P> {
+        bring(self, port, ambient_temperature)
+    }
+
     /// The component of a kind, by the key of that, with numbers by the keys of its parameters.
     pub fn new(name: &str, kind: &str, number: impl Fn(&str) -> Option<(P, bool)>) -> Self {
         let kind = KINDS.iter().position(|own| own.key == kind).expect("a kind of component");
@@ -524,43 +529,4 @@ components! {
 /// Least volume of a joint to which ports bring `ports` m3.
 pub(crate) fn joint_volume(ports: f64) -> f64 {
     ports.max(LEAST_VOLUME)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn each_kind_has_a_symbol_with_a_place_for_each_port_and_options_that_there_are() {
-        for kind in KINDS {
-            assert!(!kind.symbol.strokes.is_empty(), "{} is drawn as a box", kind.key);
-            assert_eq!(kind.symbol.ports.len(), kind.ports.len(), "{}", kind.key);
-            assert!(kind.symbol.ports.iter().flatten().all(|x| x.fract() == 0.0), "{}", kind.key);
-            let options = kind.choices.iter().flat_map(|choice| choice.options).copied();
-            let known: Vec<_> = options.chain(kind.parameters.iter().map(|row| row.key)).collect();
-            assert!(kind.symbol.when.iter().all(|(option, _)| known.contains(option)), "{}", kind.key);
-        }
-    }
-
-    #[test]
-    fn a_port_holds_what_its_component_brings() {
-        for (kind, table) in KINDS.iter().enumerate() {
-            let numbers = vec![Some(1.0); table.parameters.len()];
-            let choices = vec![0; table.choices.len()];
-            let (name, free) = (String::new(), Vec::new());
-            let own = Instance { name, kind, extra: Given::Nothing, numbers, choices, friction: None, free };
-            for (place, port) in table.ports.iter().enumerate() {
-                let holds = match bring(&own, place, 293.15) {
-                    Brings::Volume(_) => Holds::Volume,
-                    Brings::Reservoir { .. } => Holds::Pressure,
-                    Brings::Motion => Holds::Motion,
-                    Brings::Mass { .. } | Brings::Along | Brings::Room { .. } | Brings::Nothing => {
-                        Holds::Nothing
-                    }
-                };
-                let own = if port.holds == Holds::Set { Holds::Nothing } else { port.holds };
-                assert_eq!(holds, own, "{} {}", table.key, port.name);
-            }
-        }
-    }
 }
