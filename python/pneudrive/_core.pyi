@@ -27,6 +27,7 @@ __all__ = [
     "seal_warming",
     "steady_friction",
     "steady_friction_sensitivity",
+    "valve_openings",
     "write_parquet",
 ]
 
@@ -404,3 +405,4 @@ def steady_friction_sensitivity(
     position_m: NDArray[float64],
     dependences: Mapping[str, Any] | None = None,
 ) -> tuple[NDArray[float64], NDArray[float64]]: ...
+def valve_openings(command: NDArray[float64]) -> NDArray[float64]: ...

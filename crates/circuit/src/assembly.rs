@@ -27,4 +27,4 @@ pub use session::{Linear, Session};
 pub use shoot::{ByStart, DIRECTIONS, Shooting, Shot};
 pub use tank::Tank;
 pub use timing::{Pulses, Timing};
-pub use variables::{Assembly, Quantity, Settable, Starting, Target, Variables};
+pub use variables::{Assembly, Quantity, Settable, Starting, Target, Variables, valve_openings};

@@ -10,6 +10,8 @@ mod shooting;
 mod table;
 mod tank;
 
+use convert::Table;
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use physics::IdealGas;
 use physics::constants as c;
 use physics::flow::{Iso6358, LINEAR_ABOVE, choked_factor};
@@ -27,6 +29,15 @@ fn flow_ratio(pressure_ratio: f64, critical_pressure_ratio: f64, subsonic_index:
 #[pyfunction]
 fn choked_flow_factor(heat_capacity_ratio: f64) -> f64 {
     choked_factor(heat_capacity_ratio)
+}
+
+/// Share of its full conductance that each edge of a proportional 5/3 valve has open (supply to a, a to exhaust, supply to
+/// b, b to exhaust) at each command, shape (n, 4).
+#[pyfunction]
+fn valve_openings<'py>(py: Python<'py>, command: PyReadonlyArray1<'py, f64>) -> PyResult<Table<'py>> {
+    let commands = command.as_array();
+    let edges = commands.iter().flat_map(|u| circuit::valve_openings(*u));
+    PyArray1::from_iter(py, edges).reshape([commands.len(), 4])
 }
 
 /// The numbers of nature and of standards that the core calculates with, by name, in SI.
@@ -64,6 +75,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(friction::steady_friction_sensitivity, m)?)?;
     m.add_function(wrap_pyfunction!(flow_ratio, m)?)?;
     m.add_function(wrap_pyfunction!(choked_flow_factor, m)?)?;
+    m.add_function(wrap_pyfunction!(valve_openings, m)?)?;
     m.add_function(wrap_pyfunction!(constants, m)?)?;
     Ok(())
 }

@@ -22,24 +22,10 @@ from pneudrive.describe.base import wrong
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
-
 WATER_DENSITY_KG_M3 = 1000.0  # in the definition of Kv [iec60534-1]
 BAR_PA = 1.0e5
 # Kv of a path with Cv = 1: one US gallon per minute at 1 psi, in m3/h at 1 bar
 KV_PER_CV = 3.785411784e-3 * 60.0 * math.sqrt(BAR_PA / 6894.757293168361)
-
-
-def openings(command: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the open share of the full conductance of each edge of a proportional valve, shape (n, 4).
-
-    Columns are the edges: supply to a, a to exhaust, supply to b, b to exhaust.
-    """
-    import numpy as np
-
-    extend, retract = np.maximum(command, 0.0), np.maximum(-command, 0.0)
-    return np.column_stack([extend, retract, retract, extend])
 
 
 def conductance_from_nominal_flow(flow_m3_s_anr: float, b: float, m: float) -> float:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.describe.valve_flow import openings
+from pneudrive import _core
 from pneudrive.errors import SimulationError
 from pneudrive.simulate import compiled
 from pneudrive.validate.simulation import start_temperatures
@@ -92,7 +92,7 @@ class Scene:
     def of(cls, drive: Drive, signals: Signals) -> Scene:
         """Return the scene of an unchanged drive and its signals."""
         pressures = (signals.pressure_a_pa, signals.pressure_b_pa)
-        opened = at_samples(openings(signals.command))
+        opened = at_samples(_core.valve_openings(signals.command))
         return cls(drive, _equations(drive), signals, signals.position_m, pressures, opened)
 
     def with_drive(self, drive: Drive) -> Scene:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.describe.valve_flow import openings
+from pneudrive import _core
 from pneudrive.units import write
 from pneudrive.validate.balance import Scene, Values, at_samples, moving_mass
 
@@ -173,8 +173,8 @@ def _command(how: Callable[[Array, float, float], Array]) -> Change:
 
     def change(scene: Scene, amount: float) -> Scene:
         command = scene.signals.command
-        after = at_samples(openings(how(command, amount, scene.signals.step_s)))
-        return replace(scene, opened=np.maximum(scene.opened + after - at_samples(openings(command)), 0.0))
+        after = at_samples(_core.valve_openings(how(command, amount, scene.signals.step_s)))
+        return replace(scene, opened=np.maximum(scene.opened + after - at_samples(_core.valve_openings(command)), 0.0))
 
     return change
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.describe.valve_flow import openings
+from pneudrive import _core
 from pneudrive.identify.dynamic.model_error import MODEL_SHARE
 from pneudrive.signals.motion import noise_level
 from pneudrive.validate.balance import Scene, Terms, Values, half_support, moving_mass
@@ -123,7 +123,9 @@ def _scales(scene: Scene) -> Values:
     force = np.full(x.size - k0.size + 1, float(np.sqrt(push**2 + inertia**2 + (FLOOR * size) ** 2)))
     # Where pressures are nearly equal, flow changes steeply with them: noise becomes flow.
     p_a, p_b = scene.pressures
-    shaken = replace(scene, pressures=(p_a + noise_p[0], p_b + noise_p[1]), opened=openings(signals.command)).terms
+    shaken = replace(
+        scene, pressures=(p_a + noise_p[0], p_b + noise_p[1]), opened=_core.valve_openings(signals.command)
+    ).terms
     out = []
     for noise, rate, other, p, area, length, dead in zip(
         noise_p, terms.pressure_rates, shaken.pressure_rates, scene.pressures, areas,

@@ -134,9 +134,9 @@ pub struct Assembly<P = f64> {
     pub timings: Arc<[Timing]>,
 }
 
-/// Opening of each edge of a proportional 5/3 valve for a command: u > 0 supply to a and b to exhaust with the share u,
-/// u < 0 the mirror.
-pub(super) fn openings<R: Real>(u: R) -> [R; 4] {
+/// Opening of each edge of a proportional 5/3 valve for a command (supply to a, a to exhaust, supply to b, b to exhaust):
+/// u > 0 supply to a and b to exhaust with the share u, u < 0 the mirror.
+pub fn valve_openings<R: Real>(u: R) -> [R; 4] {
     let (extend, retract) = (u.max(R::zero()), (-u).max(R::zero()));
     [extend, retract, retract, extend]
 }
@@ -179,7 +179,7 @@ impl<P: Lane> Assembly<P> {
     pub fn set<R: Lane>(&self, circuit: &mut Circuit<R>, input: usize, lane: usize, value: R) {
         match &self.variables.inputs[input].target {
             Target::Input(id) => circuit.set_input(*id, lane, value),
-            Target::Edges(edges) => circuit.set_openings(edges, lane, openings(value)),
+            Target::Edges(edges) => circuit.set_openings(edges, lane, valve_openings(value)),
             Target::Timed(timing) => self.timings[*timing].settled(circuit, lane, value),
         }
     }

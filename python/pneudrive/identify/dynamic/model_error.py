@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.describe.valve_flow import openings
+from pneudrive import _core
 from pneudrive.errors import PneudriveError
 from pneudrive.free.parameters import DriveFamily, family_of, numbers_of
 from pneudrive.simulate import compiled
@@ -97,7 +97,7 @@ def _balances(family: DriveFamily, values: Array, motion: dict[str, Array]) -> t
         motion["velocity_m_s"],
         motion["pressure_a_pa"],
         motion["pressure_b_pa"],
-        np.ascontiguousarray(openings(motion["command"])),
+        _core.valve_openings(motion["command"]),
         [float(t) for t in motion["temperatures"]],
     )
     if "slides" not in motion:  # at the solution; changes of numbers are evaluated along the same motion
