@@ -9,20 +9,19 @@ from pneudrive.cli.main import run
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_the_demo_prints_five_lines_and_where_the_report_lies(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(ROOT)
-    assert run(["demo", "--out", str(tmp_path / "out")]) == 0
-    lines = capsys.readouterr().out.splitlines()
+def test_the_demo_prints_five_lines_and_where_the_report_lies(demonstration):
+    assert demonstration.status == 0
+    lines = demonstration.printed.splitlines()
     assert [line[:3] for line in lines[:5]] == ["1. ", "2. ", "3. ", "4. ", "5. "]
     assert "30 recordings, 6 seals" in lines[0]
     assert "14 of 21 sentences that can be checked hold, 6 hold in part, 1 does not hold" in lines[4]
     report = Path(lines[-1].removeprefix("Report: "))
-    assert report == tmp_path / "out" / "report.html"
+    assert report == demonstration.folder / "report.html"
     page = report.read_text(encoding="utf-8")
     for key in ("measured", "pressure", "recovered", "paper", "stick-slip", "chambers", "provenance"):
         assert f'<section id="{key}">' in page
     for name in ("map.parquet", "map.csv", "fit.toml"):
-        assert (tmp_path / "out" / name).stat().st_size > 500
+        assert (demonstration.folder / name).stat().st_size > 500
 
 
 def test_the_demo_elsewhere_says_where_to_run_it(tmp_path, capsys, monkeypatch):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
+import os
 import socket
-import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from connect import served_child
 from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.run import run_campaign
 from pneudrive.characteristics import characterise
@@ -55,25 +56,34 @@ def test_a_campaign_over_a_connection_is_the_direct_one(direct, tmp_path):
 
 
 class Server:
-    """`pneudrive rig serve` in a process of its own, killed and started again."""
+    """`pneudrive rig serve` in a process of its own, killed and started again.
+
+    A process that has imported everything forks it, so that it is there again fast.
+    """
 
     def __init__(self, seed: int) -> None:
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
-        options = ["--port", str(self.port), "--pace", str(PACE), "--seed", str(seed)]
-        self.command = [sys.executable, "-m", "pneudrive", "rig", "serve", "default", *options]
+        self.options = ["default", "--port", str(self.port), "--pace", str(PACE), "--seed", str(seed)]
+        self.context = multiprocessing.get_context("forkserver")
+        self.context.set_forkserver_preload(["connect.served_child"])
         self.kills, self.over = 0, threading.Event()
         self.start()
 
     def start(self) -> None:
-        self.process = subprocess.Popen(self.command, stdout=subprocess.PIPE, text=True)
-        assert "opc.tcp" in self.process.stdout.readline()  # type: ignore[union-attr]
+        here, there = self.context.Pipe(duplex=False)
+        self.process = self.context.Process(target=served_child.serve, args=(self.options, there))
+        self.process.start()
+        there.close()
+        with os.fdopen(os.dup(here.fileno())) as printed:
+            assert "opc.tcp" in printed.readline()
+        self.printed = here  # open as long as the process prints
 
     def kill(self) -> None:
         self.process.kill()
-        self.process.wait()
-        self.process.stdout.close()  # type: ignore[union-attr]
+        self.process.join()
+        self.printed.close()
 
     def keep_killing(self, folder: Path, rng: np.random.Generator) -> None:
         """Kill it in the middle of one cycle after the other."""

@@ -1,8 +1,7 @@
-"""The drive file of the guide, for tests that change a line of it; recordings of a known truth; the study, once."""
+"""The drive file of the guide, for tests that change a line of it; recordings of a known truth."""
 
 import pytest
 
-import pneudrive as pn
 from oracle.recordings import make_recording
 
 DRIVE_FILE = """\
@@ -64,12 +63,6 @@ seal = "NBR"
 @pytest.fixture
 def drive_file():
     return DRIVE_FILE
-
-
-@pytest.fixture(scope="session")
-def made(tmp_path_factory):
-    """Return the source paper, reproduced."""
-    return pn.report.reproduce(tmp_path_factory.mktemp("campaigns"))
 
 
 @pytest.fixture
