@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import threading
 import warnings
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -214,8 +215,7 @@ def _mixed(scores: Array, by: Array) -> Array:
 
 def _sobol(first: int, last: int, size: int, d: int, seed: int) -> Array:
     del size
-    global _sequence  # noqa: PLW0603 - chunks mostly come in order: the sequence goes on from the last one
-    key, own = _sequence
+    key, own = getattr(_last, "sequence", ((0, 0), None))
     if own is None or key != (d, seed) or own.num_generated > first:
         own = qmc.Sobol(d, scramble=True, rng=seed)
     if first > own.num_generated:
@@ -223,11 +223,12 @@ def _sobol(first: int, last: int, size: int, d: int, seed: int) -> Array:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # that a chunk is no power of 2
         points = own.random(last - first)
-    _sequence = ((d, seed), own)
+    _last.sequence = ((d, seed), own)
     return points + HALF_CELL
 
 
-_sequence: tuple[tuple[int, int], qmc.Sobol | None] = ((0, 0), None)
+#: Chunks mostly come in order: the sequence goes on from the last one, in each thread its own.
+_last = threading.local()
 
 
 @lru_cache(maxsize=2)

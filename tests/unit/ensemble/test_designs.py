@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +38,20 @@ def test_rows_do_not_depend_on_the_chunk_in_which_they_are_asked_for(make):
     assert whole[:, 1].std() == pytest.approx(3.0, abs=0.1)
     other = rows_of(make(TWO, 10_000, seed=4))
     assert not np.array_equal(other.take(0, 5), whole[:5])
+
+
+def test_threads_that_take_rows_at_once_do_not_disturb_each_other():
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    rows = rows_of(pn.Design.sobol(TWO, 1 << 14))
+    whole = rows.take(0, 1 << 14)
+    firsts = list(range(0, 1 << 14, 16))
+    try:
+        with ThreadPoolExecutor(8) as pool:
+            parts = list(pool.map(lambda first: rows.take(first, first + 16), firsts))
+    finally:
+        sys.setswitchinterval(before)
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
 
 
 def test_a_hypercube_has_one_member_in_each_share_and_sobol_fills_evenly():
