@@ -170,12 +170,13 @@ def simulate_many(
         if gathered is not None and store is None:
             gathered.take(result)
     if gathered is None:
-        return Gathered(study, empty=True).dataset()
-    if store is not None:
+        assert store is not None
+        gathered = Gathered(study, empty=True)
+        gathered.failed = store.failed()
+    elif store is not None:
         gathered.read(store)
-    failed = int((gathered.status != DONE).sum())
-    if failed:
-        warn(f"{failed} of {size} members failed: see status and reason")
+    if gathered.failed:
+        warn(f"{gathered.failed} of {size} members failed: see status and reason")
     return gathered.dataset()
 
 
@@ -233,14 +234,15 @@ def results(
     total = study.rows.size
     done = total - sum(chunk.last - chunk.first for chunk in chunks)
     # A cluster runs as many chunks at a time as it has threads: each takes one.
-    each = study if executor is None else replace(study, threads=study.threads or 1)
+    here = executor is None or isinstance(executor, InProcess)
+    each = study if here else replace(study, threads=study.threads or 1)
     items = ((each.part(chunk), chunk) for chunk in chunks)
 
     def look(count: float) -> None:
         watch.tell(done + count, total, "members simulated")
 
     look(0)
-    work = run_part if executor is not None else lambda item: item[0].run(item[1], look)
+    work = (lambda item: item[0].run(item[1], look)) if here else run_part
     for result in (executor or InProcess()).map(work, items):
         if store is not None:
             store.write(result.chunk, study.frame(result))
@@ -267,6 +269,7 @@ class Gathered:
 
     def __init__(self, study: EnsembleStudy, *, empty: bool = False) -> None:
         self.study, self.size = study, 0 if empty else study.rows.size
+        self.failed = 0
         self.status = np.zeros(self.size, np.uint8)
         self.reason = np.full(self.size, "", dtype=object)
         self.varied = np.empty((len(study.variation.numbers), self.size))
@@ -279,6 +282,7 @@ class Gathered:
         """Take in a chunk."""
         own = slice(*result.chunk)
         self.status[own], self.varied[:, own] = result.status, result.varied.T
+        self.failed += int((result.status != DONE).sum())
         for place, why in result.reasons.items():
             self.reason[result.chunk.first + place] = why
         for target, values in zip(self.values, result.values, strict=True):
@@ -336,7 +340,7 @@ class Gathered:
             "study_hash": study.study_hash,
             "version": __version__,
             "solver": SOLVER,
-            "statistics": {"members": study.rows.size, "failed": int((self.status != DONE).sum())},
+            "statistics": {"members": study.rows.size, "failed": self.failed},
             "warnings": [*drive.notes, *core.warnings],
             "citations": list(dict.fromkeys([*core.citations, *drive.cited])),
             "assumed": drive.assumed(),

@@ -6,6 +6,7 @@ import json
 import os
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.ensemble.engine import DONE
 from pneudrive.ensemble.study import Chunk
 from pneudrive.errors import CommandError
 from pneudrive.files.seal import damage
@@ -106,6 +107,14 @@ class ChunkStore:
 
         for chunk in self.chunks:
             yield pl.read_parquet(self.path(chunk))
+
+    def failed(self) -> int:
+        """Return how many members failed."""
+        import polars as pl
+
+        return sum(
+            int((pl.read_parquet(self.path(one), columns=["status"])["status"] != DONE).sum()) for one in self.chunks
+        )
 
     def remove(self) -> None:
         """Remove the folder with all chunks."""

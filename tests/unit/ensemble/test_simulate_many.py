@@ -125,6 +125,21 @@ def test_a_member_that_fails_costs_the_others_nothing():
         pn.simulate_many(DRIVE, -1.0, "0.1 s", errors="raise", **options)
 
 
+def test_more_members_than_memory_holds_are_in_the_folder_alone(tmp_path):
+    options = {"vary": {"load.force": ["0 N", "1e6 N", "10 N"]}, "outputs": ["final(position)"], "chunk": 2}
+    with pytest.raises(CommandError, match="max_members_in_memory"):
+        pn.simulate_many(DRIVE, 1.0, "2 ms", max_members_in_memory=2, **options)
+    for _ in range(2):  # the second time nothing is left to run
+        with pytest.warns(PneudriveWarning, match="1 of 3 members failed"):
+            out = pn.simulate_many(DRIVE, 1.0, "2 ms", max_members_in_memory=2, out=tmp_path / "study", **options)
+        assert out.sizes["member"] == 0
+        assert out.attrs["statistics"] == {"members": 3, "failed": 1}
+    with pytest.warns(PneudriveWarning, match="1 of 3 members failed"):
+        whole = pn.simulate_many(DRIVE, 1.0, "2 ms", out=tmp_path / "study", executor=ensemble.InProcess(), **options)
+    assert whole.status.values.tolist() == [0, 1, 0]
+    assert "cover of chamber b" in whole.reason.values[1]
+
+
 def test_a_drive_with_tubes_is_varied_by_their_numbers():
     tubes = {"tubing": {"a": {"length": "1 m", "diameter": "6 mm"}, "b": {"length": "1 m", "diameter": "6 mm"}}}
     drive = DRIVE.replace(tubes)
