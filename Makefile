@@ -39,7 +39,7 @@ test-python: setup
 	$(PY) -m pytest -n $(PYTEST_WORKERS)
 
 test-extras: setup $(EXTRAS)/.deps  ## a Dask cluster whose workers are killed, JAX, PyTorch; in an environment of its own
-	PYTHONPATH=python $(EXTRAS)/bin/python -m pytest tests/extras
+	PYTHONPATH=python $(EXTRAS)/bin/python -m pytest --confcutdir=tests/extras tests/extras
 
 check: setup  ## what CI runs before the tests: format, lint, types, layers, repetition, stub, spelling, locks
 	cargo fmt --all --check
