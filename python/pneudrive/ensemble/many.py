@@ -196,7 +196,8 @@ def study_of(
     """Read and check all that a study is, before anything runs. Arguments and errors are those of `simulate_many`."""
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     if is_circuit(drive):
-        raise DescriptionError("a circuit has no members yet", rule="simulate_many takes a drive")
+        remedy = "Describe it as a drive; tubes and flow controls have tables there."
+        raise DescriptionError("a study of many members takes a drive, and a circuit is given", remedy=remedy)
     seconds = positive(duration, "s", "duration")
     check_tolerance(rtol)
     if callable(command):

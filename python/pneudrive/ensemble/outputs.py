@@ -354,7 +354,7 @@ def read_output(text: str) -> Output:
     called = _CALL.fullmatch(call)
     word = called[1] if called else call.strip()
     if word not in WORDS:
-        raise CommandError(f'outputs: "{text.strip()}" is none', remedy=nearest(word, WORDS))
+        raise CommandError(f'outputs: "{text.strip()}" is no output', remedy=nearest(word, WORDS))
     arguments = tuple(one.strip() for one in called[2].split(",") if one.strip()) if called else ()
     takes = {"stroke_time": (0, 0), "settling": (2, 3), "samples": (1, 2)}.get(word, (1, 1))
     if not takes[0] <= len(arguments) <= takes[1]:

@@ -198,7 +198,7 @@ def test_what_cannot_vary_is_refused_before_anything_runs(vary, n, said):
     ("output", "said"),
     [
         ("final(positon)", "Did you mean 'position'"),
-        ("median(position)", "is none"),
+        ("median(position)", "is no output"),
         ("final(position, velocity)", "has 2 arguments"),
         ("time_when(position)", "is no condition"),
         ("time_when(pressure_a > 2 bar gauge)", "signals are absolute"),
