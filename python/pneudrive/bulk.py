@@ -27,8 +27,8 @@ def many_objects() -> Iterator[None]:
             gc.enable()
 
 
-def in_advance(work: Callable[[Item], Result], items: Iterable[Item], threads: int) -> Iterator[Result]:
-    """Yield the result of each item in order, while threads work ahead on the next ones: two items for each thread.
+def in_advance(work: Callable[[Item], Result], items: Iterable[Item], threads: int, ahead: int = 2) -> Iterator[Result]:
+    """Yield the result of each item in order, while threads work on the next ones: `ahead` items for each thread.
 
     This pays for work that releases the interpreter lock: reading and hashing files, waiting for an answer.
     """
@@ -44,7 +44,7 @@ def in_advance(work: Callable[[Item], Result], items: Iterable[Item], threads: i
         try:
             for item in chain(first, rest):
                 waiting.append(pool.submit(work, item))
-                if len(waiting) > 2 * threads:
+                if len(waiting) > ahead * threads:
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()

@@ -112,7 +112,7 @@ def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[tuple
     blocks = [(begin, min(begin + PART_SAMPLES, count)) for begin in range(first, count, PART_SAMPLES)]
     left: dict[str, NDArray[np.float64]] = {}
     is_first = True
-    for block, read in zip(blocks, in_advance(file.read, blocks, 1), strict=True):
+    for block, read in zip(blocks, in_advance(file.read, blocks, 1, ahead=1), strict=True):
         watch.tell(block[0], count, f"rows of {name}")
         raw = {channel: np.concatenate((left[channel], new)) if left else new for channel, new in read.items()}
         recording = file.recording(raw)
