@@ -1,14 +1,16 @@
 //! Parts and nodes as one system of equations.
 
 mod build;
+mod fused;
 
 use crate::impacts::Impacts;
 use crate::ledger::Channel;
 use crate::net::{AxisNode, Net};
 use crate::part::cylinder::{CHAMBERS, INNER};
 use crate::part::*;
+use fused::Fused;
 use math::{Lane, Over, Real};
-use ode::{Accepted, Structure, System};
+use ode::{Accepted, Dense, Structure, System};
 use physics::Gas;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -150,6 +152,8 @@ pub struct Circuit<P> {
     shape: u64,
     /// The number of what its reservoirs hold: no other values have it, in any circuit.
     filled: u64,
+    /// What is evaluated without nodes, where the whole circuit is.
+    fused: Option<Box<Fused<P>>>,
 }
 
 /// Of a mass: the kind of its part and which of them, its place, itself, and the offset of its inner states.
@@ -187,7 +191,9 @@ impl<R: Lane> Circuit<R> {
             called: Called::default(),
             shape: each[0].shape,
             filled: next_filling(),
+            fused: None,
         }
+        .fuse()
     }
 
     /// Every input: its name with that of its part, its unit and its bounds.
@@ -203,6 +209,7 @@ impl<R: Lane> Circuit<R> {
         self.parts.input_mut(id).take(lane, &value);
         if id.kind == PartKind::Reservoir {
             self.filled = next_filling();
+            self.connect();
         }
     }
 
@@ -232,6 +239,9 @@ impl<R: Lane> Circuit<R> {
                 Err(at) => self.open.insert(at, index),
                 Ok(at) => drop(self.open.remove(at)),
             }
+            self.connect();
+        } else if is_open {
+            self.widen(index);
         }
     }
 
@@ -542,6 +552,22 @@ impl<R: Lane> System<R> for Circuit<R> {
             let (dy, accounts) = dy.split_at_mut(self.topology.n_states);
             self.parts.account(y, dy, net, &self.common, accounts);
         }
+    }
+
+    #[inline(never)]
+    fn rates(&self, t: R, y: &[R], dy: &mut [R], net: &mut Net<R>) {
+        match &self.fused {
+            Some(fused) if self.topology.channels.is_empty() => self.fused_rates(fused, y, dy),
+            _ => self.rhs(t, y, dy, net),
+        }
+    }
+
+    #[inline(never)]
+    fn linearise(&self, y: &[R], f: &mut [R], jacobian: &mut Dense<R>) -> bool {
+        if let Some(fused) = &self.fused {
+            self.fused_jacobian(fused, y, f, jacobian);
+        }
+        self.fused.is_some()
     }
 
     fn swings(&self) -> Vec<(usize, R)> {

@@ -2,6 +2,8 @@
 
 use crate::circuit::{AxisId, GasId};
 use math::Real;
+use physics::chamber::GasState;
+use physics::flow::End;
 use std::ops::Index;
 
 /// A point where gas is: a volume or a reservoir.
@@ -19,6 +21,8 @@ pub struct GasNode<S> {
     pub t: S,
     /// 1/sqrt(T), shared by all restrictions of the node.
     pub inverse_sqrt_t: S,
+    /// 1/p, shared as well.
+    pub inverse_p: S,
     /// Net mass flow into the node, kg/s.
     pub m_dot: S,
     /// Net enthalpy flow into the node, W.
@@ -98,6 +102,25 @@ impl<S> Index<AxisId> for Net<S> {
 }
 
 impl<S: Real> GasNode<S> {
+    /// The node as the end of a flow path.
+    #[inline(always)]
+    pub fn end(&self) -> End<S> {
+        End { p: self.p, inverse_p: self.inverse_p, choked: self.p * self.inverse_sqrt_t }
+    }
+
+    /// A node with gas at this state.
+    pub(crate) fn at(state: GasState<S>) -> Self {
+        let mut node = Self::empty();
+        node.fill(state);
+        node
+    }
+
+    /// Takes over the state of its gas.
+    #[inline(always)]
+    pub(crate) fn fill(&mut self, GasState { p, t, inverse_p, inverse_sqrt_t }: GasState<S>) {
+        (self.p, self.t, self.inverse_p, self.inverse_sqrt_t) = (p, t, inverse_p, inverse_sqrt_t);
+    }
+
     /// No volume and no flow; pressure and temperature one, so that nothing divides by zero.
     #[inline(always)]
     pub(crate) fn empty() -> Self {
@@ -109,6 +132,7 @@ impl<S: Real> GasNode<S> {
             p: one,
             t: one,
             inverse_sqrt_t: one,
+            inverse_p: one,
             m_dot: o,
             h_dot: o,
             heat: o,

@@ -1,7 +1,7 @@
 //! Sparsity from the type: a "number" that only remembers which states it depends on.
 
 use crate::dual::Dual;
-use crate::real::Real;
+use crate::real::{Over, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 const WORDS: usize = 8;
@@ -75,6 +75,9 @@ impl Neg for Deps {
         self
     }
 }
+
+impl Over<f64> for Deps {}
+impl<const N: usize> Over<Dual<f64, N>> for Deps {}
 
 impl Real for Deps {
     type Mask = bool;

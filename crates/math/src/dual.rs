@@ -1,6 +1,6 @@
 //! Forward-mode automatic differentiation.
 
-use crate::real::{Lane, Real};
+use crate::real::{Lane, Over, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// `re + sum_i eps[i] e_i` with `e_i e_j = 0`: a value with `N` directional derivatives, over any
@@ -176,6 +176,17 @@ impl<R: Real, const N: usize> Real for Dual<R, N> {
     #[inline(always)]
     fn select(mask: R::Mask, a: Self, b: Self) -> Self {
         R::once(|| a.with(R::select(mask, a.re, b.re), |i, eps| R::select(mask, eps, b.eps[i])))
+    }
+}
+
+impl<R: Real, const N: usize> Over<R> for Dual<R, N> {
+    #[inline(always)]
+    fn times(self, a: R) -> Self {
+        R::once(|| self.with(self.re * a, |_, eps| eps * a))
+    }
+    #[inline(always)]
+    fn times_plus(self, a: R, b: Self) -> Self {
+        R::once(|| self.with(self.re.fma(a, b.re), |i, eps| eps.fma(a, b.eps[i])))
     }
 }
 

@@ -5,13 +5,15 @@
 
 #![warn(missing_docs)]
 
+mod both;
 mod deps;
 mod dual;
 pub mod elementary;
 mod lanes;
 mod real;
 
+pub use both::Both;
 pub use deps::Deps;
 pub use dual::Dual;
 pub use lanes::Lanes;
-pub use real::{Lane, Over, Real};
+pub use real::{Lane, Over, Real, power};

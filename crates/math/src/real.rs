@@ -88,8 +88,21 @@ pub trait Real:
 }
 
 /// States over parameters: `S: Over<P>` can hold every `P` as a constant and branches on the same lanes.
-pub trait Over<P: Real>: Real<Mask = P::Mask> + From<P> {}
-impl<P: Real, S: Real<Mask = P::Mask> + From<P>> Over<P> for S {}
+pub trait Over<P: Real>: Real<Mask = P::Mask> + From<P> {
+    /// `self * a`: the derivatives of a parameter by a state are zero, and are not multiplied.
+    #[inline(always)]
+    fn times(self, a: P) -> Self {
+        self * Self::from(a)
+    }
+
+    /// `self * a + b`, rounded once in the value.
+    #[inline(always)]
+    fn times_plus(self, a: P, b: Self) -> Self {
+        self.fma(Self::from(a), b)
+    }
+}
+
+impl<P: Real> Over<P> for P {}
 
 /// A number made of `L` independent `f64` lanes, or of one `f64` and its derivatives; used by step control
 /// and loading only.
@@ -153,6 +166,12 @@ pub trait Lane: Real + From<Self::Plain> {
         }
         out
     }
+}
+
+/// `base^exponent`, out of line: for a law of which an exponent of two or a half is the usual case.
+#[inline(never)]
+pub fn power<S: Real>(base: S, exponent: S) -> S {
+    base.pow(exponent)
 }
 
 impl Real for f64 {

@@ -19,6 +19,7 @@ mod system;
 
 pub use control::{Failure, Options, Statistics};
 pub use event::locate;
+pub use linear::Dense;
 pub use rosenbrock::{RODAS5P, Rosenbrock};
 pub use stepper::{Accepted, NoOutput, Output, Paused, Stepper};
 pub use structure::{DIRECTIONS, Structure};

@@ -1,6 +1,9 @@
 //! The linear systems of a step: W = I/(h gamma) - J, factorised once and solved for each stage.
 
+mod arrow;
 mod sensitive;
+
+pub use arrow::Dense;
 
 use crate::stages::{BLOCK, Block, zeros};
 use crate::structure::{Entry, Structure};
@@ -20,7 +23,11 @@ pub(crate) struct Linear<R: Lane> {
     pub jacobian: Vec<R>,
     lu: Vec<R::Plain>,
     reciprocal: Vec<Block<R::Plain>>,
-    inverse: [[R::Plain; SMALL]; SMALL],
+    /// The columns of W^-1 of a small system.
+    pub inverse: Dense<R::Plain>,
+    /// A Jacobian in the shape of an arrow, in place of `jacobian`.
+    pub dense: Dense<R>,
+    pub is_arrow: bool,
 }
 
 impl<R: Lane> Linear<R> {
@@ -30,13 +37,41 @@ impl<R: Lane> Linear<R> {
             lu: vec![R::Plain::zero(); structure.n_slots],
             reciprocal: zeros(blocks(structure.n)),
             inverse: [[R::Plain::zero(); SMALL]; SMALL],
+            dense: [[R::zero(); SMALL]; SMALL],
+            is_arrow: false,
+        }
+    }
+
+    /// W^-1 by its shape, or the factors of W.
+    #[inline(always)]
+    pub fn prepare(&mut self, structure: &Structure, h_gamma: R::Plain) {
+        if !self.is_arrow || structure.n > structure.n_coupled {
+            self.factorise(structure, h_gamma);
+        }
+        if self.is_arrow {
+            self.invert_arrow(h_gamma);
+        }
+    }
+
+    #[inline(never)]
+    fn invert_arrow(&mut self, h_gamma: R::Plain) {
+        arrow::invert(&self.dense, h_gamma, &mut self.inverse);
+    }
+
+    /// Puts the Jacobian in the shape of an arrow into its slots.
+    pub fn store(&mut self, structure: &Structure) {
+        let diagonal = (0..structure.n_coupled as u16).map(|k| Entry { row: k, column: k });
+        let inner = structure.lower.iter().chain(&structure.upper).copied();
+        let first_diagonal = self.jacobian.len() - structure.n_coupled;
+        for (slot, entry) in inner.enumerate().chain((first_diagonal..).zip(diagonal)) {
+            self.jacobian[slot] = self.dense[entry.row as usize][entry.column as usize];
         }
     }
 
     /// Factorises W in the fixed order; the values below the diagonal and, divided by their pivot,
     /// above it are stored with the sign in which the substitutions add them.
     #[inline(never)] // One body of this size in `attempt` is enough: more spill registers.
-    pub fn factorise(&mut self, structure: &Structure, h_gamma: R::Plain) {
+    fn factorise(&mut self, structure: &Structure, h_gamma: R::Plain) {
         let one = R::Plain::one();
         let diagonal = one / h_gamma;
         for (w, j) in self.lu.iter_mut().zip(&self.jacobian) {
@@ -94,34 +129,33 @@ impl<R: Lane> Linear<R> {
         substitute_transposed(z, lower, lower_values);
     }
 
-    /// W x = known + rhs in two parts. First x = W^-1 known for a small system, or x = known: this can
-    /// be done while the right-hand side is evaluated.
-    pub fn begin(&self, structure: &Structure, x: &mut [Block<R>]) {
-        if R::DIRECTIONS > 0 {
-            self.begin_sensitive(structure, x);
-        } else if structure.n_coupled <= SMALL {
-            let x = x.as_flattened_mut().first_chunk_mut().expect("at least SMALL entries are stored");
-            let known = std::mem::replace(x, [R::zero(); SMALL]);
-            add_product(x, &self.inverse, &known);
-        }
-    }
-
-    /// Then x += W^-1 rhs, or x = W^-1 (x + rhs).
+    /// x = W^-1 (x + rhs), where `x` holds what is known before the right-hand side.
     #[inline(always)]
-    pub fn finish(&self, structure: &Structure, x: &mut [Block<R>], rhs: &[Block<R>]) {
-        let (x, rhs) = (x.as_flattened_mut(), rhs.as_flattened());
+    pub fn solve(&self, structure: &Structure, x: &mut [Block<R>], rhs: &[Block<R>]) {
         if R::DIRECTIONS > 0 {
-            return self.finish_sensitive(structure, x, rhs);
+            return self.solve_sensitive(structure, x.as_flattened_mut(), rhs.as_flattened());
         }
         if structure.n_coupled <= SMALL {
             let first = x.first_chunk_mut().expect("at least SMALL entries are stored");
-            add_product(first, &self.inverse, rhs.first_chunk().expect("as many"));
+            self.multiply(first, rhs.first_chunk().expect("as many"));
         } else {
-            self.eliminate(structure, x, rhs);
+            self.eliminate(structure, x.as_flattened_mut(), rhs.as_flattened());
         }
         if structure.n > structure.n_coupled {
-            self.finish_quadratures(structure, x, rhs);
+            self.finish_quadratures(structure, x.as_flattened_mut(), rhs.as_flattened());
         }
+    }
+
+    /// The same by the inverse, of a small system.
+    #[inline(always)]
+    pub fn multiply(&self, x: &mut Pair<R>, rhs: &Pair<R>) {
+        for (x, rhs) in x.iter_mut().zip(rhs) {
+            for l in 0..BLOCK {
+                x[l] += rhs[l];
+            }
+        }
+        let product = product(&self.inverse, x.as_flattened().first_chunk().expect("two blocks"));
+        x.as_flattened_mut().copy_from_slice(&product);
     }
 
     /// x = W^-1 (x + rhs) by substitution, for the coupled states.
@@ -175,17 +209,26 @@ fn substitute_transposed<R: Real>(z: &mut [[R; SMALL]; SMALL], entries: &[Entry]
     }
 }
 
-/// sum += sum_j x_j columns_j, in four chains. The x_j are read one by one: they were just written so,
+/// The two blocks of a small system.
+pub(crate) type Pair<R> = [Block<R>; SMALL / BLOCK];
+
+/// sum_j x_j columns_j, in four chains. The x_j are read one by one: they were just written so,
 /// and a wide load of what narrow stores wrote would have to wait for them.
 #[inline(always)]
-fn add_product<R: Lane>(sum: &mut [R; SMALL], columns: &[[R::Plain; SMALL]; SMALL], x: &[R; SMALL]) {
-    let mut chains = [*sum, [R::zero(); SMALL], [R::zero(); SMALL], [R::zero(); SMALL]];
-    for j in 0..SMALL / 4 {
-        for (c, chain) in chains.iter_mut().enumerate() {
-            for (value, column) in chain.iter_mut().zip(columns[4 * j + c]) {
-                *value = x[4 * j + c].fma_plain(column, *value);
-            }
+fn product<R: Lane>(columns: &Dense<R::Plain>, x: &[R; SMALL]) -> [R; SMALL] {
+    const CHAINS: usize = 4;
+    let mut chains = [[R::zero(); SMALL]; CHAINS];
+    for (c, chain) in chains.iter_mut().enumerate() {
+        for l in 0..SMALL {
+            chain[l] = x[c].scale(columns[c][l]);
+        }
+        for l in 0..SMALL {
+            chain[l] = x[CHAINS + c].fma_plain(columns[CHAINS + c][l], chain[l]);
         }
     }
-    *sum = std::array::from_fn(|l| (chains[0][l] + chains[1][l]) + (chains[2][l] + chains[3][l]));
+    let [mut sum, second, third, fourth] = chains;
+    for l in 0..SMALL {
+        sum[l] = (sum[l] + second[l]) + (third[l] + fourth[l]);
+    }
+    sum
 }

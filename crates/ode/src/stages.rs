@@ -14,7 +14,19 @@ pub(crate) fn zeros<R: Lane>(count: usize) -> Vec<Block<R>> {
     vec![[R::zero(); BLOCK]; count]
 }
 
-/// stage = y + sum_j a_j u_j and b = sum_j (c_j/h) u_j for stage `I`, over the `I` stages before it.
+/// Whether the state of stage `I` is that of the stage before and one of the numbers that this added.
+const fn follows(i: usize) -> bool {
+    let mut same = i > 1 && METHOD.a[i][i - 1] == 1.0;
+    let mut j = 0;
+    while same && j + 1 < i {
+        same = METHOD.a[i][j] == METHOD.a[i - 1][j];
+        j += 1;
+    }
+    same
+}
+
+/// stage = y + sum_j a_j u_j and b = sum_j (c_j/h) u_j for stage `I`, over the `I` stages before it; `stage` holds that
+/// of the stage before.
 #[inline(always)]
 pub(crate) fn combine<R: Lane, const I: usize>(
     stage: &mut [Block<R>],
@@ -25,13 +37,19 @@ pub(crate) fn combine<R: Lane, const I: usize>(
 ) {
     let blocks = y.len();
     for k in 0..blocks {
-        let (mut sum_a, mut sum_c) = (y[k], [R::zero(); BLOCK]);
+        let first = if const { follows(I) } { I - 1 } else { 0 };
+        let (mut sum_a, mut sum_c) = (if first > 0 { stage[k] } else { y[k] }, [R::zero(); BLOCK]);
         for j in 0..I {
-            let (a, c) = (METHOD.a[I][j], METHOD.c[I][j]);
             let row = &u[j * blocks + k];
-            for l in 0..BLOCK {
-                sum_a[l] = row[l].fma_c(a, sum_a[l]);
-                sum_c[l] = row[l].fma_c(c, sum_c[l]);
+            if j >= first && METHOD.a[I][j] != 0.0 {
+                for l in 0..BLOCK {
+                    sum_a[l] = row[l].fma_c(METHOD.a[I][j], sum_a[l]);
+                }
+            }
+            if METHOD.c[I][j] != 0.0 {
+                for l in 0..BLOCK {
+                    sum_c[l] = row[l].fma_c(METHOD.c[I][j], sum_c[l]);
+                }
             }
         }
         stage[k] = sum_a;

@@ -9,7 +9,7 @@ mod search;
 use crate::approach::FAR_OFF;
 use crate::control::{Control, Failure, Options, Statistics};
 use crate::dense::Step;
-use crate::linear::{Linear, blocks};
+use crate::linear::{Linear, Pair, blocks};
 use crate::stages::{BLOCK, Block, METHOD, S, combine, zeros};
 use crate::structure::{DIRECTIONS, Structure};
 use crate::swing::Swing;
@@ -195,10 +195,31 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     /// f, its Jacobian and the event functions at the present state.
     fn refresh(&mut self) {
-        let structure = self.structure.clone();
-        let n = structure.n();
         self.system.renew(&mut self.work);
         self.system.renew(&mut self.dual_work);
+        let n = self.structure.n();
+        let (y, f0) = (&self.y.as_flattened()[..n], self.f0.as_flattened_mut());
+        let linear = &mut self.linear;
+        linear.is_arrow = self.system.linearise(y, f0, &mut linear.dense);
+        if !linear.is_arrow || n > self.structure.n_coupled {
+            self.differentiate();
+        } else if R::DIRECTIONS > 0 {
+            linear.store(&self.structure);
+        }
+        if !self.g0.is_empty() {
+            let t = R::from_lanes(|lane| self.t[lane]);
+            self.system.events(t, &self.y.as_flattened()[..n], &mut self.g0, &mut self.work);
+        }
+        for lane in &mut self.lanes {
+            lane.statistics.jacobians += 1;
+        }
+        self.fresh = true;
+    }
+
+    /// f and its Jacobian by passes of dual numbers.
+    fn differentiate(&mut self) {
+        let structure = self.structure.clone();
+        let n = structure.n();
         let t = R::from_lanes(|lane| self.t[lane]);
         for pass in &structure.passes {
             if self.seeded {
@@ -241,13 +262,6 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 *f0 = dual.re;
             }
         }
-        if !self.g0.is_empty() {
-            self.system.events(t, &self.y.as_flattened()[..n], &mut self.g0, &mut self.work);
-        }
-        for lane in &mut self.lanes {
-            lane.statistics.jacobians += 1;
-        }
-        self.fresh = true;
     }
 
     /// A first step from the size of the state and its rate.
@@ -302,8 +316,11 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     /// One step of all lanes with their own `h`: stages into `u`, the new state into `step.y1`.
     fn attempt(&mut self, h: R::Plain) {
-        self.linear.factorise(&self.structure, h * R::Plain::c(METHOD.gamma));
+        self.linear.prepare(&self.structure, h * R::Plain::c(METHOD.gamma));
         let inverse_h = R::Plain::one() / h;
+        if self.structure.is_small() && R::DIRECTIONS == 0 {
+            return self.small_stages(h, inverse_h);
+        }
         macro_rules! stages {
             ($($i:literal)*) => { $(self.stage::<$i>(h, inverse_h);)* };
         }
@@ -314,6 +331,36 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         for ((y1, stage), u) in self.step.y1.iter_mut().zip(&self.stage).zip(last) {
             for l in 0..BLOCK {
                 y1[l] = stage[l] + u[l];
+            }
+        }
+    }
+
+    /// All stages of a system of two blocks, whose W^-1 is known: sizes are constants.
+    fn small_stages(&mut self, h: R::Plain, inverse_h: R::Plain) {
+        let Stepper { structure, system, t, y, f0, u, stage, rhs, linear, work, step, .. } = self;
+        let n = structure.n();
+        let y: &Pair<R> = y.first_chunk().expect("two blocks");
+        let f0: &Pair<R> = f0.first_chunk().expect("two blocks");
+        let u: &mut [Pair<R>; S] = u.as_chunks_mut().0.first_chunk_mut().expect("a row for each stage");
+        let stage: &mut Pair<R> = stage.first_chunk_mut().expect("two blocks");
+        let rhs: &mut Pair<R> = rhs.first_chunk_mut().expect("two blocks");
+        let t = R::Plain::from_lanes(|lane| t[lane]);
+        u[0] = [[R::zero(); BLOCK]; 2];
+        linear.multiply(&mut u[0], f0);
+        macro_rules! stages {
+            ($($i:literal)*) => { $({
+                let (done, rest) = u.split_at_mut($i);
+                combine::<R, $i>(stage, &mut rest[0], y, inverse_h, done.as_flattened());
+                let time = R::from(h.fma(R::Plain::c(METHOD.alpha[$i]), t));
+                system.rates(time, &stage.as_flattened()[..n], &mut rhs.as_flattened_mut()[..n], work);
+                linear.multiply(&mut rest[0], rhs);
+            })* };
+        }
+        stages!(1 2 3 4 5 6 7);
+        step.begin(y);
+        for (k, y1) in step.y1.iter_mut().enumerate() {
+            for l in 0..BLOCK {
+                y1[l] = stage[k][l] + u[S - 1][k][l];
             }
         }
     }
@@ -329,11 +376,10 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             self.rhs.copy_from_slice(&self.f0);
         } else {
             combine::<R, I>(&mut self.stage, b, &self.y, inverse_h, done);
-            self.linear.begin(structure, b);
             let t = R::Plain::from_lanes(|lane| self.t[lane]);
             let time = R::from(h.fma(R::Plain::c(METHOD.alpha[I]), t));
             let stage = &self.stage.as_flattened()[..n];
-            self.system.rhs(time, stage, &mut self.rhs.as_flattened_mut()[..n], &mut self.work);
+            self.system.rates(time, stage, &mut self.rhs.as_flattened_mut()[..n], &mut self.work);
         }
         if structure.depends_on_time {
             let weight = h * R::Plain::c(METHOD.gamma_t[I]);
@@ -343,7 +389,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 }
             }
         }
-        self.linear.finish(structure, b, &self.rhs);
+        self.linear.solve(structure, b, &self.rhs);
     }
 
     /// The largest error of any state, in units of its tolerance, for all lanes; NaN where a state is not finite.

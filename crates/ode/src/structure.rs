@@ -1,6 +1,7 @@
 //! Sparsity of a system, found once and shared: colouring of the Jacobian's columns, and the
 //! elimination of `W = I/(h gamma) - J` in a fixed order as flat lists of operations.
 
+use crate::linear::SMALL;
 use math::Deps;
 
 /// Number of directions of one pass of dual numbers.
@@ -102,6 +103,11 @@ impl Structure {
         let passes = colour(&pattern, &slots, &quadrature, depends_on_time);
         let pivots = factorisation(&filled, &slots, &order);
         Structure { n, n_slots, passes, pivots, lower, upper, quadratures, n_coupled, depends_on_time }
+    }
+
+    /// Whether the inverse of W alone solves for every stage.
+    pub(crate) fn is_small(&self) -> bool {
+        self.n <= SMALL && self.n == self.n_coupled && !self.depends_on_time
     }
 
     /// Number of states.

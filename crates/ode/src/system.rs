@@ -1,5 +1,6 @@
 //! Interface between an integrator and a system of equations.
 
+use crate::linear::Dense;
 use crate::stepper::Accepted;
 use crate::structure::Structure;
 use math::{Lane, Over, Real};
@@ -18,6 +19,17 @@ pub trait System<R: Lane> {
 
     /// Writes `f(t, y)` into `dy`; both have one entry for each state.
     fn rhs<S: Over<R>>(&self, t: S, y: &[S], dy: &mut [S], work: &mut Self::Work<S>);
+
+    /// The same at numbers of its own.
+    fn rates(&self, t: R, y: &[R], dy: &mut [R], work: &mut Self::Work<R>) {
+        self.rhs(t, y, dy, work);
+    }
+
+    /// Writes `f` and its Jacobian, where the system knows it and it has the shape of an arrow (see [`Dense`]); zeros
+    /// of the shape are not written. A system says yes always, or never.
+    fn linearise(&self, _y: &[R], _f: &mut [R], _jacobian: &mut Dense<R>) -> bool {
+        false
+    }
 
     /// Sparsity, colouring and elimination order; see [`Structure::of`].
     fn structure(&self) -> &Arc<Structure>;

@@ -5,7 +5,7 @@ mod iso6358;
 mod laminar;
 mod series;
 pub use formula::{FlowFormula, MASS_FLOW};
-pub use iso6358::{Iso6358, LINEAR_ABOVE, choked_factor};
+pub use iso6358::{End, Iso6358, LINEAR_ABOVE, choked_factor};
 pub use laminar::Laminar;
 pub use series::in_series;
 

@@ -130,6 +130,17 @@ macro_rules! parameters {
             }
         }
 
+        impl<R: math::Real> $name<R> {
+            /// Two of them side by side, with the choices of the first.
+            #[allow(dead_code)]
+            pub fn beside(&self, other: &Self) -> $name<math::Both<R>> {
+                $name {
+                    $($field: math::Both([self.$field, other.$field]),)*
+                    $($($choice: self.$choice.clone(),)*)?
+                }
+            }
+        }
+
         impl<R: math::Lane> $name<R> {
             /// Lane `i` takes the parameters of `each[i]`.
             pub fn gather(each: &[&$name<f64>]) -> Self {

@@ -31,6 +31,7 @@ impl<R: Lane> Circuit<R> {
             called: Called::default(),
             shape: 0,
             filled: next_filling(),
+            fused: None,
         }
     }
 
@@ -190,6 +191,7 @@ impl<R: Lane> Circuit<R> {
             area,
             perimeter,
             end_wall,
+            sign: if grows { R::one() } else { -R::one() },
             offset,
             gas: gas.0,
             axis: axis.0,
@@ -286,7 +288,7 @@ impl<R: Lane> Circuit<R> {
         self.topology = other.topology.clone();
         self.called = Called::default();
         self.parts.restrictions.iter_mut().for_each(|(_, restriction)| restriction.closed = true);
-        Some(self)
+        Some(self.fuse())
     }
 }
 
@@ -319,7 +321,7 @@ where
         Arc::get_mut(&mut self.topology).expect("not shared yet").structure = structure;
         self.open.clear();
         self.parts.restrictions.iter_mut().for_each(|(_, restriction)| restriction.closed = true);
-        self
+        self.fuse()
     }
 }
 

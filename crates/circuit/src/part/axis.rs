@@ -132,7 +132,7 @@ impl<P: Real> Axis<P> {
 
     /// Position, velocity and the constant forces.
     #[inline(always)]
-    pub(super) fn stand<S: Over<P>>(&self, y: [S; 2], node: &mut AxisNode<S>) {
+    pub(crate) fn stand<S: Over<P>>(&self, y: [S; 2], node: &mut AxisNode<S>) {
         [node.x, node.v] = y;
         node.force = S::from(self.external_force - self.weight);
         node.end_stop = S::zero();
@@ -144,7 +144,7 @@ impl<P: Real> Axis<P> {
     /// Friction and acceleration, once all other forces are known; sets the rates of the inner states.
     /// `USUAL` says that the friction is, see [`Contact::is_usual`].
     #[inline(always)]
-    pub(super) fn accelerate<S: Over<P>, const USUAL: bool>(
+    pub(crate) fn accelerate<S: Over<P>, const USUAL: bool>(
         &self,
         z: &[S],
         dz: &mut [S],

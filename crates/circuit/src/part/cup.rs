@@ -29,6 +29,6 @@ impl<P: Real> Part<P> for Cup<P> {
         let (pilot, one, two) = (&net[self.pilot], &net[self.path.from], &net[self.path.to]);
         let u = clip((one.p - pilot.p) / S::from(self.switching_pressure));
         let share = u * u * (S::c(3.0) - S::c(2.0) * u);
-        self.law.mass_flow(share, one.p, one.inverse_sqrt_t, two.p, two.inverse_sqrt_t)
+        self.law.flow(share, &one.end(), &two.end())
     }
 }

@@ -78,7 +78,7 @@ impl<P: Real> Part<P> for Cushion<P> {
         let (one, two) = (&net[self.path.from], &net[self.path.to]);
         let [_, q, _] = self.stands(net.axis[self.axis].x);
         let share = q / (q + S::from(self.transition));
-        self.bore.mass_flow(share, one.p, one.inverse_sqrt_t, two.p, two.inverse_sqrt_t)
+        self.bore.flow(share, &one.end(), &two.end())
     }
 
     #[inline(always)]

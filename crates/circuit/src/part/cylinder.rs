@@ -28,7 +28,7 @@ pub struct Cylinder<P, const USUAL: bool = true> {
     /// the share that is left there.
     least_room: [P; 2],
     /// Least wall of a chamber, m2, once it has.
-    least_wall: P,
+    pub(crate) least_wall: P,
     /// It has, in some lane.
     pub(crate) met: bool,
 }

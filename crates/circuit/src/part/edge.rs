@@ -34,6 +34,6 @@ impl<P: Real> Part<P> for Edge<P> {
         if self.leaks {
             share += S::from(self.leak) * (-x.abs() / S::from(self.leak_width)).exp();
         }
-        self.law.mass_flow(share, one.p, one.inverse_sqrt_t, two.p, two.inverse_sqrt_t)
+        self.law.flow(share, &one.end(), &two.end())
     }
 }

@@ -177,7 +177,7 @@ impl<P: Real> EndStops<P> {
 
     /// Adds the force of the stops to the axis.
     #[inline(always)]
-    pub(super) fn push<S: Over<P>>(&self, node: &mut AxisNode<S>) {
+    pub(crate) fn push<S: Over<P>>(&self, node: &mut AxisNode<S>) {
         let contact = self.contact(node.x, node.v);
         node.end_stop = contact.2 * self.force(contact);
         node.force += node.end_stop;

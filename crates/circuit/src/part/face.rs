@@ -17,6 +17,8 @@ physics::parameters! {
         perimeter: "m", physics::at_least(0.0);
         /// Wetted end faces
         end_wall: "m2", physics::at_least(0.0);
+        /// Derived: one where the chamber grows with x (side a), minus one where it shrinks
+        sign: "-", physics::any();
         /// Stroke at which the chamber's length is zero (side b), or zero (side a)
         offset: "m", physics::at_least(0.0);
     } with {
@@ -33,26 +35,26 @@ physics::parameters! {
 
 impl<P: Real> Face<P> {
     #[inline(always)]
-    fn signed<S: Real>(&self, value: S) -> S {
-        if self.grows { value } else { -value }
+    fn signed<S: Over<P>>(&self, value: S) -> S {
+        value.times(self.sign)
     }
 }
 
 impl<P: Real> Face<P> {
     /// Adds what the piston leaves free to the volume.
     #[inline(always)]
-    pub(super) fn enlarge<S: Over<P>>(&self, axis: &AxisNode<S>, node: &mut GasNode<S>) {
-        let (area, length) = (S::from(self.area), S::from(self.offset) + self.signed(axis.x));
-        node.volume = area.fma(length, node.volume);
-        node.volume_rate += self.signed(area * axis.v);
-        node.wall = S::from(self.perimeter).fma(length, node.wall + S::from(self.end_wall));
+    pub(crate) fn enlarge<S: Over<P>>(&self, axis: &AxisNode<S>, node: &mut GasNode<S>) {
+        let length = S::from(self.offset) + self.signed(axis.x);
+        node.volume = length.times_plus(self.area, node.volume);
+        node.volume_rate += self.signed(axis.v.times(self.area));
+        node.wall = length.times_plus(self.perimeter, node.wall + S::from(self.end_wall));
     }
 
     /// Adds the force of the gas to the axis.
     #[inline(always)]
-    pub(super) fn push<S: Over<P>>(&self, node: &GasNode<S>, axis: &mut AxisNode<S>, common: &Common<P>) {
+    pub(crate) fn push<S: Over<P>>(&self, node: &GasNode<S>, axis: &mut AxisNode<S>, common: &Common<P>) {
         let gauge = node.p - S::from(common.ambient_pressure);
-        axis.force += self.signed(S::from(self.area) * gauge);
+        axis.force += self.signed(gauge.times(self.area));
         if self.grows {
             axis.gauge_a = gauge;
         } else {
@@ -65,7 +67,7 @@ impl<R: Lane> Face<R> {
     /// What the piston at `x` leaves free of a chamber with this dead volume, m3.
     #[inline(always)]
     pub(super) fn room(&self, x: R::Plain, dead_volume: R::Plain) -> R::Plain {
-        self.area.plain().fma(self.offset.plain() + self.signed(x), dead_volume)
+        self.area.plain().fma(self.offset.plain() + self.sign.plain() * x, dead_volume)
     }
 }
 

@@ -137,6 +137,13 @@ macro_rules! parts {
             }
         })*
 
+        impl<P> Parts<P> {
+            /// Whether it has parts of other than the usual kinds.
+            pub fn has_others(&self) -> bool {
+                !self.present.is_empty()
+            }
+        }
+
         impl<P: Real> Parts<P> {
             /// Every flow path: the kind of its part, which of them, which path of that, and its ends.
             pub fn paths(&self) -> impl Iterator<Item = (PartKind, usize, usize, Between)> {

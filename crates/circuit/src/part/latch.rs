@@ -48,7 +48,7 @@ impl<P: Real> Part<P> for Latch<P> {
     fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {
         let (one, two) = (&net[self.path.from], &net[self.path.to]);
         let share = self.needle_share + self.mode * (P::one() - self.needle_share);
-        self.law.mass_flow(S::from(share), one.p, one.inverse_sqrt_t, two.p, two.inverse_sqrt_t)
+        self.law.flow(S::from(share), &one.end(), &two.end())
     }
 
     fn n_events(&self) -> usize {

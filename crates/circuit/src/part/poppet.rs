@@ -33,6 +33,6 @@ impl<P: Real> Part<P> for Poppet<P> {
         let push = (pilot.p - S::from(self.ambient_pressure)).max(S::zero());
         let lift = one.p - two.p + S::from(self.pilot_ratio) * push - S::from(self.cracking_pressure);
         let share = clip(lift / S::from(self.full_opening_rise));
-        self.law.mass_flow(share, one.p, one.inverse_sqrt_t, two.p, two.inverse_sqrt_t)
+        self.law.flow(share, &one.end(), &two.end())
     }
 }

@@ -77,7 +77,7 @@ impl<P: Real> Part<P> for Regulator<P> {
             let above = self.set_pressure(net) + S::from(self.relief_offset);
             (&self.relief, clip((one.p - above) / S::from(self.relief_rise)))
         };
-        law.mass_flow(share, one.p, one.inverse_sqrt_t, two.p, two.inverse_sqrt_t)
+        law.flow(share, &one.end(), &two.end())
     }
 
     #[inline(always)]

@@ -1,6 +1,7 @@
 use super::{Common, Input, Part};
 use crate::net::Net;
 use math::{Over, Real};
+use physics::chamber::GasState;
 
 physics::parameters! {
     /// Gas at constant pressure and temperature: supply, ambient, or a chamber held by a regulator.
@@ -17,14 +18,22 @@ physics::parameters! {
 }
 
 impl<P: Real> Reservoir<P> {
+    pub(crate) fn state(&self) -> GasState<P> {
+        GasState::at(self.pressure, self.temperature)
+    }
+
     pub(crate) fn fill<S: Over<P>>(&self, net: &mut Net<S>, common: &Common<P>) {
         if let Some(virial) = &common.gas.virial {
             net.enthalpy[self.node] = S::from(virial.enthalpy(&common.gas, self.pressure, self.temperature));
         }
         let node = &mut net.gas[self.node];
-        node.p = S::from(self.pressure);
-        node.t = S::from(self.temperature);
-        node.inverse_sqrt_t = S::from(P::one() / self.temperature.sqrt());
+        let GasState { p, t, inverse_p, inverse_sqrt_t } = self.state();
+        node.fill(GasState {
+            p: S::from(p),
+            t: S::from(t),
+            inverse_p: S::from(inverse_p),
+            inverse_sqrt_t: S::from(inverse_sqrt_t),
+        });
     }
 }
 

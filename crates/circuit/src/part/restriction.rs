@@ -30,6 +30,12 @@ impl<R: Lane> Restriction<R> {
 }
 
 impl<P: Real> Restriction<P> {
+    /// The gain of its law at its opening.
+    #[inline(always)]
+    pub(crate) fn gain(&self) -> P {
+        self.opening * self.law.gain
+    }
+
     #[inline(always)]
     pub(crate) fn pass<S: Over<P>>(&self, net: &mut Net<S>) {
         post_ideal(net, self.path, self.flow(0, net));
@@ -56,7 +62,9 @@ impl<P: Real> Part<P> for Restriction<P> {
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {
         let (one, two) = (&net[self.path.from], &net[self.path.to]);
-        self.law.mass_flow(S::from(self.opening), one.p, one.inverse_sqrt_t, two.p, two.inverse_sqrt_t)
+        let (one, two) = (one.end(), two.end());
+        let backward = one.p.lt(two.p);
+        (self.law.driven(backward, &one, &two).times(self.gain()), backward)
     }
 
     /// The circuit lets what is open pass by itself.

@@ -23,8 +23,7 @@ impl<P: Real> Part<P> for Series<P> {
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {
         let (one, two) = (&net[self.path.from], &net[self.path.to]);
-        let through =
-            |law: &Iso6358<P>| law.mass_flow(S::one(), one.p, one.inverse_sqrt_t, two.p, two.inverse_sqrt_t);
+        let through = |law: &Iso6358<P>| law.flow(S::one(), &one.end(), &two.end());
         let ((ahead, is_backward), (back, _)) = (through(&self.forward), through(&self.backward));
         (S::select(is_backward, back, ahead), is_backward)
     }

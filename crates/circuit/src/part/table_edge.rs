@@ -30,6 +30,6 @@ impl<P: Real> Part<P> for TableEdge<P> {
         let (one, two) = (&net[self.path.from], &net[self.path.to]);
         let x = net.signal[self.signal];
         let law = self.law.with_ratio(self.ratio.value(x));
-        law.mass_flow(self.share.value(x), one.p, one.inverse_sqrt_t, two.p, two.inverse_sqrt_t)
+        law.flow(self.share.value(x), &one.end(), &two.end())
     }
 }

@@ -2,7 +2,7 @@ use super::{Common, Given, Of, Own, OwnMut, Part, State};
 use crate::ledger::Kind;
 use crate::net::{GasNode, Net};
 use math::{Lane, Over, Real};
-use physics::chamber::{AsPrinted, EnergyBalance, Exchange};
+use physics::chamber::{AsPrinted, EnergyBalance, Exchange, GasState};
 // The standard reference atmosphere: of the error scales, and where entropy is zero.
 use physics::constants::{P_0, T_0};
 use physics::heat;
@@ -78,7 +78,7 @@ pub(super) fn specific_entropy<P: Real, S: Over<P>>(t: S, p: S, common: &Common<
 impl<P: Real> Volume<P> {
     /// The volume without pistons, and no flow.
     #[inline(always)]
-    pub(super) fn reset<S: Over<P>>(&self, node: &mut GasNode<S>) {
+    pub(crate) fn reset<S: Over<P>>(&self, node: &mut GasNode<S>) {
         node.volume = S::from(self.dead_volume);
         node.wall = S::from(self.dead_wall);
         node.volume_rate = S::zero();
@@ -88,12 +88,11 @@ impl<P: Real> Volume<P> {
 
     /// Pressure and temperature from the states.
     #[inline(always)]
-    pub(super) fn fill<S: Over<P>>(&self, y: [S; 2], node: &mut GasNode<S>, common: &Common<P>) {
-        (node.p, node.t) = match self.law {
-            ChamberLaw::EnergyBalance => EnergyBalance::p_t(&common.gas, y, node.volume),
-            ChamberLaw::AsPrinted => y.into(),
-        };
-        node.inverse_sqrt_t = S::one() / node.t.sqrt();
+    pub(crate) fn fill<S: Over<P>>(&self, y: [S; 2], node: &mut GasNode<S>, common: &Common<P>) {
+        node.fill(match self.law {
+            ChamberLaw::EnergyBalance => EnergyBalance::state(&common.gas, y, node.volume),
+            ChamberLaw::AsPrinted => GasState::at(y[0], y[1]),
+        });
     }
 
     /// The same of a gas that is not ideal, with its enthalpy, after `fill`.
@@ -107,8 +106,8 @@ impl<P: Real> Volume<P> {
     ) {
         let Some(virial) = &common.gas.virial else { return };
         let (p, t, h) = virial.p_t_h(&common.gas, y, node.volume);
-        (node.p, node.t, enthalpy[self.node]) = (p, t, h);
-        node.inverse_sqrt_t = S::one() / t.sqrt();
+        node.fill(GasState::at(p, t));
+        enthalpy[self.node] = h;
     }
 
     /// The states at a pressure and temperature.
@@ -124,7 +123,7 @@ impl<P: Real> Volume<P> {
 
     /// Rates of the states, once all flows are known.
     #[inline(always)]
-    pub(super) fn rates<S: Over<P>>(&self, node: &mut GasNode<S>, common: &Common<P>) -> [S; 2] {
+    pub(crate) fn rates<S: Over<P>>(&self, node: &mut GasNode<S>, common: &Common<P>) -> [S; 2] {
         node.heat =
             heat::newton(S::from(self.heat_transfer), node.wall, S::from(self.wall_temperature), node.t);
         let exchange = Exchange {

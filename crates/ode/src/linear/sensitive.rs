@@ -4,34 +4,19 @@
 //!
 //! The value takes the very operations that it takes without derivatives.
 
-use super::{Linear, SMALL, add_product};
-use crate::stages::Block;
+use super::{Linear, SMALL, product};
 use crate::structure::{Entry, Structure};
-use math::{Lane, Real};
+use math::Lane;
 use std::array::from_fn;
 
 impl<R: Lane> Linear<R> {
-    /// The value of x = W^-1 known for a small system; derivatives stay those of `known`.
-    pub(super) fn begin_sensitive(&self, structure: &Structure, x: &mut [Block<R>]) {
-        if structure.n_coupled <= SMALL {
-            let x = x.as_flattened_mut();
-            let known: [R::Plain; SMALL] = from_fn(|l| x[l].plain());
-            let mut values = [R::Plain::zero(); SMALL];
-            add_product(&mut values, &self.inverse, &known);
-            for (x, value) in x.iter_mut().zip(values) {
-                *x = x.with_value(value);
-            }
-        }
-    }
-
-    /// The rest of the value, then the derivatives.
+    /// The value of x = W^-1 (x + rhs), then its derivatives.
     #[inline(never)]
-    pub(super) fn finish_sensitive(&self, structure: &Structure, x: &mut [R], rhs: &[R]) {
+    pub(super) fn solve_sensitive(&self, structure: &Structure, x: &mut [R], rhs: &[R]) {
         assert_eq!(structure.n, structure.n_coupled, "accounts have no derivatives");
         if structure.n <= SMALL {
-            let mut values: [R::Plain; SMALL] = from_fn(|l| x[l].plain());
-            let rates: [R::Plain; SMALL] = from_fn(|l| rhs[l].plain());
-            add_product(&mut values, &self.inverse, &rates);
+            let values: [R::Plain; SMALL] = from_fn(|l| x[l].plain() + rhs[l].plain());
+            let values = product(&self.inverse, &values);
             self.add_change_of_matrix(structure, x, rhs, &values);
             let known: [R; SMALL] = from_fn(|l| x[l]);
             for (l, (x, value)) in x[..structure.n].iter_mut().zip(values).enumerate() {

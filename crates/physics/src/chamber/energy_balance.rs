@@ -1,4 +1,4 @@
-use super::Exchange;
+use super::{Exchange, GasState};
 use crate::gas::IdealGas;
 use math::{Over, Real};
 
@@ -19,12 +19,22 @@ impl EnergyBalance {
         [p * volume / (gas.gas_constant * t), u]
     }
 
-    /// (p, T) from (m, U).
+    /// p, T and their reciprocals from (m, U), with E = (k - 1) U = p V = m R T:
+    ///
+    ///   p = E^2/(V E),   1/p = V^2/(V E),   1/T = m R V/(V E),   T = U/(m cv)
+    ///
+    /// Two divisions, which do not wait for each other.
     #[inline(always)]
-    pub fn p_t<P: Real, S: Over<P>>(gas: &IdealGas<P>, state: [S; 2], volume: S) -> (S, S) {
-        let [m, u] = state;
-        let k1 = gas.heat_capacity_ratio - P::one();
-        (S::from(k1) * u / volume, S::from(k1 / gas.gas_constant) * u / m)
+    pub fn state<P: Real, S: Over<P>>(gas: &IdealGas<P>, [m, u]: [S; 2], volume: S) -> GasState<S> {
+        let energy = u.times(gas.heat_capacity_ratio - P::one());
+        let inverse = S::one() / (volume * energy);
+        let per_energy = volume * inverse;
+        GasState {
+            p: energy * energy * inverse,
+            t: u / m.times(gas.cv),
+            inverse_p: volume * per_energy,
+            inverse_sqrt_t: (m.times(gas.gas_constant) * per_energy).sqrt(),
+        }
     }
 
     /// (dm/dt, dU/dt).

@@ -1,6 +1,6 @@
 use crate::constants::{P_0, RHO_0, T_0};
 use crate::gas::IdealGas;
-use math::{Over, Real};
+use math::{Over, Real, power};
 
 /// Pressure ratio above which the flow is linear, unless a drive says otherwise (assumed).
 pub const LINEAR_ABOVE: f64 = 0.999;
@@ -9,6 +9,25 @@ pub const LINEAR_ABOVE: f64 = 0.999;
 /// both act only where the pressure before it is hardly above its cracking pressure.
 const MOST_OF_CRACKED: f64 = 0.9;
 const LEAST_CRACKED: f64 = 1e-3;
+
+/// The gas at one end of a flow path.
+#[derive(Clone, Copy, Debug)]
+pub struct End<S> {
+    /// Pressure, Pa.
+    pub p: S,
+    /// 1/p, 1/Pa.
+    pub inverse_p: S,
+    /// p/sqrt(T), to which choked flow out of it is proportional, Pa/K^0.5.
+    pub choked: S,
+}
+
+impl<S: Real> End<S> {
+    /// At a pressure, Pa, with 1/sqrt(T), 1/K^0.5.
+    #[inline(always)]
+    pub fn at(p: S, inverse_sqrt_t: S) -> Self {
+        End { p, inverse_p: S::one() / p, choked: p * inverse_sqrt_t }
+    }
+}
 
 crate::parameters! {
     /// Mass flow through a pneumatic component, with r = p2/p1 and p1 the upstream pressure:
@@ -123,11 +142,11 @@ impl<P: Real> Iso6358<P> {
     #[inline(always)]
     pub fn phi<S: Over<P>>(&self, r: S) -> S {
         let b = S::from(self.critical_pressure_ratio);
-        let q =
-            r.fma(S::from(self.inverse_span), S::from(-(self.critical_pressure_ratio * self.inverse_span)));
+        let q = r.times_plus(self.inverse_span, S::from(-(self.critical_pressure_ratio * self.inverse_span)));
         let bracket = (-q).fma(q, S::one()).max(S::from(self.bracket_at_linear));
-        let subsonic = if self.elliptic { bracket.sqrt() } else { bracket.pow(S::from(self.subsonic_index)) };
-        let linear = S::from(self.linear_slope) * (S::one() - r);
+        let subsonic =
+            if self.elliptic { bracket.sqrt() } else { power(bracket, S::from(self.subsonic_index)) };
+        let linear = (S::one() - r).times(self.linear_slope);
         let above_critical = S::select(S::from(self.linear_above).lt(r), linear, subsonic);
         S::select(b.lt(r), above_critical, S::one())
     }
@@ -152,9 +171,20 @@ impl<P: Real> Iso6358<P> {
     /// it goes from 2 to 1; `w` is 1/sqrt(T) at each end.
     #[inline(always)]
     pub fn mass_flow<S: Over<P>>(&self, opening: S, p1: S, w1: S, p2: S, w2: S) -> (S, S::Mask) {
-        let backward = p1.lt(p2);
-        let (p_up, p_down) = (S::select(backward, p2, p1), S::select(backward, p1, p2));
-        let choked = opening * S::from(self.gain) * p_up * S::select(backward, w2, w1);
-        (S::select(backward, -choked, choked) * self.phi(p_down / p_up), backward)
+        self.flow(opening, &End::at(p1, w1), &End::at(p2, w2))
+    }
+
+    /// The same between two ends.
+    #[inline(always)]
+    pub fn flow<S: Over<P>>(&self, opening: S, one: &End<S>, two: &End<S>) -> (S, S::Mask) {
+        let backward = one.p.lt(two.p);
+        (opening.times(self.gain) * self.driven(backward, one, two), backward)
+    }
+
+    /// Mass flow from end 1 to end 2 for a gain of one, backward or not, Pa/K^0.5.
+    #[inline(always)]
+    pub fn driven<S: Over<P>>(&self, backward: S::Mask, one: &End<S>, two: &End<S>) -> S {
+        let ratio = S::select(backward, one.p * two.inverse_p, two.p * one.inverse_p);
+        S::select(backward, -two.choked, one.choked) * self.phi(ratio)
     }
 }

@@ -1,5 +1,5 @@
 use super::{At, Choices, Claims, Described, Law, Levels, dry, sliding};
-use math::{Over, Real};
+use math::{Over, Real, power};
 
 /// |v/vs| below this is taken as this in a general exponent, where the slope at zero would be
 /// infinite: it changes the weight by less than 1e-6 for exponents from 0.5.
@@ -29,7 +29,7 @@ pub fn weight<P: Real, S: Over<P>>(v: S, vs: P, exponent: P, shape: Shape) -> S 
     let ratio = v * S::from(P::one() / vs);
     match shape {
         Shape::Gaussian => (-(ratio * ratio)).exp(),
-        Shape::Power => (-ratio.abs().max(S::c(SMALLEST_RATIO)).pow(S::from(exponent))).exp(),
+        Shape::Power => (-power(ratio.abs().max(S::c(SMALLEST_RATIO)), S::from(exponent))).exp(),
         Shape::Lorentzian => S::one() / ratio.fma(ratio, S::one()),
     }
 }

@@ -1,5 +1,5 @@
 use super::IdealGas;
-use crate::chamber::EnergyBalance;
+use crate::chamber::{EnergyBalance, GasState};
 use math::{Over, Real};
 
 /// Below this temperature, K, the coefficient no longer grows: far below where the gases of a circuit are, so that
@@ -43,7 +43,7 @@ impl<P: Real> Virial<P> {
     /// (p, T, h) from (m, U) in a volume; those of the ideal gas to the bit where a and b are zero.
     #[inline(always)]
     pub fn p_t_h<S: Over<P>>(&self, gas: &IdealGas<P>, state: [S; 2], volume: S) -> (S, S, S) {
-        let (p, ideal) = EnergyBalance::p_t(gas, state, volume);
+        let GasState { p, t: ideal, .. } = EnergyBalance::state(gas, state, volume);
         let density = state[0] / volume;
         let (r_rho, cv) = (S::from(gas.gas_constant) * density, S::from(gas.cv));
         let mut warmer = S::zero();

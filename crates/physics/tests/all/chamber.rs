@@ -4,7 +4,7 @@
 
 use math::Dual;
 use physics::IdealGas;
-use physics::chamber::{AsPrinted, EnergyBalance, Exchange};
+use physics::chamber::{AsPrinted, EnergyBalance, Exchange, GasState};
 
 fn gas() -> IdealGas<f64> {
     IdealGas::new(K, R)
@@ -29,7 +29,7 @@ fn balance(x: &Exchange<f64>) -> [f64; 2] {
     let rate = EnergyBalance::rate(P, x);
     let along = |re: f64, eps: f64| Dual::<f64, 1> { re, eps: [eps] };
     let dual = [along(state[0], rate[0]), along(state[1], rate[1])];
-    let (p, t) = EnergyBalance::p_t(&gas(), dual, along(V, x.volume_rate));
+    let GasState { p, t, .. } = EnergyBalance::state(&gas(), dual, along(V, x.volume_rate));
     assert!((p.re / P - 1.0).abs() < 1e-14 && (t.re / T - 1.0).abs() < 1e-14);
     [p.eps[0], t.eps[0]]
 }

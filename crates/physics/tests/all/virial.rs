@@ -2,7 +2,7 @@
 //! coefficient it is the ideal gas to the bit, and no state gives what is no number.
 
 use math::Dual;
-use physics::chamber::EnergyBalance;
+use physics::chamber::{EnergyBalance, GasState};
 use physics::{IdealGas, Virial};
 
 const MOLAR: f64 = 8.314_462_618;
@@ -107,7 +107,7 @@ fn without_a_coefficient_it_is_the_ideal_gas_to_the_bit() {
     for (p, t) in STATES {
         let state = EnergyBalance::initial(&gas, p, t, V);
         assert_eq!(none.initial(&gas, p, t, V), state);
-        let (ideal_p, ideal_t) = EnergyBalance::p_t(&gas, state, V);
+        let GasState { p: ideal_p, t: ideal_t, .. } = EnergyBalance::state(&gas, state, V);
         assert_eq!(none.p_t_h(&gas, state, V), (ideal_p, ideal_t, gas.cp * ideal_t));
         assert_eq!(none.enthalpy(&gas, p, t), gas.cp * t);
         assert_eq!(none.residual_entropy(&gas, state[0] / V, t), 0.0);

@@ -1,0 +1,260 @@
+//! The usual drive, one cylinder whose chambers lead to reservoirs, evaluated without nodes in memory: the same
+//! functions of the same parts in the same order, so the bits are those of the parts joined by nodes. Both chambers
+//! are one computation on two numbers side by side; the Jacobian is taken by what enters chambers and axis.
+
+use super::{Circuit, GasId};
+use crate::net::{AxisNode, GasNode};
+use crate::part::*;
+use math::{Both, Dual, Lane, Over, Real};
+use ode::Dense;
+use physics::flow::{End, Iso6358};
+use physics::{Gas, IdealGas};
+
+/// A restriction between a chamber and a reservoir: which one, of which reservoir, and whether it is drawn towards the
+/// chamber.
+#[derive(Clone, Copy, Debug)]
+struct Edge {
+    restriction: usize,
+    reservoir: usize,
+    inward: bool,
+}
+
+/// One open restriction of each chamber, seen from its reservoir.
+#[derive(Clone, Debug)]
+struct Ports<P> {
+    law: Iso6358<Both<P>>,
+    gain: Both<P>,
+    reservoir: End<Both<P>>,
+    temperature: Both<P>,
+    /// Gas flows out of a chamber above this pressure, Pa: that of the reservoir. At equal pressure a flow counts as
+    /// one in the direction in which the restriction is drawn.
+    limit: Both<P>,
+    restriction: [Option<usize>; 2],
+}
+
+/// A cylinder between reservoirs.
+#[derive(Clone, Debug)]
+pub(super) struct Fused<P> {
+    edges: [Vec<Edge>; 2],
+    volume: Volume<Both<P>>,
+    face: Face<Both<P>>,
+    common: Common<Both<P>>,
+    ports: Vec<Ports<P>>,
+}
+
+/// What follows from the states of both chambers.
+struct Chambers<S> {
+    rates: [S; 2],
+    pressure: S,
+}
+
+impl<R: Lane> Fused<R> {
+    /// Where the parts are those of such a drive, and its laws can be evaluated side by side.
+    pub fn of(circuit: &Circuit<R>) -> Option<Self> {
+        let parts = &circuit.parts;
+        let [(_, cylinder)] = &parts.cylinders[..] else { return None };
+        let few = cylinder.axis.friction.as_ref().is_none_or(|contact| contact.states().len() <= 1);
+        let law = ChamberLaw::EnergyBalance;
+        if parts.has_others() || !few || cylinder.volumes.iter().any(|volume| volume.law != law) {
+            return None;
+        }
+        let mut edges = [Vec::new(), Vec::new()];
+        for (restriction, (_, part)) in parts.restrictions.iter().enumerate() {
+            let [from, to] = [part.path.from, part.path.to].map(GasId::index);
+            let chamber = |node: usize| cylinder.volumes.iter().position(|volume| volume.node == node);
+            let (side, far, inward) = match (chamber(from), chamber(to)) {
+                (None, Some(side)) => (side, from, true),
+                (Some(side), None) => (side, to, false),
+                _ => return None,
+            };
+            let reservoir = parts.reservoirs.iter().position(|(_, reservoir)| reservoir.node == far)?;
+            if part.law.elliptic != parts.restrictions[0].1.law.elliptic {
+                return None;
+            }
+            edges[side].push(Edge { restriction, reservoir, inward });
+        }
+        let ([a, b], [face_a, face_b]) = (&cylinder.volumes, &cylinder.faces);
+        let Common { gas, ambient_pressure, ambient_temperature } = &circuit.common;
+        let ideal: IdealGas<Both<R>> = gas.beside(gas);
+        let common = Common {
+            gas: Gas::from(&ideal),
+            ambient_pressure: Both::same(*ambient_pressure),
+            ambient_temperature: Both::same(*ambient_temperature),
+        };
+        Some(Fused { edges, volume: a.beside(b), face: face_a.beside(face_b), common, ports: Vec::new() })
+    }
+
+    /// Takes over which restrictions are open, and what the reservoirs hold.
+    fn connect(&mut self, open: &[usize], parts: &Parts<R>) {
+        let is_open = |edge: &&Edge| open.binary_search(&edge.restriction).is_ok();
+        let [a, b] = self.edges.each_ref().map(|edges| edges.iter().filter(is_open).collect::<Vec<_>>());
+        self.ports.clear();
+        for k in 0..a.len().max(b.len()) {
+            let edges = [a.get(k), b.get(k)];
+            let of = |edge: Option<&&Edge>| edge.map(|edge| &parts.restrictions[edge.restriction].1);
+            // Where one chamber has fewer, nothing passes a copy of the other's.
+            let any = of(edges[0]).or(of(edges[1])).expect("one of both");
+            let [law_a, law_b] = edges.map(|edge| &of(edge).unwrap_or(any).law);
+            let number = |f: &dyn Fn(&Edge) -> R, without: R| {
+                Both(edges.map(|edge| edge.map_or(without, |edge| f(edge))))
+            };
+            let state = |edge: &Edge| parts.reservoirs[edge.reservoir].1.state();
+            let end = |edge: &Edge| GasNode::at(state(edge)).end();
+            let limit = |edge: &Edge| {
+                let p = state(edge).p;
+                let below = p.with_value(R::Plain::from_lanes(|lane| p.get(lane).next_down()));
+                if edge.inward { p } else { below }
+            };
+            let (zero, one) = (R::zero(), R::one());
+            self.ports.push(Ports {
+                law: law_a.beside(law_b),
+                gain: number(&|edge| parts.restrictions[edge.restriction].1.gain(), zero),
+                reservoir: End {
+                    p: number(&|edge| end(edge).p, one),
+                    inverse_p: number(&|edge| end(edge).inverse_p, one),
+                    choked: number(&|edge| end(edge).choked, one),
+                },
+                temperature: number(&|edge| state(edge).t, one),
+                limit: number(&limit, one),
+                restriction: edges.map(|edge| edge.map(|edge| edge.restriction)),
+            });
+        }
+    }
+
+    /// Takes over how far an open restriction is.
+    fn open(&mut self, restriction: usize, gain: R) {
+        for ports in &mut self.ports {
+            if let Some(side) = ports.restriction.iter().position(|own| *own == Some(restriction)) {
+                ports.gain.0[side] = gain;
+            }
+        }
+    }
+}
+
+impl<P: Real> Fused<P> {
+    /// Both chambers at (x, v, m, U).
+    #[inline(always)]
+    fn chambers<S: Over<Both<P>>>(&self, least_wall: Both<P>, [x, v, m, u]: [S; 4]) -> Chambers<S> {
+        let mut axis = AxisNode::at_rest();
+        (axis.x, axis.v) = (x, v);
+        let mut node = GasNode::empty();
+        self.volume.reset(&mut node);
+        self.face.enlarge(&axis, &mut node);
+        node.wall = node.wall.max(S::from(least_wall));
+        self.volume.fill([m, u], &mut node, &self.common);
+        let own = node.end();
+        let cp = S::from(self.common.gas.cp);
+        for ports in &self.ports {
+            let End { p, inverse_p, choked } = ports.reservoir;
+            let reservoir = End { p: S::from(p), inverse_p: S::from(inverse_p), choked: S::from(choked) };
+            let out = S::from(ports.limit).lt(node.p);
+            let m_dot = ports.law.driven(out, &reservoir, &own).times(ports.gain);
+            node.m_dot += m_dot;
+            node.h_dot += m_dot * (cp * S::select(out, node.t, S::from(ports.temperature)));
+        }
+        let pressure = node.p;
+        Chambers { rates: self.volume.rates(&mut node, &self.common), pressure }
+    }
+}
+
+impl<P: Real> Cylinder<P> {
+    /// Rates of velocity and inner states at (x, v) and the pressures of both chambers.
+    #[inline(always)]
+    fn accelerates<S: Over<P>>(&self, [x, v, a, b]: [S; 4], z: &[S], dz: &mut [S], common: &Common<P>) -> S {
+        let mut axis = AxisNode::at_rest();
+        self.axis.stand([x, v], &mut axis);
+        for (face, pressure) in self.faces.iter().zip([a, b]) {
+            let mut node = GasNode::empty();
+            node.p = pressure;
+            face.push(&node, &mut axis, common);
+        }
+        self.stops.push(&mut axis);
+        self.axis.accelerate::<S, true>(z, dz, &mut axis)[1]
+    }
+}
+
+impl<R: Lane> Circuit<R> {
+    /// Looks whether the circuit is one that is evaluated without nodes.
+    pub(super) fn fuse(mut self) -> Self {
+        self.fused = Fused::of(&self).map(Box::new);
+        self.connect();
+        self
+    }
+
+    /// Takes over open restrictions and reservoirs.
+    pub(super) fn connect(&mut self) {
+        if let Some(fused) = &mut self.fused {
+            fused.connect(&self.open, &self.parts);
+        }
+    }
+
+    /// Takes over how far an open restriction is.
+    #[inline(always)]
+    pub(super) fn widen(&mut self, restriction: usize) {
+        if let Some(fused) = &mut self.fused {
+            fused.open(restriction, self.parts.restrictions[restriction].1.gain());
+        }
+    }
+
+    /// The right-hand side without nodes.
+    #[inline(always)]
+    pub(super) fn fused_rates(&self, fused: &Fused<R>, y: &[R], dy: &mut [R]) {
+        let (_, cylinder) = &self.parts.cylinders[0];
+        let (outer, z) = y.split_first_chunk::<6>().expect("the states of a cylinder");
+        let (d_outer, dz) = dy.split_first_chunk_mut::<6>().expect("as many");
+        let [x, v, m_a, u_a, m_b, u_b] = *outer;
+        let states = [Both::same(x), Both::same(v), Both([m_a, m_b]), Both([u_a, u_b])];
+        let Chambers { rates, pressure } = fused.chambers(Both::same(cylinder.least_wall), states);
+        let [a, b] = pressure.0;
+        let acceleration = cylinder.accelerates([x, v, a, b], z, dz, &self.common);
+        let [m_dot, u_dot] = rates.map(|both| both.0);
+        *d_outer = [v, acceleration, m_dot[0], u_dot[0], m_dot[1], u_dot[1]];
+    }
+
+    /// The same with its Jacobian, which has the shape that [`ode::System::linearise`] asks for.
+    #[inline(always)]
+    pub(super) fn fused_jacobian(&self, fused: &Fused<R>, y: &[R], f: &mut [R], jacobian: &mut Dense<R>) {
+        let (_, cylinder) = &self.parts.cylinders[0];
+        let (outer, z) = y.split_first_chunk::<6>().expect("the states of a cylinder");
+        let [x, v, m_a, u_a, m_b, u_b] = *outer;
+        let states = [Both::same(x), Both::same(v), Both([m_a, m_b]), Both([u_a, u_b])];
+        let seeded: [Dual<Both<R>, 4>; 4] = std::array::from_fn(|i| Dual::variable(states[i], i));
+        let Chambers { rates, pressure } = fused.chambers(Both::same(cylinder.least_wall), seeded);
+        for (side, first) in [2, 4].into_iter().enumerate() {
+            for (row, rate) in (first..).zip(&rates) {
+                f[row] = rate.re.0[side];
+                for (column, slope) in [0, 1, first, first + 1].into_iter().zip(rate.eps) {
+                    jacobian[row][column] = slope.0[side];
+                }
+            }
+        }
+        let [a, b] = pressure.re.0;
+        let values = [x, v, a, b];
+        let seeded: [Dual<R, 5>; 4] = std::array::from_fn(|i| Dual::variable(values[i], i));
+        let inner = z.first().map_or(Dual::from(R::zero()), |z| Dual::variable(*z, 4));
+        let mut d_inner = [Dual::from(R::zero())];
+        let n = z.len().min(1);
+        let acceleration = cylinder.accelerates(seeded, &[inner][..n], &mut d_inner[..n], &self.common);
+        // dp/dx and dp/dU of both chambers: a pressure depends on neither v nor m.
+        let [by_x, by_u] = [0, 3].map(|i| pressure.eps[i].0);
+        let mut row = |row: usize, slopes: &Dual<R, 5>| {
+            let [x, v, a, b, z] = slopes.eps;
+            f[row] = slopes.re;
+            jacobian[row] = [
+                a.fma(by_x[0], b.fma(by_x[1], x)),
+                v,
+                R::zero(),
+                a * by_u[0],
+                R::zero(),
+                b * by_u[1],
+                z,
+                R::zero(),
+            ];
+        };
+        row(1, &acceleration);
+        if n > 0 {
+            row(6, &d_inner[0]);
+        }
+        (f[0], jacobian[0][1]) = (v, R::one());
+    }
+}

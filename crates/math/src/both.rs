@@ -1,0 +1,114 @@
+//! Two numbers side by side: what the two sides of a piston have in common is computed once.
+
+use crate::real::Real;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+/// Two numbers. Every operation is that of each of them, so the bits agree; over `f64` the compiler makes one vector
+/// instruction of both.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(16))]
+pub struct Both<R>(pub [R; 2]);
+
+impl<R: Copy> Both<R> {
+    /// The same number twice.
+    #[inline(always)]
+    pub fn same(number: R) -> Self {
+        Both([number; 2])
+    }
+}
+
+macro_rules! operators {
+    ($($trait:ident $method:ident $assign_trait:ident $assign:ident $op:tt;)*) => {$(
+        impl<R: Real> $trait for Both<R> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, o: Self) -> Self {
+                Both([self.0[0] $op o.0[0], self.0[1] $op o.0[1]])
+            }
+        }
+        operators!(@assign $assign_trait $assign $op);
+    )*};
+    (@assign DivAssign div_assign $op:tt) => {};
+    (@assign $assign_trait:ident $assign:ident $op:tt) => {
+        impl<R: Real> $assign_trait for Both<R> {
+            #[inline(always)]
+            fn $assign(&mut self, o: Self) {
+                *self = *self $op o;
+            }
+        }
+    };
+}
+operators! {
+    Add add AddAssign add_assign +;
+    Sub sub SubAssign sub_assign -;
+    Mul mul MulAssign mul_assign *;
+    Div div DivAssign div_assign /;
+}
+
+impl<R: Real> Neg for Both<R> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self.map(R::neg)
+    }
+}
+
+impl<R: Real> Both<R> {
+    #[inline(always)]
+    fn map(self, f: impl Fn(R) -> R) -> Self {
+        Both([f(self.0[0]), f(self.0[1])])
+    }
+}
+
+impl<R: Real> Real for Both<R> {
+    type Mask = [R::Mask; 2];
+
+    #[inline(always)]
+    fn once<T>(operation: impl FnOnce() -> T) -> T {
+        R::once(operation)
+    }
+    #[inline(always)]
+    fn c(x: f64) -> Self {
+        Self::same(R::c(x))
+    }
+    #[inline(always)]
+    fn fma(self, a: Self, b: Self) -> Self {
+        Both([self.0[0].fma(a.0[0], b.0[0]), self.0[1].fma(a.0[1], b.0[1])])
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.map(R::sqrt)
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        self.map(R::exp)
+    }
+    #[inline(always)]
+    fn ln(self) -> Self {
+        self.map(R::ln)
+    }
+    #[inline(always)]
+    fn pow(self, exponent: Self) -> Self {
+        Both([self.0[0].pow(exponent.0[0]), self.0[1].pow(exponent.0[1])])
+    }
+    #[inline(always)]
+    fn sin(self) -> Self {
+        self.map(R::sin)
+    }
+    #[inline(always)]
+    fn cos(self) -> Self {
+        self.map(R::cos)
+    }
+    #[inline(always)]
+    fn tanh(self) -> Self {
+        self.map(R::tanh)
+    }
+    #[inline(always)]
+    fn lt(self, o: Self) -> Self::Mask {
+        [self.0[0].lt(o.0[0]), self.0[1].lt(o.0[1])]
+    }
+    #[inline(always)]
+    fn select(mask: Self::Mask, a: Self, b: Self) -> Self {
+        Both([R::select(mask[0], a.0[0], b.0[0]), R::select(mask[1], a.0[1], b.0[1])])
+    }
+}
