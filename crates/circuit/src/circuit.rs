@@ -555,10 +555,15 @@ impl<R: Lane> System<R> for Circuit<R> {
     }
 
     #[inline(never)]
-    fn rates(&self, t: R, y: &[R], dy: &mut [R], net: &mut Net<R>) {
+    fn add_rates(&self, t: R, y: &[R], known: &[R], out: &mut [R], net: &mut Net<R>) {
         match &self.fused {
-            Some(fused) if self.topology.channels.is_empty() => self.fused_rates(fused, y, dy),
-            _ => self.rhs(t, y, dy, net),
+            Some(fused) if self.topology.channels.is_empty() => self.fused_rates(fused, y, known, out),
+            _ => {
+                self.rhs(t, y, out, net);
+                for (out, known) in out.iter_mut().zip(known) {
+                    *out += *known;
+                }
+            }
         }
     }
 

@@ -129,43 +129,37 @@ impl<R: Lane> Linear<R> {
         substitute_transposed(z, lower, lower_values);
     }
 
-    /// x = W^-1 (x + rhs), where `x` holds what is known before the right-hand side.
+    /// x = W^-1 x.
     #[inline(always)]
-    pub fn solve(&self, structure: &Structure, x: &mut [Block<R>], rhs: &[Block<R>]) {
+    pub fn solve(&self, structure: &Structure, x: &mut [Block<R>]) {
         if R::DIRECTIONS > 0 {
-            return self.solve_sensitive(structure, x.as_flattened_mut(), rhs.as_flattened());
+            return self.solve_sensitive(structure, x.as_flattened_mut());
         }
         if structure.n_coupled <= SMALL {
-            let first = x.first_chunk_mut().expect("at least SMALL entries are stored");
-            self.multiply(first, rhs.first_chunk().expect("as many"));
+            let first: &mut Pair<R> = x.first_chunk_mut().expect("at least SMALL entries are stored");
+            *first = self.multiply(first);
         } else {
-            self.eliminate(structure, x.as_flattened_mut(), rhs.as_flattened());
+            self.eliminate(structure, x.as_flattened_mut());
         }
         if structure.n > structure.n_coupled {
-            self.finish_quadratures(structure, x.as_flattened_mut(), rhs.as_flattened());
+            self.finish_quadratures(structure, x.as_flattened_mut());
         }
     }
 
-    /// The same by the inverse, of a small system.
+    /// W^-1 x by the inverse, of a small system.
     #[inline(always)]
-    pub fn multiply(&self, x: &mut Pair<R>, rhs: &Pair<R>) {
-        for (x, rhs) in x.iter_mut().zip(rhs) {
-            for l in 0..BLOCK {
-                x[l] += rhs[l];
-            }
-        }
-        let product = product(&self.inverse, x.as_flattened().first_chunk().expect("two blocks"));
-        x.as_flattened_mut().copy_from_slice(&product);
+    pub fn multiply(&self, x: &Pair<R>) -> Pair<R> {
+        let sum = product(&self.inverse, x.as_flattened().first_chunk().expect("two blocks"));
+        let mut out = [[R::zero(); BLOCK]; SMALL / BLOCK];
+        out.as_flattened_mut().copy_from_slice(&sum);
+        out
     }
 
-    /// x = W^-1 (x + rhs) by substitution, for the coupled states.
+    /// x = W^-1 x by substitution, for the coupled states.
     #[inline(never)]
-    fn eliminate<T: Lane<Plain = R::Plain>>(&self, structure: &Structure, x: &mut [T], rhs: &[T]) {
+    fn eliminate<T: Lane<Plain = R::Plain>>(&self, structure: &Structure, x: &mut [T]) {
         let coupled = structure.n_coupled;
         let (lower, rest) = self.lu.split_at(structure.lower.len());
-        for (x, r) in x.iter_mut().zip(rhs).take(coupled) {
-            *x += *r;
-        }
         substitute(x, &structure.lower, lower);
         for (x, d) in x.iter_mut().zip(self.reciprocal.as_flattened()).take(coupled) {
             *x = x.scale(*d);
@@ -176,11 +170,10 @@ impl<R: Lane> Linear<R> {
     /// The quadratures' rows, from the coupled states solved for; in a small system the first few have
     /// been multiplied by h gamma with the rest of their block.
     #[inline(never)]
-    fn finish_quadratures(&self, structure: &Structure, x: &mut [R], rhs: &[R]) {
+    fn finish_quadratures(&self, structure: &Structure, x: &mut [R]) {
         let first = if structure.n_coupled <= SMALL { SMALL } else { structure.n_coupled };
-        let rows = x.iter_mut().zip(rhs).zip(self.reciprocal.as_flattened());
-        for ((x, r), d) in rows.skip(first) {
-            *x = (*x + *r).scale(*d);
+        for (x, d) in x.iter_mut().zip(self.reciprocal.as_flattened()).skip(first) {
+            *x = x.scale(*d);
         }
         let values = &self.lu[structure.lower.len() + structure.upper.len()..];
         substitute(x, &structure.quadratures, values);

@@ -345,15 +345,15 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let stage: &mut Pair<R> = stage.first_chunk_mut().expect("two blocks");
         let rhs: &mut Pair<R> = rhs.first_chunk_mut().expect("two blocks");
         let t = R::Plain::from_lanes(|lane| t[lane]);
-        u[0] = [[R::zero(); BLOCK]; 2];
-        linear.multiply(&mut u[0], f0);
+        u[0] = linear.multiply(f0);
         macro_rules! stages {
             ($($i:literal)*) => { $({
                 let (done, rest) = u.split_at_mut($i);
                 combine::<R, $i>(stage, &mut rest[0], y, inverse_h, done.as_flattened());
                 let time = R::from(h.fma(R::Plain::c(METHOD.alpha[$i]), t));
-                system.rates(time, &stage.as_flattened()[..n], &mut rhs.as_flattened_mut()[..n], work);
-                linear.multiply(&mut rest[0], rhs);
+                let (known, out) = (&rest[0].as_flattened()[..n], &mut rhs.as_flattened_mut()[..n]);
+                system.add_rates(time, &stage.as_flattened()[..n], known, out, work);
+                rest[0] = linear.multiply(rhs);
             })* };
         }
         stages!(1 2 3 4 5 6 7);
@@ -372,14 +372,14 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let (n, blocks) = (structure.n(), self.y.len());
         let (done, b) = self.u[..(I + 1) * blocks].split_at_mut(I * blocks);
         if I == 0 {
-            b.fill([R::zero(); BLOCK]);
             self.rhs.copy_from_slice(&self.f0);
         } else {
             combine::<R, I>(&mut self.stage, b, &self.y, inverse_h, done);
             let t = R::Plain::from_lanes(|lane| self.t[lane]);
             let time = R::from(h.fma(R::Plain::c(METHOD.alpha[I]), t));
             let stage = &self.stage.as_flattened()[..n];
-            self.system.rates(time, stage, &mut self.rhs.as_flattened_mut()[..n], &mut self.work);
+            let out = &mut self.rhs.as_flattened_mut()[..n];
+            self.system.add_rates(time, stage, &b.as_flattened()[..n], out, &mut self.work);
         }
         if structure.depends_on_time {
             let weight = h * R::Plain::c(METHOD.gamma_t[I]);
@@ -389,7 +389,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 }
             }
         }
-        self.linear.solve(structure, b, &self.rhs);
+        b.copy_from_slice(&self.rhs);
+        self.linear.solve(structure, b);
     }
 
     /// The largest error of any state, in units of its tolerance, for all lanes; NaN where a state is not finite.

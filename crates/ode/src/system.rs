@@ -20,9 +20,12 @@ pub trait System<R: Lane> {
     /// Writes `f(t, y)` into `dy`; both have one entry for each state.
     fn rhs<S: Over<R>>(&self, t: S, y: &[S], dy: &mut [S], work: &mut Self::Work<S>);
 
-    /// The same at numbers of its own.
-    fn rates(&self, t: R, y: &[R], dy: &mut [R], work: &mut Self::Work<R>) {
-        self.rhs(t, y, dy, work);
+    /// Writes `f(t, y)` at numbers of its own plus `known` into `out`.
+    fn add_rates(&self, t: R, y: &[R], known: &[R], out: &mut [R], work: &mut Self::Work<R>) {
+        self.rhs(t, y, out, work);
+        for (out, known) in out.iter_mut().zip(known) {
+            *out += *known;
+        }
     }
 
     /// Writes `f` and its Jacobian, where the system knows it and it has the shape of an arrow (see [`Dense`]); zeros

@@ -196,19 +196,31 @@ impl<R: Lane> Circuit<R> {
         }
     }
 
-    /// The right-hand side without nodes.
+    /// The right-hand side without nodes, plus `known`. It is added number by number, before they are stored: what
+    /// reads them next need not wait until several are together.
     #[inline(always)]
-    pub(super) fn fused_rates(&self, fused: &Fused<R>, y: &[R], dy: &mut [R]) {
+    pub(super) fn fused_rates(&self, fused: &Fused<R>, y: &[R], known: &[R], out: &mut [R]) {
         let (_, cylinder) = &self.parts.cylinders[0];
         let (outer, z) = y.split_first_chunk::<6>().expect("the states of a cylinder");
-        let (d_outer, dz) = dy.split_first_chunk_mut::<6>().expect("as many");
+        let (known, known_z) = known.split_first_chunk::<6>().expect("as many");
+        let (out, dz) = out.split_first_chunk_mut::<6>().expect("as many");
         let [x, v, m_a, u_a, m_b, u_b] = *outer;
         let states = [Both::same(x), Both::same(v), Both([m_a, m_b]), Both([u_a, u_b])];
         let Chambers { rates, pressure } = fused.chambers(Both::same(cylinder.least_wall), states);
         let [a, b] = pressure.0;
         let acceleration = cylinder.accelerates([x, v, a, b], z, dz, &self.common);
         let [m_dot, u_dot] = rates.map(|both| both.0);
-        *d_outer = [v, acceleration, m_dot[0], u_dot[0], m_dot[1], u_dot[1]];
+        *out = [
+            known[0] + v,
+            known[1] + acceleration,
+            known[2] + m_dot[0],
+            known[3] + u_dot[0],
+            known[4] + m_dot[1],
+            known[5] + u_dot[1],
+        ];
+        for (dz, known) in dz.iter_mut().zip(known_z) {
+            *dz += *known;
+        }
     }
 
     /// The same with its Jacobian, which has the shape that [`ode::System::linearise`] asks for.

@@ -10,14 +10,13 @@ use math::Lane;
 use std::array::from_fn;
 
 impl<R: Lane> Linear<R> {
-    /// The value of x = W^-1 (x + rhs), then its derivatives.
+    /// The value of W^-1 x, then its derivatives.
     #[inline(never)]
-    pub(super) fn solve_sensitive(&self, structure: &Structure, x: &mut [R], rhs: &[R]) {
+    pub(super) fn solve_sensitive(&self, structure: &Structure, x: &mut [R]) {
         assert_eq!(structure.n, structure.n_coupled, "accounts have no derivatives");
         if structure.n <= SMALL {
-            let values: [R::Plain; SMALL] = from_fn(|l| x[l].plain() + rhs[l].plain());
-            let values = product(&self.inverse, &values);
-            self.add_change_of_matrix(structure, x, rhs, &values);
+            let values = product(&self.inverse, &from_fn(|l| x[l].plain()));
+            self.add_change_of_matrix(structure, x, &values);
             let known: [R; SMALL] = from_fn(|l| x[l]);
             for (l, (x, value)) in x[..structure.n].iter_mut().zip(values).enumerate() {
                 let mut sum = R::zero();
@@ -28,21 +27,17 @@ impl<R: Lane> Linear<R> {
             }
         } else {
             let mut values: Vec<R::Plain> = x.iter().map(R::plain).collect();
-            let rates: Vec<R::Plain> = rhs.iter().map(R::plain).collect();
-            self.eliminate(structure, &mut values, &rates);
-            self.add_change_of_matrix(structure, x, rhs, &values);
-            self.eliminate(structure, x, &vec![R::zero(); x.len()]);
+            self.eliminate(structure, &mut values);
+            self.add_change_of_matrix(structure, x, &values);
+            self.eliminate(structure, x);
             for (x, value) in x.iter_mut().zip(values) {
                 *x = x.with_value(value);
             }
         }
     }
 
-    /// x += rhs + dJ values, in the derivatives.
-    fn add_change_of_matrix(&self, structure: &Structure, x: &mut [R], rhs: &[R], values: &[R::Plain]) {
-        for (x, r) in x.iter_mut().zip(rhs).take(structure.n) {
-            *x += *r;
-        }
+    /// x += dJ values, in the derivatives.
+    fn add_change_of_matrix(&self, structure: &Structure, x: &mut [R], values: &[R::Plain]) {
         let diagonal = (0..structure.n_coupled as u16).map(|k| Entry { row: k, column: k });
         let entries = structure.lower.iter().chain(&structure.upper).copied().chain(diagonal);
         for (entry, change) in entries.zip(&self.jacobian) {
