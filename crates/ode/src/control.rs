@@ -1,6 +1,7 @@
 //! Step size, acceptance and failure of one lane, in plain `f64` and plain `if`.
 
 use crate::approach::{Approach, FAR_OFF};
+use crate::stages::Method;
 use crate::swing::Swing;
 
 /// Accuracy and longest step.
@@ -12,11 +13,13 @@ pub struct Options {
     pub max_attempts: u64,
     /// The longest step allowed.
     pub max_step: f64,
+    /// What takes the steps.
+    pub method: Method,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { rtol: 1e-6, max_attempts: 50_000_000, max_step: f64::INFINITY }
+        Options { rtol: 1e-6, max_attempts: 50_000_000, max_step: f64::INFINITY, method: Method::Rodas5P }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Dense output: the state within a step.
 
-use crate::stages::{BLOCK, Block, METHOD, sum_of_stages, zeros};
+use crate::rosenbrock::{RODAS3, RODAS5P};
+use crate::stages::{BLOCK, Block, Method, sum_of_stages, zeros};
 use math::{Lane, Real};
 
 /// One step of all lanes, for dense output, as a polynomial in theta = (t - t0)/h:
@@ -14,6 +15,8 @@ pub(crate) struct Step<R: Lane> {
     c: Vec<[Block<R>; 5]>,
     at: Vec<Block<R>>,
     spread: Vec<Block<R::Plain>>,
+    /// By which method.
+    method: Method,
     /// `c` belongs to the present attempt.
     ready: bool,
 }
@@ -27,26 +30,35 @@ impl<R: Lane> Step<R> {
             c,
             at: zeros(blocks),
             spread: zeros(blocks),
+            method: Method::default(),
             ready: false,
         }
     }
 
     /// A new attempt from `y0`.
-    pub fn begin(&mut self, y0: &[Block<R>]) {
+    pub fn begin(&mut self, y0: &[Block<R>], method: Method) {
         self.y0.copy_from_slice(y0);
+        self.method = method;
         self.ready = false;
     }
 
     /// Prepares the interpolation from the stages of the attempt, once.
     pub fn prepare(&mut self, u: &[Block<R>]) {
-        if self.ready {
-            return;
+        if !self.ready {
+            match self.method {
+                Method::Rodas5P => self.prepare_by(&RODAS5P.dense, u),
+                Method::Rodas3 => self.prepare_by(&RODAS3.dense, u),
+            }
+            self.ready = true;
         }
+    }
+
+    fn prepare_by<const S: usize>(&mut self, dense: &[[f64; S]; 3], u: &[Block<R>]) {
         let blocks = self.c.len();
         for (b, c) in self.c.iter_mut().enumerate() {
-            let k0 = sum_of_stages(b, blocks, &METHOD.dense[0], u);
-            let k1 = sum_of_stages(b, blocks, &METHOD.dense[1], u);
-            let k2 = sum_of_stages(b, blocks, &METHOD.dense[2], u);
+            let k0 = sum_of_stages(b, blocks, &dense[0], u);
+            let k1 = sum_of_stages(b, blocks, &dense[1], u);
+            let k2 = sum_of_stages(b, blocks, &dense[2], u);
             let (y0, y1) = (self.y0[b], self.y1[b]);
             c[0] = y0;
             for l in 0..BLOCK {
@@ -62,7 +74,6 @@ impl<R: Lane> Step<R> {
                 c[4][l] = -k2[l];
             }
         }
-        self.ready = true;
     }
 
     /// How far the state may be from `y0` anywhere in the step: |c1| + |c2| + |c3| + |c4|.

@@ -1,6 +1,8 @@
 //! Coefficients of Rosenbrock methods: a method is its coefficients.
 
+mod rodas3;
 mod rodas5p;
+pub use rodas3::RODAS3;
 pub use rodas5p::RODAS5P;
 
 /// A stiffly accurate Rosenbrock-Wanner method with `S` stages, in the transformed form that needs

@@ -1,10 +1,61 @@
 //! States in blocks, and the sums over stages.
 
-use crate::rosenbrock::{RODAS5P, Rosenbrock};
+use crate::rosenbrock::{RODAS3, RODAS5P, Rosenbrock};
 use math::Lane;
 
-pub(crate) const S: usize = 8;
-pub(crate) const METHOD: Rosenbrock<S> = RODAS5P;
+/// The most stages that a method has.
+pub(crate) const MOST_STAGES: usize = 8;
+
+/// Which Rosenbrock method takes the steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// [`RODAS5P`]: long steps.
+    #[default]
+    Rodas5P,
+    /// [`RODAS3`]: half the work a step, for steps that are short for another reason than accuracy.
+    Rodas3,
+}
+
+impl Method {
+    pub(crate) fn stages(self) -> usize {
+        match self {
+            Method::Rodas5P => RODAS5P.a.len(),
+            Method::Rodas3 => RODAS3.a.len(),
+        }
+    }
+
+    /// Right-hand sides of a step beside the one that comes with the Jacobian.
+    pub(crate) fn right_hand_sides(self) -> u64 {
+        match self {
+            Method::Rodas5P => Fifth::RIGHT_HAND_SIDES,
+            Method::Rodas3 => Third::RIGHT_HAND_SIDES,
+        }
+    }
+}
+
+/// A method as a type: its coefficients are constants of the code.
+pub(crate) trait Tableau<const S: usize> {
+    const METHOD: Rosenbrock<S>;
+    const RIGHT_HAND_SIDES: u64 = {
+        let (mut i, mut count) = (1, 0);
+        while i < S {
+            count += !stands(&Self::METHOD, i) as u64;
+            i += 1;
+        }
+        count
+    };
+}
+
+pub(crate) struct Fifth;
+impl Tableau<8> for Fifth {
+    const METHOD: Rosenbrock<8> = RODAS5P;
+}
+
+pub(crate) struct Third;
+impl Tableau<4> for Third {
+    const METHOD: Rosenbrock<4> = RODAS3;
+}
+
 /// States are stored in blocks of this many, so that a loop over them fills vector registers.
 pub(crate) const BLOCK: usize = 4;
 pub(crate) type Block<R> = [R; BLOCK];
@@ -14,21 +65,32 @@ pub(crate) fn zeros<R: Lane>(count: usize) -> Vec<Block<R>> {
     vec![[R::zero(); BLOCK]; count]
 }
 
-/// Whether the state of stage `I` is that of the stage before and one of the numbers that this added.
-const fn follows(i: usize) -> bool {
-    let mut same = i > 1 && METHOD.a[i][i - 1] == 1.0;
+/// Whether the state of stage `i` is that of the stage before and one of the numbers that this added.
+const fn follows<const S: usize>(method: &Rosenbrock<S>, i: usize) -> bool {
+    let mut same = i > 1 && method.a[i][i - 1] == 1.0;
     let mut j = 0;
     while same && j + 1 < i {
-        same = METHOD.a[i][j] == METHOD.a[i - 1][j];
+        same = method.a[i][j] == method.a[i - 1][j];
         j += 1;
     }
     same
 }
 
+/// Whether stage `i` stands at the beginning of the step, where the right-hand side is known.
+pub(crate) const fn stands<const S: usize>(method: &Rosenbrock<S>, i: usize) -> bool {
+    let mut stands = method.alpha[i] == 0.0;
+    let mut j = 0;
+    while j < i {
+        stands = stands && method.a[i][j] == 0.0;
+        j += 1;
+    }
+    stands
+}
+
 /// stage = y + sum_j a_j u_j and b = sum_j (c_j/h) u_j for stage `I`, over the `I` stages before it; `stage` holds that
 /// of the stage before.
 #[inline(always)]
-pub(crate) fn combine<R: Lane, const I: usize>(
+pub(crate) fn combine<R: Lane, M: Tableau<S>, const S: usize, const I: usize>(
     stage: &mut [Block<R>],
     b: &mut [Block<R>],
     y: &[Block<R>],
@@ -36,19 +98,22 @@ pub(crate) fn combine<R: Lane, const I: usize>(
     u: &[Block<R>],
 ) {
     let blocks = y.len();
+    let follows = const { follows(&M::METHOD, I) };
+    let (a, c) = const { (&M::METHOD.a[I], &M::METHOD.c[I]) };
     for k in 0..blocks {
-        let first = if const { follows(I) } { I - 1 } else { 0 };
-        let (mut sum_a, mut sum_c) = (if first > 0 { stage[k] } else { y[k] }, [R::zero(); BLOCK]);
+        let mut sum_a = if follows { stage[k] } else { y[k] };
+        let mut sum_c = [R::zero(); BLOCK];
         for j in 0..I {
             let row = &u[j * blocks + k];
-            if j >= first && METHOD.a[I][j] != 0.0 {
+            let is_new = !follows || j + 1 == I;
+            if is_new && a[j] != 0.0 {
                 for l in 0..BLOCK {
-                    sum_a[l] = row[l].fma_c(METHOD.a[I][j], sum_a[l]);
+                    sum_a[l] = row[l].fma_c(a[j], sum_a[l]);
                 }
             }
-            if METHOD.c[I][j] != 0.0 {
+            if c[j] != 0.0 {
                 for l in 0..BLOCK {
-                    sum_c[l] = row[l].fma_c(METHOD.c[I][j], sum_c[l]);
+                    sum_c[l] = row[l].fma_c(c[j], sum_c[l]);
                 }
             }
         }
@@ -61,7 +126,7 @@ pub(crate) fn combine<R: Lane, const I: usize>(
 
 /// sum_j coefficient_j u_j over all stages, of block `b`.
 #[inline(always)]
-pub(crate) fn sum_of_stages<R: Lane>(
+pub(crate) fn sum_of_stages<R: Lane, const S: usize>(
     b: usize,
     blocks: usize,
     coefficients: &[f64; S],

@@ -1,5 +1,6 @@
 //! The integration loop: one for a single system, for lanes, for every caller.
 
+mod attempt;
 mod memory;
 mod output;
 mod refusal;
@@ -9,8 +10,8 @@ mod search;
 use crate::approach::FAR_OFF;
 use crate::control::{Control, Failure, Options, Statistics};
 use crate::dense::Step;
-use crate::linear::{Linear, Pair, blocks};
-use crate::stages::{BLOCK, Block, METHOD, S, combine, zeros};
+use crate::linear::{Linear, blocks};
+use crate::stages::{BLOCK, Block, MOST_STAGES, Method, zeros};
 use crate::structure::{DIRECTIONS, Structure};
 use crate::swing::Swing;
 use crate::system::System;
@@ -109,7 +110,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             f0: zeros(blocks),
             f_t: zeros(if structure.depends_on_time { blocks } else { 0 }),
             linear: Linear::new(&structure),
-            u: zeros(S * blocks),
+            u: zeros(MOST_STAGES * blocks),
             stage: zeros(blocks),
             rhs: zeros(blocks),
             step: Step::new(blocks),
@@ -151,6 +152,11 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     /// The present state, one entry for each state.
     pub fn state(&self) -> &[R] {
         &self.y.as_flattened()[..self.structure.n()]
+    }
+
+    /// Takes the next steps by another method.
+    pub fn use_method(&mut self, method: Method) {
+        self.options.method = method;
     }
 
     /// Allows so many further attempts.
@@ -314,110 +320,6 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         h
     }
 
-    /// One step of all lanes with their own `h`: stages into `u`, the new state into `step.y1`.
-    fn attempt(&mut self, h: R::Plain) {
-        self.linear.prepare(&self.structure, h * R::Plain::c(METHOD.gamma));
-        let inverse_h = R::Plain::one() / h;
-        if self.structure.is_small() && R::DIRECTIONS == 0 {
-            return self.small_stages(h, inverse_h);
-        }
-        macro_rules! stages {
-            ($($i:literal)*) => { $(self.stage::<$i>(h, inverse_h);)* };
-        }
-        stages!(0 1 2 3 4 5 6 7);
-        let blocks = self.y.len();
-        self.step.begin(&self.y);
-        let last = &self.u[(S - 1) * blocks..];
-        for ((y1, stage), u) in self.step.y1.iter_mut().zip(&self.stage).zip(last) {
-            for l in 0..BLOCK {
-                y1[l] = stage[l] + u[l];
-            }
-        }
-    }
-
-    /// All stages of a system of two blocks, whose W^-1 is known: sizes are constants.
-    fn small_stages(&mut self, h: R::Plain, inverse_h: R::Plain) {
-        let Stepper { structure, system, t, y, f0, u, stage, rhs, linear, work, step, .. } = self;
-        let n = structure.n();
-        let y: &Pair<R> = y.first_chunk().expect("two blocks");
-        let f0: &Pair<R> = f0.first_chunk().expect("two blocks");
-        let u: &mut [Pair<R>; S] = u.as_chunks_mut().0.first_chunk_mut().expect("a row for each stage");
-        let stage: &mut Pair<R> = stage.first_chunk_mut().expect("two blocks");
-        let rhs: &mut Pair<R> = rhs.first_chunk_mut().expect("two blocks");
-        let t = R::Plain::from_lanes(|lane| t[lane]);
-        u[0] = linear.multiply(f0);
-        macro_rules! stages {
-            ($($i:literal)*) => { $({
-                let (done, rest) = u.split_at_mut($i);
-                combine::<R, $i>(stage, &mut rest[0], y, inverse_h, done.as_flattened());
-                let time = R::from(h.fma(R::Plain::c(METHOD.alpha[$i]), t));
-                let (known, out) = (&rest[0].as_flattened()[..n], &mut rhs.as_flattened_mut()[..n]);
-                system.add_rates(time, &stage.as_flattened()[..n], known, out, work);
-                rest[0] = linear.multiply(rhs);
-            })* };
-        }
-        stages!(1 2 3 4 5 6 7);
-        step.begin(y);
-        for (k, y1) in step.y1.iter_mut().enumerate() {
-            for l in 0..BLOCK {
-                y1[l] = stage[k][l] + u[S - 1][k][l];
-            }
-        }
-    }
-
-    /// Stage `I` of the present attempt: U_I into `u`.
-    #[inline(always)]
-    fn stage<const I: usize>(&mut self, h: R::Plain, inverse_h: R::Plain) {
-        let structure = &*self.structure;
-        let (n, blocks) = (structure.n(), self.y.len());
-        let (done, b) = self.u[..(I + 1) * blocks].split_at_mut(I * blocks);
-        if I == 0 {
-            self.rhs.copy_from_slice(&self.f0);
-        } else {
-            combine::<R, I>(&mut self.stage, b, &self.y, inverse_h, done);
-            let t = R::Plain::from_lanes(|lane| self.t[lane]);
-            let time = R::from(h.fma(R::Plain::c(METHOD.alpha[I]), t));
-            let stage = &self.stage.as_flattened()[..n];
-            let out = &mut self.rhs.as_flattened_mut()[..n];
-            self.system.add_rates(time, stage, &b.as_flattened()[..n], out, &mut self.work);
-        }
-        if structure.depends_on_time {
-            let weight = h * R::Plain::c(METHOD.gamma_t[I]);
-            for (rhs, f_t) in self.rhs.iter_mut().zip(&self.f_t) {
-                for l in 0..BLOCK {
-                    rhs[l] = f_t[l].fma_plain(weight, rhs[l]);
-                }
-            }
-        }
-        b.copy_from_slice(&self.rhs);
-        self.linear.solve(structure, b);
-    }
-
-    /// The largest error of any state, in units of its tolerance, for all lanes; NaN where a state is not finite.
-    fn error(&self) -> R::Plain {
-        let rtol = R::Plain::from_lanes(|lane| self.lanes[lane].share * self.options.rtol);
-        let (zero, infinite) = (R::Plain::zero(), R::Plain::c(f64::INFINITY));
-        let blocks = self.y.len();
-        let (mut worst, mut poison) = ([zero; BLOCK], [zero; BLOCK]);
-        let errors = &self.u[(S - 1) * blocks..];
-        for (b, error) in errors.iter().enumerate() {
-            for l in 0..BLOCK {
-                let size = self.y[b][l].plain().abs().max(self.step.y1[b][l].plain().abs());
-                let ratio = error[l].plain().abs() / (rtol * (self.scale[b][l] + size));
-                // A quadrature steers no step, even one that is no number.
-                let ratio = R::Plain::select(self.scale[b][l].lt(infinite), ratio, zero);
-                worst[l] = worst[l].max(ratio);
-                poison[l] += ratio * zero;
-            }
-        }
-        let (mut w, mut p) = (worst[0], poison[0]);
-        for l in 1..BLOCK {
-            w = w.max(worst[l]);
-            p += poison[l];
-        }
-        w + p
-    }
-
     /// Adds to the quadratures of one lane at the end of the attempt what their integrals leave out.
     fn complete(&mut self, lane: usize) {
         let n = self.structure.n();
@@ -442,7 +344,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             }
             let (t0, h_lane) = (self.t[lane], h.get(lane));
             let control = &mut self.lanes[lane];
-            control.statistics.right_hand_sides += S as u64 - 1;
+            control.statistics.right_hand_sides += self.options.method.right_hand_sides();
             control.statistics.factorisations += 1;
             if !control.judge(h_lane, error.get(lane)) {
                 self.check_progress(lane, error.get(lane));

@@ -5,7 +5,7 @@
 mod support;
 
 use math::Real;
-use ode::Stepper;
+use ode::{Method, Options, Stepper};
 use support::*;
 
 /// y1' = 2 t y1 ln y2, y2' = -2 t y2 ln y1: y1 = exp(sin t^2), y2 = exp(cos t^2).
@@ -67,13 +67,14 @@ fn errors<E: Equations>(
     (t0, t1): (f64, f64),
     exact: &dyn Fn(f64) -> Vec<f64>,
     n: usize,
+    method: Method,
 ) -> (f64, f64) {
     let h = (t1 - t0) / n as f64;
     let per_step = 7;
     let times = (0..n * per_step).map(|k| t0 + h * k as f64 / per_step as f64);
     let mut samples = Samples::at(times.collect());
     let problem = Problem::new(equations.clone());
-    let mut stepper = Stepper::new(problem, t0, &exact(t0), fixed_step(h));
+    let mut stepper = Stepper::new(problem, t0, &exact(t0), Options { method, ..fixed_step(h) });
     finish(&mut stepper, t1, &mut samples);
     assert_eq!(stepper.statistics(0).steps, n as u64, "equal steps");
     let distance = |t: f64, y: &[f64]| -> f64 {
@@ -91,8 +92,9 @@ fn orders<E: Equations>(
     span: (f64, f64),
     exact: &dyn Fn(f64) -> Vec<f64>,
     (coarse, fine): (usize, usize),
+    method: Method,
 ) -> (f64, f64) {
-    let (one, two) = (errors(&equations, span, exact, coarse), errors(&equations, span, exact, fine));
+    let [one, two] = [coarse, fine].map(|n| errors(&equations, span, exact, n, method));
     let ratio = (fine as f64 / coarse as f64).ln();
     ((one.0 / two.0).ln() / ratio, (one.1 / two.1).ln() / ratio)
 }
@@ -100,7 +102,7 @@ fn orders<E: Equations>(
 #[test]
 fn order_5_on_a_nonlinear_problem_that_contains_time() {
     let exact = |t: f64| exponentials(t).to_vec();
-    let (end, dense) = orders(Exponentials, (0.0, 2.0), &exact, (80, 320));
+    let (end, dense) = orders(Exponentials, (0.0, 2.0), &exact, (80, 320), Method::Rodas5P);
     assert!((end - 5.0).abs() < 0.2, "at the end {end}");
     // Dense output of order 4 leaves the fifth power of h in every step.
     assert!((dense - 5.0).abs() < 0.2, "between {dense}");
@@ -109,15 +111,30 @@ fn order_5_on_a_nonlinear_problem_that_contains_time() {
 #[test]
 fn order_5_on_a_nonlinear_autonomous_problem() {
     let exact = |t: f64| kaps(t).to_vec();
-    let (end, dense) = orders(Kaps(1.0), (0.0, 2.0), &exact, (20, 80));
+    let (end, dense) = orders(Kaps(1.0), (0.0, 2.0), &exact, (20, 80), Method::Rodas5P);
     assert!((end - 5.0).abs() < 0.2, "at the end {end}");
     assert!((dense - 5.0).abs() < 0.2, "between {dense}");
 }
 
 #[test]
+fn order_3_of_the_short_steps() {
+    let by = Method::Rodas3;
+    let exact = |t: f64| exponentials(t).to_vec();
+    let with_time = orders(Exponentials, (0.0, 2.0), &exact, (160, 640), by);
+    let exact = |t: f64| kaps(t).to_vec();
+    let autonomous = orders(Kaps(1.0), (0.0, 2.0), &exact, (40, 160), by);
+    let (stiff, _) = orders(Kaps(1e8), (0.0, 2.0), &exact, (20, 80), by);
+    // Dense output of order 2 leaves the third power of h in every step.
+    for order in [with_time.0, with_time.1, autonomous.0, autonomous.1] {
+        assert!((order - 3.0).abs() < 0.2, "{with_time:?} {autonomous:?}");
+    }
+    assert!(stiff > 2.8, "{stiff}");
+}
+
+#[test]
 fn order_5_in_the_limit_of_infinite_stiffness() {
     let exact = |t: f64| kaps(t).to_vec();
-    let (end, _) = orders(Kaps(1e8), (0.0, 2.0), &exact, (10, 40));
+    let (end, _) = orders(Kaps(1e8), (0.0, 2.0), &exact, (10, 40), Method::Rodas5P);
     assert!(end > 4.8, "{end}");
 }
 
@@ -128,7 +145,8 @@ fn no_stiffness_spoils_the_order() {
     let sine = |t: f64| vec![t.sin()];
     let worst = |n: usize| -> f64 {
         let each = (0..=32).map(|k| 10.0_f64.powf(0.25 * f64::from(k)));
-        let errors = each.map(|stiffness| errors(&ProtheroRobinson(stiffness), (0.0, 3.0), &sine, n).0);
+        let errors = each
+            .map(|stiffness| errors(&ProtheroRobinson(stiffness), (0.0, 3.0), &sine, n, Method::Rodas5P).0);
         errors.fold(0.0, f64::max)
     };
     let (coarse, fine) = (worst(20), worst(80));

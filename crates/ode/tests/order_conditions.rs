@@ -8,32 +8,31 @@
 
 #![allow(clippy::needless_range_loop)] // indices as in the book
 
-use ode::{RODAS5P, Rosenbrock};
+use ode::{RODAS3, RODAS5P, Rosenbrock};
 
-const S: usize = 8;
-type Matrix = [[f64; S]; S];
-type Row = [f64; S];
+type Matrix<const S: usize> = [[f64; S]; S];
+type Row<const S: usize> = [f64; S];
 
-struct Classical {
-    alpha: Matrix,
-    beta: Matrix,
-    gamma: Matrix,
+struct Classical<const S: usize> {
+    alpha: Matrix<S>,
+    beta: Matrix<S>,
+    gamma: Matrix<S>,
     /// Weights of the step and of the embedded solution.
-    b: Row,
-    embedded: Row,
+    b: Row<S>,
+    embedded: Row<S>,
 }
 
-fn multiply(a: &Matrix, b: &Matrix) -> Matrix {
+fn multiply<const S: usize>(a: &Matrix<S>, b: &Matrix<S>) -> Matrix<S> {
     let cell = |i: usize, j: usize| (0..S).map(|k| a[i][k] * b[k][j]).sum();
     std::array::from_fn(|i| std::array::from_fn(|j| cell(i, j)))
 }
 
-fn row_times(m: &Row, a: &Matrix) -> Row {
+fn row_times<const S: usize>(m: &Row<S>, a: &Matrix<S>) -> Row<S> {
     std::array::from_fn(|j| (0..S).map(|i| m[i] * a[i][j]).sum())
 }
 
 /// Inverse of a lower triangular matrix.
-fn inverse(l: &Matrix) -> Matrix {
+fn inverse<const S: usize>(l: &Matrix<S>) -> Matrix<S> {
     let mut x = [[0.0; S]; S];
     for j in 0..S {
         for i in j..S {
@@ -45,13 +44,13 @@ fn inverse(l: &Matrix) -> Matrix {
 }
 
 /// m: stiff accuracy puts the last stage's row and one in front of the last U.
-fn step_weights(method: &Rosenbrock<S>) -> Row {
+fn step_weights<const S: usize>(method: &Rosenbrock<S>) -> Row<S> {
     let mut m = method.a[S - 1];
     m[S - 1] = 1.0;
     m
 }
 
-impl Classical {
+impl<const S: usize> Classical<S> {
     fn of(method: &Rosenbrock<S>) -> Self {
         let cell = |i: usize, j: usize| if i == j { 1.0 / method.gamma } else { -method.c[i][j] };
         let gamma = inverse(&std::array::from_fn(|i| std::array::from_fn(|j| cell(i, j))));
@@ -67,7 +66,7 @@ impl Classical {
     }
 
     /// b(theta) of dense output: y(theta) = y0 + sum_j b_j(theta) k_j.
-    fn dense(&self, method: &Rosenbrock<S>, theta: f64) -> Row {
+    fn dense(&self, method: &Rosenbrock<S>, theta: f64) -> Row<S> {
         let m = step_weights(method);
         let [k1, k2, k3] = &method.dense;
         let s = 1.0 - theta;
@@ -90,7 +89,7 @@ impl Tree {
         self.order() as f64 * self.0.iter().map(Tree::density).product::<f64>()
     }
 
-    fn weights(&self, method: &Classical) -> Row {
+    fn weights<const S: usize>(&self, method: &Classical<S>) -> Row<S> {
         let below = match self.0.len() {
             1 => &method.beta,
             _ => &method.alpha,
@@ -106,7 +105,7 @@ impl Tree {
     }
 
     /// Residual of its condition for weights `b` that advance by `theta` of a step.
-    fn residual(&self, method: &Classical, b: &Row, theta: f64) -> f64 {
+    fn residual<const S: usize>(&self, method: &Classical<S>, b: &Row<S>, theta: f64) -> f64 {
         let phi = self.weights(method);
         let sum: f64 = (0..S).map(|i| b[i] * phi[i]).sum();
         sum - theta.powi(self.order() as i32) / self.density()
@@ -150,48 +149,43 @@ fn as_many_trees_as_there_are() {
     assert_eq!(counts, [1, 1, 2, 4, 9, 20]); // the Butcher trees
 }
 
-#[test]
-fn the_step_has_order_5_and_no_more() {
-    let method = Classical::of(&RODAS5P);
-    let residual = |tree: &Tree| tree.residual(&method, &method.b, 1.0);
-    assert_eq!(RODAS5P.order, 5);
-    assert!(worst(5, residual) < 1e-12, "{:e}", worst(5, residual));
-    assert!(worst(6, residual) > 1e-5, "the conditions would see nothing");
-}
-
-#[test]
-fn the_embedded_solution_has_order_4_and_no_more() {
-    let method = Classical::of(&RODAS5P);
-    let residual = |tree: &Tree| tree.residual(&method, &method.embedded, 1.0);
-    assert_eq!(RODAS5P.error_order, 4);
-    assert!(worst(4, residual) < 1e-12, "{:e}", worst(4, residual));
-    assert!(worst(5, residual) > 1e-5, "its error would estimate nothing");
-}
-
-#[test]
-fn dense_output_has_order_4_everywhere_in_the_step() {
-    let method = Classical::of(&RODAS5P);
-    assert_eq!(RODAS5P.dense_order, 4);
-    for theta in [0.1, 0.25, 0.5, 0.75, 0.9, 1.0] {
-        let b = method.dense(&RODAS5P, theta);
-        let error = worst(4, |tree| tree.residual(&method, &b, theta));
-        assert!(error < 1e-12, "theta = {theta}: {error:e}");
+/// Orders of the step, its embedded solution and its dense output: as stated, and of the first two no more.
+fn has_its_orders<const S: usize>(of: &Rosenbrock<S>) {
+    let method = Classical::of(of);
+    for (b, order) in [(&method.b, of.order), (&method.embedded, of.error_order)] {
+        let residual = |tree: &Tree| tree.residual(&method, b, 1.0);
+        let (held, next) = (worst(order as usize, residual), worst(order as usize + 1, residual));
+        assert!(held < 1e-12, "{}, order {order}: {held:e}", of.name);
+        assert!(next > 1e-5, "{}: the conditions of order {order} would see nothing", of.name);
     }
-}
-
-#[test]
-fn times_of_the_stages_are_the_sums_of_their_rows() {
-    let method = Classical::of(&RODAS5P);
+    assert!(of.error_order < of.order);
+    for theta in [0.1, 0.25, 0.5, 0.75, 0.9, 1.0] {
+        let b = method.dense(of, theta);
+        let error = worst(of.dense_order as usize, |tree| tree.residual(&method, &b, theta));
+        assert!(error < 1e-12, "{}, theta = {theta}: {error:e}", of.name);
+    }
     for i in 0..S {
         let alpha: f64 = method.alpha[i].iter().sum();
         let gamma: f64 = method.gamma[i].iter().sum();
-        assert!((alpha - RODAS5P.alpha[i]).abs() < 1e-12, "alpha {i}");
-        assert!((gamma - RODAS5P.gamma_t[i]).abs() < 1e-12, "gamma {i}");
+        assert!((alpha - of.alpha[i]).abs() < 1e-12, "{}: alpha {i}", of.name);
+        assert!((gamma - of.gamma_t[i]).abs() < 1e-12, "{}: gamma {i}", of.name);
     }
 }
 
+#[test]
+fn rodas5p_has_its_orders() {
+    assert_eq!((RODAS5P.order, RODAS5P.error_order, RODAS5P.dense_order), (5, 4, 4));
+    has_its_orders(&RODAS5P);
+}
+
+#[test]
+fn rodas3_has_its_orders() {
+    assert_eq!((RODAS3.order, RODAS3.error_order, RODAS3.dense_order), (3, 2, 2));
+    has_its_orders(&RODAS3);
+}
+
 /// Stability function R(z) = 1 + z b (I - z beta)^-1 1, on z = i y as (re, im).
-fn on_the_imaginary_axis(method: &Classical, b: &Row, y: f64) -> (f64, f64) {
+fn on_the_imaginary_axis<const S: usize>(method: &Classical<S>, b: &Row<S>, y: f64) -> (f64, f64) {
     let mut x = [(0.0, 0.0); S];
     for i in 0..S {
         let (mut re, mut im) = (1.0, 0.0);
@@ -208,21 +202,26 @@ fn on_the_imaginary_axis(method: &Classical, b: &Row, y: f64) -> (f64, f64) {
 }
 
 #[test]
-fn it_is_stiffly_accurate_and_l_stable() {
-    let method = Classical::of(&RODAS5P);
-    assert!((RODAS5P.alpha[S - 1] - 1.0).abs() < 1e-15);
+fn both_are_stiffly_accurate_and_l_stable() {
+    is_stiffly_accurate_and_l_stable(&RODAS5P);
+    is_stiffly_accurate_and_l_stable(&RODAS3);
+}
+
+fn is_stiffly_accurate_and_l_stable<const S: usize>(of: &Rosenbrock<S>) {
+    let method = Classical::of(of);
+    assert!((of.alpha[S - 1] - 1.0).abs() < 1e-15);
     for j in 0..S {
         let last = method.beta[S - 1][j];
         assert!((method.b[j] - last).abs() < 1e-12, "b is the last stage");
     }
     // Poles lie at 1/gamma > 0 alone, so |R| <= 1 on the imaginary axis means in the left half plane.
-    const { assert!(RODAS5P.gamma > 0.0) };
+    assert!(of.gamma > 0.0);
     for k in 0..=1200 {
         let y = 10.0_f64.powf(-3.0 + k as f64 / 100.0);
         let (re, im) = on_the_imaginary_axis(&method, &method.b, y);
         assert!(re.hypot(im) <= 1.0 + 1e-12, "y = {y}: {}", re.hypot(im));
         let apart = (re - y.cos()).hypot(im - y.sin());
-        assert!(y > 0.1 || apart < 1e-12 + y.powi(6), "R(z) is exp(z) near 0");
+        assert!(y > 0.1 || apart < 1e-12 + y.powi(of.order as i32 + 1), "R(z) is exp(z) near 0");
     }
     let far = on_the_imaginary_axis(&method, &method.b, 1e9);
     assert!(far.0.hypot(far.1) < 1e-7, "R(inf) = {far:?}");

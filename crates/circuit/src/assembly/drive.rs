@@ -12,7 +12,7 @@ use crate::part::Given;
 use crate::run::{Error, Look, Recorder, Run, States, sample_times};
 use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
 use math::{Deps, Lane, Over};
-use ode::{Options, Statistics, System};
+use ode::{Method, Options, Statistics, System};
 use physics::mechanics::EndStop;
 use std::f64::consts::PI;
 
@@ -418,15 +418,44 @@ impl Drive {
         let mut states = States::new(times.clone(), session.state().len());
         let mut commands = Vec::with_capacity(times.len());
         let mut look = Look::new(interrupted);
+        let mut samples = Samples::default();
         for pair in times.windows(2) {
             let u = servo.command(pair[0], session.state()[0], session.state()[1]);
             commands.push(u);
             session.put(COMMAND, u);
+            session.use_method(samples.method());
+            let before = session.statistics().factorisations;
             session.advance(pair[1], &mut states, &mut look)?;
+            samples.took(session.statistics().factorisations - before);
         }
         commands.extend(commands.last().copied());
         let work = session.statistics();
         Ok((states.finish(&session), commands, work))
+    }
+}
+
+/// What takes the steps of a servo loop: where a sample is hardly longer than a step, one of low order. It does less
+/// work a step, and a step of high order could not be longer.
+#[derive(Default)]
+struct Samples {
+    /// Samples that longer steps are still left to.
+    left: u32,
+}
+
+impl Samples {
+    /// Attempts at a sample up to which low order is worth it: one of high order costs as much as two.
+    const FEW: u64 = 2;
+    /// Samples after which it is tried again.
+    const PAUSE: u32 = 16;
+
+    fn method(&self) -> Method {
+        if self.left == 0 { Method::Rodas3 } else { Method::Rodas5P }
+    }
+
+    /// A sample took so many attempts.
+    fn took(&mut self, attempts: u64) {
+        self.left =
+            if self.left == 0 && attempts > Self::FEW { Self::PAUSE } else { self.left.saturating_sub(1) };
     }
 }
 

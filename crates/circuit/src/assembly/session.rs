@@ -8,7 +8,7 @@ use crate::net::Net;
 use crate::part::InputId;
 use crate::run::{Error, Look, Recorder, Run, advance, budget, settled, with_unit};
 use math::{Dual, Lane, Real};
-use ode::{NoOutput, Options, Output, Statistics, Stepper, System};
+use ode::{Method, NoOutput, Options, Output, Statistics, Stepper, System};
 use std::sync::Arc;
 
 /// Bytes of a session begin with this, and the version of their form.
@@ -188,6 +188,11 @@ impl<R: Lane> Session<R> {
         while let Some((_, what, value)) = self.schedule.pop_if(|entry| entry.0 <= now) {
             self.happen(what, value);
         }
+    }
+
+    /// Takes the next steps by a method.
+    pub(crate) fn use_method(&mut self, method: Method) {
+        self.stepper.use_method(method);
     }
 
     /// Allows as many attempts at a step as a run to a time usually may take.

@@ -2,7 +2,6 @@
 
 use super::{MIN_RELATIVE_STEP, Stepper};
 use crate::control::Failure;
-use crate::stages::S;
 use crate::system::System;
 use math::Lane;
 
@@ -61,7 +60,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     }
 
     fn worst_state(&self, lane: usize) -> usize {
-        let errors = &self.u[(S - 1) * self.y.len()..].as_flattened()[..self.structure.n()];
+        let errors = &self.errors().as_flattened()[..self.structure.n()];
         let relative = |i: usize| {
             let size = self.y.as_flattened()[i].get(lane).abs();
             let ratio = errors[i].get(lane).abs() / (self.scale.as_flattened()[i].get(lane) + size);

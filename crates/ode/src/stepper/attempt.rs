@@ -1,0 +1,150 @@
+//! One attempt at a step: its stages and its error.
+
+use super::Stepper;
+use crate::linear::Pair;
+use crate::stages::{BLOCK, Block, Fifth, MOST_STAGES, Method, Tableau, Third, combine, stands};
+use crate::system::System;
+use math::elementary::pow;
+use math::{Lane, Real};
+
+/// sum = one + other.
+#[inline(always)]
+fn add_blocks<R: Lane>(sum: &mut [Block<R>], one: &[Block<R>], other: &[Block<R>]) {
+    for ((sum, one), other) in sum.iter_mut().zip(one).zip(other) {
+        for l in 0..BLOCK {
+            sum[l] = one[l] + other[l];
+        }
+    }
+}
+
+impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
+    /// One step of all lanes with their own `h`: stages into `u`, the new state into `step.y1`.
+    pub(super) fn attempt(&mut self, h: R::Plain) {
+        let is_small = self.structure.is_small() && R::DIRECTIONS == 0;
+        let inverse_h = R::Plain::one() / h;
+        macro_rules! stages {
+            ($method:ident $count:literal: $($i:literal)*) => {{
+                let gamma = const { <$method as Tableau<$count>>::METHOD.gamma };
+                self.linear.prepare(&self.structure, h * R::Plain::c(gamma));
+                $(if is_small {
+                    self.small_stage::<$method, $count, $i>(h, inverse_h);
+                } else {
+                    self.stage::<$method, $count, $i>(h, inverse_h);
+                })*
+            }};
+        }
+        match self.options.method {
+            Method::Rodas5P => stages!(Fifth 8: 0 1 2 3 4 5 6 7),
+            Method::Rodas3 => stages!(Third 4: 0 1 2 3),
+        }
+        self.step.begin(&self.y, self.options.method);
+        let last = &self.u[(self.options.method.stages() - 1) * self.y.len()..];
+        for ((y1, stage), u) in self.step.y1.iter_mut().zip(&self.stage).zip(last) {
+            for l in 0..BLOCK {
+                y1[l] = stage[l] + u[l];
+            }
+        }
+    }
+
+    /// Stage `I` of a system of two blocks, whose W^-1 is known: U_I into `u`, with sizes that are constants.
+    #[inline(always)]
+    fn small_stage<M: Tableau<S>, const S: usize, const I: usize>(
+        &mut self,
+        h: R::Plain,
+        inverse_h: R::Plain,
+    ) {
+        let Stepper { structure, system, t, y, f0, u, stage, rhs, linear, work, .. } = self;
+        let n = structure.n();
+        let y: &Pair<R> = y.first_chunk().expect("two blocks");
+        let u: &mut [Pair<R>; MOST_STAGES] =
+            u.as_chunks_mut().0.first_chunk_mut().expect("a row for each stage");
+        let (done, rest) = u.split_at_mut(I);
+        let stage: &mut Pair<R> = stage.first_chunk_mut().expect("two blocks");
+        let rhs: &mut Pair<R> = rhs.first_chunk_mut().expect("two blocks");
+        let own = &mut rest[0];
+        if I == 0 {
+            rhs.copy_from_slice(f0);
+        } else {
+            combine::<R, M, S, I>(stage, own, y, inverse_h, done.as_flattened());
+            if const { stands(&M::METHOD, I) } {
+                add_blocks(rhs, own, f0);
+            } else {
+                let t = R::Plain::from_lanes(|lane| t[lane]);
+                let time = R::from(h.fma(R::Plain::c(const { M::METHOD.alpha[I] }), t));
+                let (known, out) = (&own.as_flattened()[..n], &mut rhs.as_flattened_mut()[..n]);
+                system.add_rates(time, &stage.as_flattened()[..n], known, out, work);
+            }
+        }
+        *own = linear.multiply(rhs);
+    }
+
+    /// Stage `I` of the present attempt: U_I into `u`.
+    #[inline(always)]
+    fn stage<M: Tableau<S>, const S: usize, const I: usize>(&mut self, h: R::Plain, inverse_h: R::Plain) {
+        let structure = &*self.structure;
+        let (n, blocks) = (structure.n(), self.y.len());
+        let (done, b) = self.u[..(I + 1) * blocks].split_at_mut(I * blocks);
+        if I == 0 {
+            self.rhs.copy_from_slice(&self.f0);
+        } else {
+            combine::<R, M, S, I>(&mut self.stage, b, &self.y, inverse_h, done);
+            if const { stands(&M::METHOD, I) } {
+                add_blocks(&mut self.rhs, b, &self.f0);
+            } else {
+                let t = R::Plain::from_lanes(|lane| self.t[lane]);
+                let time = R::from(h.fma(R::Plain::c(const { M::METHOD.alpha[I] }), t));
+                let stage = &self.stage.as_flattened()[..n];
+                let out = &mut self.rhs.as_flattened_mut()[..n];
+                self.system.add_rates(time, stage, &b.as_flattened()[..n], out, &mut self.work);
+            }
+        }
+        if structure.depends_on_time {
+            let weight = h * R::Plain::c(const { M::METHOD.gamma_t[I] });
+            for (rhs, f_t) in self.rhs.iter_mut().zip(&self.f_t) {
+                for l in 0..BLOCK {
+                    rhs[l] = f_t[l].fma_plain(weight, rhs[l]);
+                }
+            }
+        }
+        b.copy_from_slice(&self.rhs);
+        self.linear.solve(structure, b);
+    }
+
+    /// The errors of the present attempt: the numbers that its last stage added.
+    pub(super) fn errors(&self) -> &[Block<R>] {
+        &self.u[(self.options.method.stages() - 1) * self.y.len()..][..self.y.len()]
+    }
+
+    /// The largest error of any state, in units of its tolerance, for all lanes; NaN where a state is not finite.
+    pub(super) fn error(&self) -> R::Plain {
+        let rtol = R::Plain::from_lanes(|lane| self.lanes[lane].share * self.options.rtol);
+        let (zero, infinite) = (R::Plain::zero(), R::Plain::c(f64::INFINITY));
+        let (mut worst, mut poison) = ([zero; BLOCK], [zero; BLOCK]);
+        for (b, error) in self.errors().iter().enumerate() {
+            for l in 0..BLOCK {
+                let size = self.y[b][l].plain().abs().max(self.step.y1[b][l].plain().abs());
+                let ratio = error[l].plain().abs() / (rtol * (self.scale[b][l] + size));
+                // A quadrature steers no step, even one that is no number.
+                let ratio = R::Plain::select(self.scale[b][l].lt(infinite), ratio, zero);
+                worst[l] = worst[l].max(ratio);
+                poison[l] += ratio * zero;
+            }
+        }
+        let (mut w, mut p) = (worst[0], poison[0]);
+        for l in 1..BLOCK {
+            w = w.max(worst[l]);
+            p += poison[l];
+        }
+        self.of_fifth_order(w + p)
+    }
+
+    /// Step control takes the error of a step as one of order h^5: that of another method, raised to the power that
+    /// makes it so. One stays one.
+    #[inline(always)]
+    fn of_fifth_order(&self, error: R::Plain) -> R::Plain {
+        match self.options.method {
+            Method::Rodas5P => error,
+            Method::Rodas3 => R::Plain::from_lanes(|lane| pow(error.get(lane), 5.0 / 3.0)),
+        }
+    }
+}
