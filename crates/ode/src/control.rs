@@ -64,7 +64,7 @@ const SAFETY: f64 = 0.8;
 const MIN_FACTOR: f64 = 0.1;
 const MAX_FACTOR: f64 = 6.0;
 /// Errors below this ask for the longest growth anyway; zero has no root.
-const LEAST_ERROR: f64 = 1e-12;
+pub(crate) const LEAST_ERROR: f64 = 1e-12;
 /// After a failed attempt that gave no finite error.
 const NOT_FINITE_FACTOR: f64 = 0.1;
 /// After a step that error control accepts but that leaves what the equations hold for.
@@ -91,8 +91,28 @@ fn inverse_fifth_root(x: f64) -> f64 {
     y
 }
 
+/// x^(-1/3), in the same way.
+pub(crate) fn inverse_cube_root(x: f64) -> f64 {
+    // 4/3 of the exponent bias, less such a constant.
+    const GUESS: u64 = 0x553E_F000_0000_0000;
+    let mut y = f64::from_bits(GUESS - x.to_bits() / 3);
+    for _ in 0..3 {
+        y *= (x * y * y).mul_add(y * (-1.0 / 3.0), 4.0 / 3.0);
+    }
+    y
+}
+
 #[cfg(test)]
 mod tests {
+    #[test]
+    fn cube_root_is_good_to_a_millionth() {
+        for i in -120..200 {
+            let x = 10_f64.powf(f64::from(i) * 0.1);
+            let y = super::inverse_cube_root(x);
+            assert!((y * x.cbrt() - 1.0).abs() < 1e-6, "{x}: {y}");
+        }
+    }
+
     #[test]
     fn fifth_root_is_good_to_a_millionth() {
         for i in -120..200 {

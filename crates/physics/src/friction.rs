@@ -112,7 +112,20 @@ impl<S: Real> Levels<S> {
         Levels { coulomb, breakaway, viscous, lean: [S::zero(); 2] }
     }
 
+    /// Under the seal lips of a contact that has some.
+    #[inline(always)]
+    fn under<P: Real>(self, lips: Option<&SealLips<P>>, at: &At<S>) -> Self
+    where
+        S: Over<P>,
+    {
+        match lips {
+            Some(lips) => lips.apply(&self, at),
+            None => self,
+        }
+    }
+
     /// Each level in other numbers.
+    #[inline(always)]
     pub fn map<T>(&self, f: impl Fn(S) -> T) -> Levels<T> {
         let Levels { coulomb, breakaway, viscous, lean } = *self;
         Levels { coulomb: f(coulomb), breakaway: f(breakaway), viscous: f(viscous), lean: lean.map(f) }
@@ -358,11 +371,18 @@ macro_rules! laws {
                 }
             }
 
-            /// The force of one of the usual laws.
+            /// The force of one of the usual laws under seal lips.
             #[inline(always)]
-            fn usual_force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S {
+            fn usual_force<S: Over<P>>(
+                &self,
+                at: &At<S>,
+                lips: Option<&SealLips<P>>,
+                z: &[S],
+                dz: &mut [S],
+                mode: P,
+            ) -> S {
                 match self {
-                    $(AnyLaw::$usual(law) => law.force(at, levels, z, dz, mode),)*
+                    $(AnyLaw::$usual(law) => law.force(at, &law.levels().map(S::from).under(lips, at), z, dz, mode),)*
                     _ => unreachable!("evaluated out of line"),
                 }
             }

@@ -1,10 +1,10 @@
 //! One attempt at a step: its stages and its error.
 
 use super::Stepper;
+use crate::control::{LEAST_ERROR, inverse_cube_root};
 use crate::linear::Pair;
 use crate::stages::{BLOCK, Block, Fifth, MOST_STAGES, Method, Tableau, Third, combine, stands};
 use crate::system::System;
-use math::elementary::pow;
 use math::{Lane, Real};
 
 /// sum = one + other.
@@ -138,13 +138,16 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         self.of_fifth_order(w + p)
     }
 
-    /// Step control takes the error of a step as one of order h^5: that of another method, raised to the power that
-    /// makes it so. One stays one.
+    /// Step control takes the error of a step as one of order h^5: that of another method is raised to the power that
+    /// makes it so, e^(5/3) = e^2 e^(-1/3). One stays one.
     #[inline(always)]
     fn of_fifth_order(&self, error: R::Plain) -> R::Plain {
         match self.options.method {
             Method::Rodas5P => error,
-            Method::Rodas3 => R::Plain::from_lanes(|lane| pow(error.get(lane), 5.0 / 3.0)),
+            Method::Rodas3 => R::Plain::from_lanes(|lane| {
+                let e = error.get(lane);
+                e * e * inverse_cube_root(e.max(LEAST_ERROR))
+            }),
         }
     }
 }

@@ -185,17 +185,13 @@ impl<P: Real> Contact<P> {
     /// Levels of the seals: those of the law, under pressure.
     #[inline(always)]
     fn seals<S: Over<P>>(&self, at: &At<S>) -> Levels<S> {
-        let base = self.law.levels().map(S::from);
-        match &self.seal_lips {
-            Some(lips) => lips.apply(&base, at),
-            None => base,
-        }
+        self.law.levels().map(S::from).under(self.seal_lips.as_ref(), at)
     }
 
     /// [`Contact::force`] of a contact that is usual.
     #[inline(always)]
     pub fn usual_force<S: Over<P>>(&self, at: &At<S>, inner: &[S], rates: &mut [S], mode: P) -> S {
-        self.law.usual_force(at, &self.seals(at), inner, rates, mode)
+        self.law.usual_force(at, self.seal_lips.as_ref(), inner, rates, mode)
     }
 
     /// Friction force, N, positive where it opposes v > 0, and the rates of the inner states.
