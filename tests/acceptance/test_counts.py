@@ -33,6 +33,8 @@ def test_an_open_loop_takes_few_attempts(benches):
 
 def test_sampled_control_takes_one_step_a_sample(benches):
     """The step size is kept over the command steps: no start-up at each of 10,000 samples."""
-    found = benches.count("case_c", 1e-3)
-    assert found["steps"] == 10_000
+    found = benches.count("case_c", 1e-4)
+    assert 10_000 <= found["steps"] < 10_100
     assert found["rejected"] < 100
+    # Two beside the one that comes with the Jacobian, where the method of low order takes the step.
+    assert found["right_hand_sides"] < 2.5 * found["steps"]
