@@ -106,7 +106,10 @@ impl<P: Real> Volume<P> {
     ) {
         let Some(virial) = &common.gas.virial else { return };
         let (p, t, h) = virial.p_t_h(&common.gas, y, node.volume);
-        node.fill(GasState::at(p, t));
+        // Where the coefficient is zero, the ratios are one: the bits of the ideal gas.
+        let inverse_p = node.inverse_p * (node.p / p);
+        let inverse_sqrt_t = node.inverse_sqrt_t * (node.t / t).sqrt();
+        node.fill(GasState { p, t, inverse_p, inverse_sqrt_t });
         enthalpy[self.node] = h;
     }
 
