@@ -8,6 +8,7 @@ mod flows;
 mod formula;
 mod formula_components;
 mod friction_bounds;
+mod fused;
 mod inputs;
 mod kinds;
 mod lanes;
