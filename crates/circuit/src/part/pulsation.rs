@@ -37,7 +37,9 @@ impl<P: Real> Part<P> for Pulsation<P> {
     #[inline(always)]
     fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
         let [sine] = y.first();
-        net.gas[self.node.0].p = S::from(self.mean) + S::from(self.amplitude) * sine;
+        let node = &mut net.gas[self.node.0];
+        node.p = S::from(self.mean) + S::from(self.amplitude) * sine;
+        node.inverse_p = S::one() / node.p;
     }
 
     #[inline(always)]
