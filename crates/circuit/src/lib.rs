@@ -40,4 +40,4 @@ pub use part::{
     Axis, Carriage, ChamberLaw, Cylinder, EndStops, Face, Given, Input, InputId, Link, Part, PartId,
     Reservoir, Restriction, Spring, Volume,
 };
-pub use run::{Error, Look, Run, advance, budget, sample_times};
+pub use run::{Error, Look, Run, advance, budget, failure_of, sample_times};

@@ -31,7 +31,7 @@ mod poppet;
 mod pulsation;
 mod regulator;
 mod reservoir;
-mod restriction;
+pub(crate) mod restriction;
 mod second_order;
 mod series;
 mod shock_absorber;

@@ -226,9 +226,8 @@ pub fn advance<R: Lane>(
     loop {
         let before = stepper.statistics(0).factorisations;
         let paused = stepper.advance(until, look.left, output);
-        let failed = (0..R::L).find_map(|lane| Some((lane, stepper.failure(lane)?)));
-        if let Some((lane, failure)) = failed {
-            return Err(Error::Stopped(in_words(failure, lane, stepper)));
+        if let Some(failure) = (0..R::L).find_map(|lane| failure_of(stepper, lane)) {
+            return Err(Error::Stopped(failure));
         }
         if paused == Paused::Arrived {
             look.left -= stepper.statistics(0).factorisations - before;
@@ -240,6 +239,11 @@ pub fn advance<R: Lane>(
             return Err(Error::Interrupted { t: stepper.time(0) });
         }
     }
+}
+
+/// Why a lane has stopped early, if it has: when, in which state, and what to try.
+pub fn failure_of<R: Lane>(stepper: &Stepper<R, Circuit<R>>, lane: usize) -> Option<String> {
+    Some(in_words(stepper.failure(lane)?, lane, stepper))
 }
 
 /// The message of a failed run: time, state, value and remedy.

@@ -51,6 +51,7 @@ fn main() {
         rtol,
         budget: None,
         threads,
+        lanes: argument(4, "lanes") == "lanes",
     };
     for _ in 0..3 {
         let start = std::time::Instant::now();

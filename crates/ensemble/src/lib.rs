@@ -5,6 +5,7 @@
 
 #![warn(missing_docs)]
 
+mod lanes;
 mod reduction;
 mod run;
 

@@ -2,7 +2,7 @@
 
 use circuit::{Assembly, Circuit, Net, Quantity, sample_times};
 use math::Lane;
-use ode::{Accepted, Output, System, locate};
+use ode::{Accepted, Course, Output, System, locate};
 
 /// Points of a step at which a column is looked at: its ends and the quarters between them.
 const POINTS: usize = 5;
@@ -80,7 +80,11 @@ pub struct Follower<'a, R: Lane> {
     next: Vec<usize>,
     needs_rows: bool,
     net: Net<R>,
-    /// At the points of the present step.
+    /// The attempt that the following are of: all lanes that it is accepted in share them.
+    attempt: u64,
+    /// The course of each reduction's state.
+    courses: Vec<Option<Course<R>>>,
+    /// All columns at the points of the step.
     rows: [Vec<R>; POINTS],
     row: Vec<R>,
 }
@@ -99,7 +103,6 @@ impl<'a, R: Lane> Follower<'a, R> {
             _ => Source::Row,
         };
         let sources: Vec<Source> = asked.iter().map(source).collect();
-        let whole = |what: What| matches!(what, What::Final | What::Samples { .. });
         let rate = asked.iter().find_map(|asked| match asked.what {
             What::Samples { rate } => Some(rate),
             _ => None,
@@ -111,10 +114,12 @@ impl<'a, R: Lane> Follower<'a, R> {
             needs_rows: sources
                 .iter()
                 .zip(asked)
-                .any(|(source, asked)| matches!(source, Source::Row) && !whole(asked.what)),
+                .any(|(source, asked)| matches!(source, Source::Row) && !is_whole(asked.what)),
             net: gathered(&assembly.circuit).work(),
             rows: std::array::from_fn(|_| vec![R::zero(); assembly.columns().len()]),
             row: vec![R::zero(); assembly.columns().len()],
+            attempt: 0,
+            courses: vec![None; asked.len()],
             sources,
             assembly,
             asked,
@@ -124,6 +129,7 @@ impl<'a, R: Lane> Follower<'a, R> {
     /// A new member begins in a lane.
     pub fn init(&mut self, lane: usize) {
         self.next[lane] = 0;
+        self.attempt = 0;
         for (fold, asked) in self.folds[lane * self.asked.len()..].iter_mut().zip(self.asked) {
             fold.samples.clear();
             fold.value = match asked.what {
@@ -163,28 +169,36 @@ impl<'a, R: Lane> Follower<'a, R> {
         states: &mut Accepted<'_, R>,
         circuit: &Circuit<R>,
     ) -> f64 {
-        match self.sources[r] {
-            Source::State(i) => states.state(i, theta)[0].get(lane),
-            Source::Row => {
-                let y = &states.at(theta)[..circuit.structure().n()];
-                self.assembly.row(circuit, theta.mul_add(h, t), y, &mut self.net, &mut self.row);
-                self.row[self.asked[r].column].get(lane)
-            }
+        if let Some(course) = self.courses[r] {
+            return course.value(theta).get(lane);
         }
+        let y = &states.at(theta)[..circuit.structure().n()];
+        self.assembly.row(circuit, theta.mul_add(h, t), y, &mut self.net, &mut self.row);
+        self.row[self.asked[r].column].get(lane)
     }
 
     /// A column at the points of a step.
     fn points(&self, r: usize, lane: usize, states: &mut Accepted<'_, R>) -> [f64; POINTS] {
-        std::array::from_fn(|k| match self.sources[r] {
-            Source::State(i) if k == 0 => states.before()[i].get(lane),
-            Source::State(i) if k == POINTS - 1 => states.after()[i].get(lane),
-            Source::State(i) => states.state(i, theta(k))[0].get(lane),
-            Source::Row => self.rows[k][self.asked[r].column].get(lane),
+        std::array::from_fn(|k| match (self.sources[r], self.courses[r]) {
+            (Source::State(i), _) if k == 0 => states.before()[i].get(lane),
+            (Source::State(i), _) if k == POINTS - 1 => states.after()[i].get(lane),
+            (_, Some(course)) => course.value(theta(k)).get(lane),
+            _ => self.rows[k][self.asked[r].column].get(lane),
         })
     }
 
-    /// All columns at the points of a step.
+    /// What all lanes share of an attempt.
     fn look(&mut self, (t, h): (f64, f64), states: &mut Accepted<'_, R>, circuit: &Circuit<R>) {
+        self.attempt = states.attempt();
+        for ((course, source), asked) in self.courses.iter_mut().zip(&self.sources).zip(self.asked) {
+            *course = match *source {
+                Source::State(i) if !is_whole(asked.what) => Some(states.course(i)),
+                _ => None,
+            };
+        }
+        if !self.needs_rows {
+            return;
+        }
         let n = circuit.structure().n();
         for (k, row) in self.rows.iter_mut().enumerate() {
             let y = match k {
@@ -255,6 +269,11 @@ impl<'a, R: Lane> Follower<'a, R> {
     }
 }
 
+/// Whether it looks at no step.
+fn is_whole(what: What) -> bool {
+    matches!(what, What::Final | What::Samples { .. })
+}
+
 /// A circuit of lanes that are all alike.
 fn gathered<R: Lane>(circuit: &Circuit<f64>) -> Circuit<R> {
     Circuit::gather(&vec![circuit; R::L])
@@ -276,7 +295,7 @@ impl<R: Lane> Output<R, Circuit<R>> for Follower<'_, R> {
     }
 
     fn step(&mut self, lane: usize, t: f64, h: f64, states: &mut Accepted<'_, R>, circuit: &Circuit<R>) {
-        if self.needs_rows {
+        if self.attempt != states.attempt() {
             self.look((t, h), states, circuit);
         }
         for r in 0..self.asked.len() {
@@ -286,6 +305,14 @@ impl<R: Lane> Output<R, Circuit<R>> for Follower<'_, R> {
             let value = match what {
                 What::Final | What::Samples { .. } => continue,
                 What::When { .. } if !so_far.is_nan() => continue,
+                // Far from the value nothing needs to be looked at.
+                What::When { value, .. }
+                    if self.courses[r].is_some_and(|course| {
+                        (course.value(0.0).get(lane) - value).abs() > course.spread().get(lane)
+                    }) && t > 0.0 =>
+                {
+                    continue;
+                }
                 What::When { value, above } => {
                     let points = self.points(r, lane, states);
                     let Some(time) = self.passing(r, at, points, (value, above), states, circuit) else {

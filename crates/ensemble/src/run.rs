@@ -1,12 +1,14 @@
 //! Members in chunks, chunks on threads.
 
+use crate::lanes::{self, Wide};
 use crate::reduction::{Follower, Reduction, What};
 use circuit::{
-    Assembly, Drive, Error, Look, Members, Network, Session, Starting, budget, run_jobs, sample_times,
-    specification,
+    Assembly, Circuit, Drive, Error, Look, Members, Network, Session, Starting, budget, run_jobs,
+    sample_times, specification,
 };
 use ode::Options;
 use std::borrow::Cow;
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Members that one thread takes at once.
@@ -79,6 +81,8 @@ pub struct Asked<'a> {
     pub budget: Option<u64>,
     /// The most threads.
     pub threads: usize,
+    /// Several members side by side in one register of the processor, where their circuit allows it: the same bits.
+    pub lanes: bool,
 }
 
 /// How a member came out.
@@ -184,12 +188,7 @@ impl Ensemble {
         let whole = run_jobs(
             (asked.threads, asked.members.div_ceil(CHUNK)),
             || plan.worker(total),
-            |worker, chunk, stop| {
-                let members = chunk * CHUNK..asked.members.min((chunk + 1) * CHUNK);
-                members
-                    .map_while(|member| (!stop.load(Ordering::Relaxed)).then(|| worker.run(member, stop)))
-                    .collect()
-            },
+            |worker, chunk, stop| worker.run_all(chunk * CHUNK..asked.members.min((chunk + 1) * CHUNK), stop),
             take,
             &mut || interrupted(done.get() as f64),
         )?;
@@ -202,18 +201,25 @@ impl Ensemble {
 }
 
 /// What a member gave.
-struct Came {
-    row: Vec<f64>,
-    failure: Option<(Status, String)>,
-    attempts: u64,
+pub(crate) struct Came {
+    pub row: Vec<f64>,
+    pub failure: Option<(Status, String)>,
+    pub attempts: u64,
+}
+
+impl Came {
+    pub fn refused(error: &Error) -> Self {
+        Came { row: Vec::new(), failure: Some((Status::Refused, error.to_string())), attempts: 0 }
+    }
 }
 
 /// What is asked, checked.
-struct Planned<'a> {
-    ensemble: &'a Ensemble,
-    asked: &'a Asked<'a>,
+pub(crate) struct Planned<'a> {
+    pub ensemble: &'a Ensemble,
+    pub asked: &'a Asked<'a>,
     /// The input of each plan.
-    inputs: Vec<usize>,
+    pub inputs: Vec<usize>,
+    pub options: Options,
 }
 
 impl<'a> Planned<'a> {
@@ -254,7 +260,12 @@ impl<'a> Planned<'a> {
             }
         }
         let inputs = asked.plans.iter().map(|plan| check_plan(template, plan, asked.members));
-        Ok(Planned { inputs: inputs.collect::<Result<_, _>>()?, ensemble, asked })
+        let longest = asked.duration.values.iter().copied().fold(0.0, f64::max);
+        let commands = asked.plans.iter().map(|plan| plan.times.len()).sum();
+        let most = || budget(longest, commands, template.circuit.n_states());
+        let max_attempts = asked.budget.unwrap_or_else(most);
+        let options = Options { rtol: asked.rtol, max_attempts, ..Options::default() };
+        Ok(Planned { inputs: inputs.collect::<Result<_, _>>()?, ensemble, asked, options })
     }
 
     /// How many numbers an output has for each member.
@@ -266,9 +277,28 @@ impl<'a> Planned<'a> {
     }
 
     fn worker(&self, width: usize) -> Worker<'_> {
-        let follower =
-            Follower::new(self.ensemble.template(), &self.asked.outputs, self.asked.duration.row(0)[0]);
-        Worker { planned: self, members: self.ensemble.members.clone(), follower, width }
+        let (template, duration) = (self.ensemble.template(), self.asked.duration.row(0)[0]);
+        // What follows from a command later on needs a schedule of its own.
+        let beside = self.asked.lanes && template.timings.is_empty();
+        Worker {
+            planned: self,
+            members: self.ensemble.members.clone(),
+            follower: Follower::new(template, &self.asked.outputs, duration),
+            side_by_side: beside.then(|| Follower::new(template, &self.asked.outputs, duration)),
+            width,
+        }
+    }
+
+    /// What is commanded of a member, and when: in the order in which it is set.
+    pub fn due(&self, member: usize) -> Vec<(f64, usize, f64)> {
+        let duration = self.asked.duration.row(member)[0];
+        let each = self.inputs.iter().zip(&self.asked.plans).flat_map(|(&input, plan)| {
+            let entries = plan.times.iter().zip(plan.values.row(member));
+            entries.map(move |(time, value)| (*time, input, *value))
+        });
+        let mut due: Vec<_> = each.filter(|(time, ..)| *time < duration).collect();
+        due.sort_by(|one, other| one.0.total_cmp(&other.0));
+        due
     }
 }
 
@@ -327,31 +357,57 @@ fn check_plan(template: &Assembly, plan: &Plan, members: usize) -> Result<usize,
     Ok(input)
 }
 
-/// Runs one member after the other.
-struct Worker<'a> {
-    planned: &'a Planned<'a>,
+/// Runs the members of a chunk.
+pub(crate) struct Worker<'a> {
+    pub planned: &'a Planned<'a>,
     members: Members,
     follower: Follower<'a, f64>,
-    width: usize,
+    /// Of several members at once, where that can be.
+    side_by_side: Option<Follower<'a, Wide>>,
+    pub width: usize,
 }
 
 impl Worker<'_> {
+    fn run_all(&mut self, members: Range<usize>, stop: &AtomicBool) -> Vec<Came> {
+        if let Some(mut follower) = self.side_by_side.take() {
+            let came = lanes::run(self, &mut follower, members, stop);
+            self.side_by_side = Some(follower);
+            return came;
+        }
+        members.map_while(|member| (!stop.load(Ordering::Relaxed)).then(|| self.run(member, stop))).collect()
+    }
+
     fn run(&mut self, member: usize, stop: &AtomicBool) -> Came {
-        let Planned { ensemble, asked, .. } = self.planned;
-        let k = ensemble.names().len();
-        let assembly = match self.members.member(&asked.values[member * k..][..k]) {
-            Ok(assembly) => assembly,
-            Err(error) => {
-                return Came {
-                    row: Vec::new(),
-                    failure: Some((Status::Refused, error.to_string())),
-                    attempts: 0,
-                };
-            }
-        };
+        match self.member(member) {
+            Ok(assembly) => self.run_alone(&assembly, member, stop),
+            Err(error) => Came::refused(&error),
+        }
+    }
+
+    /// A member with its numbers.
+    pub fn member(&mut self, member: usize) -> Result<Assembly, Error> {
+        let k = self.planned.ensemble.names().len();
+        self.members.member(&self.planned.asked.values[member * k..][..k])
+    }
+
+    /// The start of a member.
+    pub fn start(&self, assembly: &Assembly, member: usize) -> (Circuit<f64>, Vec<f64>) {
+        let Planned { asked, inputs, .. } = self.planned;
+        let plans = inputs.iter().zip(&asked.plans);
+        let first: Vec<_> = plans.map(|(&input, plan)| (input, plan.values.row(member)[0])).collect();
+        assembly.stand(&first, asked.initial.row(member), asked.contact_age)
+    }
+
+    /// Runs a member without neighbours.
+    pub fn run_alone(&mut self, assembly: &Assembly, member: usize, stop: &AtomicBool) -> Came {
         self.follower.init(0);
-        let duration = asked.duration.row(member)[0];
-        let mut session = self.begin(&assembly, member, duration);
+        let duration = self.planned.asked.duration.row(member)[0];
+        let start = self.start(assembly, member);
+        let mut session = Session::new(assembly, 0.0, start, self.planned.options);
+        for (time, input, value) in self.planned.due(member) {
+            session.plan(input, [(time, value)]);
+        }
+        session.settle_schedule();
         let mut stopped = |_| stop.load(Ordering::Relaxed);
         let outcome = session.advance(duration, &mut self.follower, &mut Look::new(&mut stopped));
         let attempts = session.statistics().factorisations;
@@ -364,26 +420,5 @@ impl Worker<'_> {
             Err(error) => Some((Status::Stopped, error.to_string())),
         };
         Came { row, failure, attempts }
-    }
-
-    /// A member at its start, with what is commanded later.
-    fn begin(&self, assembly: &Assembly, member: usize, duration: f64) -> Session {
-        let Planned { asked, inputs, .. } = self.planned;
-        let first: Vec<(usize, f64)> = inputs
-            .iter()
-            .zip(&asked.plans)
-            .map(|(&input, plan)| (input, plan.values.row(member)[0]))
-            .collect();
-        let start = assembly.stand(&first, asked.initial.row(member), asked.contact_age);
-        let commands = asked.plans.iter().map(|plan| plan.times.len()).sum();
-        let most = asked.budget.unwrap_or_else(|| budget(duration, commands, start.0.n_states()));
-        let options = Options { rtol: asked.rtol, max_attempts: most, ..Options::default() };
-        let mut session = Session::new(assembly, 0.0, start, options);
-        for (&input, plan) in inputs.iter().zip(&asked.plans) {
-            let due = plan.times.iter().copied().zip(plan.values.row(member).iter().copied());
-            session.plan(input, due.take_while(|(time, _)| *time < duration));
-        }
-        session.settle_schedule();
-        session
     }
 }

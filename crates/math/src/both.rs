@@ -62,6 +62,7 @@ impl<R: Real> Both<R> {
 
 impl<R: Real> Real for Both<R> {
     type Mask = [R::Mask; 2];
+    const LARGE: bool = R::LARGE;
 
     #[inline(always)]
     fn once<T>(operation: impl FnOnce() -> T) -> T {

@@ -13,6 +13,13 @@ pub struct Dual<R, const N: usize> {
     pub eps: [R; N],
 }
 
+/// Carries out an operation over `R`, out of line where that is [large](Real::LARGE). Not even a closure is left elsewhere.
+macro_rules! once {
+    ($operation:expr) => {
+        if R::LARGE { R::once(|| $operation) } else { $operation }
+    };
+}
+
 impl<R: Real, const N: usize> Dual<R, N> {
     /// This value with derivatives made from those of `self`, in its place: numbers of derivatives of
     /// derivatives are large.
@@ -36,7 +43,7 @@ impl<R: Real, const N: usize> Dual<R, N> {
     /// `f` with value `re` and derivative `slope` with respect to `self`.
     #[inline(always)]
     fn chain(self, re: R, slope: R) -> Self {
-        R::once(|| self.with(re, |_, eps| eps * slope))
+        once!(self.with(re, |_, eps| eps * slope))
     }
 }
 
@@ -51,7 +58,7 @@ impl<R: Real, const N: usize> Add for Dual<R, N> {
     type Output = Self;
     #[inline(always)]
     fn add(self, o: Self) -> Self {
-        R::once(|| self.with(self.re + o.re, |i, eps| eps + o.eps[i]))
+        once!(self.with(self.re + o.re, |i, eps| eps + o.eps[i]))
     }
 }
 
@@ -59,7 +66,7 @@ impl<R: Real, const N: usize> Sub for Dual<R, N> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, o: Self) -> Self {
-        R::once(|| self.with(self.re - o.re, |i, eps| eps - o.eps[i]))
+        once!(self.with(self.re - o.re, |i, eps| eps - o.eps[i]))
     }
 }
 
@@ -67,7 +74,7 @@ impl<R: Real, const N: usize> Mul for Dual<R, N> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, o: Self) -> Self {
-        R::once(|| self.with(self.re * o.re, |i, eps| eps.fma(o.re, self.re * o.eps[i])))
+        once!(self.with(self.re * o.re, |i, eps| eps.fma(o.re, self.re * o.eps[i])))
     }
 }
 
@@ -75,7 +82,7 @@ impl<R: Real, const N: usize> Div for Dual<R, N> {
     type Output = Self;
     #[inline(always)]
     fn div(self, o: Self) -> Self {
-        R::once(|| {
+        once!({
             let re = self.re / o.re;
             let inverse = R::one() / o.re;
             self.with(re, |i, eps| (eps - re * o.eps[i]) * inverse)
@@ -87,7 +94,7 @@ impl<R: Real, const N: usize> Neg for Dual<R, N> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        R::once(|| self.with(-self.re, |_, eps| -eps))
+        once!(self.with(-self.re, |_, eps| -eps))
     }
 }
 
@@ -115,6 +122,7 @@ impl<R: Real, const N: usize> MulAssign for Dual<R, N> {
 impl<R: Real, const N: usize> Real for Dual<R, N> {
     type Mask = R::Mask;
 
+    const LARGE: bool = true;
     /// Derivatives of derivatives: in line, a right-hand side would not fit the processor's caches.
     #[inline(never)]
     fn once<T>(operation: impl FnOnce() -> T) -> T {
@@ -126,9 +134,7 @@ impl<R: Real, const N: usize> Real for Dual<R, N> {
     }
     #[inline(always)]
     fn fma(self, a: Self, b: Self) -> Self {
-        R::once(|| {
-            self.with(self.re.fma(a.re, b.re), |i, eps| eps.fma(a.re, self.re.fma(a.eps[i], b.eps[i])))
-        })
+        once!(self.with(self.re.fma(a.re, b.re), |i, eps| eps.fma(a.re, self.re.fma(a.eps[i], b.eps[i]))))
     }
     #[inline(always)]
     fn fma_c(self, a: f64, b: Self) -> Self {
@@ -150,7 +156,7 @@ impl<R: Real, const N: usize> Real for Dual<R, N> {
     }
     #[inline(always)]
     fn pow(self, exponent: Self) -> Self {
-        R::once(|| {
+        once!({
             let re = self.re.pow(exponent.re);
             let (by_base, by_exponent) = (exponent.re / self.re, self.re.ln());
             self.with(re, |i, eps| re * eps.fma(by_base, exponent.eps[i] * by_exponent))
@@ -175,18 +181,18 @@ impl<R: Real, const N: usize> Real for Dual<R, N> {
     }
     #[inline(always)]
     fn select(mask: R::Mask, a: Self, b: Self) -> Self {
-        R::once(|| a.with(R::select(mask, a.re, b.re), |i, eps| R::select(mask, eps, b.eps[i])))
+        once!(a.with(R::select(mask, a.re, b.re), |i, eps| R::select(mask, eps, b.eps[i])))
     }
 }
 
 impl<R: Real, const N: usize> Over<R> for Dual<R, N> {
     #[inline(always)]
     fn times(self, a: R) -> Self {
-        R::once(|| self.with(self.re * a, |_, eps| eps * a))
+        once!(self.with(self.re * a, |_, eps| eps * a))
     }
     #[inline(always)]
     fn times_plus(self, a: R, b: Self) -> Self {
-        R::once(|| self.with(self.re.fma(a, b.re), |i, eps| eps.fma(a, b.eps[i])))
+        once!(self.with(self.re.fma(a, b.re), |i, eps| eps.fma(a, b.eps[i])))
     }
 }
 
@@ -210,6 +216,14 @@ impl<const N: usize> Lane for Dual<f64, N> {
     #[inline(always)]
     fn fma_plain(self, a: f64, b: Self) -> Self {
         self.fma_c(a, b)
+    }
+    #[inline(always)]
+    fn mask_bits(mask: bool) -> u64 {
+        u64::from(mask)
+    }
+    #[inline(always)]
+    fn mask_of(bits: u64) -> bool {
+        bits != 0
     }
     #[inline(always)]
     fn get(&self, _lane: usize) -> f64 {

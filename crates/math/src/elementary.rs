@@ -17,6 +17,7 @@
 //! interval and the error of the fit. Errors "measured" are bounds, rounded up, on 20 million
 //! arguments against 113-bit arithmetic. The methods are range reduction and error-free transforms.
 
+use crate::real::Real;
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, LN_2, LOG2_E};
 
 /// Adding 1.5 * 2^52 leaves no bits for a fraction: the sum is rounded to an integer, which then
@@ -34,6 +35,40 @@ const SIGN_MASK: u64 = 1 << 63;
 /// that large is a mistake.
 const ANGLE_LIMIT: f64 = 4_294_967_296.0;
 
+/// Numbers whose bits are at hand: one double, or a register of them.
+pub trait Bits: Real {
+    /// The bits of each as an integer.
+    type Word: Copy;
+    /// The bits.
+    fn word(self) -> Self::Word;
+    /// The integers plus `n`, modulo 2^64.
+    fn plus(word: Self::Word, n: u64) -> Self::Word;
+    /// The integers in two parts each, the first half of it rounded down.
+    fn halves(word: Self::Word) -> [Self::Word; 2];
+    /// 2^(biased - 1023) of each.
+    fn power_of_two(biased: Self::Word) -> Self;
+}
+
+impl Bits for f64 {
+    type Word = u64;
+    #[inline(always)]
+    fn word(self) -> u64 {
+        self.to_bits()
+    }
+    #[inline(always)]
+    fn plus(word: u64, n: u64) -> u64 {
+        word.wrapping_add(n)
+    }
+    #[inline(always)]
+    fn halves(word: u64) -> [u64; 2] {
+        [word >> 1, word - (word >> 1)]
+    }
+    #[inline(always)]
+    fn power_of_two(biased: u64) -> f64 {
+        f64::from_bits(biased << FRACTION_BITS)
+    }
+}
+
 /// ln 2 in two parts. The first has 12 trailing zero bits, so that k * LN_2_HI is exact for every
 /// exponent k of a double.
 const LN_2_HI: f64 = f64::from_bits(LN_2.to_bits() & !0xFFF);
@@ -42,14 +77,14 @@ const LN_2_LO: f64 = 2.823_529_056_303_157_7e-13;
 
 /// a * b rounded to an integer: (as a double, bits whose lowest ones are that integer).
 #[inline(always)]
-fn round_product(a: f64, b: f64) -> (f64, u64) {
-    let shifted = a.mul_add(b, ROUNDER);
-    (shifted - ROUNDER, shifted.to_bits())
+fn round_product<T: Bits>(a: T, b: T) -> (T, T::Word) {
+    let shifted = a.fma(b, T::c(ROUNDER));
+    (shifted - T::c(ROUNDER), shifted.word())
 }
 
 /// (hi, lo) = a + b exactly, for |a| >= |b|, or a a multiple of the last bit of b.
 #[inline(always)]
-fn fast_two_sum(a: f64, b: f64) -> (f64, f64) {
+fn fast_two_sum<T: Bits>(a: T, b: T) -> (T, T) {
     let hi = a + b;
     (hi, b - (hi - a))
 }
@@ -61,50 +96,45 @@ fn two_product(a: f64, b: f64) -> (f64, f64) {
     (hi, a.mul_add(b, -hi))
 }
 
-/// 2^(biased - 1023).
-#[inline(always)]
-fn power_of_two(biased: u64) -> f64 {
-    f64::from_bits(biased << FRACTION_BITS)
-}
-
 /// exp(hi + lo) = 2^k exp(r + r_lo), |r| <= 0.3466, |r_lo| <= ulp(r)/2.
 /// Returns (r, r_lo, k + 2046).
 #[inline(always)]
-fn reduce_exponent(hi: f64, lo: f64) -> (f64, f64, u64) {
-    let (k, bits) = round_product(hi, LOG2_E);
-    let coarse = k.mul_add(-LN_2_HI, hi); // exact
-    let (r, r_lo) = fast_two_sum(coarse, k.mul_add(-LN_2_LO, lo));
-    let twice_bias = bits.wrapping_sub(ROUNDER.to_bits()).wrapping_add(2 * EXPONENT_BIAS);
-    (r, r_lo, twice_bias)
+fn reduce_exponent<T: Bits>(hi: T, lo: T) -> (T, T, T::Word) {
+    const TWICE_BIAS: u64 = (2 * EXPONENT_BIAS).wrapping_sub(ROUNDER.to_bits());
+    let (k, bits) = round_product(hi, T::c(LOG2_E));
+    let coarse = k.fma_c(-LN_2_HI, hi); // exact
+    let (r, r_lo) = fast_two_sum(coarse, k.fma_c(-LN_2_LO, lo));
+    (r, r_lo, T::plus(bits, TWICE_BIAS))
 }
 
 /// q(r) with exp(r) = 1 + r + r^2 q(r) for |r| <= 0.3466; the error of the fit is 2^-63 of exp(r).
 #[inline(always)]
-fn exp_series(r: f64) -> f64 {
+fn exp_series<T: Bits>(r: T) -> T {
+    let pair = |slope: f64, value: f64| r.fma_c(slope, T::c(value));
     let r2 = r * r;
     let r4 = r2 * r2;
-    let a = r.mul_add(0.166_666_666_666_666_88, 0.5);
-    let b = r.mul_add(0.008_333_333_333_312_968, 0.041_666_666_666_666_845);
-    let c = r.mul_add(0.000_198_412_699_062_263_77, 0.001_388_888_888_875_711_8);
-    let d = r.mul_add(2.755_722_527_339_955e-6, 2.480_158_762_988_045_3e-5);
-    let e = r.mul_add(2.511_529_071_081_862_4e-8, 2.755_697_883_627_742e-7);
-    let top = r2.mul_add(2.101_427_460_532_362e-9, e);
-    r4.mul_add(r4.mul_add(top, r2.mul_add(d, c)), r2.mul_add(b, a))
+    let a = pair(0.166_666_666_666_666_88, 0.5);
+    let b = pair(0.008_333_333_333_312_968, 0.041_666_666_666_666_845);
+    let c = pair(0.000_198_412_699_062_263_77, 0.001_388_888_888_875_711_8);
+    let d = pair(2.755_722_527_339_955e-6, 2.480_158_762_988_045_3e-5);
+    let e = pair(2.511_529_071_081_862_4e-8, 2.755_697_883_627_742e-7);
+    let top = r2.fma_c(2.101_427_460_532_362e-9, e);
+    r4.fma(r4.fma(top, r2.fma(d, c)), r2.fma(b, a))
 }
 
 /// exp(x + lo), |lo| <= ulp(x): the one body of `exp` and `pow`.
 #[inline(always)]
-fn exp_sum(x: f64, lo: f64) -> f64 {
+fn exp_sum<T: Bits>(x: T, lo: T) -> T {
     // Beyond these bounds the result is inf and 0 anyway; inside them k fits two exponents.
     // Written so that a NaN fails the comparison and stays.
-    let x = if x > 710.0 { 710.0 } else { x };
-    let x = if x < -746.0 { -746.0 } else { x };
+    let x = T::select(T::c(710.0).lt(x), T::c(710.0), x);
+    let x = T::select(x.lt(T::c(-746.0)), T::c(-746.0), x);
     let (r, r_lo, twice_bias) = reduce_exponent(x, lo);
-    let (one, one_lo) = fast_two_sum(1.0, r);
-    let fraction = one + (r * r).mul_add(exp_series(r), one.mul_add(r_lo, one_lo));
+    let (one, one_lo) = fast_two_sum(T::one(), r);
+    let fraction = one + (r * r).fma(exp_series(r), one.fma(r_lo, one_lo));
     // 2^k in two factors, as k reaches from -1076 to 1024 and an exponent from -1022 to 1023.
-    let half = twice_bias >> 1;
-    fraction * power_of_two(half) * power_of_two(twice_bias - half)
+    let [half, rest] = T::halves(twice_bias);
+    fraction * T::power_of_two(half) * T::power_of_two(rest)
 }
 
 /// exp(x).
@@ -116,8 +146,8 @@ fn exp_sum(x: f64, lo: f64) -> f64 {
 /// -708.4 (gradual underflow is kept) and 0 below -745.14; NaN gives NaN.
 /// Error: 0.65 ulp measured; a subnormal result is rounded twice, 0.9 ulp.
 #[inline(always)]
-pub fn exp(x: f64) -> f64 {
-    exp_sum(x, 0.0)
+pub fn exp<T: Bits>(x: T) -> T {
+    exp_sum(x, T::zero())
 }
 
 /// x = 2^k m, sqrt(1/2) <= m < sqrt(2), for finite x > 0 (subnormal included). Returns (k, m).
@@ -320,7 +350,7 @@ pub fn tanh(x: f64) -> f64 {
     let magnitude = x.abs();
     let twice = 2.0 * if magnitude > 22.0 { 22.0 } else { magnitude };
     let (r, r_lo, twice_bias) = reduce_exponent(twice, 0.0);
-    let scale = power_of_two(twice_bias - EXPONENT_BIAS);
+    let scale = f64::power_of_two(twice_bias - EXPONENT_BIAS);
     let (hi, hi_rounding) = fast_two_sum(scale - 1.0, scale * r);
     let tail = (r * r).mul_add(exp_series(r), r_lo);
     let (e, e_lo) = fast_two_sum(hi, scale.mul_add(tail, hi_rounding));

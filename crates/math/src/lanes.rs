@@ -113,6 +113,14 @@ impl<const N: usize> Lane for Lanes<N> {
         *self
     }
     #[inline(always)]
+    fn mask_bits(mask: [bool; N]) -> u64 {
+        mask.iter().enumerate().fold(0, |bits, (lane, holds)| bits | u64::from(*holds) << lane)
+    }
+    #[inline(always)]
+    fn mask_of(bits: u64) -> [bool; N] {
+        from_fn(|lane| bits >> lane & 1 == 1)
+    }
+    #[inline(always)]
     fn get(&self, lane: usize) -> f64 {
         self.0[lane]
     }

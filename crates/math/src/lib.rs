@@ -11,9 +11,15 @@ mod dual;
 pub mod elementary;
 mod lanes;
 mod real;
+#[cfg(target_feature = "avx2")]
+mod registers;
 
 pub use both::Both;
 pub use deps::Deps;
 pub use dual::Dual;
 pub use lanes::Lanes;
 pub use real::{Lane, Over, Real, power};
+#[cfg(target_feature = "avx2")]
+pub use registers::V4;
+#[cfg(target_feature = "avx512f")]
+pub use registers::V8;

@@ -27,6 +27,9 @@ pub trait Real:
     /// The truth values of a comparison, one for each lane.
     type Mask: Copy;
 
+    /// Whether operations of dual numbers over this type are large, and so carried out of line.
+    const LARGE: bool = false;
+
     /// Carries out an operation of a dual number over this type; out of line where such numbers are large.
     #[inline(always)]
     fn once<T>(operation: impl FnOnce() -> T) -> T {
@@ -139,6 +142,12 @@ pub trait Lane: Real + From<Self::Plain> {
         self.fma(Self::from(a), b)
     }
 
+    /// Where a mask holds: bit `i` of lane `i`.
+    fn mask_bits(mask: Self::Mask) -> u64;
+
+    /// The mask that holds in these lanes.
+    fn mask_of(bits: u64) -> Self::Mask;
+
     /// Takes one lane over as it is, derivatives included.
     #[inline(always)]
     fn take(&mut self, lane: usize, from: &Self) {
@@ -237,5 +246,13 @@ impl Lane for f64 {
     #[inline(always)]
     fn put(&mut self, _lane: usize, value: f64) {
         *self = value;
+    }
+    #[inline(always)]
+    fn mask_bits(mask: bool) -> u64 {
+        u64::from(mask)
+    }
+    #[inline(always)]
+    fn mask_of(bits: u64) -> bool {
+        bits != 0
     }
 }

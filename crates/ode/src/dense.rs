@@ -19,6 +19,28 @@ pub(crate) struct Step<R: Lane> {
     method: Method,
     /// `c` belongs to the present attempt.
     ready: bool,
+    /// How many attempts there have been.
+    attempts: u64,
+}
+
+/// The course of one state within a step, as a polynomial in the fraction of its length.
+#[derive(Clone, Copy, Debug)]
+pub struct Course<R>([R; 5]);
+
+impl<R: Lane> Course<R> {
+    /// Its value there.
+    #[inline(always)]
+    pub fn value(&self, theta: f64) -> R {
+        let [c0, c1, c2, c3, c4] = self.0;
+        c4.fma_c(theta, c3).fma_c(theta, c2).fma_c(theta, c1).fma_c(theta, c0)
+    }
+
+    /// How far it may be from where it begins, anywhere in the step.
+    #[inline(always)]
+    pub fn spread(&self) -> R {
+        let [_, c1, c2, c3, c4] = self.0;
+        (c1.abs() + c2.abs()) + (c3.abs() + c4.abs())
+    }
 }
 
 impl<R: Lane> Step<R> {
@@ -32,6 +54,7 @@ impl<R: Lane> Step<R> {
             spread: zeros(blocks),
             method: Method::default(),
             ready: false,
+            attempts: 0,
         }
     }
 
@@ -40,6 +63,28 @@ impl<R: Lane> Step<R> {
         self.y0.copy_from_slice(y0);
         self.method = method;
         self.ready = false;
+        self.attempts += 1;
+    }
+
+    /// How many attempts there have been, this one included.
+    pub fn attempts(&self) -> u64 {
+        self.attempts
+    }
+
+    /// The course of one state: the numbers that `prepare` finds for it.
+    pub fn course(&self, i: usize, u: &[Block<R>]) -> Course<R> {
+        match self.method {
+            Method::Rodas5P => self.course_by(i, &RODAS5P.dense, u),
+            Method::Rodas3 => self.course_by(i, &RODAS3.dense, u),
+        }
+    }
+
+    fn course_by<const S: usize>(&self, i: usize, dense: &[[f64; S]; 3], u: &[Block<R>]) -> Course<R> {
+        let (b, l, blocks) = (i / BLOCK, i % BLOCK, self.c.len());
+        let k = |row: usize| (0..S).fold(R::zero(), |sum, j| u[j * blocks + b][l].fma_c(dense[row][j], sum));
+        let (y0, y1) = (self.y0[b][l], self.y1[b][l]);
+        let [k0, k1, k2] = [k(0), k(1), k(2)];
+        Course([y0, (y1 - y0) + k0, k1 - k0, k2 - k1, -k2])
     }
 
     /// Prepares the interpolation from the stages of the attempt, once.

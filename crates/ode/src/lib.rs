@@ -18,6 +18,7 @@ mod swing;
 mod system;
 
 pub use control::{Failure, Options, Statistics};
+pub use dense::Course;
 pub use event::locate;
 pub use linear::Dense;
 pub use rosenbrock::{RODAS3, RODAS5P, Rosenbrock};

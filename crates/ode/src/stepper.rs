@@ -10,6 +10,7 @@ mod search;
 use crate::approach::FAR_OFF;
 use crate::control::{Control, Failure, Options, Statistics};
 use crate::dense::Step;
+use crate::event::LOOKOUTS;
 use crate::linear::{Linear, blocks};
 use crate::stages::{BLOCK, Block, MOST_STAGES, Method, zeros};
 use crate::structure::{DIRECTIONS, Structure};
@@ -68,14 +69,20 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     step: Step<R>,
     scale: Vec<Block<R::Plain>>,
     g0: Vec<R>,
-    g1: Vec<R>,
+    /// Event functions at the lookouts of the present attempt, once they are asked for.
+    looks: [Vec<R>; LOOKOUTS.len()],
+    looked: bool,
+    /// Whether the attempt ends within what the equations hold for, once that is asked for.
+    inside: Option<R::Plain>,
     g_look: Vec<R>,
     ahead: Vec<R>,
     /// How far the time of the present event moves with what is differentiated: value zero.
     event_shift: R,
     seeded: bool,
     fresh: bool,
-    started: bool,
+    started: Vec<bool>,
+    /// Where each lane goes, s; minus infinity where it has nothing to do.
+    until: Vec<f64>,
     completes: bool,
     work: Sys::Work<R>,
     dual_work: Sys::Work<Direction<R>>,
@@ -116,13 +123,16 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             step: Step::new(blocks),
             scale,
             g0: vec![R::zero(); n_events],
-            g1: vec![R::zero(); n_events],
+            looks: std::array::from_fn(|_| vec![R::zero(); n_events]),
+            looked: false,
+            inside: None,
             g_look: vec![R::zero(); n_events],
             ahead: vec![R::zero(); n_obstacles],
             event_shift: R::zero(),
             seeded: false,
             fresh: false,
-            started: false,
+            started: vec![false; R::L],
+            until: vec![f64::NEG_INFINITY; R::L],
             completes: system.completes(),
             work,
             dual_work,
@@ -178,25 +188,58 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     /// Integrates every lane up to `until`, or `budget` attempts far. A sample due before `until`
     /// is given as soon as its step is accepted; one due at `until` belongs to what comes after.
     pub fn advance(&mut self, until: f64, budget: u64, output: &mut impl Output<R, Sys>) -> Paused {
+        self.until.fill(until);
         for _ in 0..budget {
-            if (0..R::L).all(|lane| self.finished(lane, until)) {
+            if (0..R::L).all(|lane| self.finished(lane)) {
                 return Paused::Arrived;
             }
-            if !self.fresh {
-                self.refresh();
-            }
-            if !self.started {
-                self.start(until);
-            }
-            let h = self.proposals(until);
-            self.attempt(h);
-            self.conclude(h, until, output);
+            self.attempt_one(output);
         }
-        if (0..R::L).all(|lane| self.finished(lane, until)) { Paused::Arrived } else { Paused::Budget }
+        if (0..R::L).all(|lane| self.finished(lane)) { Paused::Arrived } else { Paused::Budget }
     }
 
-    fn finished(&self, lane: usize, until: f64) -> bool {
-        self.t[lane] >= until || self.lanes[lane].failure.is_some()
+    /// Integrates each lane towards its own time, until one has arrived there or failed, or `budget` attempts far. A lane
+    /// whose time is minus infinity has nothing to do.
+    pub fn advance_each(&mut self, until: &[f64], budget: u64, output: &mut impl Output<R, Sys>) -> Paused {
+        self.until.copy_from_slice(until);
+        for _ in 0..budget {
+            if (0..R::L).any(|lane| until[lane] > f64::NEG_INFINITY && self.finished(lane)) {
+                return Paused::Arrived;
+            }
+            self.attempt_one(output);
+        }
+        Paused::Budget
+    }
+
+    /// Another state, of the lane that the system has there by now, begins at a time.
+    pub fn load(&mut self, lane: usize, t: f64, y: &[f64]) {
+        let swings = self.system.swings().into_iter();
+        let swings = swings.map(|(state, speed)| Swing::new(state, speed.get(lane), self.options.rtol));
+        self.lanes[lane] = Control::new(swings.collect());
+        self.t[lane] = t;
+        let own = self.y.as_flattened_mut().iter_mut().zip(self.scale.as_flattened_mut());
+        for (((state, scale), new), y) in own.zip(self.system.scale()).zip(y) {
+            state.put(lane, *y);
+            scale.put(lane, new.get(lane));
+        }
+        self.started[lane] = false;
+        self.fresh = false;
+    }
+
+    fn attempt_one(&mut self, output: &mut impl Output<R, Sys>) {
+        if !self.fresh {
+            self.refresh();
+        }
+        if !self.started.iter().all(|started| *started) {
+            self.start();
+        }
+        let h = self.proposals();
+        self.attempt(h);
+        self.conclude(h, output);
+    }
+
+    fn finished(&self, lane: usize) -> bool {
+        self.t[lane] >= self.until[lane] || self.lanes[lane].failure.is_some()
     }
 
     /// f, its Jacobian and the event functions at the present state.
@@ -271,9 +314,10 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     }
 
     /// A first step from the size of the state and its rate.
-    fn start(&mut self, until: f64) {
+    fn start(&mut self) {
         let rtol = self.options.rtol;
-        for lane in 0..R::L {
+        let new: Vec<usize> = (0..R::L).filter(|&lane| !self.started[lane]).collect();
+        for &lane in &new {
             let (mut size, mut rate) = (0.0_f64, 0.0_f64);
             let states = self.y.as_flattened().iter().zip(self.f0.as_flattened());
             for ((y, f), scale) in states.zip(self.scale.as_flattened()) {
@@ -282,17 +326,17 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 rate = rate.max(f / (scale.get(lane) + y));
             }
             let h = FIRST_SHARE * size.max(rtol) / rate.max(LEAST_RATE);
-            self.lanes[lane].wish = h.min(until - self.t[lane]).max(LEAST_FIRST_STEP);
+            self.lanes[lane].wish = h.min(self.until[lane] - self.t[lane]).max(LEAST_FIRST_STEP);
         }
-        for lane in 0..R::L {
+        for lane in new {
             if self.starts_outside(lane) && self.system.meet(lane) {
                 self.refresh();
             }
             if self.starts_outside(lane) {
                 self.lanes[lane].failure = Some(Failure::Outside { t: self.t[lane] });
             }
+            self.started[lane] = true;
         }
-        self.started = true;
     }
 
     fn starts_outside(&mut self, lane: usize) -> bool {
@@ -300,16 +344,16 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         is_outside::<R>(self.system.inside(&self.y.as_flattened()[..n], &mut self.work), lane)
     }
 
-    fn proposals(&mut self, until: f64) -> R::Plain {
+    fn proposals(&mut self) -> R::Plain {
         let mut h = R::Plain::one();
         for lane in 0..R::L {
-            let t = self.t[lane];
+            let (t, until) = (self.t[lane], self.until[lane]);
             let control = &mut self.lanes[lane];
             let attempts = control.statistics.factorisations;
             if attempts >= self.options.max_attempts && t < until && control.failure.is_none() {
                 control.failure = Some(Failure::TooManyAttempts { t, attempts });
             }
-            let idle = self.finished(lane, until);
+            let idle = self.finished(lane);
             let control = &mut self.lanes[lane];
             // A lane with nothing to do repeats a step that is never taken.
             h.put(
@@ -334,12 +378,13 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     }
 
     /// Accepts, rejects or cuts the attempt, lane by lane.
-    fn conclude(&mut self, h: R::Plain, until: f64, output: &mut impl Output<R, Sys>) {
+    fn conclude(&mut self, h: R::Plain, output: &mut impl Output<R, Sys>) {
         let error = self.error();
-        let mut any_accepted = false;
+        (self.looked, self.inside) = (false, None);
+        let (mut any_accepted, mut taken_over) = (false, 0);
         let n = self.structure.n();
         for lane in 0..R::L {
-            if self.finished(lane, until) {
+            if self.finished(lane) {
                 continue;
             }
             let (t0, h_lane) = (self.t[lane], h.get(lane));
@@ -356,8 +401,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             }
             let mut taken = None;
             if !self.g0.is_empty() {
-                self.step.prepare(&self.u);
-                match self.look_for_event(lane, t0, h_lane) {
+                match self.look_for_event(lane, t0, h_lane, h) {
                     Found::Nothing => {}
                     Found::AtEnd(event) => taken = Some(event),
                     // Where the clock's rounding leaves nothing to cut, the event lies at the end.
@@ -377,8 +421,12 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                     }
                 }
             }
-            let t1 = if self.lanes[lane].last { until } else { t0 + h_lane };
-            let inside = self.system.inside(&self.step.y1.as_flattened()[..n], &mut self.work);
+            let t1 = if self.lanes[lane].last { self.until[lane] } else { t0 + h_lane };
+            let inside = match self.inside {
+                Some(inside) => inside,
+                None => self.system.inside(&self.step.y1.as_flattened()[..n], &mut self.work),
+            };
+            self.inside = Some(inside);
             if is_outside::<R>(inside, lane) {
                 self.lanes[lane].take_back(h_lane);
                 if !self.system.meet(lane) {
@@ -399,16 +447,17 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             }
             let states = &mut Accepted { step: &mut self.step, u: &self.u };
             output.step(lane, t0, h_lane, states, &self.system);
-            for (y, y1) in self.y.as_flattened_mut().iter_mut().zip(self.step.y1.as_flattened()) {
-                y.take(lane, y1);
-            }
             self.t[lane] = t1;
             let ends = [&self.step.y0, &self.step.y1].map(|y| y.as_flattened());
             self.lanes[lane].follow(h_lane, |state| ends.map(|y| y[state].get(lane)));
             any_accepted = true;
             match taken {
-                Some(event) => self.switch(lane, event, true),
+                Some(event) => {
+                    self.take_over(1 << lane);
+                    self.switch(lane, event, true);
+                }
                 None => {
+                    taken_over |= 1 << lane;
                     let control = &mut self.lanes[lane];
                     control.idle_switches = 0;
                     control.cuts = if control.cutting { control.cuts } else { 0 };
@@ -417,7 +466,17 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             }
         }
         if any_accepted {
+            self.take_over(taken_over);
             self.fresh = false;
+        }
+    }
+
+    /// The end of the attempt becomes the state of these lanes.
+    #[inline(always)]
+    fn take_over(&mut self, lanes: u64) {
+        let mask = R::mask_of(lanes);
+        for (y, y1) in self.y.as_flattened_mut().iter_mut().zip(self.step.y1.as_flattened()) {
+            *y = R::select(mask, *y1, *y);
         }
     }
 }

@@ -185,6 +185,7 @@ impl PyEnsemble {
             rtol: asked.rtol,
             budget: asked.budget,
             threads: asked.threads,
+            lanes: true,
         };
         let outcome = watched(py, look, |interrupted| self.ensemble.run(&request, interrupted))?;
         let out = PyDict::new(py);

@@ -4,6 +4,7 @@
 
 use super::{Circuit, GasId};
 use crate::net::{AxisNode, GasNode};
+use crate::part::restriction::passing;
 use crate::part::*;
 use math::{Both, Dual, Lane, Over, Real};
 use ode::Dense;
@@ -152,7 +153,7 @@ impl<P: Real> Fused<P> {
             let End { p, inverse_p, choked } = ports.reservoir;
             let reservoir = End { p: S::from(p), inverse_p: S::from(inverse_p), choked: S::from(choked) };
             let out = S::from(ports.limit).lt(node.p);
-            let m_dot = ports.law.driven(out, &reservoir, &own).times(ports.gain);
+            let m_dot = passing(ports.law.driven(out, &reservoir, &own).times(ports.gain), ports.gain);
             node.m_dot += m_dot;
             node.h_dot += m_dot * (cp * S::select(out, node.t, S::from(ports.temperature)));
         }

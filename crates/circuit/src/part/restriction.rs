@@ -29,6 +29,15 @@ impl<R: Lane> Restriction<R> {
     }
 }
 
+/// A flow through a gain. Where one is shut that is open in another lane, or on the other side, nothing passes, even at
+/// a state within a step that has no flow which is a number.
+#[inline(always)]
+pub(crate) fn passing<P: Real, S: Over<P>>(m_dot: S, gain: P) -> S {
+    let is_number = m_dot.abs().lt(S::c(f64::INFINITY));
+    let none = S::select(is_number, m_dot, S::zero());
+    S::select(S::zero().lt(S::from(gain)), m_dot, none)
+}
+
 impl<P: Real> Restriction<P> {
     /// The gain of its law at its opening.
     #[inline(always)]
@@ -64,7 +73,8 @@ impl<P: Real> Part<P> for Restriction<P> {
         let (one, two) = (&net[self.path.from], &net[self.path.to]);
         let (one, two) = (one.end(), two.end());
         let backward = one.p.lt(two.p);
-        (self.law.driven(backward, &one, &two).times(self.gain()), backward)
+        let m_dot = self.law.driven(backward, &one, &two).times(self.gain());
+        (passing(m_dot, self.gain()), backward)
     }
 
     /// The circuit lets what is open pass by itself.

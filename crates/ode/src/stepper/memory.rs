@@ -28,7 +28,7 @@ impl<Sys: System<f64>> Stepper<f64, Sys> {
             return None;
         }
         let Statistics { steps, rejected, right_hand_sides, jacobians, factorisations, events } = *statistics;
-        let flags = [self.fresh, self.started, *after_rejection, cut.is_some(), approach.halving];
+        let flags = [self.fresh, self.started[0], *after_rejection, cut.is_some(), approach.halving];
         let numbers = [self.t[0], *wish, cut.unwrap_or(0.0), approach.left];
         let words = numbers.iter().chain(self.state()).map(|number| number.to_bits());
         let counts = [
@@ -67,7 +67,7 @@ impl<Sys: System<f64>> Stepper<f64, Sys> {
             *y = number(4 + i);
         }
         let [fresh, started, after_rejection, has_cut, halving] = [0, 1, 2, 3, 4].map(|i| flags[i] != 0);
-        self.started = started;
+        self.started[0] = started;
         let mut own = std::mem::take(&mut self.lanes[0].swings);
         for (swing, words) in own.iter_mut().zip(swings.as_chunks::<SWING>().0) {
             let [count, before, peak, turns, towards, time, resting] = words.map(f64::from_bits);

@@ -1,7 +1,7 @@
 //! Samples, and other observers of the integration.
 
 use super::{Stepper, is_outside};
-use crate::dense::Step;
+use crate::dense::{Course, Step};
 use crate::stages::Block;
 use crate::system::System;
 use math::Lane;
@@ -31,6 +31,14 @@ impl<R: Lane> Accepted<'_, R> {
     /// Time at its end.
     pub fn after(&self) -> &[R] {
         self.step.y1.as_flattened()
+    }
+    /// The number of the attempt: all lanes that it is accepted in have one.
+    pub fn attempt(&self) -> u64 {
+        self.step.attempts()
+    }
+    /// The course of one state.
+    pub fn course(&self, i: usize) -> Course<R> {
+        self.step.course(i, self.u)
     }
     /// One state at a fraction of its length, and its derivative by that fraction.
     pub fn state(&mut self, i: usize, theta: f64) -> [R; 2] {

@@ -3,7 +3,7 @@
 use super::Stepper;
 use crate::event::{LOOKOUTS, locate};
 use crate::system::System;
-use math::Lane;
+use math::{Lane, Real};
 
 /// Result of the search.
 pub(super) enum Found {
@@ -23,31 +23,52 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         self.system.events(t, &y[..n], &mut self.g_look, &mut self.work);
     }
 
-    /// The first event of one lane within the present attempt.
-    pub(super) fn look_for_event(&mut self, lane: usize, t0: f64, h: f64) -> Found {
-        self.g1.copy_from_slice(&self.g0);
-        let mut before = 0.0;
+    /// Event functions of all lanes at the lookouts of the present attempt.
+    fn look_out(&mut self, h: R::Plain) {
+        let n = self.structure.n();
+        self.step.prepare(&self.u);
+        let t0 = R::Plain::from_lanes(|lane| self.t[lane]);
+        for (g, theta) in self.looks.iter_mut().zip(LOOKOUTS) {
+            let t = R::from(t0 + h * R::Plain::c(theta));
+            let y = if theta == 1.0 { self.step.y1.as_flattened() } else { &*self.step.interpolate(theta) };
+            self.system.events(t, &y[..n], g, &mut self.work);
+        }
+        self.looked = true;
+    }
+
+    /// The first event of one lane within the present attempt of steps `steps`, its own of length `h`.
+    pub(super) fn look_for_event(&mut self, lane: usize, t0: f64, h: f64, steps: R::Plain) -> Found {
+        if !self.looked {
+            self.look_out(steps);
+        }
+        let looks = std::mem::take(&mut self.looks);
+        let found = self.look_through(&looks, lane, t0, h);
+        self.looks = looks;
+        found
+    }
+
+    fn look_through(&mut self, looks: &[Vec<R>; LOOKOUTS.len()], lane: usize, t0: f64, h: f64) -> Found {
         let patience = self.lanes[lane].patience();
-        for theta in LOOKOUTS {
-            self.look(lane, t0, h, theta);
+        for (k, theta) in LOOKOUTS.into_iter().enumerate() {
             let mut first: Option<(f64, usize)> = None;
-            for event in 0..self.g0.len() {
+            for (event, high) in looks[k].iter().enumerate() {
                 let tolerance = patience * self.system.event_tolerance(event);
-                if self.g_look[event].get(lane) >= -tolerance {
+                let high = high.get(lane);
+                if high >= -tolerance {
                     continue;
                 }
                 let shift = 0.5 * tolerance;
-                let (low, high) = (self.g1[event].get(lane) + shift, self.g_look[event].get(lane) + shift);
-                let at = if low <= 0.0 {
+                let (before, low) = match k.checked_sub(1) {
+                    Some(last) => (LOOKOUTS[last], looks[last][event].get(lane)),
+                    None => (0.0, self.g0[event].get(lane)),
+                };
+                let at = if low + shift <= 0.0 {
                     before
                 } else {
-                    let saved = self.g_look.clone();
-                    let at = locate(before, low, theta, high, |middle| {
+                    locate(before, low + shift, theta, high + shift, |middle| {
                         self.look(lane, t0, h, middle);
                         self.g_look[event].get(lane) + shift
-                    });
-                    self.g_look = saved;
-                    at
+                    })
                 };
                 if first.is_none_or(|(earliest, _)| at < earliest) {
                     first = Some((at, event));
@@ -56,16 +77,11 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             if let Some((at, event)) = first {
                 return Found::Inside(at, event);
             }
-            std::mem::swap(&mut self.g1, &mut self.g_look);
-            before = theta;
         }
-        let near = |event: usize| {
-            let above = if patience > 1.0 { patience * self.system.event_tolerance(event) } else { 0.0 };
-            self.g1[event].get(lane) <= above && self.g0[event].get(lane) > 0.0
+        let near = |event: &usize| {
+            let above = if patience > 1.0 { patience * self.system.event_tolerance(*event) } else { 0.0 };
+            looks[LOOKOUTS.len() - 1][*event].get(lane) <= above && self.g0[*event].get(lane) > 0.0
         };
-        match (0..self.g1.len()).find(|&event| near(event)) {
-            Some(event) => Found::AtEnd(event),
-            None => Found::Nothing,
-        }
+        (0..self.g0.len()).find(near).map_or(Found::Nothing, Found::AtEnd)
     }
 }
