@@ -43,7 +43,7 @@ def test_defaults_that_follow_from_the_guess_move_with_it_and_the_mass_is_not_of
     for name, true in zip(free, (2.5, 25.0, 40.0), strict=True):
         low, high = fit.intervals[name]
         assert low - 0.5 * (high - low) < true < high + 0.5 * (high - low), name
-    assert any("damping_fade_velocity = 290 mm/s follows" in note for note in fit.notes)
+    assert any("damping_fade_velocity = 290 mm/s is derived" in note for note in fit.notes)
     after = fit.apply()
     assert after.friction.parameters["damping_fade_velocity"] == truth.friction.parameters["damping_fade_velocity"]
     assert guess.friction.parameters["damping_fade_velocity"] == before

@@ -58,7 +58,7 @@ fn a_leak_is_given_once() {
         made.err().map(|error| error.to_string()).unwrap_or_default()
     };
     let message = leak(json!({ "gap_height": 1e-5, "coefficient": 1e-15 }));
-    assert!(message.contains("leak.coefficient and leak.gap_height both say"), "{message}");
+    assert!(message.contains("leak.coefficient and leak.gap_height both give"), "{message}");
     let message = leak(json!({ "gap_height": 1e-5 }));
     assert!(message.contains("leak.diameter is missing"), "{message}");
 }

@@ -328,7 +328,7 @@ fn what_cannot_be_free_is_refused() {
         ),
         ("cylinder.kind", "\"cylinder.kind\" is not a number of this description"),
         ("friction.parameters.stiffness", "friction.stiffness is not a parameter of \"lugre\""),
-        ("gas.gas_constant_j_kg_k", "is a number of the gas and cannot be free"),
+        ("gas.gas_constant_j_kg_k", "\"gas.gas_constant_j_kg_k\" is a number of the gas and cannot be free"),
     ] {
         let asked = asked(0.1, &[0.0], &[path], false);
         let refused = drive.shoot(&json, &asked, &mut |_| false).expect_err("refused").to_string();

@@ -447,7 +447,7 @@ fn a_flow_table_is_the_only_word_on_the_edges() {
             message(json!({ "conductance": 1e-8 }), good.clone()),
             "v.conductance and v.flow_table both set this value",
         ),
-        (message(json!({ "overlap": 0.1 }), good.clone()), "v.overlap is given"),
+        (message(json!({ "overlap": 0.1 }), good.clone()), "v.overlap and v.flow_table both set this value"),
         (message(json!({}), shut), "v.flow_table opens no edge"),
         (
             message(json!({}), json!([[0.0, 0.0, 0.0, 0.0, 0.0], [2.0, 1e-8, 0.0, 0.0, 0.0]])),
