@@ -26,7 +26,9 @@ def test_each_kind_of_result_has_its_derivatives():
         step = np.zeros(2)
         step[k] = 1e-4 * value
         wanted = (of(of.start + step) - of(of.start - step)) / (2.0 * step[k])
-        assert found[:6, k] == pytest.approx(wanted[:6], rel=1e-6)
+        # the smallest pressure is that of the start: what rounding makes of it is small beside pressure over number
+        size = 1e-8 * np.abs(of(of.start)[:6]) / value
+        assert (np.abs(found[:6, k] - wanted[:6]) <= 1e-6 * np.abs(wanted[:6]) + size).all()
         assert found[6:, k] == pytest.approx(wanted[6:], rel=1e-6, abs=1e-6 * np.abs(wanted[6:]).max())
     assert found[5, 0] > 0.0  # more friction, later
 
