@@ -43,8 +43,8 @@ pub(super) struct Fused<P> {
     ports: Vec<Ports<P>>,
 }
 
-/// Directions in which the axis is differentiated: by x, v, both pressures and an inner state. Eight fill the registers
-/// of a processor, and cost less than five.
+/// Directions in which the axis is differentiated: by x, v, both pressures and an inner state. The three more fill whole
+/// registers of a processor and are zero.
 const AXIS: usize = 8;
 
 /// What follows from the states of both chambers.
