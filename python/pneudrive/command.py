@@ -134,6 +134,17 @@ def plans(
     return list(out.items())
 
 
+def are_named(given: object) -> bool:
+    """Return whether one of some texts has the name of a component in front.
+
+    Examples
+    --------
+    >>> are_named(["left: 0.4", "right: 0 s: 1"]), are_named(["0.4", "0 s: 1"])
+    (True, False)
+    """
+    return isinstance(given, list | tuple) and any(isinstance(one, str) and _NAMED.fullmatch(one) for one in given)
+
+
 def _named(given: Command) -> tuple[str, Command]:
     """Split the name of a component from a command; the name is empty where the command has none."""
     found = _NAMED.fullmatch(given) if isinstance(given, str) else None

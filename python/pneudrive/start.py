@@ -147,6 +147,11 @@ def start_values(given: object) -> Mapping[str, object]:
     return given or {}
 
 
+def start_table(given: object) -> Mapping[str, object]:
+    """Return a start state of a drive or a circuit as the table in which it was given."""
+    return given.to_dict() if hasattr(given, "to_dict") else start_values(given)  # type: ignore[union-attr]
+
+
 def _entries(text: str) -> dict[str, str]:
     """Read ``key = quantity`` entries into a dict."""
     given: dict[str, str] = {}

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -19,6 +20,8 @@ import pneudrive as pn
 from pneudrive.cli.main import run
 from pneudrive.ensemble.study import EnsembleStudy
 
+CIRCUIT = str(Path(__file__).parents[2] / "examples" / "two_cylinders.toml")
+NAMES = ("left.bore", "right.friction.coulomb")
 HEAD = ["sweep", "catalogue:reference", "--command", "0 s: 1", "--duration", "0.02 s"]
 VARY = ["--vary", "cylinder.bore = uniform(20 mm, 30 mm)", "--vary", "load.mass = normal(3 kg, 5 %)"]
 STUDY = [*HEAD, *VARY, "--members", "23", "--seed", "5", "--chunk", "4"]
@@ -60,6 +63,30 @@ def test_designs_from_text_and_files(tmp_path, capsys, expected):
     assert table["load.mass_kg"].to_list() == [0.0, 2.0] * 3
     assert table["position_m"].to_numpy().shape == (6, 21)
     assert table["top_m_s"].is_sorted() is False
+
+
+def test_a_circuit_file_is_swept(tmp_path, capsys):
+    """Commands have the names of valves, what varies those of components; a table may vary them too."""
+    out, commands = tmp_path / "many.parquet", ["--command", "valve_l: 0 s: 1, 10 ms: -1", "--command", "valve_r: 0.4"]
+    vary = ["--vary", "left.bore = uniform(30 mm, 34 mm)", "--vary", "right.friction.coulomb = normal(20 N, 10 %)"]
+    head = ["sweep", CIRCUIT, *commands, "--duration", "20 ms", "--out", str(out)]
+    assert run([*head, *vary, "--members", "5", "--output", "final(left.position)"]) == 0
+    assert "two cylinders on one tank: 5 members, 0 failed" in capsys.readouterr().out
+    table = pl.read_parquet(out)
+    assert table.columns[3:] == ["left.bore_m", "right.friction.coulomb_n", "final_left.position_m"]
+    each = {"valve_l": "0 s: 1, 10 ms: -1", "valve_r": "0.4"}
+    rows = {name: table[column].to_numpy() for name, column in zip(NAMES, table.columns[3:5], strict=True)}
+    expected = pn.simulate_many(pn.Circuit.load(CIRCUIT), each, "20 ms", vary=rows, outputs=["final(left.position)"])
+    np.testing.assert_array_equal(table["final_left.position_m"], expected["final_left.position"])
+    rows = tmp_path / "rows.csv"
+    table[table.columns[3:5]].write_csv(rows)
+    assert run([*head, "--vary", str(rows), "--output", "final(left.position)"]) == 0
+    np.testing.assert_array_equal(pl.read_parquet(out)["final_left.position_m"], expected["final_left.position"])
+    capsys.readouterr()
+    assert run([*head, "--vary", "left.bor = 30 mm"]) == 2
+    assert "Did you mean 'left.bore'" in capsys.readouterr().err
+    assert run(["sweep", "catalogue:reference", "--duration", "1 s", *VARY, "--out", str(out)]) == 2
+    assert "the command of the valve is missing" in capsys.readouterr().err
 
 
 @contextmanager

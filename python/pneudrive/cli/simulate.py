@@ -9,7 +9,6 @@ import typer
 
 from pneudrive.cli.options import CatalogueFolders, Described
 from pneudrive.cli.output import tell
-from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,10 +43,9 @@ def simulate(
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Simulate a drive or a circuit and write its trajectory."""
-    from pneudrive.cli.described import load
+    from pneudrive.cli.described import command_of, load
     from pneudrive.cli.progress import on_terminal
     from pneudrive.simulate import run
-    from pneudrive.start import is_circuit
     from pneudrive.trajectory import check_target, save, save_columns
 
     if out is not None:
@@ -59,7 +57,7 @@ def simulate(
     described = load(drive)
     result = run(
         described,
-        command if is_circuit(described) else _only(command),
+        command_of(described, command),
         duration,
         initial=initial,
         sample_rate=sample_rate,
@@ -78,15 +76,6 @@ def simulate(
 
         draw(result.dataset(), plot)
     _say(described.name, result.columns, result.provenance, (out, plot))
-
-
-def _only(commands: list[str] | None) -> str:
-    """Return the only command of a drive."""
-    if not commands:
-        raise CommandError("the command of the valve is missing", remedy='Add --command "0 s: 1", for instance.')
-    if len(commands) > 1:
-        raise CommandError(f"a drive has one valve, but {len(commands)} commands are given", remedy="Keep one of them.")
-    return commands[0]
 
 
 def _say(name: str, columns: dict, provenance: dict, written: Sequence[Path | None]) -> None:

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders
+from pneudrive.cli.options import CatalogueFolders, Described
 from pneudrive.cli.output import show_table, tell
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.ensemble.design import EnsembleDesign
     from pneudrive.ensemble.many import Gathered
@@ -24,18 +25,15 @@ TABLES = (".parquet", ".csv", ".nc")
 
 
 def sweep(
-    drive: Annotated[str, typer.Argument(help="Drive file (TOML), or catalogue:NAME.", metavar="DRIVE")],
-    command: Annotated[
-        str,
-        typer.Option(help='Valve command in -1 .. 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file.', metavar="STEPS"),
-    ],
+    drive: Described,
     duration: Annotated[str, typer.Option(help='How long, e.g. "2 s".')],
     vary: Annotated[
         list[str],
         typer.Option(
-            help='What varies, several times: "cylinder.bore = uniform(20 mm, 30 mm)", normal(30 N, 10 %), triangular, '
-            'lognormal; "cylinder.bore = grid(20 mm .. 32 mm, 7)"; "cylinder.bore = 20 mm, 25 mm". Or a table (.csv, '
-            ".parquet) with a column in SI for each number, or the fit.toml of a fit: its posterior.",
+            help='What varies, several times: "cylinder.bore = uniform(20 mm, 30 mm)", of a circuit "left.bore = ..."; '
+            "normal(30 N, 10 %), triangular, lognormal; "
+            '"cylinder.bore = grid(20 mm .. 32 mm, 7)"; "cylinder.bore = 20 mm, 25 mm". Or a table (.csv, .parquet) '
+            "with a column in SI for each number, or the fit.toml of a fit: its posterior.",
             metavar="NAME = VALUES|FILE",
         ),
     ],
@@ -43,6 +41,14 @@ def sweep(
         Path,
         typer.Option(help="Table of results: .parquet, .csv or .nc; or a folder, for a Parquet file of each chunk."),
     ],
+    command: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='Valve command in -1 .. 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file. For a circuit with the name of '
+            'the valve in front, repeatable: "valve_l: 0 s: 1, 0.5 s: -1".',
+            metavar="STEPS",
+        ),
+    ] = None,
     members: Annotated[
         int | None, typer.Option(help="How many, where distributions or a fit vary.", metavar="N")
     ] = None,
@@ -67,12 +73,12 @@ def sweep(
     chunk: Annotated[int | None, typer.Option(help="Members that are run and kept together.", metavar="N")] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Simulate a drive in many variants and write what each run gave.
+    """Simulate a drive or a circuit in many variants and write what each run gave.
 
     Finished chunks are kept: after Ctrl-C, a crash or a full disk the same command goes on from there.
     """
+    from pneudrive.cli.described import command_of, load
     from pneudrive.cli.progress import on_terminal
-    from pneudrive.describe.drive import Drive
     from pneudrive.ensemble.many import IN_MEMORY, Gathered, results, study_of
     from pneudrive.ensemble.store import ChunkStore
     from pneudrive.trajectory import check_target
@@ -80,10 +86,10 @@ def sweep(
     is_file = out.suffix != ""
     if is_file:
         check_target(out, TABLES)
-    described = Drive.load(drive)
+    described = load(drive)
     study = study_of(
         described,
-        command,
+        command_of(described, command),
         duration,
         vary=_design(described, vary, members, design, seed, correlation or []),
         outputs=output,
@@ -114,7 +120,7 @@ def sweep(
 
 
 def _design(
-    drive: Drive, vary: Sequence[str], members: int | None, method: str, seed: int, correlation: Sequence[str]
+    drive: Drive | Circuit, vary: Sequence[str], members: int | None, method: str, seed: int, correlation: Sequence[str]
 ) -> EnsembleDesign:
     """Read what varies."""
     from dataclasses import replace
@@ -158,24 +164,26 @@ def _pair(text: str) -> tuple[tuple[str, str], float]:
     raise CommandError(f'--correlation "{text}" is not A, B = R', remedy=remedy)
 
 
-def _table(drive: Drive, path: Path) -> dict[str, Any]:
+def _table(drive: Drive | Circuit, path: Path) -> dict[str, Any]:
     """Read a table of members: names of numbers, with or without the unit, are its columns."""
-    from pneudrive.ensemble.variation import all_numbers
+    from pneudrive.ensemble.many import numbers_of
     from pneudrive.errors import RecordingError, nearest
     from pneudrive.files.csv_tables import csv_names
     from pneudrive.files.tables import open_table
+    from pneudrive.start import is_circuit
     from pneudrive.trajectory import read_columns
 
     if path.suffix not in (".csv", ".parquet"):
         raise CommandError(
             f'--vary "{path}" is neither NAME = VALUES nor a file', rule="a .csv, .parquet or .toml file"
         )
-    known = {number.file_name: name for name, number in all_numbers(drive).items()}
+    known = {number.file_name: name for name, number in numbers_of(drive).items()}
+    what = "circuit" if is_circuit(drive) else "drive"
     columns = csv_names(path, RecordingError) if path.suffix == ".csv" else open_table(path, "parquet").names
     for column in columns:
         if column not in known and column not in known.values():
             raise CommandError(
-                f"vary: {column} is no number of this drive", where=str(path), remedy=nearest(column, known)
+                f"vary: {column} is no number of this {what}", where=str(path), remedy=nearest(column, known)
             )
     return {known.get(column, column): values for column, values in read_columns(path, columns).items()}
 

@@ -248,8 +248,13 @@ class Circuit(Described):
     @property
     def start_keys(self) -> set[str]:
         """Names of the start values, as users write them."""
+        return set(self.start_names)
+
+    @cached_property
+    def start_names(self) -> dict[str, str]:
+        """Names of the start values in the core, by those that users write."""
         names = compiled(self.core_json()).start_names
-        return set(Starts(names, self.components, self.wiring, self.ambient).keys)
+        return Starts(names, self.components, self.wiring, self.ambient).keys
 
     def _starts(self, initial: Mapping[str, Any] | None = None) -> tuple[dict[str, float], list[str]]:
         names = compiled(self.core_json()).start_names

@@ -99,7 +99,7 @@ class Starts:
     def _read(self, key: str, name: str, given: object) -> float:
         of, _, last = name.rpartition(".")
         try:
-            value = _written(last)[1].read(given)
+            value = start_mark(last)[1].read(given)
         except DescriptionError as error:
             raise within(error, key, "initial.") from None
         if isinstance(value, units.Pressure):
@@ -174,11 +174,11 @@ class Starts:
 def _key(name: str) -> str:
     """Return the key of a start value, without its unit."""
     of, _, last = name.rpartition(".")
-    return f"{of}.{_written(last)[0]}"
+    return f"{of}.{start_mark(last)[0]}"
 
 
-def _written(last: str) -> tuple[str, Quantity | StatedPressure]:
-    """Return the key and the annotation of a start value; the default is a pure number."""
+def start_mark(last: str) -> tuple[str, Quantity | StatedPressure]:
+    """Return the key and the annotation of a start value by the last part of its name; the default is a pure number."""
     return _MARKS.get(last, (last, Quantity("")))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -18,17 +18,14 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Ensemble, Outcome
     from pneudrive._core import Output as CoreOutput
-    from pneudrive.command import Steps
-    from pneudrive.describe.drive import Drive
     from pneudrive.ensemble.outputs import Reduction
-    from pneudrive.ensemble.variation import CoreMembers
+    from pneudrive.ensemble.plans import Alike, MemberPlans
+    from pneudrive.ensemble.variation import CoreForm, CoreMembers
 
     Array = NDArray[np.float64]
 
 #: Status of a member that was simulated to the end.
 DONE = 0
-#: What the core calls the command of a drive's valve, and of its circuit.
-COMMANDS = ("command", "valve.command")
 
 
 class Kept(NamedTuple):
@@ -50,10 +47,9 @@ class Kept(NamedTuple):
 
 
 def run(
-    drive: Drive,
+    form: CoreForm,
     members: CoreMembers,
-    plan: Steps,
-    duration_s: float,
+    plans: MemberPlans,
     rtol: float,
     kept: Sequence[Reduction],
     threads: int | None = None,
@@ -63,12 +59,11 @@ def run(
 
     Parameters
     ----------
-    drive : Drive
+    form : CoreForm
     members : CoreMembers
         n of them.
-    plan : tuple
-        Times, s, and commands of the valve.
-    duration_s : float
+    plans : MemberPlans
+        Of these members.
     rtol : float
     kept : sequence of Reduction
         But those with a function of the user's own.
@@ -82,16 +77,42 @@ def run(
     CommandError
         The core cannot vary one of the numbers, or a value is out of its bounds.
     """
-    core = _ensemble(
-        drive.circuit.core_json() if drive.has_lines else drive.core_json(), drive.has_lines, *members.paths
-    )
-    names = {short_name(name): name for name in core.columns}
+    core = _ensemble(form.json, form.kind, *members.paths)
+    every = list(plans.alike())
+    if len(every) == 1:
+        return _run_alike(core, members, every[0], rtol, kept, threads, look)
+    n = len(members.values)
+    status, reasons, values, done = np.zeros(n, np.uint8), {}, [], 0
+    for alike in every:
+        places = np.arange(n)[alike.places]
+        tell = None if look is None else (lambda count, before=done: look(before + count))
+        found = _run_alike(core, members.at(places), alike, rtol, kept, threads, tell)
+        values = values or [np.empty((n, *one.shape[1:])) for one in found.values]
+        for target, own in zip(values, found.values, strict=True):
+            target[places] = own
+        status[places] = found.status
+        reasons |= {int(places[place]): why for place, why in found.reasons.items()}
+        done += len(places)
+    return Kept(values, status, reasons)
+
+
+def _run_alike(
+    core: Ensemble,
+    members: CoreMembers,
+    alike: Alike,
+    rtol: float,
+    kept: Sequence[Reduction],
+    threads: int | None,
+    look: Callable[[float], object] | None,
+) -> Kept:
+    """Run members whose commands change at the same times."""
+    names = {short_name(name): name for name in core.columns} | {name: name for name in core.columns}
     rates: list[float | None] = [*sorted({one.rate_hz for one in kept if one.word == "samples"})] or [None]
     found = {}
     for rate in rates:  # the core samples at one rate in a run; what is not sampled comes with the first
         places = [k for k, one in enumerate(kept) if (one.rate_hz if one.word == "samples" else rates[0]) == rate]
         asked = [_asked(kept[k], names) for k in places]
-        outcome = _run(core, members, plan, duration_s, rtol, asked, threads, look)
+        outcome = _run(core, members, alike, rtol, asked, threads, look)
         found |= dict(zip(places, outcome["outputs"], strict=True))
     return Kept([found[k] for k in range(len(kept))], outcome["status"], outcome["reasons"])  # pyright: ignore[reportPossiblyUnboundVariable]
 
@@ -99,8 +120,7 @@ def run(
 def _run(
     core: Ensemble,
     members: CoreMembers,
-    plan: Steps,
-    duration_s: float,
+    alike: Alike,
     rtol: float,
     asked: list[CoreOutput],
     threads: int | None,
@@ -108,13 +128,12 @@ def _run(
 ) -> Outcome:
     starts = [members.starts[name] for name in core.start_names]
     rows = 1 if all(np.ndim(start) == 0 for start in starts) else len(members.values)
-    times, commands = plan
     try:
         return core.run(
             {
                 "values": members.values,
-                "plans": [(next(name for name in core.inputs if name in COMMANDS), times, np.array(commands))],
-                "duration": np.array([duration_s]),
+                "plans": alike.plans,
+                "duration": alike.durations,
                 "initial": np.column_stack([np.broadcast_to(start, rows) for start in starts]),
                 "contact_age_s": float(members.starts.get("contact_age_s", 0.0)),
                 "outputs": asked,
@@ -135,12 +154,12 @@ def processors() -> int:
 
 
 @lru_cache(maxsize=8)
-def _ensemble(json: str, is_circuit: bool, *paths: str) -> Ensemble:
+def _ensemble(json: str, kind: Literal["drive", "circuit"], *paths: str) -> Ensemble:
     """Return what runs members that differ in the numbers at these paths, made once."""
     from pneudrive import _core
 
     try:
-        return _core.Ensemble("circuit" if is_circuit else "drive", json, list(paths))
+        return _core.Ensemble(kind, json, list(paths))
     except ValueError as error:
         raise CommandError(
             f"vary: {error}",

@@ -10,18 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive import command as commands
-from pneudrive.ensemble.design import design_of
+from pneudrive.ensemble.circuit_variation import CircuitVariation, circuit_numbers
+from pneudrive.ensemble.design import EnsembleDesign, design_of
 from pneudrive.ensemble.engine import DONE
 from pneudrive.ensemble.executors import InProcess
 from pneudrive.ensemble.outputs import SignalNames, reductions
+from pneudrive.ensemble.plans import circuit_plans, drive_plans, parted_starts
+from pneudrive.ensemble.rows import WiderRows
 from pneudrive.ensemble.store import ChunkStore
 from pneudrive.ensemble.study import Chunk, ChunkResult, EnsembleStudy
-from pneudrive.ensemble.variation import Variation
-from pneudrive.errors import CommandError, DescriptionError, SimulationError, warn
-from pneudrive.simulate import SOLVER, positive, require
+from pneudrive.ensemble.variation import INITIAL, Variation, Varied, all_numbers
+from pneudrive.errors import CommandError, SimulationError, warn
+from pneudrive.simulate import SOLVER, require
 from pneudrive.start import check_tolerance, is_circuit, ready, start
-from pneudrive.trajectory import save, write_frame
+from pneudrive.trajectory import meaning, save, write_frame
 from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
@@ -30,11 +32,13 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
+    from pneudrive.command import Commands
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.parts import Initial
-    from pneudrive.ensemble.design import EnsembleDesign
     from pneudrive.ensemble.executors import Executor
     from pneudrive.ensemble.outputs import Output, Reduction
+    from pneudrive.ensemble.plans import MemberPlans
     from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
@@ -44,14 +48,14 @@ IN_MEMORY = 5_000_000
 
 
 def simulate_many(
-    drive: Drive,
-    command: commands.Command,
-    duration: str | float,
+    drive: Drive | Circuit,
+    command: Commands | Sequence[Commands] | Array,
+    duration: str | float | Sequence[str | float] | Array,
     *,
     vary: Mapping[str, Any] | EnsembleDesign,
     n: int | None = None,
     outputs: Sequence[str | Output] | None = None,
-    initial: Initial | Mapping[str, object] | str | None = None,
+    initial: Initial | Mapping[str, object] | str | Sequence[Initial | Mapping[str, object] | str] | None = None,
     rtol: float = 1e-6,
     seed: int | None = None,
     executor: Executor | None = None,
@@ -63,16 +67,21 @@ def simulate_many(
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
-    """Simulate a drive in many variants, its members, and keep a few numbers of each run.
+    """Simulate a drive or a circuit in many variants, its members, and keep a few numbers of each run.
 
     A member is to the last bit what `pneudrive.simulate` gives of the drive with its numbers; it depends on the
     description and its row of the design alone, not on the other members, the chunks or the executor.
 
     Parameters
     ----------
-    drive : Drive
-    command, duration, rtol
-        As for `pneudrive.simulate`, for all members; the command is no function.
+    drive : Drive or Circuit
+    command
+        As for `pneudrive.simulate`, for all members, but no function. Or a list of such commands, one for each member
+        (``["0 s: 1", "0 s: 1, 0.2 s: -1"]``); or an array of shape (n,), a constant command each, or (n, entries, 2),
+        times in s and commands. Of a circuit a dict by component, each command of a form from above, or a list of
+        dicts. Members whose commands change at the same times run side by side, others one after the other.
+    duration : str, float, or a list or array of them
+        One for all members, or one for each.
     vary : mapping or Design
         Names, as `pneudrive.identify` takes them as free, or ``initial.position`` and the like, with one of
 
@@ -81,8 +90,9 @@ def simulate_many(
           names in `pneudrive.ensemble`: `n` points of a scrambled Sobol sequence;
         - ``pn.grid("20 mm .. 32 mm", 7)``: all combinations.
 
-        Or a `pn.Design`: Latin hypercube, correlation, the posterior of a fit. Values that follow from one that varies
-        move with it.
+        Of a circuit, names are those of its components and their keys, ``left.bore``, ``left.friction.coulomb``,
+        ``initial.left.position``, and ``ambient.pressure``, ``ambient.temperature``. Or a `pn.Design`: Latin hypercube,
+        correlation, the posterior of a fit. Values that follow from one that varies move with it.
     n : int, optional
         Members, where `vary` has distributions.
     outputs : sequence of str or Output, optional
@@ -91,8 +101,11 @@ def simulate_many(
         ``"stroke_time"``, ``"samples(position, 100 Hz)"``, with a name of yours in front (``"top = max(velocity)"``),
         or objects of `pneudrive.ensemble`, among them `pneudrive.ensemble.own`. The state at the end and the stroke
         time where nothing is said.
-    initial : Initial, dict or str, optional
-        Start state of all members; what it does not say follows from each member's own stroke and ambient air.
+    initial : Initial, dict or str, or a list of them, optional
+        Start state of all members, or one for each, with the same keys; what it does not say follows from each member's
+        own stroke and ambient air.
+    rtol : float
+        Relative tolerance of the solver.
     seed : int, optional
         Of the design; 0 where nothing is said.
     executor : Executor, optional
@@ -125,7 +138,8 @@ def simulate_many(
     Raises
     ------
     CommandError
-        A name, a quantity, a row of the design, an output or `out` is not valid, or the folder holds another study.
+        A name, a quantity, a row of the design, a command, an output or `out` is not valid, the numbers of commands,
+        durations or start states do not fit the members, or the folder holds another study.
     DescriptionError
         The start state does not fit the drive.
     SimulationError
@@ -181,39 +195,60 @@ def simulate_many(
 
 
 def study_of(
-    drive: Drive,
-    command: commands.Command,
-    duration: str | float,
+    drive: Drive | Circuit,
+    command: Any,  # noqa: ANN401
+    duration: Any,  # noqa: ANN401
     *,
     vary: Mapping[str, Any] | EnsembleDesign,
     n: int | None = None,
     outputs: Sequence[str | Output] | None = None,
-    initial: Initial | Mapping[str, object] | str | None = None,
+    initial: Any = None,  # noqa: ANN401
     rtol: float = 1e-6,
     seed: int | None = None,
     threads: int | None = None,
 ) -> EnsembleStudy:
     """Read and check all that a study is, before anything runs. Arguments and errors are those of `simulate_many`."""
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
-    if is_circuit(drive):
-        remedy = "Describe it as a drive; tubes and flow controls have tables there."
-        raise DescriptionError("a study of many members takes a drive, and a circuit is given", remedy=remedy)
-    seconds = positive(duration, "s", "duration")
     check_tolerance(rtol)
-    if callable(command):
-        remedy = "Give its steps, (time, command)."
-        raise CommandError("the command of many members is a function", rule="one command for all", remedy=remedy)
-    plan = commands.steps(command, None, drive.valve.command)
+    plans = _plans(drive, command, duration)
     design = design_of(vary, n, seed)
-    variation = Variation(drive, design.names, initial)
-    rows = design.rows(variation)
-    moving = next((value for value in plan[1] if value), None)
-    columns = [one.name for one in start(drive, variation.initial).variables if one.kind == "output"]
-    signals = SignalNames(columns, None if moving is None else moving > 0.0)
-    kept = reductions(outputs, signals)
+    for_all, each = parted_starts(initial)
+    of = CircuitVariation if is_circuit(drive) else Variation
+    begun = {f"{INITIAL}{key}": values for key, values in each.items()}
+    variation = of(drive, [*design.names, *begun], for_all)  # pyright: ignore[reportArgumentType]
+    rows = design.rows(of(drive, design.names, for_all))  # pyright: ignore[reportArgumentType]
+    if begun:
+        beside = EnsembleDesign.table(begun).rows(of(drive, [*begun], for_all))  # pyright: ignore[reportArgumentType]
+        if beside.size != rows.size:
+            raise CommandError(f"initial has {beside.size} rows, and there are {rows.size} members")
+        rows = WiderRows(rows, beside)  # pyright: ignore[reportArgumentType]
+    plans.check(rows.size)
+    columns = [one.name for one in start(drive, for_all).variables if one.kind == "output"]
+    kept = reductions(outputs, _signals(drive, columns, plans))
+    if len(plans.durations) > 1 and any(one.word in ("samples", "own") for one in kept):
+        rule = "samples, settling and functions of yours need one duration for all members"
+        raise CommandError("outputs: members of different durations are sampled", rule=rule)
     for first, last in _blocks(rows.size):
         variation.check(rows.take(first, last), first)
-    return EnsembleStudy(variation, rows, plan, seconds, rtol, kept, threads)
+    return EnsembleStudy(variation, rows, plans, rtol, kept, threads)
+
+
+def numbers_of(drive: Drive | Circuit) -> dict[str, Varied]:
+    """Return every number of a drive or a circuit and of its start state that may vary, by name."""
+    return circuit_numbers(drive) if is_circuit(drive) else all_numbers(drive)
+
+
+def _plans(drive: Drive | Circuit, command: Any, duration: Any) -> MemberPlans:  # noqa: ANN401
+    if is_circuit(drive):
+        return circuit_plans(command, duration, drive.commandable)
+    return drive_plans(command, duration, "valve.command" if drive.has_lines else "command", drive.valve.command)
+
+
+def _signals(drive: Drive | Circuit, columns: Sequence[str], plans: MemberPlans) -> SignalNames:
+    if is_circuit(drive):
+        begun = dict.fromkeys(drive.start_names.values())
+        return SignalNames(columns, states=[meaning(name)[0] for name in begun])
+    return SignalNames(columns, plans.moves_up)
 
 
 def _blocks(size: int) -> Iterator[Chunk]:

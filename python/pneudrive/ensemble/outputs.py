@@ -215,11 +215,14 @@ class SignalNames:
     columns : sequence of str
         Columns of a trajectory's file.
     towards_b : bool or None
-        Whether the command first moves the piston towards the end of chamber b; None where it does not move it.
+        Whether the commands first move the piston towards the end of chamber b; None where they do not move it, or not
+        all of them the same way.
+    states : sequence of str
+        Those that are kept where nothing is said.
     """
 
-    def __init__(self, columns: Sequence[str], towards_b: bool | None = None) -> None:
-        self.towards_b = towards_b
+    def __init__(self, columns: Sequence[str], towards_b: bool | None = None, states: Sequence[str] = STATE) -> None:
+        self.towards_b, self.states = towards_b, states
         self._columns = {column: column for column in columns} | {meaning(column)[0]: column for column in columns}
 
     def column(self, signal: str) -> str:
@@ -311,7 +314,11 @@ def _own(
 
 def _stroke_time(signals: SignalNames) -> Reduction:
     if signals.towards_b is None:
-        raise CommandError("outputs: the command moves nothing, so that there is no stroke time")
+        raise CommandError(
+            "outputs: there is no stroke time",
+            rule="one piston, which the commands of all members first move the same way",
+            remedy='Write the condition: "time_when(left.end_stop_force > 0.001 N)".',
+        )
     end, level = ("b", TOUCH_N) if signals.towards_b else ("a", -TOUCH_N)
     said = f"time from the start until the piston first touches the end of chamber {end}"
     column = signals.column("end_stop_force")
@@ -378,7 +385,7 @@ def reductions(asked: Sequence[str | Output] | None, signals: SignalNames) -> tu
         One of them is not valid, two have one name, or samples have several rates.
     """
     if asked is None:
-        outputs = [final(signal) for signal in STATE if signals.has(signal)]
+        outputs = [final(signal) for signal in signals.states if signals.has(signal)]
         outputs += [Output("stroke_time", ())] if signals.towards_b is not None else []
     else:
         given = [asked] if isinstance(asked, str | Output) else asked

@@ -83,6 +83,36 @@ class TableRows:
 
 
 @dataclass(frozen=True, eq=False)
+class WiderRows:
+    """Rows of a design, and beside each what was given for its member."""
+
+    design: Rows
+    beside: TableRows
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Numbers that vary."""
+        return (*self.design.names, *self.beside.names)
+
+    @property
+    def size(self) -> int:
+        """Number of members."""
+        return self.design.size
+
+    def take(self, first: int, last: int) -> Array:
+        """Return rows."""
+        return np.column_stack([self.design.take(first, last), self.beside.take(first, last)])
+
+    def part(self, first: int, last: int) -> WiderRows:
+        """Return what gives these rows."""
+        return WiderRows(self.design.part(first, last), self.beside.part(first, last))
+
+    def about(self) -> dict[str, Any]:
+        """Say what the design is."""
+        return {**self.design.about(), "beside": self.beside.about()}
+
+
+@dataclass(frozen=True, eq=False)
 class GridRows:
     """All combinations of the values of each number, the last one fastest."""
 

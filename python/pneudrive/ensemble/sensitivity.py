@@ -130,6 +130,7 @@ def sensitivity(
     about |= {"method": method, "n": count, "seed": seed, "confidence": confidence}
     cube = sobol_points(count, len(names), seed) if method == "sobol" else morris_points(count, len(names), seed)
     study = replace(study, rows=TableRows(names, study.rows.shape.values(cube)))
+    study.plans.check(study.rows.size)
     values = _values(study, executor, Watch(progress, cancel))
     if method == "sobol":
         shares = sobol_indices(values, len(names), confidence=confidence, seed=seed)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
-    from pneudrive.command import Steps
+    from pneudrive.ensemble.plans import MemberPlans
     from pneudrive.ensemble.rows import Rows
     from pneudrive.ensemble.variation import Variation
 
@@ -71,30 +71,28 @@ class EnsembleStudy:
     variation : Variation
         The drive and which of its numbers vary.
     rows : Rows
-    plan : tuple
-        Times, s, and commands of the valve.
-    duration_s : float
+    plans : MemberPlans
     rtol : float
     outputs : tuple of Reduction
     threads : int, optional
+    begin : int
+        The first member of `plans`.
     """
 
     variation: Variation
     rows: Rows
-    plan: Steps
-    duration_s: float
+    plans: MemberPlans
     rtol: float
     outputs: tuple[Reduction, ...]
     threads: int | None = None
+    begin: int = 0
 
     def about(self) -> dict[str, Any]:
         """Say what decides the results, as plain data."""
-        drive, initial = self.variation.drive, self.variation.initial
         return {
-            "description_hash": drive.description_hash,
-            "initial": {} if initial is None else {key: str(value) for key, value in initial.to_dict().items()},
-            "command": [list(one) for one in self.plan],
-            "duration_s": self.duration_s,
+            "description_hash": self.variation.drive.description_hash,
+            "initial": self.variation.start_said(),
+            **self.plans.about(),
             "rtol": self.rtol,
             "vary": self.rows.about(),
             "outputs": [output.about() for output in self.outputs],
@@ -112,7 +110,7 @@ class EnsembleStudy:
         return [Chunk(first, min(first + step, size)) for first in range(0, size, step)]
 
     def _usual_chunk(self) -> int:
-        sampled = sum(len(one.columns) * (round(self.duration_s * one.rate_hz) + 1) for one in self._sampled())
+        sampled = sum(len(one.columns) * (round(self.plans.duration_s * one.rate_hz) + 1) for one in self._sampled())
         return max(1, min(CHUNK, MOST_SAMPLES // max(sampled, 1)))
 
     def _sampled(self) -> list[Reduction]:
@@ -120,11 +118,11 @@ class EnsembleStudy:
 
     def part(self, chunk: Chunk) -> EnsembleStudy:
         """Return what runs a chunk and needs no more than that: it is sent to another machine."""
-        return replace(self, rows=self.rows.part(*chunk))
+        return replace(self, rows=self.rows.part(*chunk), plans=self.plans.part(*chunk), begin=chunk.first)
 
     def sample_times(self, rate_hz: float) -> Array:
         """Return the times of samples, s."""
-        return np.arange(round(self.duration_s * rate_hz) + 1) / rate_hz
+        return np.arange(round(self.plans.duration_s * rate_hz) + 1) / rate_hz
 
     def run(self, chunk: Chunk, look: Callable[[float], object] | None = None) -> ChunkResult:
         """Run a chunk.
@@ -144,8 +142,9 @@ class EnsembleStudy:
         asked: list[Reduction] = []
         for output in self.outputs:
             asked += self._seen(output) if output.function is not None else [output]
-        drive, members = self.variation.drive, self.variation.members(rows)
-        found = engine.run(drive, members, self.plan, self.duration_s, self.rtol, asked, self.threads, look)
+        plans = self.plans.part(chunk.first - self.begin, chunk.last - self.begin)
+        members = self.variation.members(rows)
+        found = engine.run(self.variation.form, members, plans, self.rtol, asked, self.threads, look)
         given = iter(found.values)
         values = [
             next(given)

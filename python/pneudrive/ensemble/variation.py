@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.describe.base import Described
     from pneudrive.describe.drive import Drive
 
     Array = NDArray[np.float64]
@@ -63,7 +64,33 @@ def all_numbers(drive: Drive) -> dict[str, Varied]:
     """Return every number of a drive and of its start state that may vary, by name."""
     written = marks(drive)
     found = {name: Varied(name, number.unit, written.get(name)) for name, number in numbers_of(drive).items()}
-    return found | {name: Varied(name, _unit(mark), mark) for name, mark in _start_marks().items()}
+    starts = {
+        f"{INITIAL}{key}": mark for key, mark in field_marks(Initial).items() if key != "contact_age"
+    }  # one for all
+    return found | {name: Varied(name, mark_unit(mark), mark) for name, mark in starts.items()}
+
+
+def chosen_numbers(what: str, known: Mapping[str, Varied], names: Sequence[str]) -> list[Varied]:
+    """Return the numbers of these names.
+
+    Raises
+    ------
+    CommandError
+        A name is not known, or stands twice.
+    """
+    for name in names:
+        if name not in known:
+            raise CommandError(f"vary: {name} is no number of this {what}", remedy=nearest(name, known))
+        if list(names).count(name) > 1:
+            raise CommandError(f"vary: {name} is given twice", remedy="Keep one of them.")
+    return [known[name] for name in names]
+
+
+class CoreForm(NamedTuple):
+    """A description in the core's form: its kind, ``"drive"`` or ``"circuit"``, and its JSON."""
+
+    kind: Literal["drive", "circuit"]
+    json: str
 
 
 class CoreMembers(NamedTuple):
@@ -81,6 +108,12 @@ class CoreMembers(NamedTuple):
     paths: list[str]
     values: Array
     starts: dict[str, float | Array]
+
+    def at(self, places: NDArray[np.intp]) -> CoreMembers:
+        """Return some of them."""
+        starts = dict(self.starts)
+        starts |= {name: one[places] for name, one in starts.items() if isinstance(one, np.ndarray)}
+        return CoreMembers(self.paths, self.values[places], starts)
 
 
 class Variation:
@@ -102,13 +135,7 @@ class Variation:
 
     def __init__(self, drive: Drive, names: Sequence[str], initial: Any = None) -> None:  # noqa: ANN401
         self.drive, self.initial = drive, read_initial(initial)
-        every = all_numbers(drive)
-        for name in names:
-            if name not in every:
-                raise CommandError(f"vary: {name} is no number of this drive", remedy=nearest(name, every))
-            if list(names).count(name) > 1:
-                raise CommandError(f"vary: {name} is given twice", remedy="Keep one of them.")
-        self.numbers = [every[name] for name in names]
+        self.numbers = chosen_numbers("drive", all_numbers(drive), names)
         known = numbers_of(drive)
         self._free = [place for place, name in enumerate(names) if name in known]
         self.family = family_of(drive, [known[names[place]] for place in self._free])
@@ -118,15 +145,31 @@ class Variation:
         """Names of the numbers that vary."""
         return [number.name for number in self.numbers]
 
+    @property
+    def form(self) -> CoreForm:
+        """The description in the core's form."""
+        drive = self.drive
+        return (
+            CoreForm("circuit", drive.circuit.core_json()) if drive.has_lines else CoreForm("drive", drive.core_json())
+        )
+
+    def start_said(self) -> dict[str, str]:
+        """Return the start state of all members in words: with the same ones, studies start alike."""
+        return {key: str(value) for key, value in self._start_table().items()}
+
+    def _start_table(self) -> dict[str, Any]:
+        return {} if self.initial is None else self.initial.to_dict()
+
     def reader(self, name: str) -> QuantityReader:
         """Return what reads the quantities of one number."""
-        gauge_from = None if "ambient.pressure" in self.names else self.drive.ambient.pressure_pa
+        ambient = self.drive.ambient.pressure_pa
+        gauge_from = None if "ambient.pressure" in self.names else ambient
         return QuantityReader(self.numbers[self.names.index(name)], gauge_from)
 
     def changes(self, row: Array) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return what a member changes of the drive (see `Drive.replace`) and of its start state, as in their files."""
         texts = {number.name: number.written(float(value)) for number, value in zip(self.numbers, row, strict=True)}
-        start = {} if self.initial is None else self.initial.to_dict()
+        start = self._start_table()
         start |= {name.removeprefix(INITIAL): text for name, text in texts.items() if name.startswith(INITIAL)}
         return {name: text for name, text in texts.items() if not name.startswith(INITIAL)}, start
 
@@ -141,8 +184,23 @@ class Variation:
         changes, start = self.changes(row)
         return self.drive.replace(changes), Initial.model_validate(start)
 
+    def try_row(self, row: Array) -> None:
+        """Read a member.
+
+        Raises
+        ------
+        DescriptionError
+            It is not valid.
+        """
+        drive, initial = self.single(row)
+        drive.circuit_initial(initial) if drive.has_lines else drive.core_initial(initial)
+
+    def coupled(self) -> Iterator[tuple[str, str]]:
+        """Yield the pairs of numbers the first of which must not exceed the second."""
+        return (pair for pair in COUPLED if {*pair} <= {*self.names})
+
     def check(self, rows: Array, first: int = 0) -> None:
-        """Refuse rows that no drive can have: those with the extreme values are read as drives.
+        """Refuse rows that no member can have: those with the extreme values are read by themselves.
 
         Raises
         ------
@@ -153,13 +211,10 @@ class Variation:
             own = rows[start : start + CHECKED_ROWS]
             columns = dict(zip(self.names, own.T, strict=True))
             asked = [*own.argmin(axis=0), *own.argmax(axis=0)]
-            asked += [
-                int((columns[low] / columns[high]).argmax()) for low, high in COUPLED if {low, high} <= columns.keys()
-            ]
+            asked += [int((columns[low] / columns[high]).argmax()) for low, high in self.coupled()]
             for place in sorted({int(one) for one in asked}):
                 with _of_row(first + start + place, self.numbers, own[place]):
-                    drive, initial = self.single(own[place])
-                    drive.circuit_initial(initial) if drive.has_lines else drive.core_initial(initial)
+                    self.try_row(own[place])
 
     def members(self, rows: Array) -> CoreMembers:
         """Return members as the core takes them.
@@ -272,17 +327,15 @@ def _of_row(place: int, numbers: Sequence[Varied], row: Array) -> Iterator[None]
         raise CommandError(what, value=shown, rule=error.rule, remedy=error.remedy) from None
 
 
-def _start_marks() -> dict[str, Quantity | StatedPressure]:
-    """Return how each number of the start state is written, by its name in a design."""
-    fields = zip(Initial.keys(), Initial.model_fields.values(), strict=True)
-    return {
-        f"{INITIAL}{key}": next(mark for mark in field.metadata if isinstance(mark, Quantity | StatedPressure))
-        for key, field in fields
-        if key != "contact_age"  # one for all members
-    }
+def field_marks(kind: type[Described]) -> dict[str, Quantity | StatedPressure]:
+    """Return how each quantity of a table is written, by its key."""
+    fields = zip(kind.keys(), kind.model_fields.values(), strict=True)
+    marked = ((key, mark) for key, field in fields for mark in field.metadata)
+    return {key: mark for key, mark in marked if isinstance(mark, Quantity | StatedPressure)}
 
 
-def _unit(mark: Quantity | StatedPressure) -> str:
+def mark_unit(mark: Quantity | StatedPressure) -> str:
+    """Return the SI unit of what is written so."""
     return "Pa" if isinstance(mark, StatedPressure) else mark.si_unit or "1"
 
 

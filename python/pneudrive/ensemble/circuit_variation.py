@@ -1,0 +1,230 @@
+"""Which numbers of a circuit vary: named as its trajectory names them, and what each member is for the core."""
+
+from __future__ import annotations
+
+import json
+import math
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.describe.parameters import parameter_quantities
+from pneudrive.describe.starts import start_mark
+from pneudrive.ensemble.variation import (
+    COUPLED,
+    INITIAL,
+    CoreForm,
+    CoreMembers,
+    Variation,
+    Varied,
+    chosen_numbers,
+    field_marks,
+    mark_unit,
+)
+from pneudrive.errors import DescriptionError
+from pneudrive.start import start_values
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.describe.circuit import Circuit
+
+    Array = NDArray[np.float64]
+
+#: Path of a parameter of a friction law in a component of the core's form.
+FRICTION = "friction.parameters."
+#: What follows from a number is found by moving it by this share, or by so much where it is 0.
+NUDGE = 1e-3
+#: Names in a design -> keys of the circuit file.
+_AMBIENT = {"ambient.pressure": "ambient.pressure_pa", "ambient.temperature": "ambient.temperature_k"}
+
+
+def circuit_numbers(circuit: Circuit) -> dict[str, Varied]:
+    """Return every number of a circuit and of its start state that may vary, by name.
+
+    Names are those of components and their keys, ``left.bore``, ``left.friction.coulomb``; ``ambient.pressure``,
+    ``ambient.temperature``; and ``initial.left.position``.
+    """
+    found = {}
+    for name, one in circuit.components.items():
+        written = field_marks(type(one))
+        for key in one.numbers(circuit.ambient.pressure_pa):
+            found[f"{name}.{key}"] = written[key]
+        friction = getattr(one, "friction", None)
+        if friction is not None:
+            quantities = parameter_quantities(friction.entry)
+            found |= {f"{name}.friction.{key}": quantities[key] for key in friction.parameters}
+    ambient = field_marks(type(circuit.ambient))
+    found |= {name: ambient[name.partition(".")[2]] for name in _AMBIENT}
+    starts = {key: name.rpartition(".")[2] for key, name in circuit.start_names.items()}
+    found |= {f"{INITIAL}{key}": start_mark(last)[1] for key, last in starts.items() if last != "contact_age_s"}
+    return {name: Varied(name, mark_unit(mark), mark) for name, mark in found.items()}
+
+
+class CircuitVariation(Variation):
+    """The numbers of a circuit, and of its start state, that a design sets.
+
+    Parameters
+    ----------
+    circuit : Circuit
+    names : sequence of str
+        See `circuit_numbers`.
+    initial : mapping or str, optional
+        Start values of all members that differ from those of the circuit.
+
+    Raises
+    ------
+    CommandError
+        A name is not known, or stands twice.
+    """
+
+    def __init__(self, circuit: Circuit, names: Sequence[str], initial: Any = None) -> None:  # noqa: ANN401
+        self.drive: Circuit = circuit
+        self.initial: Mapping[str, Any] | None = start_values(initial) or None
+        self.numbers = chosen_numbers("circuit", circuit_numbers(circuit), names)
+
+    @property
+    def form(self) -> CoreForm:
+        """The description in the core's form."""
+        return CoreForm("circuit", self.drive.core_json())
+
+    def start_said(self) -> dict[str, str]:
+        """Return the start state of all members in words, that of the circuit file among them."""
+        return {name: repr(value) for name, value in self.drive.core_initial(self.initial).items()}
+
+    def changes(self, row: Array) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return what a member changes of the circuit (see `Circuit.replace`) and of its start state."""
+        changes, start = {}, dict(self.initial or {})
+        for number, value in zip(self.numbers, row, strict=True):
+            written = number.written(float(value))
+            if number.name.startswith(INITIAL):
+                start[number.name.removeprefix(INITIAL)] = written
+            else:
+                changes[number.name if number.name in _AMBIENT else f"components.{number.name}"] = written
+        return changes, start
+
+    def single(self, row: Array) -> tuple[Circuit, dict[str, Any]]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Return the circuit and the start state that a member is.
+
+        Raises
+        ------
+        DescriptionError
+            They are not valid.
+        """
+        changes, start = self.changes(row)
+        return self.drive.replace(changes) if changes else self.drive, start
+
+    def try_row(self, row: Array) -> None:
+        """Read a member.
+
+        Raises
+        ------
+        DescriptionError
+            It is not valid.
+        """
+        self._leaves(row)
+
+    def coupled(self) -> Iterator[tuple[str, str]]:
+        """Yield the pairs of numbers of one component the first of which must not exceed the second."""
+        ends = [(low.partition(".")[2], high.partition(".")[2], low) for low, high in COUPLED]
+        for name in self.names:
+            for low, high, whole in ends:
+                of = name.removesuffix(low)
+                high_key = (
+                    f"{of.removesuffix('friction.')}friction.{high}" if whole.startswith("friction.") else of + high
+                )
+                if name.endswith(f".{low}") and high_key in self.names:
+                    yield name, high_key
+
+    def _leaves(self, row: Array) -> tuple[dict[str, float], dict[str, float]]:
+        """Return the numbers of the core's form of a member by their paths, and its start values."""
+        circuit, start = self.single(row)
+        return dict(_numbers(json.loads(circuit.core_json()))), circuit.core_initial(start)
+
+    @cached_property
+    def _nominal(self) -> Array:
+        numbers, starts = dict(_numbers(json.loads(self.drive.core_json()))), self.drive.core_initial(self.initial)
+        names = self.drive.start_names
+        return np.array(
+            [
+                starts[names[one.name.removeprefix(INITIAL)]]
+                if one.name.startswith(INITIAL)
+                else numbers[_path(one.name)]
+                for one in self.numbers
+            ]
+        )
+
+    @cached_property
+    def _moved(self) -> tuple[list[str], list[str], bool]:
+        """Paths in the core's form and start values that move with the numbers, and whether each moves but its own."""
+        base, starts = self._leaves(self._nominal)
+        paths = [_path(one.name) for one in self.numbers if not one.name.startswith(INITIAL)]
+        names = self.drive.start_names
+        begun = [names[one.name.removeprefix(INITIAL)] for one in self.numbers if one.name.startswith(INITIAL)]
+        own = {*paths, *begun}
+        alone = True
+        for place in range(len(self.numbers)):
+            nudged = self._nudged(place)
+            if nudged is None:  # at its bounds from both sides: member by member
+                alone = False
+                continue
+            paths += [path for path, value in nudged[0].items() if path not in paths and value != base[path]]
+            begun += [name for name, value in nudged[1].items() if name not in begun and value != starts[name]]
+        return paths, begun, alone and own == {*paths, *begun}
+
+    def _nudged(self, place: int) -> tuple[dict[str, float], dict[str, float]] | None:
+        for sign in (1.0, -1.0):
+            row = self._nominal.copy()
+            row[place] += sign * NUDGE * (abs(row[place]) or 1.0)
+            try:
+                return self._leaves(row)
+            except DescriptionError:
+                continue
+        return None
+
+    def members(self, rows: Array) -> CoreMembers:
+        """Return members as the core takes them: column by column, or one by one where other numbers follow.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n, names)
+            SI.
+        """
+        paths, begun, alone = self._moved
+        starts: dict[str, float | Array] = dict(self.drive.core_initial(self.initial))
+        if alone:
+            names = self.drive.start_names
+            columns = {one.name: column for one, column in zip(self.numbers, rows.T, strict=True)}
+            starts |= {names[n.removeprefix(INITIAL)]: x for n, x in columns.items() if n.startswith(INITIAL)}
+            values = [column for name, column in columns.items() if not name.startswith(INITIAL)]
+            return CoreMembers(paths, np.array(values).reshape(len(paths), len(rows)).T.copy(), starts)
+        each = [self._leaves(row) for row in rows]
+        values = np.array([[numbers[path] for path in paths] for numbers, _ in each]).reshape(len(rows), len(paths))
+        starts |= {name: np.array([own[name] for _, own in each], dtype=np.float64) for name in begun}
+        return CoreMembers(paths, values, starts)
+
+
+def _path(name: str) -> str:
+    """Return the path of a number in the core's form.
+
+    Examples
+    --------
+    >>> _path("left.friction.coulomb"), _path("left.bore"), _path("ambient.pressure")
+    ('left.friction.parameters.coulomb', 'left.bore', 'ambient.pressure_pa')
+    """
+    of, _, key = name.partition(".")
+    if name in _AMBIENT:
+        return _AMBIENT[name]
+    return f"{of}.{FRICTION}{key.removeprefix('friction.')}" if key.startswith("friction.") else name
+
+
+def _numbers(form: dict[str, Any]) -> Iterator[tuple[str, float]]:
+    """Yield the numbers of the core's form that members may differ in, by their paths."""
+    yield from ((path, form["ambient"][path.partition(".")[2]]) for path in _AMBIENT.values())
+    for one in form["components"]:
+        yield from ((f"{one['name']}.{key}", value) for key, value in one["numbers"].items() if math.isfinite(value))
+        for key, value in ((one["friction"] or {}).get("parameters") or {}).items():
+            yield f"{one['name']}.{FRICTION}{key}", value
