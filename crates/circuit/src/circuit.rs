@@ -172,9 +172,9 @@ impl<R: Lane> Circuit<R> {
         let number = |f: &dyn Fn(&Common<f64>) -> f64| R::from_lanes(|lane| f(&each[lane].common));
         Circuit {
             topology: each[0].topology.clone(),
-            parts: Parts::gather(&each.iter().map(|circuit| &circuit.parts).collect::<Vec<_>>()),
+            parts: Parts::gather(&math::field(each, |circuit| &circuit.parts)),
             common: Common {
-                gas: Gas::gather(&each.iter().map(|circuit| &circuit.common.gas).collect::<Vec<_>>()),
+                gas: Gas::gather(&math::field(each, |circuit| &circuit.common.gas)),
                 ambient_pressure: number(&|c| c.ambient_pressure),
                 ambient_temperature: number(&|c| c.ambient_temperature),
             },

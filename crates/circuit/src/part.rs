@@ -46,7 +46,7 @@ use crate::circuit::{AxisId, GasId};
 use crate::ledger::{Channel, Kind};
 use crate::net::Net;
 pub(crate) use kinds::Called;
-use kinds::Names;
+use kinds::{Brought, Names, side_by_side};
 use math::{Lane, Over, Real};
 use physics::{Bounds, Gas};
 

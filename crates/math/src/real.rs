@@ -175,6 +175,17 @@ pub trait Lane: Real + From<Self::Plain> {
         }
         out
     }
+
+    /// One number from a number of the struct of each lane. A function, not a closure of any type: it is compiled once for
+    /// each struct, and not for each of its fields.
+    fn of_each<T>(each: &[&T], number: fn(&T) -> f64) -> Self {
+        Self::from_lanes(|lane| number(each[lane]))
+    }
+}
+
+/// A field of the struct of each lane; see [`Lane::of_each`].
+pub fn field<'e, T, U>(each: &[&'e T], field: for<'a> fn(&'a T) -> &'a U) -> Vec<&'e U> {
+    each.iter().map(|one| field(one)).collect()
 }
 
 /// `base^exponent`, out of line: for a law of which an exponent of two or a half is the usual case.

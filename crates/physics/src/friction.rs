@@ -462,14 +462,14 @@ macro_rules! laws {
             /// Lane `i` takes the law `each[i]`; all must be of one kind.
             pub fn gather(each: &[&AnyLaw<f64>]) -> Self {
                 match each[0] {
-                    $(AnyLaw::$name(_) => AnyLaw::$name($name::gather(&each.iter().map(|law| match law {
+                    $(AnyLaw::$name(_) => AnyLaw::$name($name::gather(&math::field(each, |law| match law {
                         AnyLaw::$name(law) => law,
                         _ => panic!("lanes must share one friction law"),
-                    }).collect::<Vec<_>>())),)*
-                    AnyLaw::Formula(_) => AnyLaw::Formula(Formula::gather(&each.iter().map(|law| match law {
+                    }))),)*
+                    AnyLaw::Formula(_) => AnyLaw::Formula(Formula::gather(&math::field(each, |law| match law {
                         AnyLaw::Formula(law) => law,
                         _ => panic!("lanes must share one friction law"),
-                    }).collect::<Vec<_>>())),
+                    }))),
                 }
             }
         }

@@ -29,7 +29,7 @@ impl<R: Lane> Gas<R> {
     pub fn gather(each: &[&Gas<f64>]) -> Self {
         let virial = each.iter().map(|gas| gas.virial.as_ref()).collect::<Option<Vec<_>>>();
         Gas {
-            ideal: IdealGas::gather(&each.iter().map(|gas| &gas.ideal).collect::<Vec<_>>()),
+            ideal: IdealGas::gather(&math::field(each, |gas| &gas.ideal)),
             virial: virial.map(|each| Virial::gather(&each)),
         }
     }

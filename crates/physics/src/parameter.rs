@@ -145,7 +145,7 @@ macro_rules! parameters {
             /// Lane `i` takes the parameters of `each[i]`.
             pub fn gather(each: &[&$name<f64>]) -> Self {
                 $name {
-                    $($field: R::from_lanes(|lane| each[lane].$field),)*
+                    $($field: R::of_each(each, |own| own.$field),)*
                     $($($choice: each[0].$choice.clone(),)*)?
                 }
             }

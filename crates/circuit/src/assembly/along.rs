@@ -3,14 +3,15 @@
 
 use super::drive::{COMMAND, Drive, EDGES, later};
 use super::session::Session;
+use super::shoot::DIRECTIONS;
 use crate::net::Net;
 use crate::run::{Error, Look, Recorder, sample_times};
 use crate::specification::Initial;
 use math::Dual;
 use ode::{NoOutput, Options, System};
 
-/// One direction: that of the flow.
-type AlongFlow = Dual<f64, 1>;
+/// One direction is used, that of the flow: the equations are compiled for this many anyhow.
+type AlongFlow = Dual<f64, DIRECTIONS>;
 
 /// Names of the columns of [`Drive::along`].
 pub const ALONG: [&str; 9] = [
@@ -125,8 +126,10 @@ impl Drive {
         let still: Vec<AlongFlow> = y.iter().map(|&value| value.into()).collect();
         let mut rates = still.clone();
         circuit.rhs(0.0.into(), &still, &mut rates, net);
-        let moving: Vec<AlongFlow> =
-            y.iter().zip(&rates).map(|(&re, rate)| Dual { re, eps: [rate.re] }).collect();
+        let mut moving = still;
+        for (moving, rate) in moving.iter_mut().zip(&rates) {
+            moving.eps[0] = rate.re;
+        }
         circuit.rhs(0.0.into(), &moving, &mut rates, net);
         Ok(self.chamber_ids().map(|id| net[id].t.eps[0]))
     }

@@ -44,16 +44,16 @@ impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
     pub(crate) fn gather(each: &[&Cylinder<f64, USUAL>]) -> Self {
         macro_rules! side {
             ($part:ident, $field:ident, $i:literal) => {
-                $part::gather(&each.iter().map(|cylinder| &cylinder.$field[$i]).collect::<Vec<_>>())
+                $part::gather(&math::field(each, |cylinder| &cylinder.$field[$i]))
             };
         }
         Cylinder {
-            axis: Axis::gather(&each.iter().map(|cylinder| &cylinder.axis).collect::<Vec<_>>()),
+            axis: Axis::gather(&math::field(each, |cylinder| &cylinder.axis)),
             volumes: [side!(Volume, volumes, 0), side!(Volume, volumes, 1)],
             faces: [side!(Face, faces, 0), side!(Face, faces, 1)],
-            stops: EndStops::gather(&each.iter().map(|cylinder| &cylinder.stops).collect::<Vec<_>>()),
+            stops: EndStops::gather(&math::field(each, |cylinder| &cylinder.stops)),
             least_room: [0, 1].map(|side| R::from_lanes(|lane| each[lane].least_room[side])),
-            least_wall: R::from_lanes(|lane| each[lane].least_wall),
+            least_wall: R::of_each(each, |own| own.least_wall),
             met: each.iter().any(|cylinder| cylinder.met),
         }
     }

@@ -33,7 +33,7 @@ pub struct Meets<P> {
 impl<R: Lane> Meets<R> {
     pub(crate) fn gather(each: &[&Meets<f64>]) -> Self {
         let Meets { ahead, axis, .. } = *each[0];
-        Meets { position: R::from_lanes(|lane| each[lane].position), ahead, axis }
+        Meets { position: R::of_each(each, |own| own.position), ahead, axis }
     }
 }
 

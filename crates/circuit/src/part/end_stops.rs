@@ -68,15 +68,15 @@ impl<R: Lane> EndStops<R> {
     pub(crate) fn gather(each: &[&EndStops<f64>]) -> Self {
         let covered = each.iter().any(|part| part.covers.is_some());
         EndStops {
-            law: EndStop::gather(&each.iter().map(|part| &part.law).collect::<Vec<_>>()),
+            law: EndStop::gather(&math::field(each, |part| &part.law)),
             covers: covered.then(|| Covers::gather(each)),
-            stroke: R::from_lanes(|lane| each[lane].stroke),
+            stroke: R::of_each(each, |own| own.stroke),
             axis: each[0].axis,
             follows: each.iter().map(|part| part.follows.as_deref()).collect::<Option<Vec<_>>>().map(
                 |each| {
-                    let number = |of: fn(&Follows<f64>) -> f64| R::from_lanes(|lane| of(each[lane]));
+                    let number = |of: fn(&Follows<f64>) -> f64| R::of_each(&each, of);
                     Box::new(Follows {
-                        law: EndStop::gather(&each.iter().map(|own| &own.law).collect::<Vec<_>>()),
+                        law: EndStop::gather(&math::field(&each, |own: &Follows<f64>| &own.law)),
                         damped: each[0].damped,
                         supply: number(|own| own.supply),
                         rise: number(|own| own.rise),

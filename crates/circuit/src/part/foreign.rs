@@ -111,8 +111,8 @@ impl<F: Family> Gathers for OfType<F> {
                 })*
             };
         }
-        to!(f64, Dual<f64, 8>, Dual<f64, 1>, Lanes<4>);
-        panic!("parts of other crates run as numbers, as duals of 8 or of 1, and as 4 lanes")
+        to!(f64, Dual<f64, 8>, Lanes<4>);
+        panic!("parts of other crates run as numbers, as duals of 8, and as 4 lanes")
     }
 }
 
@@ -418,8 +418,8 @@ macro_rules! own_part {
 
             fn gather<R: $crate::math::Lane>(each: &[&$name<f64>]) -> $name<R> {
                 $name {
-                    $($number: R::from_lanes(|lane| each[lane].$number),)*
-                    $($law: $law_type::gather(&each.iter().map(|part| &part.$law).collect::<Vec<_>>()),)*
+                    $($number: R::of_each(each, |own| own.$number),)*
+                    $($law: $law_type::gather(&$crate::math::field(each, |part| &part.$law)),)*
                     $($same: each[0].$same.clone(),)*
                 }
             }

@@ -1,6 +1,7 @@
 //! The kinds of part, and the loops of a circuit over its parts.
 
-use super::{Of, State};
+use super::{Of, Place, State};
+use crate::ledger::{Channel, Kind};
 use std::collections::BTreeMap;
 
 /// Names of parts for people: a cylinder is a cylinder, whatever its friction.
@@ -56,6 +57,46 @@ impl Called {
             Of::Axis(own) => node(&self.axes, "axis", own),
         }
     }
+}
+
+/// The parts of a kind of lanes, from those of the kind of each lane.
+pub(super) fn side_by_side<T, U>(each: &[&Vec<(Place, T)>], gather: fn(&[&T]) -> U) -> Vec<(Place, U)> {
+    let part = |i: usize| {
+        let own: Vec<&T> = each.iter().map(|parts| &parts[i].1).collect();
+        (each[0][i].0, gather(&own))
+    };
+    (0..each[0].len()).map(part).collect()
+}
+
+/// A part with what it brings to the states and accounts of a circuit.
+pub(super) struct Brought<'p> {
+    pub kind: &'static str,
+    pub place: &'p mut Place,
+    pub states: Vec<State>,
+    pub channels: Vec<(&'static str, Kind)>,
+}
+
+/// Gives every part its place; the states' names and scales in that order, then the accounts.
+pub(super) fn place(mut parts: Vec<Brought>, called: &Called) -> (Vec<(String, State)>, Vec<Channel>) {
+    let (mut states, mut channels) = (Vec::new(), Vec::new());
+    let (mut named, mut counted) = (Names::default(), Names::default());
+    for of_kind in parts.chunk_by_mut(|one, next| one.kind == next.kind) {
+        let owners: Vec<usize> = of_kind.iter().map(|part| part.place.owner).collect();
+        for (i, part) in of_kind.iter_mut().enumerate() {
+            let own = std::mem::take(&mut part.states);
+            let name = called.part(&owners, i, &named.next(part.kind));
+            *part.place = Place { first: states.len(), count: own.len(), ..*part.place };
+            states.extend(own.into_iter().map(|state| (called.state(&name, &state), state)));
+        }
+    }
+    for Brought { kind, place, channels: own, .. } in parts {
+        let number = counted.next(kind);
+        let name = place.owner.checked_sub(1).map_or(number, |owner| called.owners[owner].clone());
+        (place.first_account, place.accounts) = (channels.len(), own.len());
+        channels
+            .extend(own.into_iter().map(|(what, kind)| Channel { name: format!("{name}: {what}"), kind }));
+    }
+    (states, channels)
 }
 
 /// Lists the kinds of part: their storage, and the loops that run through every part of a circuit.
@@ -197,27 +238,12 @@ macro_rules! parts {
                 let all = [$((PartKind::$part, self.$field.len())),*];
                 let others = all.into_iter().filter(|(kind, count)| *count > 0 && !usual.contains(kind));
                 self.present = others.map(|(kind, _)| kind).collect();
-                let (mut states, mut channels) = (Vec::new(), Vec::new());
-                let (mut named, mut counted) = (Names::default(), Names::default());
-                $({
-                    let owners: Vec<usize> = self.$field.iter().map(|(place, _)| place.owner).collect();
-                    for (i, (place, part)) in self.$field.iter_mut().enumerate() {
-                        let (own, name) = (part.states(), named.next(stringify!($part)));
-                        *place = Place { first: states.len(), count: own.len(), ..*place };
-                        let name = called.part(&owners, i, &name);
-                        states.extend(own.into_iter().map(|s| (called.state(&name, &s), s)));
-                    }
-                })*
+                let mut parts = Vec::new();
                 $(for (place, part) in &mut self.$field {
-                    let (own, part) = (part.channels(), counted.next(stringify!($part)));
-                    let part = place.owner.checked_sub(1).map_or(part, |owner| called.owners[owner].clone());
-                    place.first_account = channels.len();
-                    place.accounts = own.len();
-                    channels.extend(own.into_iter().map(|(name, kind)| {
-                        Channel { name: format!("{part}: {name}"), kind }
-                    }));
+                    let (states, channels) = (part.states(), part.channels());
+                    parts.push(Brought { kind: stringify!($part), place, states, channels });
                 })*
-                (states, channels)
+                kinds::place(parts, called)
             }
         }
 
@@ -361,10 +387,10 @@ macro_rules! parts {
 
             /// One circuit of lanes from one for each lane.
             pub fn gather(each: &[&Parts<f64>]) -> Self {
-                Parts { $($field: (0..each[0].$field.len()).map(|i| {
-                    let own: Vec<&$part<f64>> = each.iter().map(|parts| &parts.$field[i].1).collect();
-                    (each[0].$field[i].0, $part::gather(&own))
-                }).collect(),)* present: each[0].present.clone() }
+                Parts {
+                    $($field: side_by_side(&math::field(each, |parts| &parts.$field), $part::gather),)*
+                    present: each[0].present.clone(),
+                }
             }
         }
 

@@ -145,8 +145,8 @@ macro_rules! gathered {
             /// Lane `i` takes the numbers of `each[i]`.
             pub fn gather(each: &[&$name<f64>]) -> Self {
                 $name {
-                    $($number: R::from_lanes(|lane| each[lane].$number),)*
-                    $($law: $law_type::gather(&each.iter().map(|part| &part.$law).collect::<Vec<_>>()),)*
+                    $($number: R::of_each(each, |own| own.$number),)*
+                    $($law: $law_type::gather(&math::field(each, |part| &part.$law)),)*
                     $($same: each[0].$same.clone(),)*
                 }
             }

@@ -21,8 +21,8 @@ pub struct Restriction<P> {
 impl<R: Lane> Restriction<R> {
     pub(crate) fn gather(each: &[&Restriction<f64>]) -> Self {
         Restriction {
-            law: Iso6358::gather(&each.iter().map(|part| &part.law).collect::<Vec<_>>()),
-            opening: R::from_lanes(|lane| each[lane].opening),
+            law: Iso6358::gather(&math::field(each, |part| &part.law)),
+            opening: R::of_each(each, |own| own.opening),
             closed: each.iter().all(|part| part.closed),
             path: each[0].path,
         }
@@ -92,7 +92,7 @@ pub struct OtherRestriction<P>(pub(crate) Restriction<P>);
 
 impl<R: Lane> OtherRestriction<R> {
     pub(crate) fn gather(each: &[&OtherRestriction<f64>]) -> Self {
-        OtherRestriction(Restriction::gather(&each.iter().map(|part| &part.0).collect::<Vec<_>>()))
+        OtherRestriction(Restriction::gather(&math::field(each, |part| &part.0)))
     }
 }
 

@@ -37,6 +37,9 @@ fn plant() -> (Circuit<f64>, Vec<f64>) {
 }
 
 /// Where the inputs of the plant stand, in their order.
+/// Of the directions that the core takes at once; here only the first is asked.
+type Seeded = Dual<f64, { circuit::DIRECTIONS }>;
+
 fn value(name: &str) -> f64 {
     match name {
         "Reservoir 0: pressure" => 7e5,
@@ -60,7 +63,7 @@ fn rates(circuit: &Circuit<f64>, y: &[f64], id: InputId, value: f64) -> Vec<f64>
 #[test]
 fn rates_follow_every_input_with_its_derivative() {
     let (circuit, y) = plant();
-    let lifted = Circuit::<Dual<f64, 1>>::gather(&[&circuit]);
+    let lifted = Circuit::<Seeded>::gather(&[&circuit]);
     let inputs = circuit.inputs();
     let kinds = ["Cylinder 0", "Reservoir 0", "Restriction 0", "Axis 0", "Carriage 0"];
     assert!(kinds.iter().all(|kind| inputs.iter().any(|(_, name, _)| name.starts_with(kind))), "{inputs:?}");
@@ -70,8 +73,8 @@ fn rates_follow_every_input_with_its_derivative() {
         let step = 1e-4 * at.abs().max(1.0);
         let (above, below) = (rates(&circuit, &y, id, at + step), rates(&circuit, &y, id, at - step));
         let mut seeded = lifted.clone();
-        seeded.set_input(id, 0, Dual { re: at, eps: [1.0] });
-        let y: Vec<Dual<f64, 1>> = y.iter().map(|&value| value.into()).collect();
+        seeded.set_input(id, 0, Dual::variable(at, 0));
+        let y: Vec<Seeded> = y.iter().map(|&value| value.into()).collect();
         let mut dy = y.clone();
         seeded.rhs(0.0.into(), &y, &mut dy, &mut seeded.work());
         let mut most = 0.0_f64;
@@ -92,9 +95,9 @@ fn a_shut_edge_has_a_derivative_by_its_opening() {
         *circuit.inputs().iter().find(|(_, name, _)| name == "Restriction 0: opening").expect("an edge");
     circuit.set_input(id, 0, 0.0);
     let flow = rates(&circuit, &y, id, 1.0)[2];
-    let mut seeded = Circuit::<Dual<f64, 1>>::gather(&[&circuit]);
-    seeded.set_input(id, 0, Dual { re: 0.0, eps: [1.0] });
-    let y: Vec<Dual<f64, 1>> = y.iter().map(|&value| value.into()).collect();
+    let mut seeded = Circuit::<Seeded>::gather(&[&circuit]);
+    seeded.set_input(id, 0, Dual::variable(0.0, 0));
+    let y: Vec<Seeded> = y.iter().map(|&value| value.into()).collect();
     let mut dy = y.clone();
     seeded.rhs(0.0.into(), &y, &mut dy, &mut seeded.work());
     assert!(flow > 0.0);

@@ -42,13 +42,13 @@ fn own(circuit: &Circuit<f64>) -> [usize; 3] {
 
 /// The Jacobian of the rates of x, v, z by themselves, at state `y`.
 fn jacobian(circuit: &Circuit<f64>, y: &[f64], own: [usize; 3]) -> [[f64; 3]; 3] {
-    let mut at: Vec<Dual<f64, 3>> = y.iter().map(|y| Dual::from(*y)).collect();
+    let mut at: Vec<Dual<f64, { circuit::DIRECTIONS }>> = y.iter().map(|y| Dual::from(*y)).collect();
     for (direction, i) in own.into_iter().enumerate() {
         at[i].eps[direction] = 1.0;
     }
     let mut rates = at.clone();
     circuit.rhs(Dual::from(0.0), &at, &mut rates, &mut circuit.work());
-    own.map(|i| rates[i].eps)
+    own.map(|i| std::array::from_fn(|direction| rates[i].eps[direction]))
 }
 
 /// s^3 + a s^2 + b s + c, the characteristic polynomial of a matrix.

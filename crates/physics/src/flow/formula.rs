@@ -123,7 +123,7 @@ impl FlowFormula<f64> {
 impl<R: Lane> FlowFormula<R> {
     /// Lane `i` takes the numbers of `each[i]`.
     pub fn gather(each: &[&FlowFormula<f64>]) -> Self {
-        let formula = Formula::gather(&each.iter().map(|own| &own.formula).collect::<Vec<_>>());
+        let formula = Formula::gather(&math::field(each, |own| &own.formula));
         FlowFormula { formula, one_way: each[0].one_way }
     }
 }

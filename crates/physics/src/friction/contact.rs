@@ -97,7 +97,7 @@ impl<R: Lane> Contact<R> {
             };
         }
         Contact {
-            law: AnyLaw::gather(&each.iter().map(|contact| &contact.law).collect::<Vec<_>>()),
+            law: AnyLaw::gather(&math::field(each, |contact| &contact.law)),
             seal_lips: part!(SealLips, |contact| contact.seal_lips.as_ref()),
             usual: each[0].usual,
             composition: each[0].composition.is_some().then(|| {

@@ -154,7 +154,7 @@ impl<R: Lane> MaxwellSlip<R> {
             level: R::from_lanes(|lane| each[lane].elements[j].level),
         };
         MaxwellSlip {
-            common: Common::gather(&each.iter().map(|one| &one.common).collect::<Vec<_>>()),
+            common: Common::gather(&math::field(each, |one| &one.common)),
             elements: (0..each[0].elements.len()).map(element).collect(),
         }
     }

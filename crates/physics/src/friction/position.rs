@@ -77,8 +77,8 @@ impl<R: Lane> Position<R> {
             harmonics: (0..each[0].harmonics.len())
                 .map(|k| Harmonic::gather(&each.iter().map(|one| &one.harmonics[k]).collect::<Vec<_>>()))
                 .collect(),
-            slope: R::from_lanes(|lane| each[lane].slope),
-            reference: R::from_lanes(|lane| each[lane].reference),
+            slope: R::of_each(each, |own| own.slope),
+            reference: R::of_each(each, |own| own.reference),
         }
     }
 }

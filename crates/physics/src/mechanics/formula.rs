@@ -76,7 +76,7 @@ impl ForceFormula<f64> {
 impl<R: Lane> ForceFormula<R> {
     /// Lane `i` takes the numbers of `each[i]`.
     pub fn gather(each: &[&ForceFormula<f64>]) -> Self {
-        let formula = Formula::gather(&each.iter().map(|own| &own.formula).collect::<Vec<_>>());
+        let formula = Formula::gather(&math::field(each, |own| &own.formula));
         ForceFormula { formula }
     }
 }
