@@ -1,6 +1,7 @@
 """Recordings into friction maps and other curves, with uncertainty.
 
-``characterise`` gives the friction map as a Dataset; ``characterise_recordings`` everything behind it.
+``characterise`` is ``pn.characterise``: the friction map as a Dataset, of recordings or of a campaign;
+``characterise_recordings`` gives everything behind the map of recordings.
 """
 
 from __future__ import annotations
@@ -10,14 +11,10 @@ from typing import TYPE_CHECKING
 from pneudrive.lazy import lazy
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    import xarray as xr
-
+    from pneudrive.friction.campaign.characteristics import characterise
     from pneudrive.friction.friction_map import read_map, write_map
     from pneudrive.friction.recording.characterisation import Characterisation, characterise_recordings
-    from pneudrive.friction.reduction.settling import SampleChoice, Settled, SourcePaper
+    from pneudrive.friction.reduction.settling import Settled, SourcePaper
     from pneudrive.friction.reduction.stick_slip import StickSlip, find_stick_slip
     from pneudrive.signals.layout import Layout
     from pneudrive.signals.load import load_recordings
@@ -44,6 +41,7 @@ __path__: list[str] = []  # nothing lies below this door
 __getattr__ = lazy(
     __name__,
     {
+        "pneudrive.friction.campaign.characteristics": ["characterise"],
         "pneudrive.friction.friction_map": ["read_map", "write_map"],
         "pneudrive.friction.recording.characterisation": ["Characterisation", "characterise_recordings"],
         "pneudrive.friction.reduction.settling": ["Settled", "SourcePaper"],
@@ -54,34 +52,3 @@ __getattr__ = lazy(
         "pneudrive.signals.trajectories": ["from_run"],
     },
 )
-
-
-def characterise(
-    recordings: Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset,
-    layout: Layout | str | Path | None = None,
-    protocol: SampleChoice | None = None,
-) -> xr.Dataset:
-    """Give the friction map of recordings.
-
-    Parameters
-    ----------
-    recordings
-        Recordings, files or trajectories (what ``pn.simulate`` returns), or one of them.
-    layout
-        How files are read: a layout, its file, or None for ``layout.toml`` beside each recording.
-    protocol
-        Which samples count: ``Settled()`` (default) or ``SourcePaper()``.
-
-    Returns
-    -------
-    xarray.Dataset
-        One dimension ``row`` (recording, speed level, direction); every variable carries its unit.
-
-    Raises
-    ------
-    RecordingError, LayoutError
-        A file or recording that cannot be used; what, where, value, rule and remedy.
-    """
-    from pneudrive.friction.recording.characterisation import characterise_recordings
-
-    return characterise_recordings(recordings, layout, protocol).friction_map
