@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 import warnings
 
@@ -10,6 +11,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run
+from pneudrive.identify.result import FrictionFit
 
 LAW = {
     "coulomb": "14 N",
@@ -165,3 +167,15 @@ def test_what_was_measured_predicts_the_drive(chain):
     assert inside.mean() > 0.95
     assert np.abs(guessed - truth).max() > 3.0 * error.max()  # friction decides here, and was not known before
     assert np.sqrt(reach).max() < 10e-3
+
+
+def test_a_fit_of_the_campaign_applies_all_that_characterise_does(chain):
+    out = str(chain / "curve.toml")
+    assert run(["fit", str(chain / "c"), "--laws", "stribeck gaussian", "--pressure", "linear", "--out", out]) == 0
+    assert run(["apply", out, str(chain / "drive.toml"), "--out", str(chain / "again.toml")]) == 0
+    drives = [(chain / name).read_text("utf-8") for name in ("again.toml", "applied.toml")]
+    assert len({re.sub(r'fit = "\w+"', "", text) for text in drives}) == 1  # but for the hash of the fit's file
+    assert run(["fit", str(chain / "c"), "--laws", "coulomb", "--direction", "+x", "--out", out]) == 0
+    kept = FrictionFit.from_toml(out).dependences
+    assert {"dwell", "position"} <= kept.tables.keys()
+    assert "direction" not in kept.tables  # the curve of one direction has it already

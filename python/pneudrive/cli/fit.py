@@ -15,6 +15,7 @@ from pneudrive.cli.progress import on_terminal
 if TYPE_CHECKING:
     import xarray as xr
 
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.identify.laws import LawComparison
     from pneudrive.identify.result import FrictionFit
 
@@ -55,6 +56,7 @@ def fit(
     Laws are compared by AICc, BIC and, decisively, by cross-validation over conditions.
     """
     from pneudrive.errors import CommandError, nearest
+    from pneudrive.friction.campaign.fits import with_dependences
     from pneudrive.identify.laws import CANDIDATES
     from pneudrive.identify.model import PRESSURE_FORMS
 
@@ -69,12 +71,16 @@ def fit(
         raise CommandError(f"--direction {direction} is not known", rule="both, +x or -x")
     if out.suffix != ".toml" or not out.parent.is_dir():
         raise CommandError(f"--out {out}: a fit cannot be written there", rule="FILE.toml in a folder that exists")
-    curves = _map_of(source, layout)
+    curves, campaign = _map_of(source, layout)
     options = {"direction": turn[direction], "loss": loss, "ambient_pressure_pa": _ambient(curves, ambient)}
+    if campaign is None and len(source) > 1 and any(path.is_dir() for path in source):
+        typer.echo("- of several campaigns together, the fit has the curve over speed and pressure only", err=True)
     for group, part in _groups(curves, by):
         if group:
             typer.echo(f"{by} {group}")
         found, comparison = _fitted(part, names, pressure, hold_out, options)
+        if campaign is not None:
+            found = with_dependences(found, campaign, part)
         if comparison is not None:
             typer.echo(str(comparison))
         typer.echo(str(found))
@@ -86,8 +92,8 @@ def fit(
         typer.echo(f"- {said}")
 
 
-def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
-    """Read a map, or make one from a campaign."""
+def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, CampaignCharacteristics | None]:
+    """Read a map, or make one; the second is what a single campaign measured beside its map."""
     from pneudrive.errors import CommandError, PneudriveError
     from pneudrive.friction.campaign.characteristics import characteristics
     from pneudrive.friction.friction_map import read_map
@@ -104,12 +110,13 @@ def _map_of(source: list[Path], layout: Path | None) -> xr.Dataset:
             remedy="First make a map of the recordings: pneudrive characterise.",
         )
     if finished:
-        maps = [characteristics(one).friction_map if one.is_dir() else read_map(one) for one in finished]
-        return maps[0] if len(maps) == 1 else _joined(finished, maps)
+        found = [characteristics(one) if one.is_dir() else None for one in finished]
+        maps = [read_map(one) if own is None else own.friction_map for one, own in zip(finished, found, strict=True)]
+        return (maps[0], found[0]) if len(maps) == 1 else (_joined(finished, maps), None)
     if len(source) == 1 and source[0].suffix in MAP_SUFFIXES and layout is None:
         with suppress(PneudriveError):
-            return read_map(source[0])
-    return characterise_recordings(list(source), layout, progress=on_terminal().tell).friction_map
+            return read_map(source[0]), None
+    return characterise_recordings(list(source), layout, progress=on_terminal().tell).friction_map, None
 
 
 def _joined(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:

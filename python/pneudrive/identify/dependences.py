@@ -59,6 +59,12 @@ class Dependences:
 
     def for_law(self, law: str) -> Dependences:
         """Return the modifiers for a law; relaxation is left out if the law has no bristles."""
-        if "relaxation" not in self.tables or has_bristles(law):
-            return self
-        return replace(self, tables={key: table for key, table in self.tables.items() if key != "relaxation"})
+        return self if has_bristles(law) else self.without("relaxation")
+
+    def without(self, key: str) -> Dependences:
+        """Return the modifiers without one of them."""
+        return replace(
+            self,
+            tables={name: table for name, table in self.tables.items() if name != key},
+            intervals={n: ends for n, ends in self.intervals.items() if not n.startswith(f"friction.{key}.")},
+        )

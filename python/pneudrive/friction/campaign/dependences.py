@@ -68,6 +68,7 @@ def dependences_of(
         *(() if series is None else _relaxation(series.stops, notes)),
         *_temperature(found, viscous_n_s_m),
     ]
+    notes += _run_in(found)
     estimates = {f"friction.{key}.{name}": one for key, _, own in parts for name, one in own.items()}
     tables = {key: table for key, table, _ in parts}
     return Dependences(
@@ -241,3 +242,18 @@ def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterat
         return
     share = per_kelvin.scaled(1.0 / level, "1/K")
     yield "temperature", {"reference": f"{kelvin:.6g} K", "levels": f"{share.value:.6g} 1/K"}, {"levels": share}
+
+
+def _run_in(found: CampaignCharacteristics) -> Iterator[str]:
+    """Say why a change of friction with the distance slid is not applied.
+
+    It is measured per decade of distance, without an end. ``[friction.wear]`` falls exponentially to the friction of a
+    seal that has run in, to which the law's parameters belong: a logarithm determines neither that nor the distance.
+    """
+    per_decade = None if found.drift is None else found.drift.per_decade_of_travel
+    if per_decade is not None and per_decade.differs:
+        yield (
+            f"run-in: friction changes by {per_decade.value:.3g} N per decade of distance slid, and the data show no "
+            "end of it, which [friction.wear] of a drive file needs; not applied: the curve is that of the mean state "
+            "of the campaign"
+        )

@@ -11,6 +11,7 @@ from pneudrive.errors import FitError
 from pneudrive.friction.campaign.dependences import dependences_of
 from pneudrive.friction.campaign.threads import one_thread
 from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
+from pneudrive.identify.dependences import Dependences
 from pneudrive.identify.fit import LAWS, fit_friction
 
 if TYPE_CHECKING:
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
     from pneudrive.identify.result import FrictionFit
 
 ALL = "all cycles"  # the group of a campaign without levels
+#: Note of a fit of rows that have no friction modifiers in common.
+AVERAGED = (
+    "direction, position, stops and temperature: the fit averages over several mountings, seals or drives; not applied"
+)
 NO_POINTS = ("stick_slip", "speed_ripple", "force_swing", "saturated", "unpaired", "outlier", "negative_friction")
 
 
@@ -49,7 +54,7 @@ def _fit_campaign(
     found: CampaignCharacteristics, laws: Sequence[str]
 ) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
     table = found.friction_map
-    every = _levels(found)
+    every = _levels(table)
     levels = [", ".join(level for level in row if level) for row in every]
     fits: dict[str, dict[str, FrictionFit]] = {}
     problems: list[str] = []
@@ -62,9 +67,27 @@ def _fit_campaign(
             except FitError as error:
                 problems.append(f"{name}, {law}: {error.what}")
             else:
-                viscous = fit.values["viscous"] if "viscous" in fit.determined else 0.0
-                fits.setdefault(name, {})[law] = replace(fit, dependences=dependences_of(found, viscous, own))
+                fits.setdefault(name, {})[law] = _with_dependences(fit, found, own)
     return fits, problems
+
+
+def with_dependences(fit: FrictionFit, found: CampaignCharacteristics, part: xr.Dataset) -> FrictionFit:
+    """Return a fit of rows of a campaign's map with the friction modifiers that the campaign measured.
+
+    Rows of several sets of mounting, seal and drive have none in common: then a note says so.
+    """
+    sets = set(_levels(part))
+    if len(sets) > 1:
+        return replace(fit, dependences=Dependences(notes=(AVERAGED,), source=f"campaign {found.name}"))
+    with one_thread():
+        return _with_dependences(fit, found, sets.pop())
+
+
+def _with_dependences(fit: FrictionFit, found: CampaignCharacteristics, levels: tuple[str, str, str]) -> FrictionFit:
+    viscous = fit.values["viscous"] if "viscous" in fit.determined else 0.0
+    measured = dependences_of(found, viscous, levels)
+    is_of_both = fit.provenance["direction"] == "both"
+    return replace(fit, dependences=measured if is_of_both else measured.without("direction"))
 
 
 def fit_map(table: xr.Dataset, law: str, exclude_flags: tuple[str, ...] = NO_POINTS) -> FrictionFit:
@@ -73,6 +96,6 @@ def fit_map(table: xr.Dataset, law: str, exclude_flags: tuple[str, ...] = NO_POI
     return fit_friction(table, law, pressure_dependence=spread > MINIMUM_RANGE_PA, exclude_flags=exclude_flags)
 
 
-def _levels(found: CampaignCharacteristics) -> list[tuple[str, str, str]]:
-    columns = [found.friction_map[name].to_numpy().tolist() for name in ("mounting", "seal", "drive")]
+def _levels(table: xr.Dataset) -> list[tuple[str, str, str]]:
+    columns = [table[name].to_numpy().tolist() for name in ("mounting", "seal", "drive")]
     return list(zip(*columns, strict=True))

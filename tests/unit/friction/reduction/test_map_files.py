@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import pneudrive as pn
 from pneudrive.characterise import characterise, read_map, write_map
 from pneudrive.errors import CommandError, RecordingError
 
@@ -23,6 +24,7 @@ CONTRACT = [
 
 
 def test_dataset_has_the_contract_s_variables_with_units(make):
+    assert characterise is pn.characterise  # one function, also for the folder of a campaign
     curves = characterise([make(), make(name="b", seed=2)])
     assert list(curves.data_vars) == CONTRACT
     assert dict(curves.sizes) == {"row": 4}
