@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import names_in, option
+from pneudrive.cli.options import Profile, names_in, option
+from pneudrive.cli.output import tell_fit
 from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ def fit(
     loss: Annotated[str, typer.Option(help="huber, soft-l1, tukey, or linear (not robust).")] = "huber",
     ambient: Annotated[str, typer.Option(help="Ambient pressure, if the map lacks it.")] = "",
     layout: Annotated[Path | None, typer.Option(help="Layout of recordings; default: layout.toml beside them.")] = None,
+    profile: Profile = False,
     out: Annotated[Path, typer.Option(help="Fit file to write; with --by one file for each value.")] = Path("fit.toml"),
 ) -> None:
     """Fit friction laws to a map and recommend one: fit.toml.
@@ -83,11 +85,9 @@ def fit(
             found = with_dependences(found, campaign, part)
         if comparison is not None:
             typer.echo(str(comparison))
-        typer.echo(str(found))
         slug = re.sub(r"[^A-Za-z0-9._-]+", "-", group)
         target = out.with_stem(f"{out.stem}-{slug}") if group else out
-        found.to_toml(target)
-        typer.echo(str(target))
+        tell_fit(found, target, profile=profile)
     for said in _seals(curves, by, options["ambient_pressure_pa"], turn[direction]):
         typer.echo(f"- {said}")
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders, names_in, sensor_option
+from pneudrive.cli.options import CatalogueFolders, Profile, names_in, sensor_option
+from pneudrive.cli.output import tell_fit
 
 if TYPE_CHECKING:
     from pneudrive.identify.dynamic.search import Progress
@@ -43,7 +44,7 @@ def identify(
     ] = None,
     segment: Annotated[str, typer.Option(help='Length of the segments; "whole" is single shooting.')] = "0.4 s",
     robust: Annotated[bool, typer.Option(help="Reduce the weight of outliers.")] = False,
-    profile: Annotated[bool, typer.Option(help="Also compute intervals by profile likelihood.")] = False,
+    profile: Profile = False,
     layout: Annotated[Path | None, typer.Option(help="Layout of foreign files.")] = None,
     out: Annotated[Path | None, typer.Option(help="Fit file to write (TOML).", metavar="FIT.toml")] = None,
     catalogue: CatalogueFolders = None,
@@ -62,7 +63,7 @@ def identify(
         check_target(out, (".toml",))
     names = names_in(free)
     if Tank.is_file(drive):
-        _tank(drive, recordings, names, layout, out, beside={"sensor": sensor, "robust": robust, "profile": profile})
+        _tank(drive, recordings, names, layout, out, profile=profile, beside={"sensor": sensor, "robust": robust})
         return
     sensors = dict(sensor_option(text) for text in sensor or ())
     fit = identified(
@@ -75,13 +76,7 @@ def identify(
         layout=layout,
         progress=_show,
     )
-    typer.echo(str(fit))
-    if out is not None:
-        fit.to_toml(out)
-        typer.echo(str(out))
-    if profile:
-        for name, (lower, upper) in fit.profile().items():
-            typer.echo(f"  profile of {name}: {lower:.5g} .. {upper:.5g} {fit.units[name]}")
+    tell_fit(fit, out, profile=profile)
 
 
 def _show(progress: Progress) -> None:
@@ -95,6 +90,8 @@ def _tank(
     names: list[str],
     layout: Path | None,
     out: Path | None,
+    *,
+    profile: bool,
     beside: dict[str, object],
 ) -> None:
     """Identify a fixed volume."""
@@ -108,10 +105,7 @@ def _tank(
             raise CommandError(
                 f"--{option} is not an option for a tank",
                 where=tank,
-                rule="options for a tank: --free, --layout, --out",
+                rule="options for a tank: --free, --layout, --out, --profile",
             )
     fit = identify_volume(Tank.load(tank), list(recordings), names or None, layout=layout, progress=on_terminal().tell)
-    typer.echo(str(fit))
-    if out is not None:
-        fit.to_toml(out)
-        typer.echo(str(out))
+    tell_fit(fit, out, profile=profile)

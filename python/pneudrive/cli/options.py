@@ -47,6 +47,7 @@ Layout = Annotated[
     Path | None, typer.Option("--layout", help="Layout of foreign files; default: layout.toml beside them.")
 ]
 Results = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
+Profile = Annotated[bool, typer.Option(help="Also compute intervals by profile likelihood.")]
 Samples = Annotated[
     str,
     typer.Option("--protocol", help="Samples used: settled, or source-paper (first 5 % dropped)."),

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from pneudrive.friction.campaign.basics import Statement
+    from pneudrive.identify.base import Fit
 
 #: Width of a table that is written to a file, characters.
 WIDTH = 160
@@ -85,6 +86,17 @@ def tell(paths: Iterable[Path | None]) -> None:
     for path in paths:
         if path is not None:
             typer.echo(str(path))
+
+
+def tell_fit(fit: Fit, out: Path | None, *, profile: bool) -> None:
+    """Print a fit, write its file, and print intervals by profile likelihood."""
+    typer.echo(str(fit))
+    if out is not None:
+        fit.to_toml(out)
+        tell([out])
+    if profile:
+        for name, (lower, upper) in fit.profile().items():
+            typer.echo(f"  profile of {name}: {lower:.5g} .. {upper:.5g} {fit.units[name]}")
 
 
 def write_text(text: str, out: Path | None) -> None:

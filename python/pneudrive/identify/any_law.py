@@ -8,6 +8,7 @@ the logarithm of positive parameters. Parameters without effect on steady slidin
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ from pneudrive import __version__
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
 from pneudrive.estimate.information import weak_coordinates
+from pneudrive.estimate.profile import profile_interval
 from pneudrive.estimate.transforms import intervals
 from pneudrive.identify.assemble import covariance, statistics_of, systematic
 from pneudrive.identify.core_law import AnyLaw
@@ -32,11 +34,14 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.friction import Friction
     from pneudrive.identify.model import Observations
+    from pneudrive.identify.robust import RobustEstimate
 
     Array = NDArray[np.float64]
 
 #: Relative sensitivity of friction below which a parameter counts as without effect.
 NO_EFFECT = 1e-9
+#: Distance of an end of a profile from the estimate, in the logarithm, beyond which a side is open: as the search's.
+FARTHEST_LOG = 14.0
 
 
 def fit_any_law(
@@ -112,7 +117,36 @@ def fit_any_law(
         unseen=tuple(n for n in known if n not in seen),
         statistics=statistics_of(model, data, found),
         provenance=origin,
+        observations=data,
+        profiler=partial(_profile, model, data, found),
     )
+
+
+def _profile(model: AnyLaw, data: Observations, found: RobustEstimate, name: str) -> tuple[float, float]:
+    """Return the interval of one parameter by profile likelihood, on the pseudo-values of the estimate."""
+    k, theta = model.names.index(name), model.natural(found.q)
+    is_positive, spread = bool(model.positive[k]), float(np.sqrt(covariance(model, found)[k, k]))
+    pseudo = replace(data, friction_n=found.pseudo)
+    reach = student(len(data) - len(model.names))
+    top = model.entries()[k]["upper"]
+    upper = np.inf if top is None else float(top)
+
+    def natural(coordinate: float) -> float:
+        return min(float(np.exp(coordinate)) if is_positive else coordinate, upper)
+
+    def held(coordinate: float, start: Array) -> tuple[float, Array]:
+        tried = model.without(name, natural(coordinate), start)
+        q = tried.internal(tried.given)
+        if tried.names:
+            q = estimate(tried, pseudo, loss="linear", starts=[q]).q
+        cost = float(np.sum(((found.pseudo - tried.value(q, data)) / data.stderr_n) ** 2))
+        return cost, np.insert(tried.natural(q), k, natural(coordinate))
+
+    at, step = (float(np.log(theta[k])), spread / theta[k]) if is_positive else (float(theta[k]), spread)
+    least = float(np.sum(((found.pseudo - model.value(found.q, data)) / data.stderr_n) ** 2))
+    farthest = FARTHEST_LOG if is_positive else np.inf
+    low, high = profile_interval(held, theta, at, reach * step, least, found.variance * reach**2, farthest)
+    return natural(low), natural(high)
 
 
 def _with_sizes(model: AnyLaw, data: Observations) -> AnyLaw:

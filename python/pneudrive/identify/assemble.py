@@ -43,6 +43,7 @@ def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[
         model=model,
         observations=data,
         weights=found.weight,
+        profiler=support.intervals.__getitem__,
     )
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
 from pneudrive.describe import toml
-from pneudrive.errors import FitError
+from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.identify.identified import Identified
 from pneudrive.numbers import places, plain
@@ -19,7 +19,7 @@ from pneudrive.trajectory import whole
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
     from typing_extensions import Self
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from pneudrive.identify.friction_curve import SlidingCurve
 
     Array = NDArray[np.float64]
+
+T = TypeVar("T")
 
 SCHEMA = 1
 #: Digits of the hash of a fit: the first ones of `sha256sum fit.toml`.
@@ -130,6 +132,8 @@ class Fit(Shown):
         Version, hash of the data, options.
     converged : bool
         False if the search ended early: the values are the best so far.
+    profiler : callable or None
+        Free value -> its interval by profile likelihood; None if the fit was read from a file.
     """
 
     #: Names of this kind of fit in file and messages, and tables of its values, those of `values` first.
@@ -151,6 +155,7 @@ class Fit(Shown):
     statistics: dict[str, float]
     provenance: dict[str, Any]
     converged: bool = True
+    profiler: Callable[[str], tuple[float, float]] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         """Remove the intervals of undetermined values."""
@@ -193,6 +198,50 @@ class Fit(Shown):
         if name not in self.intervals:
             raise FitError(f"{name} has no uncertainty: the data do not determine it")
         return 2.0 * float(np.hypot(self.standard_errors[name], self.systematic.get(name, 0.0)))
+
+    def profile(self, names: Sequence[str] | None = None) -> dict[str, tuple[float, float]]:
+        """Return 95 % intervals by profile likelihood: each value is held while all others are fitted.
+
+        Undetermined values have one too: its open ends are infinite, or at the bound of the value.
+
+        Parameters
+        ----------
+        names : sequence of str, optional
+            Free values; default: all, of a drive without its sensors.
+
+        Returns
+        -------
+        dict
+            Name -> (lower, upper), SI.
+
+        Raises
+        ------
+        FitError
+            The fit was read from a file, without its data; its search did not converge; or a value was not free.
+        """
+        profiler = self._with_data(self.profiler)
+        return {name: profiler(name) for name in self._asked(names)}
+
+    def _with_data(self, found: T | None) -> T:
+        """Return what a fit has only with its data, at the end of a search that converged."""
+        if found is None:
+            raise FitError(
+                f"this {self.TITLE} was read from a file, without its data",
+                rule="profile, bootstrap and posterior need the data; apply, export and report do not",
+                remedy="Fit again.",
+            )
+        if not self.converged:
+            raise FitError(
+                "the search did not converge, so there are no intervals", remedy="Fit again from these values."
+            )
+        return found
+
+    def _asked(self, names: Sequence[str] | None) -> list[str]:
+        """Return the requested names of free values, checked; by default all."""
+        for name in names or ():
+            if name not in self.free:
+                raise FitError(f"{name} was not free in this fit", remedy=nearest(name, self.free))
+        return list(self.free if names is None else names)
 
     def statements(self) -> list[str]:
         """Return sentences on undetermined values, one for all values with the same reason and remedy."""

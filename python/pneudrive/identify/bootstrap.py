@@ -75,9 +75,7 @@ def bootstrap(fit: FrictionFit, draws: int = 400, seed: int = 1, loss: str = "hu
     -------
     Bootstrap
     """
-    if fit.observations is None:
-        raise FitError("a fit from a file has no observations to redraw", remedy="Fit the map again.")
-    data, model = fit.observations, fit.model
+    data, model = fit.with_data(), fit.model
     blocks = [np.flatnonzero(data.group == g) for g in np.unique(data.group)]
     if len(blocks) < LEAST_BLOCKS:
         raise FitError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -37,12 +37,15 @@ class AnyLaw(StaticLaw):
         Start values, SI; the default is the values of `friction`.
     seed : int
         Seed of the further starts, within a factor of five of the given values.
+    held : dict
+        Further held parameter -> value, SI, in place of that of `friction`.
     """
 
     friction: Friction
     names: tuple[str, ...]
     start: tuple[float, ...] = field(default=(), compare=False)
     seed: int = field(default=1, compare=False)
+    held: dict[str, float] = field(default_factory=dict, compare=False)
     stribeck: bool = field(default=False, init=False)  # not linear in its forces
     chosen: int = field(default=0, init=False)
 
@@ -50,7 +53,7 @@ class AnyLaw(StaticLaw):
     def _core(self) -> tuple[str, dict[str, float], dict[str, Any]]:
         tables = self.friction.core()
         law, values = tables.pop("law"), tables.pop("parameters")
-        return law, values, {key: value for key, value in tables.items() if value is not None}
+        return law, values | self.held, {key: value for key, value in tables.items() if value is not None}
 
     @cached_property
     def positive(self) -> NDArray[np.bool_]:
@@ -86,12 +89,19 @@ class AnyLaw(StaticLaw):
                 top = self.internal(np.full(given.size, float(entry["upper"])))[k]
                 upper[k] = min(upper[k], top)
         if self.transforms.excess is None:  # a held one of both bounds the other
+            other = dict(self.friction.parameters) | self.held
             for k, name in enumerate(self.names):
-                if name == "coulomb" and "breakaway" in self.friction.parameters:
-                    upper[k] = min(upper[k], np.log(self.friction.parameters["breakaway"]))
-                if name == "breakaway" and "coulomb" in self.friction.parameters:
-                    lower[k] = max(lower[k], np.log(self.friction.parameters["coulomb"]))
+                if name == "coulomb" and "breakaway" in other:
+                    upper[k] = min(upper[k], np.log(other["breakaway"]))
+                if name == "breakaway" and "coulomb" in other:
+                    lower[k] = max(lower[k], np.log(other["coulomb"]))
         return lower, upper
+
+    def without(self, name: str, value: float, start: Array) -> AnyLaw:
+        """Return the law with one parameter held; `start`, shape (p,), has the start values of all, SI."""
+        keep = [k for k, n in enumerate(self.names) if n != name]
+        names, others = tuple(self.names[k] for k in keep), tuple(float(start[k]) for k in keep)
+        return replace(self, names=names, start=others, held=self.held | {name: value})
 
     def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
         """Return friction and its derivative by the coordinates, shapes (n,) and (n, p)."""

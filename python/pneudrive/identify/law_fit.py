@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from pneudrive.describe.drive import Drive
+    from pneudrive.identify.model import Observations
 
     Array = NDArray[np.float64]
 
@@ -50,6 +51,8 @@ class LawFit(Fit):
         values, degrees_of_freedom, scale, rms_n, aicc, bic, starts, starts_agreeing.
     provenance : dict
         Version, hash of the values, recordings, options.
+    observations : Observations or None
+        Fitted values (None if read from a file).
     """
 
     KIND: ClassVar[str] = "law"
@@ -61,6 +64,7 @@ class LawFit(Fit):
 
     model: AnyLaw
     unseen: tuple[str, ...]
+    observations: Observations | None = field(default=None, repr=False)
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -92,9 +92,7 @@ def posterior(fit: FrictionFit, steps: int = 3000, seed: int = 1) -> Posterior:
         raise FitError(
             "posteriors need emcee, which is not installed", remedy='pip install "pneudrive[bayes]"'
         ) from None
-    if fit.observations is None:
-        raise FitError("a fit from a file has no observations", remedy="Fit the map again.")
-    model, data = fit.model, fit.observations
+    model, data = fit.model, fit.with_data()
     centre = np.append(fit.coordinates, 0.0)
     spread = np.append(_spread(fit, centre[:-1]), 0.1)
     rng = np.random.default_rng(seed)

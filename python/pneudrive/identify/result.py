@@ -166,6 +166,16 @@ class FrictionFit(Fit):
         value, stderr, reach = (x.reshape(speed.shape) for x in (value, stderr, reach))
         return Prediction(value, value - reach, value + reach, stderr)
 
+    def with_data(self) -> Observations:
+        """Return the fitted values.
+
+        Raises
+        ------
+        FitError
+            The fit was read from a file, without them.
+        """
+        return self._with_data(self.observations)
+
     def free_values(self) -> dict[str, float]:
         """Parameters including the names in `free`: a coefficient shared by both chambers has its own name."""
         return self.values | self._groups()[1]

@@ -245,7 +245,7 @@ def _result(tank: Tank, records: list[VolumeRecording], attempt: Attempt, held: 
     solved = attempt.solved
     problem, at, found = solved.problem, solved.at, solved.information
     values = dict(zip(problem.names, problem.values(solved.point.eta).tolist(), strict=True))
-    intervals = {n: profile(solved, i) for i, n in enumerate(problem.names)} if attempt.converged else {}
+    intervals = {n: profile(solved, n) for n in problem.names} if attempt.converged else {}
     lost = [u for n in intervals if (u := _lost(tank, records, n, values[n], *intervals[n]))]
     series, rests, shares = {}, [], []
     for experiment, residual, record in zip(problem.experiments, at.residuals, records, strict=True):
@@ -287,6 +287,7 @@ def _result(tank: Tank, records: list[VolumeRecording], attempt: Attempt, held: 
         },
         start=tank,
         series=series,
+        profiler=intervals.__getitem__,
     )
 
 

@@ -55,6 +55,9 @@ def test_the_usual_law_gives_the_usual_fit(make_map, friction_of):
     )
     fit = fit_any_law(curves, guess, free=["coulomb", "breakaway", "stribeck_velocity", "viscous"])
     usual = fit_friction(curves)
+    profiles, grid = fit.profile(), usual.profile()  # two searches for the same intervals
+    for name, ends in profiles.items():
+        assert ends == pytest.approx(grid[name], abs=0.03 * (grid[name][1] - grid[name][0])), name
     for name, value in fit.parameters.items():
         assert value == pytest.approx(usual.parameters[name], rel=1e-3), name
         low, high = usual.intervals[name]

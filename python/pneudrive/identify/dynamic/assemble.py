@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from pneudrive.estimate.transforms import intervals as intervals_at
 from pneudrive.free.parameters import Parameter, numbers_of
 from pneudrive.identify.dynamic.model_error import model_errors
 from pneudrive.identify.dynamic.result import DriveFit, Series, fit_hash
+from pneudrive.identify.dynamic.uncertainty import profile
 from pneudrive.identify.dynamic.undetermined import statements
 from pneudrive.numbers import plain
 from pneudrive.units import readable
@@ -75,6 +77,7 @@ def assembled(
         start=drive,
         series=_series(problem, solved, records),
         solved=solved,
+        profiler=partial(profile, solved),
     )
     sizes = np.array([max(abs(v), s) for v, s in zip(values, _sizes(parameters, problem), strict=True)])
     lost = statements(names, values, sizes, intervals, fit.units, fit.correlation, found.weak)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from pneudrive.describe.drive import Drive
-from pneudrive.errors import FitError, nearest, warn
+from pneudrive.errors import warn
 from pneudrive.estimate.estimates import intervals_of_draws
 from pneudrive.identify.base import HASH_DIGITS, Fit, Intervals
 from pneudrive.identify.dynamic.recordings import CHANNELS
@@ -129,24 +129,6 @@ class DriveFit(Fit):
             out.setdefault(channel, {})[kind] = float(np.mean(values))
         return out
 
-    def profile(self, names: Sequence[str] | None = None) -> dict[str, tuple[float, float]]:
-        """Return 95 % intervals by profile likelihood: each value is held while all others are fitted.
-
-        Parameters
-        ----------
-        names : sequence of str, optional
-            Free values; default: all. Each takes a few fits.
-
-        Returns
-        -------
-        dict
-            Name -> (lower, upper), SI; infinite for open ends.
-        """
-        from pneudrive.identify.dynamic.uncertainty import profile
-
-        solved = self._search()
-        return {name: profile(solved, self.free.index(name)) for name in self._asked(names)}
-
     def bootstrap(
         self, count: int = 1000, *, seed: int = 0, names: Sequence[str] | None = None
     ) -> dict[str, tuple[float, float]]:
@@ -169,7 +151,7 @@ class DriveFit(Fit):
         """
         from pneudrive.identify.dynamic.uncertainty import bootstrap
 
-        found = intervals_of_draws(self.free, bootstrap(self._search(), count, seed))
+        found = intervals_of_draws(self.free, bootstrap(self._with_data(self.solved), count, seed))
         kept = Intervals(found, self.undetermined)
         return {name: kept[name] for name in self._asked(names) if name in kept}
 
@@ -220,20 +202,9 @@ class DriveFit(Fit):
             "fits": bool(content.get("fits", True)),
         }
 
-    def _search(self) -> Solved:
-        if self.solved is None:
-            raise FitError("this fit was read from a file, without its recordings", remedy="Fit again.")
-        if not self.converged:
-            raise FitError(
-                "the search did not converge, so there are no intervals", remedy="Fit again from these values."
-            )
-        return self.solved
-
     def _asked(self, names: Sequence[str] | None) -> list[str]:
-        for name in names or ():
-            if name not in self.free:
-                raise FitError(f"{name} was not free in this fit", remedy=nearest(name, self.free))
-        return list(self.values) if names is None else list(names)
+        """Return the requested names, checked; by default all but the sensors."""
+        return super()._asked(list(self.values) if names is None else names)
 
     def _title(self) -> str:
         recordings = self.provenance.get("recordings", [])

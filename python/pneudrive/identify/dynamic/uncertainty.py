@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
+from pneudrive.estimate.profile import profile_interval
 from pneudrive.identify.dynamic.search import SINGULAR_SHARE, Joined, join_segments, reduced
 
 if TYPE_CHECKING:
@@ -22,10 +23,6 @@ if TYPE_CHECKING:
 LAG_SHARE = 0.1
 #: Least number of blocks of a recording in the bootstrap.
 LEAST_BLOCKS = 8
-#: Largest number of steps to find an end of a profile.
-PROFILE_STEPS = 8
-#: Distance in a logarithm without sufficient growth of the cost beyond which a side is open.
-FARTHEST = 50.0
 PROFILE_FITS = 6
 
 
@@ -162,45 +159,32 @@ def bootstrap(solved: Solved, count: int, seed: int) -> Array:
     return out
 
 
-def profile(solved: Solved, index: int) -> tuple[float, float]:
+def profile(solved: Solved, name: str) -> tuple[float, float]:
     """Return the interval of one value by profile likelihood, SI.
 
-    With all other values refitted, the cost may grow by Student's t squared times the inflation of the residuals. The
-    secant rule finds each end, starting from that of the covariance; if the cost never grows so far, the end is the
-    bound of the value.
+    With all other values refitted, the cost may grow by Student's t squared times the inflation of the residuals. If
+    it never grows so far, the end is the bound of the value.
 
     Parameters
     ----------
     solved : Solved
         End of the search.
-    index : int
-        Index of the coordinate.
+    name : str
+        Name of the value, as in `FitProblem.names`.
     """
     problem, point, found, reach = solved.problem, solved.point, solved.information, student(solved.freedom)
-    covariance = found.covariance(problem)
-    spread = float(np.sqrt(covariance[index, index]))
+    index = problem.names.index(name)
+    spread = float(np.sqrt(found.covariance(problem)[index, index]))
     plain = float(np.sqrt(found.inverse[index, index]))
     allowed = reach**2 * (spread / plain) ** 2 if plain > 0.0 else reach**2
-    ends = []
-    for sign in (-1.0, 1.0):
-        away, last, root_last = reach * spread if spread > 0.0 else 1.0, 0.0, 0.0
-        start = point
-        for _ in range(PROFILE_STEPS):
-            cost, start = _constrained(problem, start, solved.believed, point.eta[index] + sign * away, index)
-            root = np.sqrt(max(cost - solved.at.cost, 0.0) / allowed) if np.isfinite(cost) else 2.0
-            if abs(root - 1.0) < 0.02:
-                break
-            slope = (root - root_last) / (away - last)
-            last, root_last = away, root
-            if slope <= 1e-3 / max(away, 1e-300):
-                away = np.inf
-                break
-            away = float(np.clip(last + (1.0 - root) / slope, 0.3 * last, 3.0 * last))
-            if away > FARTHEST:
-                away = np.inf
-                break
+
+    def held(value: float, start: Iterate) -> tuple[float, Iterate]:
+        return _constrained(problem, start, solved.believed, value, index)
+
+    at, ends = point.eta[index], []
+    for end in profile_interval(held, point, at, reach * spread, solved.at.cost, allowed):
         eta = point.eta.copy()
-        eta[index] += sign * away
+        eta[index] = end
         ends.append(float(problem.values(eta)[index]))
     return min(ends), max(ends)
 
