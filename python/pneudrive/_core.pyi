@@ -97,6 +97,7 @@ class Request(TypedDict):
     contact_age_s: NotRequired[float]
     threads: NotRequired[int]
     budget: NotRequired[int | None]
+    kernel: NotRequired[Literal["scalar", "four", "eight"] | None]
 
 @type_check_only
 class Outcome(TypedDict):

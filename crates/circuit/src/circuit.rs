@@ -8,8 +8,8 @@ use crate::ledger::Channel;
 use crate::net::{AxisNode, Net};
 use crate::part::cylinder::{CHAMBERS, INNER};
 use crate::part::*;
-use fused::Fused;
-use math::{Lane, Over, Real};
+use fused::{Fused, Linearised, Rates};
+use math::{Lane, Over, Real, Work};
 use ode::{Accepted, Dense, Structure, System};
 use physics::Gas;
 use std::sync::Arc;
@@ -156,6 +156,21 @@ pub struct Circuit<P> {
     fused: Option<Box<Fused<P>>>,
 }
 
+/// The nodes of a circuit at `y`.
+struct Observe<'c, R: Lane> {
+    circuit: &'c Circuit<R>,
+    y: &'c [R],
+    net: &'c mut Net<R>,
+}
+
+impl<R: Lane> Work for Observe<'_, R> {
+    type Out = ();
+    #[inline(always)]
+    fn work(self) {
+        self.circuit.look_at(self.y, self.net);
+    }
+}
+
 /// Of a mass: the kind of its part and which of them, its place, itself, and the offset of its inner states.
 type Mass<'c, P> = (PartKind, usize, Place, &'c Axis<P>, usize);
 
@@ -300,6 +315,11 @@ impl<R: Lane> Circuit<R> {
         [0, 1].map(|input| InputId { kind: PartKind::Reservoir, index, input })
     }
 
+    /// Whether it is evaluated without nodes in memory.
+    pub fn is_fused(&self) -> bool {
+        self.fused.is_some()
+    }
+
     /// Whether its equations were analysed once for both.
     pub fn shares_analysis<Q>(&self, other: &Circuit<Q>) -> bool {
         Arc::ptr_eq(&self.topology, &other.topology)
@@ -353,6 +373,11 @@ impl<R: Lane> Circuit<R> {
 
     /// The nodes at state `y`, with flows, forces and accelerations.
     pub fn observe(&self, y: &[R], net: &mut Net<R>) {
+        R::within(Observe { circuit: self, y, net });
+    }
+
+    #[inline(always)]
+    fn look_at(&self, y: &[R], net: &mut Net<R>) {
         self.renew(net);
         let mut rates = std::mem::take(&mut net.rates);
         rates.resize(self.topology.n_states, R::zero());
@@ -525,6 +550,24 @@ impl<R: Lane> Circuit<R> {
     }
 }
 
+impl<R: Lane> Circuit<R> {
+    /// What holds so far, where the volumes hold too.
+    #[inline(never)]
+    fn volumes_hold(&self, y: &[R], net: &mut Net<R>, so_far: R::Plain) -> R::Plain {
+        let mut inside = so_far;
+        self.parts.place(y, net, &self.common);
+        self.parts.shape(net);
+        for (place, volume) in &self.parts.volumes {
+            let room = net.gas[volume.node].volume.plain();
+            let (states, scales): ([R; 2], _) =
+                (Own::of(y, *place).first(), Own::of(&self.scale, *place).first());
+            let least = R::Plain::c(volume::LEAST_ROOM);
+            inside = volume.holds(room, states.map(|state| state.plain()), scales, least, inside);
+        }
+        inside
+    }
+}
+
 impl<R: Lane> System<R> for Circuit<R> {
     type Work<S: Over<R>> = Net<S>;
 
@@ -557,7 +600,10 @@ impl<R: Lane> System<R> for Circuit<R> {
     #[inline(never)]
     fn add_rates(&self, t: R, y: &[R], known: &[R], out: &mut [R], net: &mut Net<R>) {
         match &self.fused {
-            Some(fused) if self.topology.channels.is_empty() => self.fused_rates(fused, y, known, out),
+            Some(fused) if self.topology.channels.is_empty() => {
+                R::within(Rates { circuit: self, fused, y, known, out });
+            }
+            _ if !R::GENERAL => unreachable!("such numbers are for a circuit without nodes"),
             _ => {
                 self.rhs(t, y, out, net);
                 for (out, known) in out.iter_mut().zip(known) {
@@ -570,7 +616,7 @@ impl<R: Lane> System<R> for Circuit<R> {
     #[inline(never)]
     fn linearise(&self, y: &[R], f: &mut [R], jacobian: &mut Dense<R>) -> bool {
         if let Some(fused) = &self.fused {
-            self.fused_jacobian(fused, y, f, jacobian);
+            R::within(Linearised { circuit: self, fused, y, f, jacobian });
         }
         self.fused.is_some()
     }
@@ -624,22 +670,13 @@ impl<R: Lane> System<R> for Circuit<R> {
         self.parts.obstacles(y, net, &self.common, out);
     }
 
+    #[inline(always)]
     fn inside(&self, y: &[R], net: &mut Net<R>) -> R::Plain {
-        let mut inside = self.cylinders_hold(y, |_| [R::Plain::zero(); INNER]);
-        if !self.parts.volumes.is_empty() {
-            self.parts.place(y, net, &self.common);
-            self.parts.shape(net);
-            for (place, volume) in &self.parts.volumes {
-                let room = net.gas[volume.node].volume.plain();
-                let (states, scales): ([R; 2], _) =
-                    (Own::of(y, *place).first(), Own::of(&self.scale, *place).first());
-                let least = R::Plain::c(volume::LEAST_ROOM);
-                inside = volume.holds(room, states.map(|state| state.plain()), scales, least, inside);
-            }
-        }
-        inside
+        let inside = self.cylinders_hold(y, |_| [R::Plain::zero(); INNER]);
+        if self.parts.volumes.is_empty() { inside } else { self.volumes_hold(y, net, inside) }
     }
 
+    #[inline(always)]
     fn surely_inside(&self, y: &[R], spread: &[R::Plain]) -> R::Plain {
         if !self.parts.volumes.is_empty() {
             return -R::Plain::one();

@@ -1,7 +1,7 @@
 //! Members of case A that differ in eleven numbers, timed:
-//! `cargo run --release -p pneudrive-ensemble --example members -- 10000 1e-4 1`.
+//! `cargo run --release -p pneudrive-ensemble --example members -- 10000 1e-4 1 eight`.
 
-use ensemble::{Asked, Column, Ensemble, Plan, Reduction, What};
+use ensemble::{Asked, Column, Ensemble, Kernel, Plan, Reduction, What};
 
 /// In what members differ, and in which range.
 const VARY: [(&str, f64, f64); 12] = [
@@ -51,7 +51,12 @@ fn main() {
         rtol,
         budget: None,
         threads,
-        lanes: argument(4, "lanes") == "lanes",
+        kernel: match &*argument(4, "best") {
+            "scalar" => Some(Kernel::Scalar),
+            "base" => Some(Kernel::Base),
+            "eight" => Some(Kernel::Eight),
+            _ => None,
+        },
     };
     for _ in 0..3 {
         let start = std::time::Instant::now();

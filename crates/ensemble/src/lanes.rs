@@ -9,14 +9,6 @@ use ode::Stepper;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// As many numbers as a register of this build has.
-#[cfg(target_feature = "avx512f")]
-pub(crate) type Wide = math::V8;
-#[cfg(all(target_feature = "avx2", not(target_feature = "avx512f")))]
-pub(crate) type Wide = math::V4;
-#[cfg(not(target_feature = "avx2"))]
-pub(crate) type Wide = math::Lanes<2>;
-
 /// Attempts between two looks at whether to stop.
 const LOOK: u64 = 5000;
 
@@ -39,14 +31,14 @@ impl Seat {
 }
 
 /// Members that wait, and what those gave that were here.
-struct Queue<'w, 'a> {
-    worker: &'w mut Worker<'a>,
+struct Queue<'w, 'a, R: Lane> {
+    worker: &'w mut Worker<'a, R>,
     waiting: Range<usize>,
     first: usize,
     came: Vec<Option<Came>>,
 }
 
-impl Queue<'_, '_> {
+impl<R: Lane> Queue<'_, '_, R> {
     fn enter(&mut self, member: usize, came: Came) {
         self.came[member - self.first] = Some(came);
     }
@@ -83,7 +75,7 @@ impl Queue<'_, '_> {
 
 /// Runs members, and what each gave, in their order; fewer where it is told to stop.
 pub(crate) fn run<R: Lane>(
-    worker: &mut Worker<'_>,
+    worker: &mut Worker<'_, R>,
     follower: &mut Follower<'_, R>,
     members: Range<usize>,
     stop: &AtomicBool,
@@ -102,7 +94,7 @@ pub(crate) fn run<R: Lane>(
 
 /// Members that run now.
 struct Group<'g, 'w, 'a, 'f, R: Lane> {
-    queue: &'g mut Queue<'w, 'a>,
+    queue: &'g mut Queue<'w, 'a, R>,
     follower: &'g mut Follower<'f, R>,
     stepper: Stepper<R, Circuit<R>>,
     seats: Vec<Option<Seat>>,
@@ -117,7 +109,7 @@ fn gathered<R: Lane>(seats: &[Option<Seat>]) -> Circuit<R> {
 
 impl<'g, 'w, 'a, 'f, R: Lane> Group<'g, 'w, 'a, 'f, R> {
     fn new(
-        queue: &'g mut Queue<'w, 'a>,
+        queue: &'g mut Queue<'w, 'a, R>,
         follower: &'g mut Follower<'f, R>,
         begun: Vec<(Seat, Vec<f64>)>,
     ) -> Self {

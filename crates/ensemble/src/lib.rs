@@ -10,4 +10,4 @@ mod reduction;
 mod run;
 
 pub use reduction::{Follower, Reduction, What};
-pub use run::{Asked, Column, Ensemble, Outcome, Plan, Status};
+pub use run::{Asked, Column, Ensemble, Kernel, Outcome, Plan, Status};

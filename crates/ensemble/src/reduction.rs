@@ -1,7 +1,7 @@
 //! What is kept of a member: numbers that follow from its run step by step.
 
 use circuit::{Assembly, Circuit, Net, Quantity, sample_times};
-use math::Lane;
+use math::{Lane, Work};
 use ode::{Accepted, Course, Output, System, locate};
 
 /// Points of a step at which a column is looked at: its ends and the quarters between them.
@@ -84,6 +84,13 @@ pub struct Follower<'a, R: Lane> {
     attempt: u64,
     /// The course of each reduction's state.
     courses: Vec<Option<Course<R>>>,
+    /// By reduction, in which lanes its state comes nowhere near the value that it is to pass in this attempt; and in
+    /// which it has passed it before.
+    far: Vec<u64>,
+    found: Vec<u64>,
+    /// The lanes in which anything has to be looked at in this attempt; and those that have taken a step.
+    busy: u64,
+    begun: u64,
     /// All columns at the points of the step.
     rows: [Vec<R>; POINTS],
     row: Vec<R>,
@@ -120,6 +127,10 @@ impl<'a, R: Lane> Follower<'a, R> {
             row: vec![R::zero(); assembly.columns().len()],
             attempt: 0,
             courses: vec![None; asked.len()],
+            far: vec![0; asked.len()],
+            found: vec![0; asked.len()],
+            busy: 0,
+            begun: 0,
             sources,
             assembly,
             asked,
@@ -130,6 +141,8 @@ impl<'a, R: Lane> Follower<'a, R> {
     pub fn init(&mut self, lane: usize) {
         self.next[lane] = 0;
         self.attempt = 0;
+        self.begun &= !(1 << lane);
+        self.found.iter_mut().for_each(|found| *found &= !(1 << lane));
         for (fold, asked) in self.folds[lane * self.asked.len()..].iter_mut().zip(self.asked) {
             fold.samples.clear();
             fold.value = match asked.what {
@@ -170,7 +183,7 @@ impl<'a, R: Lane> Follower<'a, R> {
         circuit: &Circuit<R>,
     ) -> f64 {
         if let Some(course) = self.courses[r] {
-            return course.value(theta).get(lane);
+            return course.of(lane).value(theta);
         }
         let y = &states.at(theta)[..circuit.structure().n()];
         self.assembly.row(circuit, theta.mul_add(h, t), y, &mut self.net, &mut self.row);
@@ -182,19 +195,33 @@ impl<'a, R: Lane> Follower<'a, R> {
         std::array::from_fn(|k| match (self.sources[r], self.courses[r]) {
             (Source::State(i), _) if k == 0 => states.before()[i].get(lane),
             (Source::State(i), _) if k == POINTS - 1 => states.after()[i].get(lane),
-            (_, Some(course)) => course.value(theta(k)).get(lane),
+            (_, Some(course)) => course.of(lane).value(theta(k)),
             _ => self.rows[k][self.asked[r].column].get(lane),
         })
     }
 
     /// What all lanes share of an attempt.
+    #[inline(always)]
     fn look(&mut self, (t, h): (f64, f64), states: &mut Accepted<'_, R>, circuit: &Circuit<R>) {
         self.attempt = states.attempt();
-        for ((course, source), asked) in self.courses.iter_mut().zip(&self.sources).zip(self.asked) {
-            *course = match *source {
-                Source::State(i) if !is_whole(asked.what) => Some(states.course(i)),
-                _ => None,
+        self.busy = !self.begun;
+        for (r, asked) in self.asked.iter().enumerate() {
+            if is_whole(asked.what) {
+                continue;
+            }
+            let Source::State(i) = self.sources[r] else {
+                self.busy = !0;
+                continue;
             };
+            let course = states.course(i);
+            self.courses[r] = Some(course);
+            if let What::When { value, .. } = asked.what {
+                let way = (course.value(0.0) - R::c(value)).abs();
+                self.far[r] = R::mask_bits(course.spread().lt(way));
+                self.busy |= !(self.far[r] | self.found[r]);
+            } else {
+                self.busy = !0;
+            }
         }
         if !self.needs_rows {
             return;
@@ -211,20 +238,33 @@ impl<'a, R: Lane> Follower<'a, R> {
     }
 
     /// The greatest value of a step, of which the values at the points are given; with `sign` minus one the least one.
+    /// One that cannot surpass the value so far is not sought between the points.
     fn extreme(
         &mut self,
         r: usize,
         at: (usize, f64, f64),
-        (points, sign): ([f64; POINTS], f64),
+        (points, sign, so_far): ([f64; POINTS], f64, f64),
         states: &mut Accepted<'_, R>,
         circuit: &Circuit<R>,
     ) -> f64 {
-        let best =
-            (0..POINTS).fold(0, |best, k| if sign * points[k] > sign * points[best] { k } else { best });
-        if best == 0 || best == POINTS - 1 {
+        let greater = |best: usize, k: usize| if sign * points[k] > sign * points[best] { k } else { best };
+        let best = (0..POINTS).fold(0, greater);
+        let range = points.iter().fold(0.0_f64, |range, value| range.max((value - points[best]).abs()));
+        if sign * points[best] + range < sign * so_far {
             return points[best];
         }
-        let mut three = [best - 1, best, best + 1].map(|k| (theta(k), points[k]));
+        let middle = best.clamp(1, POINTS - 2);
+        let mut three = [middle - 1, middle, middle + 1].map(|k| (theta(k), points[k]));
+        if best != middle {
+            // It may lie near an end of the step.
+            let between = 0.5 * (theta(best) + theta(middle));
+            let new = (between, self.value(r, at, between, states, circuit));
+            let (first, last) = (best.min(middle), best.max(middle));
+            three = [(theta(first), points[first]), new, (theta(last), points[last])];
+        }
+        let mut greatest = three
+            .iter()
+            .fold(points[best], |so_far, one| if sign * one.1 > sign * so_far { one.1 } else { so_far });
         for _ in 0..PARABOLAS {
             let [(a, fa), (b, fb), (c, fc)] = three;
             let (left, right) = ((b - a) * (fb - fc), (b - c) * (fb - fa));
@@ -233,6 +273,9 @@ impl<'a, R: Lane> Follower<'a, R> {
                 break;
             }
             let value = self.value(r, at, peak, states, circuit);
+            if sign * value > sign * greatest {
+                greatest = value;
+            }
             let new = (peak, value);
             three = match (sign * value > sign * fb, peak < b) {
                 (true, true) => [three[0], new, three[1]],
@@ -241,7 +284,7 @@ impl<'a, R: Lane> Follower<'a, R> {
                 (false, false) => [three[0], three[1], new],
             };
         }
-        three[1].1
+        greatest
     }
 
     /// When a column first passes a value in a step.
@@ -266,6 +309,22 @@ impl<'a, R: Lane> Follower<'a, R> {
         let root =
             locate(low.0, low.1, high.0, high.1, |theta| left(self.value(r, at, theta, states, circuit)));
         Some(root.mul_add(h, t))
+    }
+}
+
+/// What all lanes share of an attempt.
+struct Look<'l, 'a, 's, R: Lane> {
+    follower: &'l mut Follower<'a, R>,
+    at: (f64, f64),
+    states: &'l mut Accepted<'s, R>,
+    circuit: &'l Circuit<R>,
+}
+
+impl<R: Lane> Work for Look<'_, '_, '_, R> {
+    type Out = ();
+    #[inline(always)]
+    fn work(self) {
+        self.follower.look(self.at, self.states, self.circuit);
     }
 }
 
@@ -294,23 +353,35 @@ impl<R: Lane> Output<R, Circuit<R>> for Follower<'_, R> {
         self.next[lane] += 1;
     }
 
+    #[inline(always)]
     fn step(&mut self, lane: usize, t: f64, h: f64, states: &mut Accepted<'_, R>, circuit: &Circuit<R>) {
         if self.attempt != states.attempt() {
-            self.look((t, h), states, circuit);
+            R::within(Look { follower: self, at: (t, h), states, circuit });
         }
+        if self.busy >> lane & 1 == 1 {
+            self.attend((lane, t, h), states, circuit);
+        }
+    }
+}
+
+impl<R: Lane> Follower<'_, R> {
+    /// An accepted step of a lane in which something has to be looked at.
+    fn attend(
+        &mut self,
+        at @ (lane, t, h): (usize, f64, f64),
+        states: &mut Accepted<'_, R>,
+        circuit: &Circuit<R>,
+    ) {
+        self.begun |= 1 << lane;
         for r in 0..self.asked.len() {
-            let (what, at) = (self.asked[r].what, (lane, t, h));
+            let what = self.asked[r].what;
             let place = lane * self.asked.len() + r;
             let so_far = self.folds[place].value;
             let value = match what {
                 What::Final | What::Samples { .. } => continue,
                 What::When { .. } if !so_far.is_nan() => continue,
                 // Far from the value nothing needs to be looked at.
-                What::When { value, .. }
-                    if self.courses[r].is_some_and(|course| {
-                        (course.value(0.0).get(lane) - value).abs() > course.spread().get(lane)
-                    }) && t > 0.0 =>
-                {
+                What::When { .. } if t > 0.0 && self.far[r] >> lane & 1 == 1 => {
                     continue;
                 }
                 What::When { value, above } => {
@@ -318,6 +389,7 @@ impl<R: Lane> Output<R, Circuit<R>> for Follower<'_, R> {
                     let Some(time) = self.passing(r, at, points, (value, above), states, circuit) else {
                         continue;
                     };
+                    self.found[r] |= 1 << lane;
                     time
                 }
                 What::Mean | What::Integral => {
@@ -327,7 +399,7 @@ impl<R: Lane> Output<R, Circuit<R>> for Follower<'_, R> {
                 What::Max | What::Min => {
                     let points = self.points(r, lane, states);
                     let sign = if what == What::Max { 1.0 } else { -1.0 };
-                    let own = self.extreme(r, at, (points, sign), states, circuit);
+                    let own = self.extreme(r, at, (points, sign, so_far), states, circuit);
                     if sign * own <= sign * so_far { so_far } else { own }
                 }
             };

@@ -1,12 +1,13 @@
 //! Members in chunks, chunks on threads.
 
-use crate::lanes::{self, Wide};
+use crate::lanes;
 use crate::reduction::{Follower, Reduction, What};
 use circuit::{
     Assembly, Circuit, Drive, Error, Look, Members, Network, Session, Starting, budget, run_jobs,
     sample_times, specification,
 };
-use ode::Options;
+use math::{Lane, Task, has_eight, with_eight};
+use ode::{Options, System};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -81,9 +82,39 @@ pub struct Asked<'a> {
     pub budget: Option<u64>,
     /// The most threads.
     pub threads: usize,
-    /// Several members side by side in one register of the processor, where their circuit allows it: the same bits.
-    pub lanes: bool,
+    /// What runs them, with the same bits; the fastest where none is named.
+    pub kernel: Option<Kernel>,
 }
+
+/// What runs members: one, or several side by side in the registers of a processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kernel {
+    /// One after the other.
+    Scalar,
+    /// As many as a register has that every processor of the build has: four numbers of AVX2.
+    Base,
+    /// Eight, in the registers of AVX-512. Circuits that are not evaluated without nodes, and those with events, run
+    /// four at a time all the same.
+    Eight,
+}
+
+impl Kernel {
+    /// The fastest of this processor.
+    pub fn best() -> Self {
+        if has_eight() { Kernel::Eight } else { Kernel::Base }
+    }
+
+    /// Whether this processor has it.
+    pub fn is_there(self) -> bool {
+        self != Kernel::Eight || has_eight()
+    }
+}
+
+/// As many numbers as a register of every processor of this build has.
+#[cfg(target_feature = "avx2")]
+type Base = math::V4;
+#[cfg(not(target_feature = "avx2"))]
+type Base = math::Lanes<2>;
 
 /// How a member came out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -164,6 +195,30 @@ impl Ensemble {
             reasons: Vec::new(),
             attempts: 0,
         };
+        let whole = plan.run((total, &widths), &mut outcome, interrupted)?;
+        if !whole {
+            return Err(Error::Interrupted { t: 0.0 });
+        }
+        outcome.reasons.sort_by_key(|(member, _)| *member);
+        Ok(outcome)
+    }
+}
+
+/// Runs the members of a plan into an outcome. Its numbers: those of a member, and of each of its outputs.
+struct Run<'r, 'a> {
+    plan: &'r Planned<'a>,
+    total: usize,
+    widths: &'r [usize],
+    outcome: &'r mut Outcome,
+    interrupted: &'r mut dyn FnMut(f64) -> bool,
+}
+
+impl Task for Run<'_, '_> {
+    type Out = Result<bool, Error>;
+
+    fn run<R: Lane<Plain = R>>(self) -> Self::Out {
+        let Run { plan, total, widths, outcome, interrupted } = self;
+        let asked = plan.asked;
         let done = std::cell::Cell::new(0);
         let take = |chunk: usize, came: Vec<Came>| {
             let first = chunk * CHUNK;
@@ -177,7 +232,7 @@ impl Ensemble {
                     continue;
                 }
                 let mut rest = &row[..];
-                for (column, &width) in outcome.columns.iter_mut().zip(&widths) {
+                for (column, &width) in outcome.columns.iter_mut().zip(widths) {
                     let (own, others) = rest.split_at(width);
                     column[member * width..][..width].copy_from_slice(own);
                     rest = others;
@@ -185,18 +240,13 @@ impl Ensemble {
             }
             Ok(())
         };
-        let whole = run_jobs(
+        run_jobs(
             (asked.threads, asked.members.div_ceil(CHUNK)),
-            || plan.worker(total),
+            || plan.worker::<R>(total),
             |worker, chunk, stop| worker.run_all(chunk * CHUNK..asked.members.min((chunk + 1) * CHUNK), stop),
             take,
             &mut || interrupted(done.get() as f64),
-        )?;
-        if !whole {
-            return Err(Error::Interrupted { t: 0.0 });
-        }
-        outcome.reasons.sort_by_key(|(member, _)| *member);
-        Ok(outcome)
+        )
     }
 }
 
@@ -220,6 +270,7 @@ pub(crate) struct Planned<'a> {
     /// The input of each plan.
     pub inputs: Vec<usize>,
     pub options: Options,
+    kernel: Kernel,
 }
 
 impl<'a> Planned<'a> {
@@ -265,7 +316,11 @@ impl<'a> Planned<'a> {
         let most = || budget(longest, commands, template.circuit.n_states());
         let max_attempts = asked.budget.unwrap_or_else(most);
         let options = Options { rtol: asked.rtol, max_attempts, ..Options::default() };
-        Ok(Planned { inputs: inputs.collect::<Result<_, _>>()?, ensemble, asked, options })
+        let kernel = asked.kernel.unwrap_or_else(Kernel::best);
+        if !kernel.is_there() {
+            return refuse("the kernel of eight members needs a processor with AVX-512: leave it out");
+        }
+        Ok(Planned { inputs: inputs.collect::<Result<_, _>>()?, ensemble, asked, options, kernel })
     }
 
     /// How many numbers an output has for each member.
@@ -276,10 +331,25 @@ impl<'a> Planned<'a> {
         }
     }
 
-    fn worker(&self, width: usize) -> Worker<'_> {
+    /// Runs all members; whether it came to the end.
+    fn run(
+        &self,
+        (total, widths): (usize, &[usize]),
+        outcome: &mut Outcome,
+        interrupted: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<bool, Error> {
+        let circuit = &self.ensemble.template().circuit;
+        let run = Run { plan: self, total, widths, outcome, interrupted };
+        match self.kernel {
+            Kernel::Eight if circuit.is_fused() && circuit.n_events() == 0 => with_eight(run),
+            _ => run.run::<Base>(),
+        }
+    }
+
+    fn worker<R: Lane>(&self, width: usize) -> Worker<'_, R> {
         let (template, duration) = (self.ensemble.template(), self.asked.duration.row(0)[0]);
         // What follows from a command later on needs a schedule of its own.
-        let beside = self.asked.lanes && template.timings.is_empty();
+        let beside = self.kernel != Kernel::Scalar && template.timings.is_empty();
         Worker {
             planned: self,
             members: self.ensemble.members.clone(),
@@ -358,16 +428,16 @@ fn check_plan(template: &Assembly, plan: &Plan, members: usize) -> Result<usize,
 }
 
 /// Runs the members of a chunk.
-pub(crate) struct Worker<'a> {
+pub(crate) struct Worker<'a, R: Lane> {
     pub planned: &'a Planned<'a>,
     members: Members,
     follower: Follower<'a, f64>,
     /// Of several members at once, where that can be.
-    side_by_side: Option<Follower<'a, Wide>>,
+    side_by_side: Option<Follower<'a, R>>,
     pub width: usize,
 }
 
-impl Worker<'_> {
+impl<R: Lane> Worker<'_, R> {
     fn run_all(&mut self, members: Range<usize>, stop: &AtomicBool) -> Vec<Came> {
         if let Some(mut follower) = self.side_by_side.take() {
             let came = lanes::run(self, &mut follower, members, stop);

@@ -48,7 +48,7 @@ fn asked(values: &[f64], outputs: Vec<Reduction>, threads: usize) -> Asked<'_> {
         rtol: 1e-4,
         budget: None,
         threads,
-        lanes: true,
+        kernel: None,
     }
 }
 

@@ -2,7 +2,7 @@
 //! refills, commands and starts of their own.
 
 use circuit::specification;
-use ensemble::{Asked, Column, Ensemble, Outcome, Plan, Reduction, What};
+use ensemble::{Asked, Column, Ensemble, Kernel, Outcome, Plan, Reduction, What};
 
 const MEMBERS: usize = 70;
 const DURATION: f64 = 1.0;
@@ -28,7 +28,7 @@ fn drive(law: &str, parameters: &[(&str, f64)]) -> String {
     table.to_string()
 }
 
-fn run(ensemble: &Ensemble, lanes: bool, threads: usize) -> Outcome {
+fn run(ensemble: &Ensemble, kernel: Kernel, threads: usize) -> Outcome {
     let names = ["cylinder.bore_m", "supply.pressure_pa", "load.mass_kg"];
     assert_eq!(ensemble.names(), names);
     let values = |m| [spread(m, 0, 0.016, 0.04), spread(m, 1, 3e5, 9e5), spread(m, 2, 0.0, 8.0)];
@@ -64,7 +64,7 @@ fn run(ensemble: &Ensemble, lanes: bool, threads: usize) -> Outcome {
         rtol: 1e-5,
         budget: None,
         threads,
-        lanes,
+        kernel: Some(kernel),
     };
     ensemble.run(&asked, &mut |_| false).expect("runs")
 }
@@ -83,13 +83,20 @@ fn lanes_have_the_bits_of_members_alone() {
         let mut json: serde_json::Value = serde_json::from_str(&drive(law, parameters)).expect("valid");
         json["load"]["mass_kg"] = 1.0.into();
         let ensemble = Ensemble::of_drive(&json.to_string(), &names).expect(law);
-        let (together, alone) = (run(&ensemble, true, 2), run(&ensemble, false, 1));
-        assert_eq!((&together.status, together.attempts), (&alone.status, alone.attempts), "{law}");
-        assert_eq!(together.reasons, alone.reasons, "{law}");
-        for (k, (one, other)) in together.columns.iter().zip(&alone.columns).enumerate() {
-            let differs =
-                (0..one.len()).find(|&i| one[i].to_bits() != other[i].to_bits() && !other[i].is_nan());
-            assert!(differs.is_none(), "{law}: output {k} of {differs:?}");
+        let alone = run(&ensemble, Kernel::Scalar, 1);
+        for kernel in [Kernel::Base, Kernel::Eight] {
+            if !kernel.is_there() {
+                println!("not run on {kernel:?}: this processor does not have AVX-512");
+                continue;
+            }
+            let together = run(&ensemble, kernel, 2);
+            assert_eq!((&together.status, together.attempts), (&alone.status, alone.attempts), "{law}");
+            assert_eq!(together.reasons, alone.reasons, "{law}");
+            for (k, (one, other)) in together.columns.iter().zip(&alone.columns).enumerate() {
+                let differs =
+                    (0..one.len()).find(|&i| one[i].to_bits() != other[i].to_bits() && !other[i].is_nan());
+                assert!(differs.is_none(), "{law}, {kernel:?}: output {k} of {differs:?}");
+            }
         }
     }
 }

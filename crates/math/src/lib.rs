@@ -18,8 +18,18 @@ pub use both::Both;
 pub use deps::Deps;
 pub use dual::Dual;
 pub use lanes::Lanes;
-pub use real::{Lane, Over, Real, field, power};
+pub use real::{Lane, Over, Real, Task, Work, field, power};
 #[cfg(target_feature = "avx2")]
-pub use registers::V4;
-#[cfg(target_feature = "avx512f")]
-pub use registers::V8;
+pub use registers::{V4, has_eight, with_eight};
+
+/// Whether this processor has registers of eight numbers: not one that the build knows of.
+#[cfg(not(target_feature = "avx2"))]
+pub fn has_eight() -> bool {
+    false
+}
+
+/// Carries out a task on eight numbers at once: see [`has_eight`].
+#[cfg(not(target_feature = "avx2"))]
+pub fn with_eight<T: Task>(_task: T) -> T::Out {
+    panic!("this processor has no registers of eight numbers")
+}

@@ -107,6 +107,22 @@ pub trait Over<P: Real>: Real<Mask = P::Mask> + From<P> {
 
 impl<P: Real> Over<P> for P {}
 
+/// A piece of work on numbers of one type. Its method must be in line always, with all that it calls often.
+pub trait Work {
+    /// What comes of it.
+    type Out;
+    /// Does it.
+    fn work(self) -> Self::Out;
+}
+
+/// A task that any numbers side by side serve.
+pub trait Task {
+    /// What comes of it.
+    type Out;
+    /// Carries it out.
+    fn run<R: Lane<Plain = R>>(self) -> Self::Out;
+}
+
 /// A number made of `L` independent `f64` lanes, or of one `f64` and its derivatives; used by step control
 /// and loading only.
 pub trait Lane: Real + From<Self::Plain> {
@@ -116,6 +132,15 @@ pub trait Lane: Real + From<Self::Plain> {
     const L: usize;
     /// How many derivatives the number carries.
     const DIRECTIONS: usize = 0;
+    /// Whether systems of any kind run on it; else those alone that bring their Jacobian: nothing is compiled for others.
+    const GENERAL: bool = true;
+
+    /// Does work where the compiler may use all instructions that these numbers are made for.
+    #[inline(always)]
+    fn within<W: Work>(work: W) -> W::Out {
+        work.work()
+    }
+
     /// The number in a lane.
     fn get(&self, lane: usize) -> f64;
     /// Sets one lane to a constant.

@@ -3,11 +3,12 @@
 //! Every operation is one instruction that IEEE 754 rounds as it does that of `f64`, or the same sequence of them, so
 //! the bits are those of `f64`. A plain array leaves to the compiler over which of two indices it vectorises.
 
-// Each intrinsic needs what its type is compiled for: the types are there only where the whole build has it.
+// Each intrinsic needs a processor that has it. `V4` is there only where the whole build asks for such a one; `V8` has
+// no name elsewhere, and `with_eight` hands it out after it has asked the processor.
 #![allow(unsafe_code)]
 
 use crate::elementary::{self, Bits};
-use crate::real::{Lane, Real};
+use crate::real::{Lane, Real, Task, Work};
 use core::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -18,6 +19,7 @@ macro_rules! register {
         $set_word:ident $add_word:ident $sub_word:ident $shift_right:ident $shift_left:ident
         $to_word:ident $of_word:ident;
         less $less:expr; choose $choose:expr; bits $bits:expr; of_bits $of_bits:expr;
+        lane { $($lane:item)* }
     ) => {
         $(#[$attribute])*
         #[derive(Clone, Copy, Debug)]
@@ -146,6 +148,7 @@ macro_rules! register {
         impl Lane for $name {
             type Plain = Self;
             const L: usize = $n;
+            $($lane)*
             #[inline(always)]
             fn plain(&self) -> Self {
                 *self
@@ -210,9 +213,9 @@ register! {
         let of = |lane: u32| if bits >> lane & 1 == 1 { -1.0 } else { 0.0 };
         unsafe { _mm256_setr_pd(of(0), of(1), of(2), of(3)) }
     };
+    lane {}
 }
 
-#[cfg(target_feature = "avx512f")]
 register! {
     /// Eight numbers in a register of AVX-512.
     V8, 8, __m512d, __m512i, mask __mmask8;
@@ -223,4 +226,34 @@ register! {
     choose |mask, a, b| unsafe { _mm512_mask_blend_pd(mask, b, a) };
     bits |mask| u64::from(mask);
     of_bits |bits| bits as u8;
+    lane {
+        const GENERAL: bool = false;
+        #[inline(always)]
+        fn within<W: Work>(work: W) -> W::Out {
+            #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+            fn wide<W: Work>(work: W) -> W::Out {
+                work.work()
+            }
+            // Who can name this type has it from `with_eight`.
+            unsafe { wide(work) }
+        }
+    }
+}
+
+/// Whether this processor has registers of eight numbers.
+pub fn has_eight() -> bool {
+    is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512vl")
+}
+
+/// Carries out a task on eight numbers at once.
+///
+/// # Panics
+///
+/// Where this processor has no registers of eight: see [`has_eight`].
+pub fn with_eight<T: Task>(task: T) -> T::Out {
+    assert!(has_eight(), "this processor has no registers of eight numbers");
+    task.run::<V8>()
 }

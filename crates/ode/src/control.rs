@@ -3,6 +3,7 @@
 use crate::approach::{Approach, FAR_OFF};
 use crate::stages::Method;
 use crate::swing::Swing;
+use math::Lane;
 
 /// Accuracy and longest step.
 #[derive(Clone, Copy, Debug)]
@@ -80,15 +81,23 @@ const MAX_IDLE_SWITCHES: u32 = 16;
 
 /// x^(-1/5) for a normal x > 0, within 1e-6 of its value: all that a step size needs. The error of
 /// the method is of order h^5. First guess from the exponent bits, then Newton's iteration.
-fn inverse_fifth_root(x: f64) -> f64 {
+#[inline(always)]
+fn inverse_fifth_root<R: Lane>(x: R) -> R {
     // 6/5 of the exponent bias, less a constant that centres the error of the guess.
     const GUESS: u64 = 0x4CB8_A999_9999_9800;
-    let mut y = f64::from_bits(GUESS - x.to_bits() / 5);
+    let mut y = R::from_lanes(|lane| f64::from_bits(GUESS - x.get(lane).to_bits() / 5));
     for _ in 0..3 {
         let (y2, xy) = (y * y, x * y);
-        y *= (-0.2 * xy * y2).mul_add(y2, 1.2);
+        y *= (R::c(-0.2) * xy * y2).fma(y2, R::c(1.2));
     }
     y
+}
+
+/// The factor on a step of each lane that its error asks for, where that is finite.
+#[inline(always)]
+pub(crate) fn factor<R: Lane>(error: R) -> R {
+    let factor = R::c(SAFETY) * inverse_fifth_root(error.max(R::c(LEAST_ERROR)));
+    factor.max(R::c(MIN_FACTOR)).min(R::c(MAX_FACTOR))
 }
 
 /// x^(-1/3), in the same way.
@@ -117,7 +126,7 @@ mod tests {
     fn fifth_root_is_good_to_a_millionth() {
         for i in -120..200 {
             let x = 10_f64.powf(f64::from(i) * 0.1);
-            let y = super::inverse_fifth_root(x);
+            let y: f64 = super::inverse_fifth_root(x);
             assert!((y * x.powf(0.2) - 1.0).abs() < 1e-6, "{x}: {y}");
         }
     }
@@ -202,16 +211,15 @@ impl Control {
         if self.last { left } else { h }
     }
 
-    /// Sets the next wish from the error of an attempt with step `h`; true where it is accepted.
-    pub fn judge(&mut self, h: f64, error: f64) -> bool {
+    /// Sets the next wish from the error of an attempt with step `h` and the [`factor`] that it asks for; true where it
+    /// is accepted.
+    pub fn judge(&mut self, h: f64, error: f64, factor: f64) -> bool {
         if !error.is_finite() {
             self.wish = h * self.approach.failed(h).unwrap_or(NOT_FINITE_FACTOR);
             self.after_rejection = true;
             self.statistics.rejected += 1;
             return false;
         }
-        let factor = SAFETY * inverse_fifth_root(error.max(LEAST_ERROR));
-        let factor = factor.clamp(MIN_FACTOR, MAX_FACTOR);
         if error > 1.0 {
             let halving = if error > FAR_OFF { self.approach.failed(h) } else { None };
             self.wish = h * halving.unwrap_or(factor.min(SAFETY));

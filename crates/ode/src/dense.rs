@@ -2,7 +2,7 @@
 
 use crate::rosenbrock::{RODAS3, RODAS5P};
 use crate::stages::{BLOCK, Block, Method, sum_of_stages, zeros};
-use math::{Lane, Real};
+use math::{Lane, Real, Work};
 
 /// One step of all lanes, for dense output, as a polynomial in theta = (t - t0)/h:
 ///
@@ -28,6 +28,12 @@ pub(crate) struct Step<R: Lane> {
 pub struct Course<R>([R; 5]);
 
 impl<R: Lane> Course<R> {
+    /// That of one lane.
+    #[inline(always)]
+    pub fn of(&self, lane: usize) -> Course<f64> {
+        Course(self.0.map(|c| c.get(lane)))
+    }
+
     /// Its value there.
     #[inline(always)]
     pub fn value(&self, theta: f64) -> R {
@@ -40,6 +46,19 @@ impl<R: Lane> Course<R> {
     pub fn spread(&self) -> R {
         let [_, c1, c2, c3, c4] = self.0;
         (c1.abs() + c2.abs()) + (c3.abs() + c4.abs())
+    }
+}
+
+struct Prepare<'s, R: Lane>(&'s mut Step<R>, &'s [Block<R>]);
+
+impl<R: Lane> Work for Prepare<'_, R> {
+    type Out = ();
+    #[inline(always)]
+    fn work(self) {
+        match self.0.method {
+            Method::Rodas5P => self.0.prepare_by(&RODAS5P.dense, self.1),
+            Method::Rodas3 => self.0.prepare_by(&RODAS3.dense, self.1),
+        }
     }
 }
 
@@ -72,6 +91,7 @@ impl<R: Lane> Step<R> {
     }
 
     /// The course of one state: the numbers that `prepare` finds for it.
+    #[inline(always)]
     pub fn course(&self, i: usize, u: &[Block<R>]) -> Course<R> {
         match self.method {
             Method::Rodas5P => self.course_by(i, &RODAS5P.dense, u),
@@ -79,25 +99,29 @@ impl<R: Lane> Step<R> {
         }
     }
 
+    #[inline(always)]
     fn course_by<const S: usize>(&self, i: usize, dense: &[[f64; S]; 3], u: &[Block<R>]) -> Course<R> {
         let (b, l, blocks) = (i / BLOCK, i % BLOCK, self.c.len());
-        let k = |row: usize| (0..S).fold(R::zero(), |sum, j| u[j * blocks + b][l].fma_c(dense[row][j], sum));
         let (y0, y1) = (self.y0[b][l], self.y1[b][l]);
-        let [k0, k1, k2] = [k(0), k(1), k(2)];
+        let mut k = [R::zero(); 3];
+        for (k, row) in k.iter_mut().zip(dense) {
+            for j in 0..S {
+                *k = u[j * blocks + b][l].fma_c(row[j], *k);
+            }
+        }
+        let [k0, k1, k2] = k;
         Course([y0, (y1 - y0) + k0, k1 - k0, k2 - k1, -k2])
     }
 
     /// Prepares the interpolation from the stages of the attempt, once.
     pub fn prepare(&mut self, u: &[Block<R>]) {
         if !self.ready {
-            match self.method {
-                Method::Rodas5P => self.prepare_by(&RODAS5P.dense, u),
-                Method::Rodas3 => self.prepare_by(&RODAS3.dense, u),
-            }
+            R::within(Prepare(self, u));
             self.ready = true;
         }
     }
 
+    #[inline(always)]
     fn prepare_by<const S: usize>(&mut self, dense: &[[f64; S]; 3], u: &[Block<R>]) {
         let blocks = self.c.len();
         for (b, c) in self.c.iter_mut().enumerate() {
@@ -122,6 +146,7 @@ impl<R: Lane> Step<R> {
     }
 
     /// How far the state may be from `y0` anywhere in the step: |c1| + |c2| + |c3| + |c4|.
+    #[inline(always)]
     pub fn spread(&mut self) -> &[R::Plain] {
         for (spread, c) in self.spread.iter_mut().zip(&self.c) {
             for l in 0..BLOCK {
@@ -151,6 +176,7 @@ impl<R: Lane> Step<R> {
 
     /// The state at `t0 + theta h`, of the method's dense order; `prepare` comes first. A state that
     /// does not change keeps its bits.
+    #[inline(always)]
     pub fn interpolate(&mut self, theta: f64) -> &mut [R] {
         for (at, c) in self.at.iter_mut().zip(&self.c) {
             // One coefficient of a whole block at a time: vector code.

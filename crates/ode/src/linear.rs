@@ -7,7 +7,7 @@ pub use arrow::Dense;
 
 use crate::stages::{BLOCK, Block, zeros};
 use crate::structure::{Entry, Structure};
-use math::{Lane, Real};
+use math::{Lane, Real, Work};
 
 /// Up to so many states the inverse of W is formed.
 pub(crate) const SMALL: usize = 8;
@@ -30,6 +30,16 @@ pub(crate) struct Linear<R: Lane> {
     pub is_arrow: bool,
 }
 
+struct Invert<'l, R: Lane>(&'l mut Linear<R>, R::Plain);
+
+impl<R: Lane> Work for Invert<'_, R> {
+    type Out = ();
+    #[inline(always)]
+    fn work(self) {
+        arrow::invert(&self.0.dense, self.1, &mut self.0.inverse);
+    }
+}
+
 impl<R: Lane> Linear<R> {
     pub fn new(structure: &Structure) -> Self {
         Linear {
@@ -45,17 +55,17 @@ impl<R: Lane> Linear<R> {
     /// W^-1 by its shape, or the factors of W.
     #[inline(always)]
     pub fn prepare(&mut self, structure: &Structure, h_gamma: R::Plain) {
-        if !self.is_arrow || structure.n > structure.n_coupled {
+        if R::GENERAL && (!self.is_arrow || structure.n > structure.n_coupled) {
             self.factorise(structure, h_gamma);
         }
-        if self.is_arrow {
+        if !R::GENERAL || self.is_arrow {
             self.invert_arrow(h_gamma);
         }
     }
 
     #[inline(never)]
     fn invert_arrow(&mut self, h_gamma: R::Plain) {
-        arrow::invert(&self.dense, h_gamma, &mut self.inverse);
+        R::within(Invert(self, h_gamma));
     }
 
     /// Puts the Jacobian in the shape of an arrow into its slots.

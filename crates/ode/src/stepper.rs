@@ -8,7 +8,7 @@ mod saltation;
 mod search;
 
 use crate::approach::FAR_OFF;
-use crate::control::{Control, Failure, Options, Statistics};
+use crate::control::{Control, Failure, Options, Statistics, factor};
 use crate::dense::Step;
 use crate::event::LOOKOUTS;
 use crate::linear::{Linear, blocks};
@@ -16,7 +16,7 @@ use crate::stages::{BLOCK, Block, MOST_STAGES, Method, zeros};
 use crate::structure::{DIRECTIONS, Structure};
 use crate::swing::Swing;
 use crate::system::System;
-use math::{Dual, Lane, Real};
+use math::{Dual, Lane, Real, Work};
 pub use output::{Accepted, NoOutput, Output};
 use search::Found;
 use std::sync::Arc;
@@ -88,6 +88,17 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     dual_work: Sys::Work<Direction<R>>,
     dual_y: Vec<Direction<R>>,
     dual_dy: Vec<Direction<R>>,
+}
+
+/// The end of an attempt of this length, with who is told of it.
+struct Conclusion<'s, R: Lane, Sys: System<R>, O>(&'s mut Stepper<R, Sys>, R::Plain, &'s mut O);
+
+impl<R: Lane, Sys: System<R>, O: Output<R, Sys>> Work for Conclusion<'_, R, Sys, O> {
+    type Out = ();
+    #[inline(always)]
+    fn work(self) {
+        self.0.judge_lanes(self.1, self.2);
+    }
 }
 
 impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
@@ -250,7 +261,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let (y, f0) = (&self.y.as_flattened()[..n], self.f0.as_flattened_mut());
         let linear = &mut self.linear;
         linear.is_arrow = self.system.linearise(y, f0, &mut linear.dense);
-        if !linear.is_arrow || n > self.structure.n_coupled {
+        if R::GENERAL && (!linear.is_arrow || n > self.structure.n_coupled) {
             self.differentiate();
         } else if R::DIRECTIONS > 0 {
             linear.store(&self.structure);
@@ -379,7 +390,13 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     /// Accepts, rejects or cuts the attempt, lane by lane.
     fn conclude(&mut self, h: R::Plain, output: &mut impl Output<R, Sys>) {
+        R::within(Conclusion(self, h, output));
+    }
+
+    #[inline(always)]
+    fn judge_lanes(&mut self, h: R::Plain, output: &mut impl Output<R, Sys>) {
         let error = self.error();
+        let factor = factor(error);
         (self.looked, self.inside) = (false, None);
         let (mut any_accepted, mut taken_over) = (false, 0);
         let n = self.structure.n();
@@ -391,7 +408,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             let control = &mut self.lanes[lane];
             control.statistics.right_hand_sides += self.options.method.right_hand_sides();
             control.statistics.factorisations += 1;
-            if !control.judge(h_lane, error.get(lane)) {
+            if !control.judge(h_lane, error.get(lane), factor.get(lane)) {
                 self.check_progress(lane, error.get(lane));
                 let error = error.get(lane);
                 if !self.ahead.is_empty() && (error > FAR_OFF || error.is_nan()) {

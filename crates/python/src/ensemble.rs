@@ -1,7 +1,7 @@
 //! `Ensemble`: many members of one drive or circuit, run side by side and reduced while they run.
 
 use crate::convert::{Teller, to_python, watched};
-use ensemble::{Asked, Column, Ensemble, Plan, Reduction, What};
+use ensemble::{Asked, Column, Ensemble, Kernel, Plan, Reduction, What};
 use numpy::{
     PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
@@ -46,10 +46,22 @@ struct Request<'py> {
     threads: usize,
     #[pyo3(default)]
     budget: Option<u64>,
+    #[pyo3(default)]
+    kernel: Option<String>,
 }
 
 fn refuse<T>(message: String) -> PyResult<T> {
     Err(PyValueError::new_err(message))
+}
+
+/// By its name in Python.
+fn kernel(name: &str) -> PyResult<Kernel> {
+    match name {
+        "scalar" => Ok(Kernel::Scalar),
+        "four" => Ok(Kernel::Base),
+        "eight" => Ok(Kernel::Eight),
+        other => refuse(format!("there is no kernel \"{other}\"; there are scalar, four, eight")),
+    }
 }
 
 impl PyEnsemble {
@@ -125,7 +137,9 @@ impl PyEnsemble {
     ///
     /// Shapes: n members, k names. `values` (n, k). Of `plans`, each (input, times (m,), values (m,) or (n, m)): times in
     /// s, increasing, the first 0. `duration` (1,) or (n,), s. `initial` (1, s) or (n, s). `look` is told the number of
-    /// members done some fifty times a second; what it raises, and a signal, ends the run.
+    /// members done some fifty times a second; what it raises, and a signal, ends the run. `kernel` names what runs the
+    /// members, with equal bits: "scalar" one after the other, "four" or "eight" (AVX-512) side by side; the fastest where
+    /// it is left out.
     ///
     /// The k-th of "outputs" of what comes back is an array (n,), or (n, samples) where samples are asked for, in the
     /// column's unit (integral: times s; time_above, time_below: s, 0 where it holds at the start, NaN where it never
@@ -185,7 +199,7 @@ impl PyEnsemble {
             rtol: asked.rtol,
             budget: asked.budget,
             threads: asked.threads,
-            lanes: true,
+            kernel: asked.kernel.as_deref().map(kernel).transpose()?,
         };
         let outcome = watched(py, look, |interrupted| self.ensemble.run(&request, interrupted))?;
         let out = PyDict::new(py);

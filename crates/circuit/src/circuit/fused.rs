@@ -6,7 +6,7 @@ use super::{Circuit, GasId};
 use crate::net::{AxisNode, GasNode};
 use crate::part::restriction::passing;
 use crate::part::*;
-use math::{Both, Dual, Lane, Over, Real};
+use math::{Both, Dual, Lane, Over, Real, Work};
 use ode::Dense;
 use physics::flow::{End, Iso6358};
 use physics::{Gas, IdealGas};
@@ -41,6 +41,40 @@ pub(super) struct Fused<P> {
     face: Face<Both<P>>,
     common: Common<Both<P>>,
     ports: Vec<Ports<P>>,
+}
+
+/// The right-hand side of a circuit without nodes at `y`, plus what is known of it.
+pub(super) struct Rates<'c, R: Lane> {
+    pub circuit: &'c Circuit<R>,
+    pub fused: &'c Fused<R>,
+    pub y: &'c [R],
+    pub known: &'c [R],
+    pub out: &'c mut [R],
+}
+
+impl<R: Lane> Work for Rates<'_, R> {
+    type Out = ();
+    #[inline(always)]
+    fn work(self) {
+        self.circuit.fused_rates(self.fused, self.y, self.known, self.out);
+    }
+}
+
+/// The same with its Jacobian.
+pub(super) struct Linearised<'c, R: Lane> {
+    pub circuit: &'c Circuit<R>,
+    pub fused: &'c Fused<R>,
+    pub y: &'c [R],
+    pub f: &'c mut [R],
+    pub jacobian: &'c mut Dense<R>,
+}
+
+impl<R: Lane> Work for Linearised<'_, R> {
+    type Out = ();
+    #[inline(always)]
+    fn work(self) {
+        self.circuit.fused_jacobian(self.fused, self.y, self.f, self.jacobian);
+    }
 }
 
 /// Directions in which the axis is differentiated: by x, v, both pressures and an inner state. The three more fill whole
@@ -204,7 +238,7 @@ impl<R: Lane> Circuit<R> {
     /// The right-hand side without nodes, plus `known`. It is added number by number, before they are stored: what
     /// reads them next need not wait until several are together.
     #[inline(always)]
-    pub(super) fn fused_rates(&self, fused: &Fused<R>, y: &[R], known: &[R], out: &mut [R]) {
+    fn fused_rates(&self, fused: &Fused<R>, y: &[R], known: &[R], out: &mut [R]) {
         let (_, cylinder) = &self.parts.cylinders[0];
         let (outer, z) = y.split_first_chunk::<6>().expect("the states of a cylinder");
         let (known, known_z) = known.split_first_chunk::<6>().expect("as many");
@@ -230,7 +264,7 @@ impl<R: Lane> Circuit<R> {
 
     /// The same with its Jacobian, which has the shape that [`ode::System::linearise`] asks for.
     #[inline(always)]
-    pub(super) fn fused_jacobian(&self, fused: &Fused<R>, y: &[R], f: &mut [R], jacobian: &mut Dense<R>) {
+    fn fused_jacobian(&self, fused: &Fused<R>, y: &[R], f: &mut [R], jacobian: &mut Dense<R>) {
         let (_, cylinder) = &self.parts.cylinders[0];
         let (outer, z) = y.split_first_chunk::<6>().expect("the states of a cylinder");
         let [x, v, m_a, u_a, m_b, u_b] = *outer;

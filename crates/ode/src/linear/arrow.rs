@@ -13,7 +13,6 @@
 
 use super::SMALL;
 use math::{Lane, Real};
-use std::array::from_fn;
 
 /// A Jacobian, row by row. One in the shape of an arrow has entries only where
 ///
@@ -35,6 +34,12 @@ struct Pair<R> {
     by_u: [R; 2],
 }
 
+/// A column of what makes m and U, from what enters them.
+#[inline(always)]
+fn makes<R: Real>(by_m: [R; 2], by_u: [R; 2], to_m: R, to_u: R) -> [R; 2] {
+    [by_m[0].fma(to_m, by_u[0] * to_u), by_m[1].fma(to_m, by_u[1] * to_u)]
+}
+
 impl<R: Real> Pair<R> {
     #[inline(always)]
     fn of(j: impl Fn(usize, usize) -> R, m: usize, diagonal: R, h_gamma: R) -> Self {
@@ -43,56 +48,69 @@ impl<R: Real> Pair<R> {
         let inverse = R::one() / mm.fma(uu, -(j(m, u) * j(u, m)));
         let by_m = [uu * inverse, j(u, m) * inverse];
         let by_u = [j(m, u) * inverse, mm * inverse];
-        let times = |to_m: R, to_u: R| from_fn(|i| by_m[i].fma(to_m, by_u[i] * to_u));
-        let with_x = |row: usize| j(row, X).fma(h_gamma, j(row, V));
+        // v brings its x with it.
+        let (v_m, v_u) = (j(m, X).fma(h_gamma, j(m, V)), j(u, X).fma(h_gamma, j(u, V)));
         Pair {
-            by_x: times(j(m, X) * h_gamma, j(u, X) * h_gamma),
-            by_v: times(with_x(m), with_x(u)),
+            by_x: makes(by_m, by_u, j(m, X) * h_gamma, j(u, X) * h_gamma),
+            by_v: makes(by_m, by_u, v_m, v_u),
             by_m,
             by_u,
         }
     }
 }
 
-/// The columns of (I/(h gamma) - J)^-1.
+/// A row of v or z times what one unit of something makes of x and of both U.
+#[inline(always)]
+fn row<R: Lane>(jacobian: &Dense<R>, i: usize, [x, a, b]: [R::Plain; 3]) -> R::Plain {
+    let j = |column: usize| jacobian[i][column].plain();
+    let [u_a, u_b] = [PAIRS[0] + 1, PAIRS[1] + 1];
+    j(X).fma(x, j(u_a).fma(a, j(u_b) * b))
+}
+
+/// What one unit of m or U makes of z and, times `v`, of v; `j` are the entries of its U in the rows of z and v.
+#[inline(always)]
+fn through<R: Real>(z: R, v: R, v_by_z: R, j: [R; 2], by: [R; 2]) -> (R, R) {
+    let z_by = z * j[0] * by[1];
+    (z_by, v * v_by_z.fma(z_by, j[1] * by[1]))
+}
+
+/// A column of the inverse: what v makes of all, and what is made where v is held.
+#[inline(always)]
+fn fill<R: Real>(column: &mut [R; SMALL], made_by_v: &[R; SMALL], by_v: R, held: [R; SMALL]) {
+    for i in 0..SMALL {
+        column[i] = made_by_v[i].fma(by_v, held[i]);
+    }
+}
+
+/// The columns of (I/(h gamma) - J)^-1. What it is made of is in line always: no closure is sure to be.
 #[inline(always)]
 pub(super) fn invert<R: Lane>(jacobian: &Dense<R>, h_gamma: R::Plain, columns: &mut Dense<R::Plain>) {
     let j = |row: usize, column: usize| jacobian[row][column].plain();
     let (zero, one) = (R::Plain::zero(), R::Plain::one());
     let diagonal = one / h_gamma;
-    let [a, b] = PAIRS.map(|m| Pair::of(j, m, diagonal, h_gamma));
-    let [u_a, u_b] = PAIRS.map(|m| m + 1);
-    // A row of v or z times what one unit of something makes of x and of both U.
-    let row =
-        |i: usize, x: R::Plain, a: R::Plain, b: R::Plain| j(i, X).fma(x, j(i, u_a).fma(a, j(i, u_b) * b));
+    let (a, b) = (Pair::of(j, PAIRS[0], diagonal, h_gamma), Pair::of(j, PAIRS[1], diagonal, h_gamma));
+    let [u_a, u_b] = [PAIRS[0] + 1, PAIRS[1] + 1];
     let z = one / (diagonal - j(Z, Z));
-    let z_by_x = z * row(Z, h_gamma, a.by_x[1], b.by_x[1]);
-    let z_by_v = z * (j(Z, V) + row(Z, h_gamma, a.by_v[1], b.by_v[1]));
-    let v_by_v = (j(V, V) + row(V, h_gamma, a.by_v[1], b.by_v[1])) + j(V, Z) * z_by_v;
+    let z_by_x = z * row(jacobian, Z, [h_gamma, a.by_x[1], b.by_x[1]]);
+    let z_by_v = z * (j(Z, V) + row(jacobian, Z, [h_gamma, a.by_v[1], b.by_v[1]]));
+    let v_by_v = (j(V, V) + row(jacobian, V, [h_gamma, a.by_v[1], b.by_v[1]])) + j(V, Z) * z_by_v;
     let v = one / (diagonal - v_by_v);
-    let made_by_v = [h_gamma, one, a.by_v[0], a.by_v[1], b.by_v[0], b.by_v[1], z_by_v, zero];
+    let made = [h_gamma, one, a.by_v[0], a.by_v[1], b.by_v[0], b.by_v[1], z_by_v, zero];
     let v_row = j(V, Z);
-    let pair = |u: usize, by: [R::Plain; 2]| {
-        let z_by = z * j(Z, u) * by[1];
-        (z_by, v * v_row.fma(z_by, j(V, u) * by[1]))
-    };
-    let x_column = v * v_row.fma(z_by_x, row(V, h_gamma, a.by_x[1], b.by_x[1]));
-    let [(am, v_am), (au, v_au)] = [pair(u_a, a.by_m), pair(u_a, a.by_u)];
-    let [(bm, v_bm), (bu, v_bu)] = [pair(u_b, b.by_m), pair(u_b, b.by_u)];
-    let mut column = |l: usize, by_v: R::Plain, held: [R::Plain; SMALL]| {
-        for i in 0..SMALL {
-            columns[l][i] = made_by_v[i].fma(by_v, held[i]);
-        }
-    };
+    let x_column = v * v_row.fma(z_by_x, row(jacobian, V, [h_gamma, a.by_x[1], b.by_x[1]]));
+    let (to_a, to_b) = ([j(Z, u_a), j(V, u_a)], [j(Z, u_b), j(V, u_b)]);
+    let ((am, v_am), (au, v_au)) = (through(z, v, v_row, to_a, a.by_m), through(z, v, v_row, to_a, a.by_u));
+    let ((bm, v_bm), (bu, v_bu)) = (through(z, v, v_row, to_b, b.by_m), through(z, v, v_row, to_b, b.by_u));
     let o = zero;
-    column(0, x_column, [h_gamma, o, a.by_x[0], a.by_x[1], b.by_x[0], b.by_x[1], z_by_x, o]);
-    column(1, v, [o; SMALL]);
-    column(2, v_am, [o, o, a.by_m[0], a.by_m[1], o, o, am, o]);
-    column(3, v_au, [o, o, a.by_u[0], a.by_u[1], o, o, au, o]);
-    column(4, v_bm, [o, o, o, o, b.by_m[0], b.by_m[1], bm, o]);
-    column(5, v_bu, [o, o, o, o, b.by_u[0], b.by_u[1], bu, o]);
-    column(6, v * v_row * z, [o, o, o, o, o, o, z, o]);
-    columns[7] = [o, o, o, o, o, o, o, h_gamma];
+    let [x, vs, m_a, us_a, m_b, us_b, zs, rest] = columns;
+    fill(x, &made, x_column, [h_gamma, o, a.by_x[0], a.by_x[1], b.by_x[0], b.by_x[1], z_by_x, o]);
+    fill(vs, &made, v, [o; SMALL]);
+    fill(m_a, &made, v_am, [o, o, a.by_m[0], a.by_m[1], o, o, am, o]);
+    fill(us_a, &made, v_au, [o, o, a.by_u[0], a.by_u[1], o, o, au, o]);
+    fill(m_b, &made, v_bm, [o, o, o, o, b.by_m[0], b.by_m[1], bm, o]);
+    fill(us_b, &made, v_bu, [o, o, o, o, b.by_u[0], b.by_u[1], bu, o]);
+    fill(zs, &made, v * v_row * z, [o, o, o, o, o, o, z, o]);
+    *rest = [o, o, o, o, o, o, o, h_gamma];
 }
 
 #[cfg(test)]

@@ -5,7 +5,18 @@ use crate::control::{LEAST_ERROR, inverse_cube_root};
 use crate::linear::Pair;
 use crate::stages::{BLOCK, Block, Fifth, MOST_STAGES, Method, Tableau, Third, combine, stands};
 use crate::system::System;
-use math::{Lane, Real};
+use math::{Lane, Real, Work};
+
+/// An attempt at a step of this length.
+struct Attempt<'s, R: Lane, Sys: System<R>>(&'s mut Stepper<R, Sys>, R::Plain);
+
+impl<R: Lane, Sys: System<R>> Work for Attempt<'_, R, Sys> {
+    type Out = ();
+    #[inline(always)]
+    fn work(self) {
+        self.0.take_stages(self.1);
+    }
+}
 
 /// sum = one + other.
 #[inline(always)]
@@ -20,7 +31,12 @@ fn add_blocks<R: Lane>(sum: &mut [Block<R>], one: &[Block<R>], other: &[Block<R>
 impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     /// One step of all lanes with their own `h`: stages into `u`, the new state into `step.y1`.
     pub(super) fn attempt(&mut self, h: R::Plain) {
-        let is_small = self.structure.is_small() && R::DIRECTIONS == 0;
+        R::within(Attempt(self, h));
+    }
+
+    #[inline(always)]
+    fn take_stages(&mut self, h: R::Plain) {
+        let is_small = !R::GENERAL || (self.structure.is_small() && R::DIRECTIONS == 0);
         let inverse_h = R::Plain::one() / h;
         macro_rules! stages {
             ($method:ident $count:literal: $($i:literal)*) => {{
@@ -116,6 +132,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     }
 
     /// The largest error of any state, in units of its tolerance, for all lanes; NaN where a state is not finite.
+    #[inline(always)]
     pub(super) fn error(&self) -> R::Plain {
         let rtol = R::Plain::from_lanes(|lane| self.lanes[lane].share * self.options.rtol);
         let (zero, infinite) = (R::Plain::zero(), R::Plain::c(f64::INFINITY));

@@ -37,6 +37,7 @@ impl<R: Lane> Accepted<'_, R> {
         self.step.attempts()
     }
     /// The course of one state.
+    #[inline(always)]
     pub fn course(&self, i: usize) -> Course<R> {
         self.step.course(i, self.u)
     }
@@ -46,6 +47,7 @@ impl<R: Lane> Accepted<'_, R> {
         self.step.component(i, theta)
     }
     /// At a fraction of its length.
+    #[inline(always)]
     pub fn at(&mut self, theta: f64) -> &[R] {
         self.step.prepare(self.u);
         self.step.interpolate(theta)
