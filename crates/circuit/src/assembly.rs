@@ -5,6 +5,7 @@ mod drive;
 pub(crate) mod end_stop;
 mod friction;
 mod gas;
+pub(crate) mod glances;
 pub(crate) mod leak;
 mod members;
 mod network;

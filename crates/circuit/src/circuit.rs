@@ -9,6 +9,7 @@ use crate::net::{AxisNode, Net};
 use crate::part::cylinder::{CHAMBERS, INNER};
 use crate::part::*;
 use fused::{Fused, Linearised, Rates};
+pub(crate) use fused::glance;
 use math::{Lane, Over, Real, Work};
 use ode::{Accepted, Dense, Structure, System};
 use physics::Gas;

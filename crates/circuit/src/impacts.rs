@@ -61,11 +61,8 @@ impl Impacts {
 
     #[inline(never)]
     fn follow(&mut self, t: f64, h: f64, states: &mut Accepted<'_, f64>) {
-        let first = self.first;
-        let mut at = |theta: f64| {
-            let y = states.at(theta);
-            [y[first], y[first + 1]]
-        };
+        let courses = [self.first, self.first + 1].map(|i| states.course(i));
+        let at = |theta: f64| courses.each_ref().map(|course| course.value(theta));
         let mut from = 0.0;
         if self.open.is_none() {
             let (mut low, mut high) = (0.0, 1.0);

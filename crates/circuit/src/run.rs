@@ -1,5 +1,6 @@
 //! Output of a session: samples, impacts, accounts, and errors in words.
 
+use crate::assembly::glances::Glances;
 use crate::assembly::{Assembly, Session};
 use crate::circuit::{Circuit, Lacking, Scarce};
 use crate::impacts::{Impact, Impacts};
@@ -67,14 +68,19 @@ pub struct Run {
     pub impacts: Vec<Impact>,
 }
 
+/// Rows that are kept together before they go to the columns, which are written in stretches then.
+const ROWS_OF_A_BLOCK: usize = 64;
+
 /// Turns states into columns while the integration runs.
 pub(crate) struct Recorder {
     assembly: Assembly,
+    glances: Option<Glances>,
     times: Vec<f64>,
     next: usize,
     net: Net<f64>,
     columns: Vec<Vec<f64>>,
-    row: Vec<f64>,
+    block: Vec<f64>,
+    rows: usize,
     entries: Option<Vec<Entry>>,
     impacts: Vec<Impacts>,
 }
@@ -85,8 +91,10 @@ impl Recorder {
         Recorder {
             next: 0,
             net: circuit.work(),
-            columns: vec![Vec::with_capacity(times.len()); n],
-            row: vec![0.0; n],
+            columns: (0..n).map(|_| Vec::with_capacity(times.len())).collect(),
+            block: vec![0.0; n * ROWS_OF_A_BLOCK],
+            rows: 0,
+            glances: Glances::of(assembly),
             entries: (!circuit.channels().is_empty()).then(Vec::new),
             impacts: circuit.impacts(),
             assembly: assembly.clone(),
@@ -102,9 +110,20 @@ impl Recorder {
         }
     }
 
+    /// Puts the rows of the block into the columns.
+    fn spill(&mut self) {
+        let n = self.columns.len();
+        let rows = &self.block[..n * self.rows];
+        for (i, column) in self.columns.iter_mut().enumerate() {
+            column.extend(rows.chunks_exact(n).map(|row| row[i]));
+        }
+        self.rows = 0;
+    }
+
     /// Results of a complete run.
     pub fn finish(mut self, session: &Session) -> Run {
         self.complete(session);
+        self.spill();
         let statistics = session.statistics();
         let balance = self.entries.as_ref().map(|entries| closed(session.circuit(), entries));
         let mut impacts: Vec<Impact> = self.impacts.into_iter().flat_map(Impacts::finish).collect();
@@ -117,6 +136,7 @@ impl Recorder {
         if session.failed().is_none() {
             self.complete(session);
         }
+        self.spill();
         self.columns
     }
 }
@@ -127,9 +147,15 @@ impl Output<f64, Circuit<f64>> for Recorder {
     }
 
     fn sample(&mut self, _lane: usize, t: f64, y: &[f64], circuit: &Circuit<f64>) {
-        self.assembly.row(circuit, t, y, &mut self.net, &mut self.row);
-        for (column, value) in self.columns.iter_mut().zip(&self.row) {
-            column.push(*value);
+        let n = self.columns.len();
+        let row = &mut self.block[n * self.rows..][..n];
+        match &self.glances {
+            Some(glances) => glances.row(circuit, t, y, row),
+            None => self.assembly.row(circuit, t, y, &mut self.net, row),
+        }
+        self.rows += 1;
+        if self.rows == ROWS_OF_A_BLOCK {
+            self.spill();
         }
         if let Some(entries) = &mut self.entries {
             entries.push(Entry::of(circuit, y));

@@ -142,7 +142,7 @@ pub fn valve_openings<R: Real>(u: R) -> [R; 4] {
 }
 
 /// The command that opens the edges so; not a number if none does.
-fn command<R: Lane>(circuit: &Circuit<R>, edges: [InputId; 4]) -> R {
+pub(super) fn command<R: Lane>(circuit: &Circuit<R>, edges: [InputId; 4]) -> R {
     let [a, b, c, d] = edges.map(|edge| circuit.input(edge));
     let is_one = (0..R::L).all(|lane| {
         let [a, b, c, d] = [a, b, c, d].map(|opening| opening.get(lane));

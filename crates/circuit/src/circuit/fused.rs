@@ -2,6 +2,8 @@
 //! functions of the same parts in the same order, so the bits are those of the parts joined by nodes. Both chambers
 //! are one computation on two numbers side by side; the Jacobian is taken by what enters chambers and axis.
 
+pub(crate) mod glance;
+
 use super::{Circuit, GasId};
 use crate::net::{AxisNode, GasNode};
 use crate::part::restriction::passing;
@@ -85,6 +87,7 @@ const AXIS: usize = 8;
 struct Chambers<S> {
     rates: [S; 2],
     pressure: S,
+    temperature: S,
 }
 
 impl<R: Lane> Fused<R> {
@@ -191,15 +194,27 @@ impl<P: Real> Fused<P> {
             node.m_dot += m_dot;
             node.h_dot += m_dot * (cp * S::select(out, node.t, S::from(ports.temperature)));
         }
-        let pressure = node.p;
-        Chambers { rates: self.volume.rates(&mut node, &self.common), pressure }
+        let (pressure, temperature) = (node.p, node.t);
+        Chambers { rates: self.volume.rates(&mut node, &self.common), pressure, temperature }
     }
 }
 
 impl<P: Real> Cylinder<P> {
     /// Rates of velocity and inner states at (x, v) and the pressures of both chambers.
     #[inline(always)]
-    fn accelerates<S: Over<P>>(&self, [x, v, a, b]: [S; 4], z: &[S], dz: &mut [S], common: &Common<P>) -> S {
+    fn accelerates<S: Over<P>>(&self, states: [S; 4], z: &[S], dz: &mut [S], common: &Common<P>) -> S {
+        self.moves(states, z, dz, common).a
+    }
+
+    /// The axis there, with its forces.
+    #[inline(always)]
+    fn moves<S: Over<P>>(
+        &self,
+        [x, v, a, b]: [S; 4],
+        z: &[S],
+        dz: &mut [S],
+        common: &Common<P>,
+    ) -> AxisNode<S> {
         let mut axis = AxisNode::at_rest();
         self.axis.stand([x, v], &mut axis);
         let mut node = GasNode::empty();
@@ -208,7 +223,8 @@ impl<P: Real> Cylinder<P> {
         node.p = b;
         self.faces[1].push(&node, &mut axis, common);
         self.stops.push(&mut axis);
-        self.axis.accelerate::<S, true>(z, dz, &mut axis)[1]
+        self.axis.accelerate::<S, true>(z, dz, &mut axis);
+        axis
     }
 }
 
@@ -245,7 +261,7 @@ impl<R: Lane> Circuit<R> {
         let (out, dz) = out.split_first_chunk_mut::<6>().expect("as many");
         let [x, v, m_a, u_a, m_b, u_b] = *outer;
         let states = [Both::same(x), Both::same(v), Both([m_a, m_b]), Both([u_a, u_b])];
-        let Chambers { rates, pressure } = fused.chambers(Both::same(cylinder.least_wall), states);
+        let Chambers { rates, pressure, .. } = fused.chambers(Both::same(cylinder.least_wall), states);
         let [a, b] = pressure.0;
         let acceleration = cylinder.accelerates([x, v, a, b], z, dz, &self.common);
         let [m_dot, u_dot] = rates.map(|both| both.0);
@@ -270,7 +286,7 @@ impl<R: Lane> Circuit<R> {
         let [x, v, m_a, u_a, m_b, u_b] = *outer;
         let states = [Both::same(x), Both::same(v), Both([m_a, m_b]), Both([u_a, u_b])];
         let seeded: [Dual<Both<R>, 4>; 4] = std::array::from_fn(|i| Dual::variable(states[i], i));
-        let Chambers { rates, pressure } = fused.chambers(Both::same(cylinder.least_wall), seeded);
+        let Chambers { rates, pressure, .. } = fused.chambers(Both::same(cylinder.least_wall), seeded);
         for (side, first) in [2, 4].into_iter().enumerate() {
             for (row, rate) in (first..).zip(&rates) {
                 f[row] = rate.re.0[side];

@@ -1,8 +1,9 @@
 //! The usual drive, which is evaluated without nodes, is the same drive: the bits of its rates are those of its parts
-//! joined by nodes, and its Jacobian, taken by what enters chambers and axis, is that of the whole.
+//! joined by nodes, and its Jacobian, taken by what enters chambers and axis, is that of the whole. So are the columns of
+//! its trajectory.
 
 use crate::support::*;
-use circuit::{ChamberLaw, Circuit, InputId, PistonSide};
+use circuit::{ChamberLaw, Circuit, Drive, InputId, PistonSide};
 use math::Dual;
 use ode::System;
 use physics::friction::{Composition, Contact, SealLips};
@@ -95,5 +96,36 @@ fn its_rates_are_those_of_nodes_to_the_bit_and_its_jacobian_is_the_whole() {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn its_trajectory_shows_what_the_nodes_have() {
+    for spec in [reference(), reference_stribeck()] {
+        let drive = Drive::assemble(&spec, false).expect("assembles");
+        // Extended into the stop, retracted, and shut; more samples than are kept together.
+        let (times, commands) = ([0.0, 0.4, 0.6], [1.0, -0.3, 0.0]);
+        let (sampling, initial) = ((0.7, 500.0), at_rest(0.2, 3e5));
+        let plan = (&times[..], &commands[..], sampling, &initial, options(1e-6));
+        let mut never = |_: f64| false;
+        let run = drive.simulate(plan.0, plan.1, plan.2, plan.3, plan.4, &mut never).expect("runs");
+        let states = drive.states(plan.0, plan.1, plan.2, plan.3, plan.4, &mut never).expect("runs");
+        let command = drive.columns().iter().position(|name| name == "command").expect("a column");
+        let (assembly, n) = (drive.assembly(), drive.n_states());
+        let mut circuit = Circuit::clone(&assembly.circuit);
+        let mut net = circuit.work::<f64>();
+        for (k, y) in states.chunks(n).enumerate() {
+            let shown: Vec<f64> = run.columns.iter().map(|column| column[k]).collect();
+            if shown[2] == 0.0 {
+                continue; // whether it sticks there only the run knows
+            }
+            circuit.change_modes(|mode| *mode = shown[2].signum());
+            drive.set_command(&mut circuit, 0, shown[command]);
+            let mut row = vec![0.0; shown.len()];
+            assembly.row(&circuit, shown[0], y, &mut net, &mut row);
+            assert_eq!(bits(&shown), bits(&row), "{}, {} s", spec.friction.law, shown[0]);
+        }
+        let end_stop = run.columns[9].iter().copied().fold(0.0, f64::max);
+        assert!(end_stop > 0.0, "the piston meets its stop");
     }
 }
