@@ -15,6 +15,8 @@ UV := $(BIN)/uv pip install --quiet --compile-bytecode --python $(PY) --require-
 # One interpreter for every cargo run, or PyO3 would be built again for each.
 export PYO3_PYTHON := $(CURDIR)/$(VENV)/bin/python
 export MATURIN_NO_INSTALL_RUST := 1
+# Byte code is kept: without it each worker of the tests rewrites their asserts anew, for 6 s.
+unexport PYTHONDONTWRITEBYTECODE
 
 RUST := Cargo.toml Cargo.lock $(wildcard .cargo/config.toml) \
         $(shell find crates \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*')

@@ -23,7 +23,7 @@ from pneudrive.rig.opcua.server import RigServer
 
 PROTOCOL = "quick-look"
 KILLS = 10
-PACE = 30.0  # a cycle takes some tenths of a second, so that a kill comes in the middle of it
+PACE = 60.0  # a cycle takes a tenth of a second or more, so that a kill comes in the middle of it
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +91,7 @@ class Server:
         while self.kills < KILLS and not self.over.is_set():
             finished = len(list(cycles.glob("*.parquet"))) if cycles.is_dir() else 0
             if finished > self.kills:
-                time.sleep(rng.uniform(0.0, 0.2))
+                time.sleep(rng.uniform(0.0, 0.1))
                 self.kill()
                 self.kills += 1
                 self.start()

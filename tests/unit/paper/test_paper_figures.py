@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneudrive.studies.bracha import paper_figures, run_experiments
+from pneudrive.campaign.protocol import ready_protocols
+from pneudrive.studies.bracha import paper_figures
 from pneudrive.studies.bracha import stick_slip as ss
+from pneudrive.studies.bracha.experiments import EXPERIMENTS, run_experiment
 from pneudrive.studies.bracha.stick_slip import figure_1, figure_2, figure_3
 
 #: Breakaway no higher than sliding, no effect of pressure, no ageing: nothing of what the paper shows.
@@ -34,17 +36,14 @@ def figures(made):
 
 @pytest.fixture(scope="module")
 def flat(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("flat")
-    rigs = {}
-    for name, base in (
-        ("cycle", "open-chambers"),
-        ("speed", "open-chambers"),
-        ("pressure", "common-manifold"),
-        ("stops", "open-chambers"),
-    ):
-        rigs[name] = folder / f"{name}.toml"
-        rigs[name].write_text(FLAT.format(base=base), encoding="utf-8")
-    return paper_figures(run_experiments(folder, seed=3, rigs=rigs))
+    folder, made = tmp_path_factory.mktemp("flat"), {}
+    for name, (protocol, base) in EXPERIMENTS.items():
+        rig, own = folder / f"{name}-rig.toml", folder / f"{name}.toml"
+        rig.write_text(FLAT.format(base=base), encoding="utf-8")
+        text = ready_protocols()[protocol].read_text(encoding="utf-8")
+        own.write_text(text.replace("repeats = 5", "repeats = 2"), encoding="utf-8")  # of the stops: what is not there
+        (made[name],) = run_experiment(name, str(own), str(rig), str(folder / protocol), 3)
+    return paper_figures(made)
 
 
 def test_all_figures_hold_and_are_marked_synthetic(figures):

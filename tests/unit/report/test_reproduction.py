@@ -10,9 +10,9 @@ from pneudrive.report.verdict import verdict
 from pneudrive.studies.bracha import Claim
 
 
-def test_every_sentence_stands_with_its_verdict(made, tmp_path, loads_from_elsewhere):
+def test_every_sentence_stands_with_its_verdict(made, reproduced, loads_from_elsewhere):
     assert sorted(made.figures) == list(range(1, 10))
-    page = write_report(None, {}, tmp_path, made).read_text(encoding="utf-8")
+    page = (reproduced.folder / "report.html").read_text(encoding="utf-8")
     assert loads_from_elsewhere(page) == []
     for claim in made.claims:
         assert html.escape(claim.said).replace("&#x27;", "&#39;") in page
@@ -36,7 +36,7 @@ def test_a_verdict_reaches_page_and_summary(made, tmp_path):
     planted = Claim(
         "figure 8", "Lower line is lower pressure", "does not hold", "the lower line is the higher pressure"
     )
-    other = replace(made, claims=(planted,))
+    other = replace(made, claims=(planted,), figures={8: made.figures[8]})
     page = write_report(None, {}, tmp_path, other).read_text(encoding="utf-8")
     assert "0 of 1 sentence that can be checked hold, 0 hold in part, 1 does not hold" in page
     assert "The lower line is the higher pressure." in page
