@@ -19,7 +19,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from benches import doors, ensemble, growth, tables
+from benches import doors, ensemble, growth, identify, limit, tables
 from benches.problem import CASES, GRID
 from benches.sweep import Entry, interleave
 
@@ -36,6 +36,7 @@ GOALS = [
     ("A", "SciPy LSODA (solve_ivp), Numba rhs", 60.0),
     ("C", "pydiffsol BDF (LLVM)", 40.0),
 ]
+FIT_GOAL = ("SciPy odeint, Python rhs, 1e-09", 100.0)
 PACKAGES = ("numpy", "scipy", "numba", "pydiffsol", "scikit-sundae", "casadi", "diffrax", "jax", "numbalsoda")
 
 
@@ -103,7 +104,12 @@ def measured(peers_only: bool, rounds: dict[str, int]) -> list[Entry]:
 Table = tuple[Sequence[str], Sequence[Sequence[str]]]
 
 
-def report(entries: list[Entry], more: Sequence[Table], waits: list[tuple[str, float, float]]) -> tuple[str, str]:
+def report(
+    entries: list[Entry],
+    more: Sequence[Table],
+    waits: list[tuple[str, float, float]],
+    fits: Sequence[identify.Compared],
+) -> tuple[str, str]:
     """Return the report for the terminal and as Markdown: cases, further tables, goals."""
     printed, marked = [], []
     for case in CASES:
@@ -114,6 +120,11 @@ def report(entries: list[Entry], more: Sequence[Table], waits: list[tuple[str, f
         (f"case {case}: {name}", f"{found:.3g}", f">= {goal:g}", _met(found >= goal))
         for case, name, goal in GOALS
         if (found := tables.ratio(entries, case, name)) is not None
+    ]
+    goals += [
+        (f"output-error fit: {one.name}", f"{one.ratio:.3g}", f">= {FIT_GOAL[1]:g}", _met(one.ratio >= FIT_GOAL[1]))
+        for one in fits
+        if one.name == FIT_GOAL[0]
     ]
     goals += [
         (what, f"{1e3 * took:.3g} ms", *(("", "") if bound == inf else (f"< {1e3 * bound:g} ms", _met(took < bound))))
@@ -143,11 +154,20 @@ def main() -> None:
     entries = measured(arguments.peers_only, {"A": 3, "B": 3, "C": 1} if arguments.quick else ROUNDS)
     waits = [] if arguments.peers_only else doors.measure()
     more: list[Table] = []
+    fits: list[identify.Compared] = []
     if not arguments.peers_only:
         members = ensemble.measure()
         share = ("all cores, beside as many processes", f"{ensemble.share_of_processes():.3g}", "")
-        more = [(ensemble.HEAD, [*members, share]), (growth.HEAD, growth.measure())]
-    printed, marked = report(entries, more, waits)
+        fits = identify.measure()
+        own = {e.case.name: (e.loosest, e.milliseconds(e.loosest)) for e in entries if e.solver == tables.OURS}
+        timed = {case: (tol, took) for case, (tol, took) in own.items() if tol is not None and took is not None}
+        more = [
+            (ensemble.HEAD, [*members, share]),
+            (growth.HEAD, growth.measure()),
+            (identify.HEAD, identify.rows(fits)),
+            (limit.HEAD, limit.measure(timed)),
+        ]
+    printed, marked = report(entries, more, waits, fits)
     took = time.perf_counter() - started
     print(printed + f"\n\n{took:.0f} s in all")
     if arguments.quick or arguments.peers_only:
@@ -156,6 +176,7 @@ def main() -> None:
         "machine": machine(),
         "rounds": ROUNDS,
         "entries": [entry.as_json() for entry in entries],
+        "tables": [[head, *body] for head, body in more],
         "doors_s": {what: float(f"{seconds:.4g}") for what, seconds, _ in waits},
     }
     (HERE / "results.json").write_text(json.dumps(results, indent=1) + "\n")

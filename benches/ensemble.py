@@ -12,12 +12,16 @@ import subprocess
 import sys
 import time
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from benches.problem import A
 from benches.tables import text
 from pneudrive import _core
+
+if TYPE_CHECKING:
+    from pneudrive._core import Outcome
 
 MEMBERS, PEER_MEMBERS, TRACED_MEMBERS = 10_000, 1000, 100
 #: Eleven numbers of the drive: path in the core, low, high, and index in the peers' parameters. The breakaway force is
@@ -62,6 +66,11 @@ def parameters(n: int) -> np.ndarray:
 
 def ours(n: int, threads: int, tol: float = LOOSEST["pneudrive"]) -> np.ndarray:
     """Return final position and velocity, and the stroke time, shape (n, 3)."""
+    return np.column_stack(outcome(n, threads, tol)["outputs"])
+
+
+def outcome(n: int, threads: int, tol: float = LOOSEST["pneudrive"]) -> Outcome:
+    """Return what the core gives: these outputs, and its attempts at a step."""
     names = [*(path for path, *_ in VARIED), BREAKAWAY[0]]
     values = rows(n)
     drive = json.loads(json.dumps(A.data["drive"]))
@@ -72,7 +81,7 @@ def ours(n: int, threads: int, tol: float = LOOSEST["pneudrive"]) -> np.ndarray:
     times, commands = (list(column) for column in zip(*A.data["commands"], strict=True))
     start = [A.data["initial"].get(name, 0.0) for name in ensemble.start_names]
     stroke = drive["cylinder"]["stroke_m"]
-    found = ensemble.run(
+    return ensemble.run(
         {
             "values": values,
             "plans": [(ensemble.inputs[0], times, np.tile(commands, (n, 1)))],
@@ -87,7 +96,6 @@ def ours(n: int, threads: int, tol: float = LOOSEST["pneudrive"]) -> np.ndarray:
             "threads": threads,
         }
     )
-    return np.column_stack(found["outputs"])
 
 
 def _microseconds(solve, n: int, repeats: int = 3) -> float:

@@ -2,14 +2,15 @@
 
 ``python -m benches.identify`` prints what the tests do not have time for, all on synthetic records:
 
-- speed: five friction parameters from 10 s of servo motion at 1 kHz, 1 um and 200 Pa of noise, from starts 50 % off,
-  against output error with LSODA in plain Python and finite differences. One simulation of theirs is timed and taken
-  times what a Gauss-Newton step needs (one run, and one for each parameter and each number of the start) times the
-  steps that ours took: in its favour, as single shooting from such starts needs more, or does not arrive. Compared is
-  processor time of all threads. How far each simulation is off, in units of the noise, stands beside its time: with
-  `odeint` at 1e-6 it is more than the noise, and a fit by finite differences then ends beside the truth by many
-  standard errors (3 s of this record: Coulomb friction by 9, viscous by 15), while at 1e-9 it ends where ours does.
-  So the tolerance of equal accuracy is the one to compare with.
+- speed, in `make bench` too: five friction parameters from 10 s of servo motion at 1 kHz, 1 um and 200 Pa of noise,
+  from starts 50 % off, against output error with LSODA and finite differences. One simulation of theirs is timed
+  between two fits of ours and taken times what a Gauss-Newton step needs (one run, and one for each parameter and each
+  number of the start) times the steps that ours took: in its favour, as single shooting from such starts needs more,
+  or does not arrive. Ours is the whole call, with intervals and limits of the model error. Compared is processor time
+  of all threads. How far each simulation is off, in units of the noise, stands beside its time: with `odeint` at 1e-6
+  it is more than the noise, and a fit by finite differences then ends beside the truth by many standard errors (3 s of
+  this record: Coulomb friction by 9, viscous by 15), while at 1e-9 it ends where ours does. So the tolerance of equal
+  accuracy is the one to compare with.
 - coverage: a laboratory's noise (10 um, 2 kPa), unknown offsets of 0.5 % of full scale on all sensors, valve C and b
   free.
 """
@@ -19,11 +20,13 @@ from __future__ import annotations
 import argparse
 import time
 import warnings
-from typing import Any
+from importlib.util import find_spec
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import pneudrive as pn
+from benches.tables import text
 from pneudrive import _core
 
 START = {"position_m": 0.25, "velocity_m_s": 0.0} | {f"pressure_{c}_pa": 3e5 for c in "ab"}
@@ -68,8 +71,10 @@ def away(drive: Any, factors: np.ndarray) -> Any:
     return drive.replace({f"friction.{n}": f"{v!r} {UNITS[n]}" for n, v in start.items()})
 
 
-def scipy_run(columns: dict[str, np.ndarray], door: str, tolerance: float, share: float) -> tuple[float, np.ndarray]:
-    """Time one simulation of the record with SciPy's LSODA and plain Python equations, from a share of it.
+def scipy_run(
+    columns: dict[str, np.ndarray], door: str, derivative: Any, tolerance: float, share: float
+) -> tuple[float, np.ndarray]:
+    """Time one simulation of the record with SciPy's LSODA, from a share of it.
 
     Returns
     -------
@@ -78,9 +83,9 @@ def scipy_run(columns: dict[str, np.ndarray], door: str, tolerance: float, share
     ndarray, shape (n, 3)
         Position and pressures of that share.
     """
-    from benches.solvers import lsoda, rhs
+    from benches.solvers import lsoda
 
-    solver = getattr(lsoda, door)("LSODA", rhs.python_derivative)
+    solver = getattr(lsoda, door)("LSODA", derivative)
     n = round(share * (len(columns["time_s"]) - 1))
     y = np.array([0.25, 0.0, 3e5, 293.15, 3e5, 293.15, 0.0])
     states = np.empty((n + 1, STATES))
@@ -104,36 +109,67 @@ def our_run(drive: Any, columns: dict[str, np.ndarray], rtol: float, share: floa
     return core.shoot(asked | {"initial": start, "outputs": outputs, "rtol": rtol})["values"]
 
 
-def speed() -> None:
-    """Print seconds of ours from several starts, and of the other."""
+class Compared(NamedTuple):
+    """Seconds of a fit, how many times ours, and how far a simulation is off, in units of the noise."""
+
+    name: str
+    seconds: float
+    ratio: float
+    off: float
+
+
+def peers() -> list[tuple[str, str, Any, float]]:
+    """Return name, door, right-hand side and tolerance: each where it is as accurate as ours, and odeint at 1e-6."""
+    from benches.solvers import rhs
+
+    plain = rhs.python_derivative
+    found = [("SciPy odeint, Python rhs", "OdeInt", plain, 1e-9), ("SciPy odeint, Python rhs", "OdeInt", plain, 1e-6)]
+    if find_spec("numba"):
+        found.append(("SciPy odeint, Numba rhs", "OdeInt", rhs.numba_derivative(), 1e-9))
+    return [*found, ("SciPy solve_ivp (LSODA), Python rhs", "SolveIvp", plain, 1e-9)]
+
+
+def measure() -> list[Compared]:
+    """Fit from each of the starts, and simulate with each of the peers between two fits; medians over these rounds."""
     drive = pn.Drive.load("catalogue:reference")
     columns = servo(drive, 10.0, NOISE, 0)
     pn.identify(drive, {k: v[:300] for k, v in columns.items()}, FRICTION)  # imports
     steps, ours = [], []
-    for factors in FACTORS:
-        wall, cpu = time.perf_counter(), time.process_time()
-        fit = pn.identify(away(drive, np.array(factors)), columns, FRICTION)
-        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-        worst = max(abs(fit.values[f"friction.{n}"] / drive.friction.parameters[n] - 1.0) for n in UNITS)
-        steps.append(fit.statistics["iterations"])
-        ours.append(cpu)
-        print(
-            f"starts x {factors}: {wall:.2f} s ({cpu:.2f} s of processor time), {steps[-1]:.0f} steps, "
-            f"worst parameter off by {100 * worst:.3f} %, converged: {fit.converged}"
-        )
-    count = float(np.median(steps))
+    others = peers()
+    for _, door, derivative, tolerance in others:
+        scipy_run(columns, door, derivative, tolerance, 1e-3)  # compiles
+    theirs: list[list[float]] = [[] for _ in others]
     exact, noise = our_run(drive, columns, 1e-11, SHARE), np.array([*NOISE, NOISE[1]])
+    away_by = [float(np.abs((our_run(drive, columns, 1e-6, SHARE) - exact) / noise).max())]
+    for factors in FACTORS:
+        begun = time.process_time()
+        fit = pn.identify(away(drive, np.array(factors)), columns, FRICTION)
+        ours.append(time.process_time() - begun)
+        steps.append(fit.statistics["iterations"])
+        worst = max(abs(fit.values[f"friction.{n}"] / drive.friction.parameters[n] - 1.0) for n in UNITS)
+        print(
+            f"starts x {factors}: {ours[-1]:.2f} s of processor time, {steps[-1]:.0f} steps, worst parameter off by "
+            f"{100 * worst:.3f} %, converged: {fit.converged}"
+        )
+        for (_, door, derivative, tolerance), times in zip(others, theirs, strict=True):
+            one, values = scipy_run(columns, door, derivative, tolerance, SHARE)
+            times.append(one)
+            if len(times) == 1:
+                away_by.append(float(np.abs((values - exact) / noise).max()))
+    runs, base = (1 + len(UNITS) + STATES) * float(np.median(steps)), float(np.median(ours))
+    found = [Compared("pneudrive (whole call)", base, 1.0, away_by[0])]
+    for (name, _, _, tolerance), times, off in zip(others, theirs, away_by[1:], strict=True):
+        seconds = runs * float(np.median(times))
+        found.append(Compared(f"{name}, {tolerance:g}", seconds, seconds / base, off))
+    return found
 
-    def off(values: np.ndarray) -> float:
-        return float(np.abs((values - exact) / noise).max())
 
-    print(f"ours at 1e-6: off by {off(our_run(drive, columns, 1e-6, SHARE)):.2g} times the noise at most")
-    for door, tolerance in (("SolveIvp", 1e-6), ("OdeInt", 1e-6), ("SolveIvp", 1e-9), ("OdeInt", 1e-9)):
-        one, values = scipy_run(columns, door, tolerance, SHARE)
-        theirs = one * (1 + len(UNITS) + STATES) * count
-        print(f"LSODA ({door}, plain Python, rtol {tolerance:g}): {one:.2f} s a simulation,", end=" ")
-        print(f"off by {off(values):.2g} times the noise,", end=" ")
-        print(f"{theirs:.0f} s for {count:.0f} steps, {theirs / np.median(ours):.0f} times ours")
+def rows(found: list[Compared]) -> list[tuple[str, ...]]:
+    """Return the rows of a table."""
+    return [(one.name, f"{one.seconds:.3g}", f"{one.ratio:.3g}", f"{one.off:.2g}") for one in found]
+
+
+HEAD = ("output-error fit, 5 parameters, 10 s at 1 kHz", "s", "times ours", "a simulation is off by (noise)")
 
 
 def coverage(count: int) -> None:
@@ -179,7 +215,7 @@ def main() -> None:
     parser.add_argument("--coverage", type=int, default=0, help="seeds of the coverage study; 0 leaves it out")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
-    speed()
+    print(text(HEAD, rows(measure())))
     if arguments.coverage:
         coverage(arguments.coverage)
 

@@ -24,6 +24,8 @@ from pneudrive.free.parameters import DriveFamily, family_of, numbers_of
 from pneudrive.simulate import compiled
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from pneudrive.describe.drive import Drive
@@ -55,7 +57,10 @@ def model_errors(drive: Drive, parameters: list[Parameter], solved: Solved) -> d
         motions = [_motion(solved, index) for index in range(len(solved.problem.experiments))]
         at = [_balances(family, values, motion) for motion in motions]
         scale = np.sqrt([sum(np.sum(one[1][b] ** 2) for one in at) for b in range(3)])
-        columns = np.column_stack([_change(family, values, k, steps[k], motions, scale) for k in range(values.size)])
+        here = [balances for balances, _ in at]
+        columns = np.column_stack(
+            [_change(family, values, k, steps[k], zip(motions, here, strict=True), scale) for k in range(values.size)]
+        )
     except (PneudriveError, ValueError):
         return {}
     if not np.isfinite(columns).all():
@@ -114,12 +119,19 @@ def _balances(family: DriveFamily, values: Array, motion: dict[str, Array]) -> t
 
 
 def _change(
-    family: DriveFamily, values: Array, k: int, step: float, motions: list[dict[str, Array]], scale: Array
+    family: DriveFamily,
+    values: Array,
+    k: int,
+    step: float,
+    motions: Iterable[tuple[dict[str, Array], list[Array]]],
+    scale: Array,
 ) -> Array:
-    """Return the change of all balances, relative to their terms, for a step of one number of the drive."""
+    """Return the change of all balances, relative to their terms, for a step of one number of the drive.
+
+    `motions` are given with their balances at `values`.
+    """
     parts = []
-    for motion in motions:
-        here = _balances(family, values, motion)[0]
+    for motion, here in motions:
         for sign in (1.0, -1.0):  # a number at a bound is changed in the other direction
             beside = values.copy()
             beside[k] += sign * step
