@@ -151,3 +151,19 @@ def test_wrong_input_is_one_message_and_status_2(folder, tmp_path, monkeypatch, 
     said = capsys.readouterr().err
     assert words in said
     assert "Traceback" not in said
+
+
+def test_a_page_of_a_fit_with_its_data_and_of_its_file(folder, tmp_path, capsys):
+    """Values, intervals, what is open; residuals only with the data, which the page of a file says."""
+    target, page = tmp_path / "fit.toml", tmp_path / "page"
+    call = ["fit", str(folder / "map.parquet"), "--laws", "stribeck gaussian", "--pressure", "linear", "--profile"]
+    assert run([*call, "--report", str(page), "--out", str(target)]) == 0
+    said, fit = capsys.readouterr().out, FrictionFit.from_toml(target)
+    low, high = fit.intervals["coulomb"]
+    assert f"profile of coulomb: {low:.5g} .. {high:.5g} N" in said
+    assert run(["report", str(target), "--out", str(tmp_path / "again")]) == 0
+    pages = [(where / "report.html").read_text("utf-8") for where in (page, tmp_path / "again")]
+    row = next(row for row in fit.rows() if row[0] == "coulomb")
+    for html in pages:
+        assert all(cell in html for cell in row if cell)
+    assert [("residual / N" in html, "without its data" in html) for html in pages] == [(True, False), (False, True)]

@@ -90,7 +90,7 @@ def design(
 
 def _shared(fit: FrictionFit, plan: Design) -> list[str]:
     """Return a note on shared errors that exceed the errors that more points reduce."""
-    from pneudrive.identify.base import shown_in
+    from pneudrive.identify.determined import shown_in
     from pneudrive.identify.model import unit_of
 
     out = []

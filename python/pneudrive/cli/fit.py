@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import Profile, names_in, option
+from pneudrive.cli.options import Page, Profile, names_in, option
 from pneudrive.cli.output import tell_fit
 from pneudrive.cli.progress import on_terminal
 
@@ -51,6 +51,7 @@ def fit(
     ambient: Annotated[str, typer.Option(help="Ambient pressure, if the map lacks it.")] = "",
     layout: Annotated[Path | None, typer.Option(help="Layout of recordings; default: layout.toml beside them.")] = None,
     profile: Profile = False,
+    report: Page = None,
     out: Annotated[Path, typer.Option(help="Fit file to write; with --by one file for each value.")] = Path("fit.toml"),
 ) -> None:
     """Fit friction laws to a map and recommend one: fit.toml.
@@ -87,7 +88,7 @@ def fit(
             typer.echo(str(comparison))
         slug = re.sub(r"[^A-Za-z0-9._-]+", "-", group)
         target = out.with_stem(f"{out.stem}-{slug}") if group else out
-        tell_fit(found, target, profile=profile)
+        tell_fit(found, target, report and report / slug, profile=profile)
     for said in _seals(curves, by, options["ambient_pressure_pa"], turn[direction]):
         typer.echo(f"- {said}")
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders, Profile, names_in, sensor_option
+from pneudrive.cli.options import CatalogueFolders, Page, Profile, names_in, sensor_option
 from pneudrive.cli.output import tell_fit
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ def identify(
     segment: Annotated[str, typer.Option(help='Length of the segments; "whole" is single shooting.')] = "0.4 s",
     robust: Annotated[bool, typer.Option(help="Reduce the weight of outliers.")] = False,
     profile: Profile = False,
+    report: Page = None,
     layout: Annotated[Path | None, typer.Option(help="Layout of foreign files.")] = None,
     out: Annotated[Path | None, typer.Option(help="Fit file to write (TOML).", metavar="FIT.toml")] = None,
     catalogue: CatalogueFolders = None,
@@ -63,7 +64,15 @@ def identify(
         check_target(out, (".toml",))
     names = names_in(free)
     if Tank.is_file(drive):
-        _tank(drive, recordings, names, layout, out, profile=profile, beside={"sensor": sensor, "robust": robust})
+        _tank(
+            drive,
+            recordings,
+            names,
+            layout,
+            (out, report),
+            profile=profile,
+            beside={"sensor": sensor, "robust": robust},
+        )
         return
     sensors = dict(sensor_option(text) for text in sensor or ())
     fit = identified(
@@ -76,7 +85,7 @@ def identify(
         layout=layout,
         progress=_show,
     )
-    tell_fit(fit, out, profile=profile)
+    tell_fit(fit, out, report, profile=profile)
 
 
 def _show(progress: Progress) -> None:
@@ -89,7 +98,7 @@ def _tank(
     recordings: list[Path],
     names: list[str],
     layout: Path | None,
-    out: Path | None,
+    written: tuple[Path | None, Path | None],
     *,
     profile: bool,
     beside: dict[str, object],
@@ -105,7 +114,7 @@ def _tank(
             raise CommandError(
                 f"--{option} is not an option for a tank",
                 where=tank,
-                rule="options for a tank: --free, --layout, --out, --profile",
+                rule="options for a tank: --free, --layout, --out, --profile, --report",
             )
     fit = identify_volume(Tank.load(tank), list(recordings), names or None, layout=layout, progress=on_terminal().tell)
-    tell_fit(fit, out, profile=profile)
+    tell_fit(fit, *written, profile=profile)

@@ -23,7 +23,7 @@ COMMANDS = {
     name: f"pneudrive.cli.{name}"
     for name in (
         *("simulate", "sweep", "check", "draw", "lines", "characterise", "identify", "apply", "fit"),
-        *("design", "compare", "validate", "export", "campaign", "rig", "layout", "reproduce", "catalogue"),
+        *("report", "design", "compare", "validate", "export", "campaign", "rig", "layout", "reproduce", "catalogue"),
         *("components", "schema", "demo"),
     )
 }

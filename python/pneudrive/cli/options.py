@@ -48,6 +48,9 @@ Layout = Annotated[
 ]
 Results = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 Profile = Annotated[bool, typer.Option(help="Also compute intervals by profile likelihood.")]
+Page = Annotated[
+    Path | None, typer.Option("--report", help="Folder for a page of the fit with its residuals.", metavar="FOLDER")
+]
 Samples = Annotated[
     str,
     typer.Option("--protocol", help="Samples used: settled, or source-paper (first 5 % dropped)."),

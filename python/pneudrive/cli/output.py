@@ -88,12 +88,14 @@ def tell(paths: Iterable[Path | None]) -> None:
             typer.echo(str(path))
 
 
-def tell_fit(fit: Fit, out: Path | None, *, profile: bool) -> None:
-    """Print a fit, write its file, and print intervals by profile likelihood."""
+def tell_fit(fit: Fit, out: Path | None, report: Path | None, *, profile: bool) -> None:
+    """Print a fit, write its file and its page, and print intervals by profile likelihood."""
     typer.echo(str(fit))
     if out is not None:
         fit.to_toml(out)
         tell([out])
+    if report is not None:
+        tell([fit.report(report)])
     if profile:
         for name, (lower, upper) in fit.profile().items():
             typer.echo(f"  profile of {name}: {lower:.5g} .. {upper:.5g} {fit.units[name]}")

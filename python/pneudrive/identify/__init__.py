@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pneudrive.identify.any_law import fit_any_law
-from pneudrive.identify.base import Undetermined
+from pneudrive.identify.determined import Undetermined
 from pneudrive.identify.fit import fit_directions, fit_friction
 from pneudrive.identify.law_fit import LawFit
 from pneudrive.identify.result import FrictionFit, Prediction

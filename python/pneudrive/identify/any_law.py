@@ -21,7 +21,7 @@ from pneudrive.estimate.profile import profile_interval
 from pneudrive.estimate.transforms import intervals
 from pneudrive.identify.assemble import covariance, statistics_of, systematic
 from pneudrive.identify.core_law import AnyLaw
-from pneudrive.identify.fit import ambient_of, fingerprint, recordings_of
+from pneudrive.identify.fit import ambient_of, fingerprint, recordings_of, simulated
 from pneudrive.identify.law_fit import LawFit
 from pneudrive.identify.observations import observations
 from pneudrive.identify.robust import estimate
@@ -115,6 +115,7 @@ def fit_any_law(
         systematic=dict(zip(model.names, systematic(model, data, found).tolist(), strict=True)),
         undetermined=tuple(n for n, is_lost in zip(model.names, lost, strict=True) if is_lost),
         unseen=tuple(n for n in known if n not in seen),
+        notes=tuple(simulated(friction_map)),
         statistics=statistics_of(model, data, found),
         provenance=origin,
         observations=data,

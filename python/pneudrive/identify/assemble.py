@@ -14,7 +14,7 @@ from pneudrive.identify.robust import deviance
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.identify.base import Undetermined
+    from pneudrive.identify.determined import Undetermined
     from pneudrive.identify.model import FrictionModel, Observations, StaticLaw
     from pneudrive.identify.robust import RobustEstimate
     from pneudrive.identify.support import Support

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -11,19 +12,19 @@ import numpy as np
 
 from pneudrive.describe import toml
 from pneudrive.errors import FitError, nearest
-from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.identify.identified import Identified
+from pneudrive.identify.determined import SIMULATED, Intervals, Undetermined, names_of, shown_in, whole_interval
+from pneudrive.identify.identified import Identified, joined
 from pneudrive.numbers import places, plain
 from pneudrive.show import Shown
 from pneudrive.trajectory import whole
-from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
     from typing_extensions import Self
 
+    from pneudrive.identify.determined import FittedData
     from pneudrive.identify.export.convert import Exported
     from pneudrive.identify.friction_curve import SlidingCurve
 
@@ -38,67 +39,6 @@ HASH_DIGITS = 16
 MODEL_ERROR_WORDS = (
     "95 %: interval from noise; model ±: change of the value for errors of 1 % in each held number (assumed)"
 )
-
-
-@dataclass(frozen=True)
-class Undetermined:
-    """Parameter that the data do not determine.
-
-    Attributes
-    ----------
-    parameter : str
-    reason : str
-        Reason in words.
-    remedy : str
-        Measurement that would determine it.
-    """
-
-    parameter: str
-    reason: str
-    remedy: str
-
-    def __str__(self) -> str:
-        return f"{self.parameter} cannot be determined: {self.reason}. Remedy: {self.remedy}."
-
-
-class Intervals(dict[str, tuple[float, float]]):
-    """95 % intervals by name, SI; values that the data do not determine have none.
-
-    Every result of a fit uses this type, so that no code can print, write or apply an interval of a value that the data
-    do not determine.
-
-    Parameters
-    ----------
-    ends : mapping
-        Name -> (lower, upper).
-    undetermined : iterable of str or Undetermined
-        Undetermined values, by name.
-    converged : bool
-        False if the search did not converge: then no value has an interval.
-
-    Examples
-    --------
-    >>> Intervals({"coulomb": (29.0, 31.0), "viscous": (0.0, 900.0)}, ["viscous"])
-    {'coulomb': (29.0, 31.0)}
-    """
-
-    def __init__(
-        self,
-        ends: Mapping[str, tuple[float, float]],
-        undetermined: Iterable[str | Undetermined] = (),
-        *,
-        converged: bool = True,
-    ) -> None:
-        lost = names_of(undetermined)
-        super().__init__({n: (float(a), float(b)) for n, (a, b) in ends.items() if converged and n not in lost})
-
-    def __missing__(self, name: str) -> tuple[float, float]:
-        raise KeyError(f"{name} has no interval: the data do not determine it, or the search did not converge")
-
-
-def names_of(undetermined: Iterable[str | Undetermined]) -> set[str]:
-    """Return the names of undetermined values."""
-    return {str(getattr(one, "parameter", one)) for one in undetermined}
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -168,6 +108,17 @@ class Fit(Shown):
 
     def _is_determined(self, name: str, value: float) -> bool:
         return name in self.free and name not in names_of(self.undetermined) and bool(np.isfinite(value))
+
+    @property
+    def recordings(self) -> tuple[str, ...]:
+        """Names of the recordings of the fit, as far as it knows them."""
+        said = self.provenance.get("recordings", ())
+        return tuple(str(one["name"] if isinstance(one, dict) else one) for one in said)
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether the data are known to be simulated."""
+        return SIMULATED in self.notes
 
     @property
     def standard_errors(self) -> dict[str, float]:
@@ -306,6 +257,24 @@ class Fit(Shown):
             done.write(out)
         return done
 
+    def compared(self) -> dict[str, FittedData]:
+        """Return measured values beside those of the model, by name; empty if the fit was read from a file."""
+        return {}
+
+    def report(self, folder: str | Path = "report") -> Path:
+        """Write a page of the fit, report.html with its figures, into a folder, and return its path.
+
+        It shows values with intervals and recordings, what the data do not determine, and the residuals, which a
+        fit that was read from a file lacks.
+
+        Raises
+        ------
+        CommandError
+            The folder cannot be written to.
+        """
+        pages = import_module("pneudrive.report.fit")  # a layer above, which draws
+        return pages.write_fit_report(self, folder)
+
     def identified_as(self, keys: Mapping[str, str]) -> Identified:
         """Return the values under their names in a drive file.
 
@@ -317,12 +286,10 @@ class Fit(Shown):
         ends = {key: self.intervals[name] for name, key in keys.items() if name in self.intervals}
         wide = {keys[name]: u for name, u in self.systematic.items() if name in keys}
         values = {key: self.values[name] for name, key in keys.items()}
-        said = self.provenance.get("recordings", ())
-        every = tuple(str(name) for name in said) if isinstance(said, list | tuple) else ()
         return Identified(
             values=values,
             intervals={key: whole_interval(values[key], ends[key], wide.get(key, 0.0)) for key in ends},
-            sources={key: self.sources.get(name, every) for name, key in keys.items()},
+            sources={key: self.sources.get(name, self.recordings) for name, key in keys.items()},
             fit=str(self.provenance.get("fit_hash", ""))
             or hashlib.sha256(self.toml().encode()).hexdigest()[:HASH_DIGITS],
             model_errors={keys[name]: error for name, error in self.model_errors.items() if name in keys},
@@ -448,6 +415,21 @@ class Fit(Shown):
         """Return the lines on residuals below the values."""
         return []
 
+    def summary(self) -> list[str]:
+        """Return lines on data and residuals."""
+        return [self._title(), *self._residual_lines()]
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Return name, value, unit, interval or state, U (k = 2), model error and recordings of each value as text."""
+        return [
+            (
+                name,
+                *self._row(name, value),
+                joined(self.sources.get(name, self.recordings) if name in self.free else ()),
+            )
+            for name, value in self._shown().items()
+        ]
+
     def _shown(self) -> dict[str, float]:
         """Return the values of the table."""
         return {name: value for group in self._groups() for name, value in group.items()}
@@ -464,34 +446,31 @@ class Fit(Shown):
         return "\n".join([*lines, *(f"  note: {note}" for note in self.notes)])
 
     def _line(self, name: str, value: float) -> str:
+        number, unit, state, expanded, model = self._row(name, value)
+        if not number:
+            return state
+        ends = f"95 %: {state}" if name in self.intervals else state
+        text = f"{number:>13} {unit:<12} {ends}".rstrip()
+        return text + (f", U(k=2) {expanded}" if expanded else "") + (f"; model ± {model}" if model else "")
+
+    def _row(self, name: str, value: float) -> tuple[str, str, str, str, str]:
+        """Return value, unit, interval or state, U (k = 2) and model error as text; empty without one."""
         factor, unit = shown_in(self.units[name])
         if not np.isfinite(value):
-            return "not determined"
+            return "", unit, "not determined", "", ""
         if name not in self.intervals:
             lost = "fixed" if name not in self.free else "not determined" if name in names_of(self.undetermined) else ""
-            return f"{plain(value / factor, 5):>13} {unit:<12} {lost}".rstrip()
+            return plain(value / factor, 5), unit, lost, "", ""
         lower, upper = (end / factor for end in self.intervals[name])
         digits = places(0.5 * (upper - lower))
-        text = f"{value / factor:>13.{digits}f} {unit:<12} 95 %: {lower:.{digits}f} .. {upper:.{digits}f}"
-        if self.systematic.get(name, 0.0) > 0.0:
-            text += f", U(k=2) {plain(self.expanded_uncertainty(name) / factor, 2)}"
-        if name in self.model_errors:
-            text += f"; model ± {plain(self.model_errors[name] / factor, 2)}"
-        return text
-
-
-def shown_in(si_unit: str) -> tuple[float, str]:
-    """Return the common unit of a value, also of the square of a slope, with its size in SI."""
-    return (1e-10, "N/bar2") if si_unit == "N/Pa2" else readable("1" if si_unit == "-" else si_unit)
-
-
-def whole_interval(value: float, interval: tuple[float, float], systematic: float) -> tuple[float, float]:
-    """Return a statistical interval widened by an independent standard uncertainty."""
-    if systematic == 0.0:
-        return interval
-    reach = NORMAL_95 * systematic
-    low, high = interval
-    return value - float(np.hypot(value - low, reach)), value + float(np.hypot(high - value, reach))
+        is_shared = self.systematic.get(name, 0.0) > 0.0
+        return (
+            f"{value / factor:.{digits}f}",
+            unit,
+            f"{lower:.{digits}f} .. {upper:.{digits}f}",
+            plain(self.expanded_uncertainty(name) / factor, 2) if is_shared else "",
+            plain(self.model_errors[name] / factor, 2) if name in self.model_errors else "",
+        )
 
 
 def sections(tables: Mapping[str, Any], name: str = "") -> list[str]:

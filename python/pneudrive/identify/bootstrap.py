@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import intervals_of_draws
 from pneudrive.estimate.levels import SAME_SPEED
-from pneudrive.identify.base import Intervals
+from pneudrive.identify.determined import Intervals
 from pneudrive.identify.robust import estimate
 from pneudrive.identify.survey import pressure_levels
 from pneudrive.show import Shown

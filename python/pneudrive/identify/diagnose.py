@@ -11,7 +11,7 @@ from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import changed
 from pneudrive.estimate.information import weak_coordinates
 from pneudrive.estimate.levels import distinct_levels
-from pneudrive.identify.base import Undetermined
+from pneudrive.identify.determined import Undetermined
 from pneudrive.numbers import plain
 
 if TYPE_CHECKING:

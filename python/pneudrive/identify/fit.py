@@ -13,6 +13,7 @@ from pneudrive.estimate.estimates import changed
 from pneudrive.estimate.losses import LOSSES
 from pneudrive.friction.recording.pressure_line import CONFOUNDED
 from pneudrive.identify.assemble import assembled
+from pneudrive.identify.determined import SIMULATED
 from pneudrive.identify.diagnose import choose_model, diagnose
 from pneudrive.identify.model import PRESSURE_FORMS, STRIBECK_SHAPES, FrictionModel, Observations
 from pneudrive.identify.observations import observations
@@ -111,6 +112,7 @@ def fit_friction(
     data, notes = observations(
         friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags
     )
+    notes = [*notes, *simulated(friction_map)]
     form = pressure if pressure_dependence else None
     lorentzian = stribeck_shape == "lorentzian"
     wanted = FrictionModel(law, fixed[stribeck_shape], viscous=viscous, lorentzian=lorentzian)
@@ -169,6 +171,11 @@ def recordings_of(friction_map: xr.Dataset) -> list[str]:
         return []
     names = list(dict.fromkeys(str(name) for name in friction_map["recording"].to_numpy()))
     return names if len(names) <= MOST_RECORDINGS else [f"{len(names)} recordings from {names[0]} to {names[-1]}"]
+
+
+def simulated(friction_map: xr.Dataset) -> list[str]:
+    """Return a note if the map is known to be of simulated recordings."""
+    return [SIMULATED] if friction_map.attrs.get("synthetic", False) else []
 
 
 def _ranges(data: Observations) -> dict[str, object]:

@@ -78,7 +78,7 @@ class Identified:
             origin = {
                 "interval": _ends(interval, mark),
                 "confidence": self.confidence,
-                "source": _joined(self.sources.get(name, ())),
+                "source": joined(self.sources.get(name, ())),
             }
             if name in self.model_errors:
                 origin["model_error"] = _rounded(self.model_errors[name], None, _size(mark), MODEL_DIGITS)
@@ -163,7 +163,7 @@ def _of_lines(drive: Drive) -> dict[str, Quantity]:
 
 def _said(found: Identified, name: str, mark: Quantity) -> dict[str, str]:
     """Return the origin of a value of a line, which is stored with the value."""
-    source = {"source": _joined(found.sources.get(name, ())) or "a recording"}
+    source = {"source": joined(found.sources.get(name, ())) or "a recording"}
     if name not in found.intervals:
         return source
     low, high = _ends(found.intervals[name], mark)
@@ -282,7 +282,8 @@ def _outward(value: float, *, up: bool) -> float:
     return float(f"{away * step:.{DIGITS}g}")
 
 
-def _joined(names: tuple[str, ...]) -> str:
+def joined(names: tuple[str, ...]) -> str:
+    """Return the names of recordings as text, the first ones if there are many."""
     if not names:
         return "not stated"
     more = len(names) - MOST_SOURCES

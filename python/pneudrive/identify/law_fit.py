@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -11,17 +11,16 @@ from pneudrive.describe.dependences import DEPENDENCES
 from pneudrive.describe.friction import Friction
 from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.errors import FitError
-from pneudrive.identify.base import Fit
 from pneudrive.identify.core_law import AnyLaw
 from pneudrive.identify.friction_curve import CurveEntry, SlidingCurve, curve_of_friction, middle_of, speeds_over
 from pneudrive.identify.identified import Identified, apply_identified
 from pneudrive.identify.model import at_conditions
+from pneudrive.identify.sliding_fit import SlidingFit
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from pneudrive.describe.drive import Drive
-    from pneudrive.identify.model import Observations
 
     Array = NDArray[np.float64]
 
@@ -30,7 +29,7 @@ AT_REST = ("dwell", "relaxation")
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class LawFit(Fit):
+class LawFit(SlidingFit):
     """Parameters of any law with their uncertainty.
 
     Attributes
@@ -64,7 +63,6 @@ class LawFit(Fit):
 
     model: AnyLaw
     unseen: tuple[str, ...]
-    observations: Observations | None = field(default=None, repr=False)
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -81,8 +79,9 @@ class LawFit(Fit):
     def predict(self, speed_m_s: ArrayLike, gauge_a_pa: ArrayLike = 0.0, gauge_b_pa: ArrayLike = 0.0) -> Array:
         """Return the friction at speeds and gauge pressures, N."""
         speed, a, b = np.broadcast_arrays(*(np.asarray(x, float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
-        q = self.model.internal(np.array([self.values[n] for n in self.model.names]))
-        return self.model.value(q, at_conditions(speed.ravel(), a.ravel(), b.ravel())).reshape(speed.shape)
+        return self.model.value(self.coordinates, at_conditions(speed.ravel(), a.ravel(), b.ravel())).reshape(
+            speed.shape
+        )
 
     def apply(self, drive: Drive) -> Drive:
         """Return a drive with this law, each determined value with its interval and its recordings.
@@ -141,7 +140,8 @@ class LawFit(Fit):
         return said + ([f"{unseen} have no effect on steady sliding and keep their given values"] if unseen else [])
 
     def _first(self) -> dict[str, Any]:
-        return {"kind": self.KIND, "unseen": self.unseen}
+        notes = {"notes": list(self.notes)} if self.notes else {}
+        return {"kind": self.KIND, "unseen": self.unseen} | notes
 
     def _last(self) -> dict[str, Any]:
         return {"given": {"friction": self.model.friction.to_dict()}}

@@ -14,7 +14,7 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import intervals_of_draws
-from pneudrive.identify.base import Intervals
+from pneudrive.identify.determined import Intervals
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:

@@ -9,11 +9,11 @@ import numpy as np
 
 from pneudrive.errors import FitError, warn
 from pneudrive.estimate.estimates import student
-from pneudrive.identify.base import Fit
 from pneudrive.identify.dependences import Dependences
 from pneudrive.identify.friction_curve import CurveEntry, SlidingCurve, middle_of, speeds_over
 from pneudrive.identify.identified import Identified, apply_identified
-from pneudrive.identify.model import PRESSURE_NAMES, FrictionModel, Observations, at_conditions, unit_of
+from pneudrive.identify.model import PRESSURE_NAMES, FrictionModel, at_conditions, unit_of
+from pneudrive.identify.sliding_fit import SlidingFit
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class Prediction(Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class FrictionFit(Fit):
+class FrictionFit(SlidingFit):
     """Parameters of a sliding law with their uncertainty.
 
     Attributes
@@ -99,7 +99,6 @@ class FrictionFit(Fit):
 
     law: str
     model: FrictionModel
-    observations: Observations | None = field(default=None, repr=False)
     weights: Array | None = field(default=None, repr=False)
     dependences: Dependences = field(default_factory=Dependences)
 
@@ -111,12 +110,6 @@ class FrictionFit(Fit):
     def correlated(self) -> list[str]:
         """Return sentences on pairs of parameters with a correlation above 0.9, each with a remedy."""
         return _correlated(self)
-
-    @property
-    def coordinates(self) -> Array:
-        """Internal coordinates of the model at the estimates, shape (p,)."""
-        values = self.free_values()
-        return self.model.internal(np.array([values[n] for n in self.free]))
 
     def predict(
         self,
@@ -165,16 +158,6 @@ class FrictionFit(Fit):
         reach = student(int(self.statistics["degrees_of_freedom"]), probability) * stderr
         value, stderr, reach = (x.reshape(speed.shape) for x in (value, stderr, reach))
         return Prediction(value, value - reach, value + reach, stderr)
-
-    def with_data(self) -> Observations:
-        """Return the fitted values.
-
-        Raises
-        ------
-        FitError
-            The fit was read from a file, without them.
-        """
-        return self._with_data(self.observations)
 
     def free_values(self) -> dict[str, float]:
         """Parameters including the names in `free`: a coefficient shared by both chambers has its own name."""

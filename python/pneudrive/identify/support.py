@@ -16,7 +16,7 @@ from pneudrive.identify.scatter import with_scatter
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.identify.base import Undetermined
+    from pneudrive.identify.determined import Undetermined
     from pneudrive.identify.model import FrictionModel, Observations
 
     Array = NDArray[np.float64]

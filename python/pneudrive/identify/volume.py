@@ -18,7 +18,7 @@ from pneudrive import __version__, _core
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.transforms import Transforms
 from pneudrive.free.parameters import DriveFamily, Parameter
-from pneudrive.identify.base import Undetermined
+from pneudrive.identify.determined import Undetermined
 from pneudrive.identify.dynamic.fit import noise_of, solve
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
 from pneudrive.identify.dynamic.search import Watcher, join_segments

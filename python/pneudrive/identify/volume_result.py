@@ -9,6 +9,7 @@ from pneudrive import units
 from pneudrive.describe.tank import Tank
 from pneudrive.errors import FitError
 from pneudrive.identify.base import Fit
+from pneudrive.identify.determined import FittedData
 
 if TYPE_CHECKING:
     import numpy as np
@@ -77,6 +78,10 @@ class VolumeFit(Fit):
             text = value if unit == "1" else units.write(value, unit, _WRITTEN.get(unit))
             changes[name] = f"{text} abs" if unit == "Pa" else text
         return self.start.replace(changes)
+
+    def compared(self) -> dict[str, FittedData]:
+        """Return the pressures of each recording beside those of the model; empty if read from a file."""
+        return {name: FittedData("time_s", "pressure_pa", *three) for name, three in self.series.items()}
 
     def _last(self) -> dict[str, Any]:
         return {} if self.start is None else {"tank": self.start.to_dict()}

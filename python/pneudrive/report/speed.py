@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
 from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS
-from pneudrive.identify.base import shown_in
+from pneudrive.identify.determined import shown_in
 from pneudrive.identify.model import unit_of
 from pneudrive.numbers import with_u
 from pneudrive.report import axes as draw_axes

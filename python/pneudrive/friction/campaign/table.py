@@ -55,6 +55,7 @@ def friction_map(reading: CampaignData, points: Points | None, fits: Fits | None
         "title": "friction map of a campaign",
         "protocol": protocol,
         "ambient_pressure_pa": reading.identity.ambient_pressure_pa,
+        "synthetic": reading.identity.synthetic,
     }
     return found
 

@@ -234,6 +234,7 @@ def _assemble(
     rows = [row for summary in summaries for row in summary.rows]
     friction_map = rows_to_dataset(rows, [summary.labels for summary in summaries for _ in summary.rows])
     friction_map.attrs["protocol"] = choice.name
+    friction_map.attrs["synthetic"] = any(result.recording.synthetic for result in results)
     if results:
         ambient = float(np.mean([result.recording.ambient_pressure_pa for result in results]))
         friction_map.attrs["ambient_pressure_pa"] = ambient

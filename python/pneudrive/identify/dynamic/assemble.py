@@ -12,6 +12,7 @@ from pneudrive import __version__
 from pneudrive.estimate.estimates import student
 from pneudrive.estimate.transforms import intervals as intervals_at
 from pneudrive.free.parameters import Parameter, numbers_of
+from pneudrive.identify.determined import SIMULATED
 from pneudrive.identify.dynamic.model_error import model_errors
 from pneudrive.identify.dynamic.result import DriveFit, Series, fit_hash
 from pneudrive.identify.dynamic.uncertainty import profile
@@ -114,7 +115,7 @@ def _notes(
     if attempt.missed:
         notes += _misfit(attempt, statistics)
     if any(r.synthetic for r in records):
-        notes.append("from simulated recordings")
+        notes.append(SIMULATED)
     return notes
 
 

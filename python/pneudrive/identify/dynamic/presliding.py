@@ -18,7 +18,7 @@ from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.dragged import Dragged
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
-from pneudrive.identify.base import Undetermined
+from pneudrive.identify.determined import Undetermined
 from pneudrive.identify.dynamic.states import white_noise
 from pneudrive.identify.dynamic.undetermined import LARGEST_REACH, unresolved_damping
 from pneudrive.show import Shown

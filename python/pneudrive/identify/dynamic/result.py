@@ -12,7 +12,8 @@ import numpy as np
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import warn
 from pneudrive.estimate.estimates import intervals_of_draws
-from pneudrive.identify.base import HASH_DIGITS, Fit, Intervals
+from pneudrive.identify.base import HASH_DIGITS, Fit
+from pneudrive.identify.determined import FittedData, Intervals
 from pneudrive.identify.dynamic.recordings import CHANNELS
 from pneudrive.identify.friction_curve import SlidingCurve, curve_of_drive
 from pneudrive.identify.identified import apply_identified
@@ -116,12 +117,11 @@ class DriveFit(Fit):
         dict
             Channel -> offset, gain, lag or delay -> SI.
         """
-        known = [str(r["name"]) for r in self.provenance.get("recordings", [])]
         lost = {u.parameter for u in self.undetermined}
         found: dict[tuple[str, str], list[float]] = {}
         for name, value in self.sensors.items():
             plain_name, _, which = name.partition(" [")
-            if name not in lost and (not which or which == f"{recording}]" or recording not in known):
+            if name not in lost and (not which or which == f"{recording}]" or recording not in self.recordings):
                 channel, _, kind = plain_name.rpartition(".")
                 found.setdefault((channel, kind), []).append(value)
         out: dict[str, dict[str, float]] = {}
@@ -184,6 +184,14 @@ class DriveFit(Fit):
     ) -> SlidingCurve:
         """Return the curve of the friction of `apply()`; see `curve_of_drive`."""
         return curve_of_drive(self.apply(), speeds_m_s, gauge_a_pa, gauge_b_pa)
+
+    def compared(self) -> dict[str, FittedData]:
+        """Return each channel of each recording beside the model's output; empty if read from a file."""
+        return {
+            f"{recording}, {channel}": FittedData("time_s", CHANNELS[channel], one.time_s, one.measured, one.model)
+            for recording, channels in self.series.items()
+            for channel, one in channels.items()
+        }
 
     def _groups(self) -> tuple[dict[str, float], ...]:
         return self.values, self.sensors

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pneudrive.identify.dynamic.sensors import Delay
 
 if TYPE_CHECKING:
-    from pneudrive.identify.base import Undetermined
+    from pneudrive.identify.determined import Undetermined
     from pneudrive.identify.dynamic.uncertainty import Solved
     from pneudrive.signals.drive_recording import DriveRecording
 

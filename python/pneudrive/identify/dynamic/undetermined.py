@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.identify.base import Undetermined
+from pneudrive.identify.determined import Undetermined
 from pneudrive.numbers import plain
 from pneudrive.units import readable
 
