@@ -46,7 +46,7 @@ class Undetermined:
 class FittedData:
     """Measured values beside those of the model, SI, shape (n,) each.
 
-    ``x`` and ``y`` name the columns: ``time_s`` or ``speed_m_s``, and ``position_m``, ``friction_n``, ...
+    ``x`` and ``y`` name the columns: ``time_s``, ``speed_m_s`` or ``reversal``, and ``position_m``, ``friction_n``, ...
     """
 
     x: str

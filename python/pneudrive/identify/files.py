@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from pneudrive.describe import toml
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import FitError, nearest
+from pneudrive.identify.dynamic.presliding import Presliding
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.law_fit import LawFit
 from pneudrive.identify.result import FrictionFit
@@ -15,8 +16,8 @@ from pneudrive.identify.volume_result import VolumeFit
 if TYPE_CHECKING:
     from pathlib import Path
 
-AnyFit = FrictionFit | LawFit | DriveFit | VolumeFit
-KINDS: dict[str, type[AnyFit]] = {kind.KIND: kind for kind in (FrictionFit, LawFit, DriveFit, VolumeFit)}
+AnyFit = FrictionFit | LawFit | DriveFit | VolumeFit | Presliding
+KINDS: dict[str, type[AnyFit]] = {kind.KIND: kind for kind in (FrictionFit, LawFit, DriveFit, VolumeFit, Presliding)}
 
 
 def read_fit(path: str | Path) -> AnyFit:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from pneudrive.identify.model import Observations
+    from pneudrive.identify.result import FrictionFit
 
     Array = NDArray[np.float64]
 
@@ -62,15 +63,21 @@ class Surveyed:
     """Data of one seal: values, law, and derivatives of friction by the parameters, all relative to the law.
 
     ``columns`` (n, p) are relative derivatives, ``rest`` (n,) relative residuals, ``theta`` (p,) internal coordinates.
+    ``fit`` is the fit of this seal alone: ``survey.seals["PK"].fit.apply(drive)``.
     """
 
     name: str
     data: Observations
     runs: tuple[str, ...]
-    model: FrictionModel
+    fit: FrictionFit
     theta: Array
     columns: Array
     rest: Array
+
+    @property
+    def model(self) -> FrictionModel:
+        """Law of the fit."""
+        return self.fit.model
 
 
 @dataclass(frozen=True, repr=False)
@@ -228,6 +235,7 @@ def survey_values(
     groups: Mapping[str, Observations],
     runs: Mapping[str, Sequence[str]] | None = None,
     law: str | None = None,
+    options: Mapping[str, Mapping[str, object]] | None = None,
 ) -> Survey:
     """Survey several seals; see the docstring of this module.
 
@@ -239,6 +247,8 @@ def survey_values(
         Seal -> name of the run (mounting) of each value; the default is one run for each seal.
     law : str or None
         None: ``stribeck`` for a seal whose speeds span a factor of three or more, otherwise friction at its speed.
+    options : mapping, optional
+        Seal -> entries for the provenance of its fit: direction, recordings.
 
     Raises
     ------
@@ -248,7 +258,9 @@ def survey_values(
     seals: dict[str, Surveyed] = {}
     unused: dict[str, str] = {}
     for name, data in groups.items():
-        one = _surveyed(name, data, tuple(runs[name]) if runs else ("",) * len(data), law)
+        one = _surveyed(
+            name, data, tuple(runs[name]) if runs else ("",) * len(data), law, (options or {}).get(name, {})
+        )
         if isinstance(one, str):
             unused[name] = one
             continue
@@ -301,16 +313,18 @@ def _posterior(logs: dict[str, Array]) -> tuple[dict[str, Array], Array]:
     return weights, joint.sum(axis=-1)
 
 
-def _surveyed(name: str, data: Observations, runs: tuple[str, ...], law: str | None) -> Surveyed | str:
+def _surveyed(
+    name: str, data: Observations, runs: tuple[str, ...], law: str | None, options: Mapping[str, object]
+) -> Surveyed | str:
     """Fit one seal, or return why it is left out."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
     wanted = FrictionModel(law or ("stribeck" if wide else "coulomb"), viscous=wide)
-    fit = fit_values(wanted, data, pressure="linear")
+    fit = fit_values(wanted, data, pressure="linear", options={"direction": "both", **options})
     theta = fit.coordinates
     value, jac = fit.model.value_and_jacobian(theta, data)
     if not (value > 0.0).all():
         return "left out: its fitted friction is not positive in all rows, and the scatter is relative to it"
-    return Surveyed(name, data, runs, fit.model, theta, jac / value[:, None], data.friction_n / value - 1.0)
+    return Surveyed(name, data, runs, fit, theta, jac / value[:, None], data.friction_n / value - 1.0)
 
 
 def _elsewhere(data: Observations, at: Observations) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.errors import FitError, nearest
 from pneudrive.identify.diagnose import SAME_PRESSURE_PA
-from pneudrive.identify.fit import ambient_of
+from pneudrive.identify.fit import ambient_of, recordings_of
 from pneudrive.identify.hierarchy import Survey, survey_values
 from pneudrive.identify.observations import observations
 
@@ -85,10 +85,11 @@ def survey(
     Returns
     -------
     Survey
-        Its ``predict`` returns the friction of a further recording, in the same run or another.
+        Its ``predict`` returns the friction of a further recording, in the same run or another; ``seals[name].fit`` is
+        the fit of one seal.
     """
-    groups, of_run = _grouped(friction_map, seals, runs, direction, ambient_pressure_pa, exclude_flags)
-    return survey_values(groups, of_run, law)
+    groups, of_run, options = _grouped(friction_map, seals, runs, direction, ambient_pressure_pa, exclude_flags)
+    return survey_values(groups, of_run, law, options)
 
 
 def held_out(
@@ -122,7 +123,7 @@ def held_out(
     """
     if by not in HELD_OUT:
         raise FitError(f"a survey cannot hold out by {by!r}", remedy=nearest(by, HELD_OUT))
-    groups, of_run = _grouped(friction_map, seals, runs, direction, ambient_pressure_pa, exclude_flags)
+    groups, of_run, _ = _grouped(friction_map, seals, runs, direction, ambient_pressure_pa, exclude_flags)
     out: list[LeftOut] = []
     for seal, data in groups.items():
         if by == "pressure":
@@ -181,12 +182,14 @@ def _grouped(
     direction: int | None,
     ambient_pressure_pa: float | None,
     exclude_flags: Collection[str],
-) -> tuple[dict[str, Observations], dict[str, list[str]]]:
-    """Return values and runs of each seal; unusable rows are left out as in a fit."""
+) -> tuple[dict[str, Observations], dict[str, list[str]], dict[str, dict[str, object]]]:
+    """Return values, runs, and provenance of each seal; unusable rows are left out as in a fit."""
     ambient = ambient_of(friction_map, ambient_pressure_pa, needed=True)
     seal_of, run_of = row_labels(friction_map, seals), row_labels(friction_map, "" if runs is None else runs)
     groups: dict[str, Observations] = {}
     of_run: dict[str, list[str]] = {}
+    options: dict[str, dict[str, object]] = {}
+    said = "both" if direction is None else f"{direction:+d}"
     for seal in dict.fromkeys(seal_of.tolist()):
         rows = np.flatnonzero(seal_of == seal)
         part = friction_map.isel(row=rows)
@@ -195,7 +198,8 @@ def _grouped(
         run = dict(zip(recording.tolist(), run_of[rows].tolist(), strict=True))
         names = np.unique(recording)
         groups[seal], of_run[seal] = data, [run[names[g]] for g in data.group]
-    return groups, of_run
+        options[seal] = {"direction": said, "ambient_pressure_pa": ambient, "recordings": recordings_of(part)}
+    return groups, of_run, options
 
 
 def row_labels(friction_map: xr.Dataset, labels: str | Sequence[str]) -> NDArray[np.str_]:

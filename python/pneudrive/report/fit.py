@@ -87,6 +87,6 @@ def _figure(every: dict[str, FittedData]) -> Figure:
         if one.x == "speed_m_s":
             axes.speed_axis(axis, x)
         else:
-            axis.set_xlabel(f"time / {x_unit}")
+            axis.set_xlabel(f"time / {x_unit}" if x_unit else one.x)
         axis.set(ylabel=f"residual / {y_unit}" if y_unit else "residual", title=name)
     return figure

@@ -21,6 +21,8 @@ _ENDINGS = {
     "_s": "s",
     "_n": "N",
     "_n_s": "N/s",
+    "_n_m": "N/m",
+    "_n_s_m": "N s/m",
     "_pa": "Pa",
 }
 NOTHING = "–"

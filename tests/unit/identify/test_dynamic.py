@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ import pneudrive as pn
 from pneudrive import _core
 from pneudrive.errors import FitError, PneudriveWarning
 from pneudrive.identify.dynamic.sensors import lagged
+from pneudrive.identify.files import read_fit
 
 pytestmark = pytest.mark.filterwarnings("ignore::pneudrive.errors.PneudriveWarning")
 
@@ -209,7 +211,7 @@ def test_a_search_that_is_interrupted_keeps_the_best_so_far() -> None:
 
 
 @pytest.mark.parametrize("law", ["lugre", "elasto-plastic"])
-def test_presliding_gives_the_stiffness_of_the_law_that_made_the_loop(law: str) -> None:
+def test_presliding_gives_the_stiffness_of_the_law_that_made_the_loop(law: str, tmp_path: Path) -> None:
     from pneudrive.identify.dynamic.presliding import _simulated_loop
 
     table = {k: v for k, v in reference().friction.to_dict().items() if k != "law"}
@@ -221,6 +223,13 @@ def test_presliding_gives_the_stiffness_of_the_law_that_made_the_loop(law: str) 
     start = drive.replace({"friction.bristle_stiffness": "4e5 N/m"})
     found = pn.identify_presliding(start, loops)
     assert found.stiffness_n_m == pytest.approx(1e5, rel=0.03)
+    found.to_toml(tmp_path / "fit.toml")
+    read = read_fit(tmp_path / "fit.toml")
+    assert str(read) == str(found)
+    after = read.apply(start)
+    assert after.friction.parameters["bristle_stiffness"] == pytest.approx(1e5, rel=0.03)
+    assert set(after.provenance) == set(found.determined)
+    assert found.profile(["friction.bristle_stiffness"]).popitem()[1] == found.stiffness_interval
     coarse = pn.identify_presliding(start, loops, resolution_m=60e-6)
     assert coarse.damping_n_s_m is None
     assert any("60 um" in u.reason for u in coarse.undetermined)

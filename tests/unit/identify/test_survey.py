@@ -81,6 +81,10 @@ def test_without_a_repeat_the_difference_of_runs_is_called_assumed():
 def test_messages_name_what_is_there(make_map):
     curves = make_map(np.full(6, 0.01), 3.0 + np.arange(6.0), 0.1, gauge_b=1e5 * np.arange(6))
     found = survey(curves, ["O-ring"] * 12)
+    own = found.seals["O-ring"].fit  # the fit of one seal has the verbs of any other
+    assert len(own.recordings) == 6
+    assert own.coordinates.tolist() == found.seals["O-ring"].theta.tolist()
+    assert own.profile(["coulomb"])["coulomb"] == own.intervals["coulomb"]
     with pytest.raises(FitError, match=r"(?s)no seal 'Oring'.*Did you mean 'O-ring'"):
         found.predict("Oring", speed_m_s=0.01)
     with pytest.raises(FitError, match="no run '2'"):

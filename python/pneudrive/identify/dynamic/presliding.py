@@ -8,20 +8,22 @@ a known stiffness, which is evaluated in the same way.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from pneudrive import __version__
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.dragged import Dragged
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
-from pneudrive.identify.determined import Undetermined
+from pneudrive.identify.base import Fit
+from pneudrive.identify.determined import SIMULATED, FittedData, Undetermined
 from pneudrive.identify.dynamic.states import white_noise
 from pneudrive.identify.dynamic.undetermined import LARGEST_REACH, unresolved_damping
-from pneudrive.show import Shown
+from pneudrive.identify.identified import apply_identified
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+STIFFNESS, DAMPING = "friction.bristle_stiffness", "friction.bristle_damping"
 #: Share of the swing of friction over which the slope is evaluated.
 SWING_SHARE = 0.35
 #: Least number of samples of a reversal within that share.
@@ -43,33 +46,82 @@ WHOLE_SWING = 0.6
 ROUNDS = 3
 
 
-@dataclass(frozen=True, repr=False)
-class Presliding(Shown):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Presliding(Fit):
     """Bristle parameters from reversals; SI.
 
     Attributes
     ----------
-    stiffness_n_m : float
-        sigma0.
-    stiffness_interval : (float, float)
-        95 %, from the scatter between reversals; infinite for a single one.
-    damping_n_s_m : float or None
-        sigma1; None if not determined.
-    damping_interval : (float, float)
-    breakaway_n : float
-        Half the swing of friction between both directions, the load of the bristles.
-    reversals : int
-        Number of evaluated reversals.
-    undetermined : tuple of Undetermined
+    values, intervals : dict
+        ``friction.bristle_stiffness`` (sigma0) and ``friction.bristle_damping`` (sigma1); intervals are 95 %, from the
+        scatter between reversals.
+    statistics : dict
+        ``reversals``, the number of evaluated ones; ``breakaway_n``; ``slope_factor``, slope over stiffness of the law.
+    each : dict
+        Name -> value of each reversal, shape (n,); empty if read from a file.
     """
 
-    stiffness_n_m: float
-    stiffness_interval: tuple[float, float]
-    damping_n_s_m: float | None
-    damping_interval: tuple[float, float]
-    breakaway_n: float
-    reversals: int
-    undetermined: tuple[Undetermined, ...]
+    KIND: ClassVar[str] = "presliding"
+    TITLE: ClassVar[str] = "fit of presliding"
+    HEAD: ClassVar[str] = (
+        "# Bristles from slow reversals. SI units; intervals are 95 %, from the scatter between reversals."
+    )
+
+    each: dict[str, Array] = field(default_factory=dict, repr=False)
+
+    @property
+    def stiffness_n_m(self) -> float:
+        """Stiffness sigma0, also if it is not determined."""
+        return self.values[STIFFNESS]
+
+    @property
+    def stiffness_interval(self) -> tuple[float, float]:
+        """95 % interval of the stiffness; infinite for a single reversal."""
+        return self._ends(STIFFNESS)
+
+    @property
+    def damping_n_s_m(self) -> float | None:
+        """Damping sigma1; None if not determined."""
+        return self.values[DAMPING] if DAMPING in self.determined else None
+
+    @property
+    def damping_interval(self) -> tuple[float, float]:
+        """95 % interval of the damping; infinite for a single reversal."""
+        return self._ends(DAMPING)
+
+    @property
+    def breakaway_n(self) -> float:
+        """Half the swing of friction between both directions, the load of the bristles."""
+        return self.statistics["breakaway_n"]
+
+    @property
+    def reversals(self) -> int:
+        """Number of evaluated reversals."""
+        return int(self.statistics["reversals"])
+
+    def apply(self, drive: Drive) -> Drive:
+        """Return a drive with the determined values, each with its interval and its recordings.
+
+        Raises
+        ------
+        FitError
+            The drive's law has no bristles.
+        """
+        return apply_identified(self.identified_as({name: name for name in self.determined}), drive)
+
+    def compared(self) -> dict[str, FittedData]:
+        """Return the values of the reversals beside their means; empty if read from a file."""
+        columns = {STIFFNESS: "stiffness_n_m", DAMPING: "damping_n_s_m"}
+        return {
+            name: FittedData("reversal", columns[name], np.arange(1.0, own.size + 1.0), own, 0.0 * own + own.mean())
+            for name, own in self.each.items()
+        }
+
+    def _ends(self, name: str) -> tuple[float, float]:
+        return self.intervals[name] if self.profiler is None else self.profiler(name)
+
+    def _title(self) -> str:
+        return f"bristles from {self.reversals} reversal(s), friction of {self.breakaway_n:.4g} N in each direction"
 
 
 @dataclass(frozen=True)
@@ -112,7 +164,8 @@ def identify_presliding(
     law = drive.friction.law
     if "bristle_stiffness" not in drive.friction.parameters:
         raise FitError(f"law {law} has no bristle stiffness", remedy="Choose lugre or elasto-plastic.")
-    given = [_columns(g) for g in (loops if isinstance(loops, (list, tuple)) else [loops])]
+    every = loops if isinstance(loops, (list, tuple)) else [loops]
+    given = [_columns(g) for g in every]
     step = max([resolution_m, *(white_noise(position) for _, position, _ in given)])
     found = [loop for columns in given for loop in _reversals(*columns, step)]
     most = max((loop.swing for loop in found), default=0.0)
@@ -129,17 +182,26 @@ def identify_presliding(
     level = 0.5 * float(np.median([loop.swing for loop in found]))
     top = float(np.median([loop.speed.max() for loop in found]))
     factor = _factor(drive, float(slopes.mean()), level, top)
-    stiffness, s_interval = _pooled(slopes / factor)
-    damping, d_interval = _pooled(dampings / factor)
-    lost = _lost(step, level, (stiffness, s_interval), (damping, d_interval))
+    each = {STIFFNESS: slopes / factor, DAMPING: dampings / factor}
+    pooled = {name: _pooled(values) for name, values in each.items()}
+    count = len(fits)
     return Presliding(
-        stiffness_n_m=stiffness,
-        stiffness_interval=s_interval,
-        damping_n_s_m=None if any(u.parameter == "friction.bristle_damping" for u in lost) else damping,
-        damping_interval=d_interval,
-        breakaway_n=level,
-        reversals=len(fits),
-        undetermined=lost,
+        values={name: value for name, (value, _) in pooled.items()},
+        units={STIFFNESS: "N/m", DAMPING: "N s/m"},
+        free=tuple(each),
+        covariance=np.cov(np.array(list(each.values()))) / count if count > 1 else np.zeros((2, 2)),
+        intervals={name: ends for name, (_, ends) in pooled.items()},
+        undetermined=_lost(step, level, pooled[STIFFNESS], pooled[DAMPING]),
+        notes=(SIMULATED,) if any(getattr(g, "synthetic", False) for g in every) else (),
+        statistics={"reversals": float(count), "breakaway_n": level, "slope_factor": factor},
+        provenance={
+            "version": __version__,
+            "drive": drive.name,
+            "description_hash": drive.description_hash,
+            "recordings": [str(getattr(g, "name", f"loop {i}")) for i, g in enumerate(every, 1)],
+        },
+        profiler={name: ends for name, (_, ends) in pooled.items()}.__getitem__,
+        each=each,
     )
 
 
@@ -151,8 +213,8 @@ def _lost(
 ) -> tuple[Undetermined, ...]:
     out = []
     for name, (value, (low, high)), remedy in (
-        ("friction.bristle_stiffness", stiffness, "reverse more slowly and more often, with a finer encoder"),
-        ("friction.bristle_damping", damping, "reverse at several speeds, some of them ten times faster"),
+        (STIFFNESS, stiffness, "reverse more slowly and more often, with a finer encoder"),
+        (DAMPING, damping, "reverse at several speeds, some of them ten times faster"),
     ):
         if not (value > 0.0 and 0.5 * (high - low) <= LARGEST_REACH * value):
             reason = f"its 95 % interval over the reversals reaches from {low:.3g} to {high:.3g}"
