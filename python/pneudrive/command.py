@@ -94,7 +94,7 @@ def plans(
         Commands by component; texts with the component in front, ``"valve_l: 0 s: 1, 0.5 s: -1"``; or the command of
         the only component that takes one.
     commandable : mapping
-        Component that takes a command -> its electrical input, where one is described.
+        Component that takes a command -> its electrical input, if one is described.
     times : sequence of float, optional
         As for `steps`.
 
@@ -146,7 +146,7 @@ def are_named(given: object) -> bool:
 
 
 def _named(given: Command) -> tuple[str, Command]:
-    """Split the name of a component from a command; the name is empty where the command has none."""
+    """Split the name of a component from a command; the name is empty if the command has none."""
     found = _NAMED.fullmatch(given) if isinstance(given, str) else None
     return (found[1], found[2].strip()) if found else ("", given)
 
@@ -247,7 +247,7 @@ def _time(text: str) -> float:
 
 
 def _opening(given: object, signal: Signal | None) -> float:
-    """Read one command: a number, or a voltage or current where the valve describes its electrical input."""
+    """Read one command: a number, or a voltage or current if the valve describes its electrical input."""
     unit = given.split()[1:] if isinstance(given, str) else []
     if not unit:
         return _number(given, "command")

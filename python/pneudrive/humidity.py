@@ -88,7 +88,7 @@ def warnings(drive: Drive | Circuit, columns: Mapping[str, np.ndarray]) -> list[
 
 
 def water_share(drive: Drive | Circuit) -> float | None:
-    """Return the molar share of water vapour in the gas; None where no dew point is given."""
+    """Return the molar share of water vapour in the gas; None if no dew point is given."""
     pressure, dew = drive.dew_point_pressure_pa, drive.gas.dew_point_k
     return None if pressure is None or dew is None else float(saturation_pressure(dew)) / pressure
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def split(source: str) -> tuple[str, str] | None:
-    """Split ``own.py:make`` or ``package.module:Class`` into module and name; None where the text has another form."""
+    """Split ``own.py:make`` or ``package.module:Class`` into module and name; None if the text has another form."""
     module, _, name = source.rpartition(":")
     return (module, name) if module and name.isidentifier() else None
 

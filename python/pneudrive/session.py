@@ -320,7 +320,7 @@ class Session:
 
 
 def short_name(name: str, piston: str = "cylinder") -> str:
-    """Return a drive's name for a variable of its circuit; unchanged where a drive has no such variable.
+    """Return a drive's name for a variable of its circuit; unchanged if a drive has no such variable.
 
     Examples
     --------

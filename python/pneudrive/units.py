@@ -198,7 +198,7 @@ class UnitFloat(float):
         return _in_unit(self, self.si_unit, unit)
 
     def si_as(self, si_unit: str) -> float:
-        """Return the plain number where a quantity of this unit is wanted.
+        """Return the plain number if a quantity of this unit is wanted.
 
         Raises
         ------
@@ -356,7 +356,7 @@ def parse_range(text: str, si_unit: str) -> tuple[float, float]:
 
 
 def share_of(given: object) -> float | None:
-    """Read ``"5 %"`` as 0.05; None where the text is not a percentage."""
+    """Read ``"5 %"`` as 0.05; None if the text is not a percentage."""
     if not isinstance(given, str) or not given.rstrip().endswith("%"):
         return None
     try:
@@ -431,7 +431,7 @@ def write(value: float, si_unit: str, unit: str | None = None) -> str:
     si_unit : str
         Unit of `value`, as in `parse`.
     unit : str, optional
-        Preferred unit of the text; SI where the conversion would not be exact.
+        Preferred unit of the text; SI if the conversion would not be exact.
 
     Examples
     --------
@@ -452,7 +452,7 @@ def write(value: float, si_unit: str, unit: str | None = None) -> str:
     return f"{value!r} {plain}"
 
 
-#: SI unit -> common unit, where they differ.
+#: SI unit -> common unit, if they differ.
 _READABLE = {
     "m": "mm",
     "m^3": "cm3",

@@ -30,7 +30,7 @@ class Watch:
     ----------
     progress : callable, optional
         Called as ``progress(done, total, task)``, at most every 0.1 s and at the end of each task: `done` of `total`
-        (both counts, or both seconds of simulated time) of the task that `task` names. `total` is 0 where it is
+        (both counts, or both seconds of simulated time) of the task that `task` names. `total` is 0 if it is
         unknown.
     cancel : object with ``is_set()``, optional
         A `threading.Event`, for instance. Once set, the call ends with `Cancelled` at its next check.

@@ -335,30 +335,30 @@ class CampaignRun:
         """Wait, up to a limit, until conditions, rig and connection allow measuring."""
         options = self.options
         waited = good_for = 0.0
-        told = ""
+        last_wrong = ""
         while True:
             self._checkpoint()
             wrong = self._trouble()
-            if not wrong and (not told or good_for >= options.steady_s):
+            if not wrong and (not last_wrong or good_for >= options.steady_s):
                 break
             good_for = 0.0 if wrong else good_for + options.look_s
-            if wrong and _without_numbers(wrong) != _without_numbers(told):
+            if wrong and _without_numbers(wrong) != _without_numbers(last_wrong):
                 self._tell(f"waiting before {cycle.key}: {wrong}")
                 self._lock.tell(state="waiting", text=wrong)
             if wrong.startswith((FAULT, NO_ANSWER)):
                 self._attempts.go_home_first()
-            if wrong and not told:
+            if wrong and not last_wrong:
                 self._rest()
-            told = wrong or told
+            last_wrong = wrong or last_wrong
             if waited >= options.patience_s:
                 raise CampaignError(
                     f"the campaign has waited for {options.patience_s:g} s in vain",
-                    value=told,
+                    value=last_wrong,
                     remedy="Correct this, then resume: finished cycles are kept.",
                 )
             self._sleep(options.look_s)
             waited += options.look_s
-        if told:
+        if last_wrong:
             self._tell(f"going on after {waited:.3g} s: conditions are met again")
             self._lock.tell(state="running", text="")
 

@@ -94,7 +94,7 @@ def _first_of_each(table: Array, step: NDArray[np.int64]) -> tuple[NDArray[np.bo
 
 def _dropped(time: Array, step: NDArray[np.int64], cycle: Cycle) -> int:
     """Count the samples missing within steps: intervals longer than usual there and than planned."""
-    intervals = np.maximum(np.diff(time), 0.0)  # undefined where the clock jumps back
+    intervals = np.maximum(np.diff(time), 0.0)  # undefined if the clock jumps back
     if intervals.size < 2 * NEIGHBOURS:
         return 0
     usual = _usual_interval(intervals)

@@ -35,7 +35,7 @@ class Head:
     confirmed : dict
         Who confirmed the operator's step, and when: ``name``, ``time``, ``how``.
     attempts : int
-        How often the cycle was begun; more than 1 where it was interrupted and repeated.
+        How often the cycle was begun; more than 1 if it was interrupted and repeated.
     reason : str
         Why a cycle was run that is not in the protocol.
     sha256 : str

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 #: The axis stands where its position stays within so many deviations of the position noise
 STILL_NOISE = 6.0
-#: for at least this long, s; half of the stop that the cycle is for, where that is shorter.
+#: for at least this long, s; half of the stop that the cycle is for, if that is shorter.
 STILL_S = 0.05
 #: Grid of times for this test: this many steps in the time above, and at most so many in all.
 GRID_STEPS, MOST_STEPS = 10, 2_000_000

@@ -255,8 +255,8 @@ def campaign_rig(
     if not sources:
         raise RigError("the campaign has no finished cycle to play", where=str(folder))
     identity = identity or campaign.identity
-    told = campaign.about.get("envelope")
-    limits = limits or (envelope_of(told, str(folder / ABOUT)) if told else _envelope(sources, identity))
+    envelope = campaign.about.get("envelope")
+    limits = limits or (envelope_of(envelope, str(folder / ABOUT)) if envelope else _envelope(sources, identity))
     return ReplayRig(sources, identity, limits, pace, tolerance)
 
 

@@ -182,7 +182,7 @@ def _display() -> Display:
 
 
 def _again(folder: Path, rig: str, allow_code: str = "") -> str:
-    """Return the command to resume, with the rig where a folder may not name it."""
+    """Return the command to resume, with the rig if a folder may not name it."""
     from pneudrive.rig.loading import must_be_named
 
     named = f" --rig {rig}" if must_be_named(rig) else ""

@@ -115,12 +115,12 @@ class Circuit(Described):
 
     @model_validator(mode="after")
     def _dew_point_at_a_pressure(self) -> Circuit:
-        assert self.dew_point_pressure_pa or self.gas.dew_point_k is None  # raises an error where it is wrong
+        assert self.dew_point_pressure_pa or self.gas.dew_point_k is None  # raises an error if it is wrong
         return self
 
     @property
     def dew_point_pressure_pa(self) -> float | None:
-        """Absolute pressure at which the dew point of the gas is given, Pa; None where it has none.
+        """Absolute pressure at which the dew point of the gas is given, Pa; None if it has none.
 
         The default is the highest pressure of the circuit's reservoirs.
         """
@@ -193,7 +193,7 @@ class Circuit(Described):
 
     @property
     def commandable(self) -> dict[str, Signal | None]:
-        """Components with a command, each with its electrical input where one is described."""
+        """Components with a command, each with its electrical input if one is described."""
         taking = {
             name for name, one in self.components.items() if any(i["name"] == COMMAND for i in one.entry["inputs"])
         }

@@ -135,7 +135,7 @@ class _Points(Quantity):
     columns : tuple
         Key and annotation of each column; values of the first column rise.
     defaults : tuple
-        Default of each column; None where a point has to give it.
+        Default of each column; None if a point has to give it.
     most : int
         Largest number of points.
     """
@@ -358,7 +358,7 @@ class Component(Described):
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Write the table, values with their origin where it is known."""
+        """Write the table, values with their origin if it is known."""
         return sourced.put_back(self.plain(), self.origins)
 
     def plain(self) -> dict[str, Any]:

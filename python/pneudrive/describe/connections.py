@@ -193,7 +193,7 @@ class Wiring:
                         self._join(one, other, chain, key)
 
     def _element(self, word: str, key: str, *, first: bool, last: bool) -> tuple[Port | str | None, Port | str | None]:
-        """Return the ports by which a chain enters and leaves an element; None where they are unknown."""
+        """Return the ports by which a chain enters and leaves an element; None if they are unknown."""
         if word == AMBIENT:
             return AMBIENT, AMBIENT
         name, dot, port = word.partition(".")
@@ -272,11 +272,11 @@ class Wiring:
     def _merge(self, one: Port | str, other: Port | str, key: str) -> None:
         joints = [self._joint(port, key) for port in (one, other)]
         if joints[0] is not joints[1]:
-            kept, gone = sorted(joints, key=self.joints.index)
-            kept.ports += gone.ports
-            kept.ambient |= gone.ambient
-            self.at |= dict.fromkeys(gone.ports, kept)
-            self.joints.remove(gone)
+            kept, other_joint = sorted(joints, key=self.joints.index)
+            kept.ports += other_joint.ports
+            kept.ambient |= other_joint.ambient
+            self.at |= dict.fromkeys(other_joint.ports, kept)
+            self.joints.remove(other_joint)
             self._one_state(kept, key)
 
     def _one_state(self, joint: Joint, key: str) -> None:

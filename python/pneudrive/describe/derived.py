@@ -1,4 +1,4 @@
-"""Derived defaults: values of a drive that follow from other values where they are not given.
+"""Derived defaults: values of a drive that follow from other values if they are not given.
 
 A caller that changes a value (a search, applying a fit) has to update the values derived from it.
 """

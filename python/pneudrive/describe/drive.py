@@ -81,14 +81,14 @@ class Drive(Described):
     @model_validator(mode="after")
     def _lines_fit(self) -> Drive:
         if self.has_lines:
-            assert self.circuit  # raises an error where it is wrong
+            assert self.circuit  # raises an error if it is wrong
         return self
 
     @model_validator(mode="after")
     def _supply_is_absolute(self) -> Drive:
         if not self.supply_pressure_pa > 0.0:
             raise wrong("supply.pressure", "supply.pressure is below vacuum", rule="gauge + ambient > 0")
-        assert self.dew_point_pressure_pa or self.gas.dew_point_k is None  # raises an error where it is wrong
+        assert self.dew_point_pressure_pa or self.gas.dew_point_k is None  # raises an error if it is wrong
         return self
 
     @model_validator(mode="after")
@@ -167,7 +167,7 @@ class Drive(Described):
 
     @property
     def dew_point_pressure_pa(self) -> float | None:
-        """Absolute pressure at which the dew point of the gas is given, Pa; None where it has none."""
+        """Absolute pressure at which the dew point of the gas is given, Pa; None if it has none."""
         return self.gas.dew_point_pressure_pa(self.ambient.pressure_pa, self.supply_pressure_pa)
 
     @cached_property
@@ -394,20 +394,20 @@ def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
 
 def _kept(table: str, old: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
     """Return the values of a table that a user's changes keep."""
-    gone: set[str] = set()
+    dropped: set[str] = set()
     if table == "valve" and set(FLOW_KEYS) & set(own):
-        gone = set(FLOW_KEYS)
+        dropped = set(FLOW_KEYS)
     elif table == "cylinder" and own.get("kind") == "rodless":
-        gone = {"rod_diameter"}
+        dropped = {"rod_diameter"}
     elif table == "friction" and own.get("law", old.get("law")) != old.get("law"):
         law = law_of(own["law"])
         entry = friction_laws().get(own["law"]) if law is None else law.entry
         relaxes = entry is None or entry["bristles"]
-        gone = set(old) - (DEPENDENCES.keys() - ({} if relaxes else {"relaxation"}))
+        dropped = set(old) - (DEPENDENCES.keys() - ({} if relaxes else {"relaxation"}))
     elif table == "flow_control":
         both = {chamber for chamber in own if isinstance(old.get(chamber), dict) and isinstance(own[chamber], dict)}
         return old | {chamber: beside_control(old[chamber], own[chamber]) for chamber in both}
-    return {key: value for key, value in old.items() if key not in gone}
+    return {key: value for key, value in old.items() if key not in dropped}
 
 
 def _untouched(values: Iterable[Value], changes: Mapping[str, Any]) -> tuple[Value, ...]:
@@ -433,7 +433,7 @@ def _untouched(values: Iterable[Value], changes: Mapping[str, Any]) -> tuple[Val
 
 
 def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) -> dict[str, Any]:  # noqa: ANN401
-    """Return a start state in SI, pressures absolute, by what a drive has; an array where that is one, of many drives.
+    """Return a start state in SI, pressures absolute, by what a drive has; an array if that is one, of many drives.
 
     Parameters
     ----------

@@ -329,7 +329,7 @@ class Load(Described):
     @classmethod
     def _inclined_with_the_cylinder(cls, data: Any) -> Any:  # noqa: ANN401
         if isinstance(data, dict) and "incline" in data:
-            remedy = 'Write incline = "90 deg" under [cylinder] where x points up, "-90 deg" where it points down.'
+            remedy = 'Write incline = "90 deg" under [cylinder] if x points up, "-90 deg" if it points down.'
             raise wrong("load.incline", "load.incline is not known: the load moves along the cylinder", remedy=remedy)
         return data
 

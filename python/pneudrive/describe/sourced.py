@@ -30,7 +30,7 @@ class Value:
     assumed : str or None
         Reason for an assumed value, which has no source.
     note : str
-        Derivation of the value, where the source does not print it directly.
+        Derivation of the value, if the source does not print it directly.
     """
 
     key: str

@@ -297,7 +297,7 @@ def value_text(value: object) -> str:
 
 
 def key_text(key: str) -> str:
-    """Write a key, in quotes where it needs them."""
+    """Write a key, in quotes if it needs them."""
     return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else value_text(key)
 
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 #: Path of a parameter of a friction law in a component of the core's form.
 FRICTION = "friction.parameters."
-#: What follows from a number is found by moving it by this share, or by so much where it is 0.
+#: What follows from a number is found by moving it by this share, or by so much if it is 0.
 NUDGE = 1e-3
 #: Names in a design -> keys of the circuit file.
 _AMBIENT = {"ambient.pressure": "ambient.pressure_pa", "ambient.temperature": "ambient.temperature_k"}

@@ -159,7 +159,7 @@ class EnsembleDesign(Shown):
         n : int
             Members.
         names : sequence of str, optional
-            Which of its values vary; all that the data determine where nothing is said.
+            Which of its values vary; default: all that the data determine.
         seed : int
         method : str
             ``"sobol"``, ``"latin-hypercube"`` or ``"random"``.

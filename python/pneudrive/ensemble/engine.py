@@ -68,7 +68,7 @@ def run(
     kept : sequence of Reduction
         But those with a function of the user's own.
     threads : int, optional
-        All processors where nothing is said.
+        Default: all processors.
     look : callable, optional
         Is told how many members are done; what it raises ends the run.
 

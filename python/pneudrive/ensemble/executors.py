@@ -107,7 +107,7 @@ class DaskExecutor:
             self.client.cancel(list(on_the_way))
 
     def _still_there(self, seen: float) -> float:
-        """Return when a worker was seen last; give up where that is long ago."""
+        """Return when a worker was seen last; give up if that is long ago."""
         if self.client.nthreads():
             return time.monotonic()
         if time.monotonic() - seen > NO_WORKER_S:

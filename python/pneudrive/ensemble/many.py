@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Members whose results one data set holds where nothing is said.
+#: Members whose results one data set holds by default.
 IN_MEMORY = 5_000_000
 
 
@@ -100,16 +100,16 @@ def simulate_many(
         ``"integral(mass_flow_a)"``, ``"time_when(position > 0.45 m)"``, ``"settling(position, 0.5 mm)"``,
         ``"stroke_time"``, ``"samples(position, 100 Hz)"``, with a name of yours in front (``"top = max(velocity)"``),
         or objects of `pneudrive.ensemble`, among them `pneudrive.ensemble.own`. The state at the end and the stroke
-        time where nothing is said.
+        time are kept by default.
     initial : Initial, dict or str, or a list of them, optional
         Start state of all members, or one for each, with the same keys; what it does not say follows from each member's
         own stroke and ambient air.
     rtol : float
         Relative tolerance of the solver.
     seed : int, optional
-        Of the design; 0 where nothing is said.
+        Of the design; default: 0.
     executor : Executor, optional
-        Where chunks run; this process where nothing is said. See `pneudrive.ensemble.DaskExecutor`.
+        Place where chunks run; default: this process. See `pneudrive.ensemble.DaskExecutor`.
     out : path-like, optional
         Folder into which finished chunks are written as Parquet. A study that was interrupted goes on there: chunks
         that are there are not run again.
@@ -120,14 +120,14 @@ def simulate_many(
     max_members_in_memory : int
         With more members than that `out` is needed, and the data set returned has none of them.
     threads : int, optional
-        All processors where nothing is said; with an executor one for each chunk.
+        Default: all processors; with an executor one for each chunk.
     progress, cancel : optional
         See `pneudrive.watch.Watch`.
 
     Returns
     -------
     xarray.Dataset
-        Dimension member, and time where there are samples. A variable for each output, ``status`` (0: done) and
+        Dimension member, and time if there are samples. A variable for each output, ``status`` (0: done) and
         ``reason``; what varies as coordinates. Each with ``units`` and ``long_name``, SI, absolute pressure.
 
     Warns

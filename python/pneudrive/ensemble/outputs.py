@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     #: Of a user: signals by name, shape (members, samples), and their times, s -> one value a member, shape (members,).
     OwnReduction = Callable[[dict[str, Array], Array], Array]
 
-#: Sampling of what a function of the user's sees where nothing is said, Hz.
+#: Sampling of what a function of the user's sees by default, Hz.
 RATE_HZ = 1000.0
 #: Force of an end stop from which on the piston touches it, N (assumed): far below a nanometre of its depth.
 TOUCH_N = 1e-3
-#: What is kept where nothing is said: these at the end, and the stroke time.
+#: What is kept by default: these at the end, and the stroke time.
 STATE = ("position", "velocity", "pressure_a", "pressure_b", "temperature_a", "temperature_b")
 _CONDITION = re.compile(r"\s*([A-Za-z_][\w.]*)\s*(>|<)\s*(.+?)\s*")
 _CALL = re.compile(r"\s*([a-z_]+)\s*\((.*)\)\s*", re.DOTALL)
@@ -110,7 +110,7 @@ def final(signal: str, name: str = "") -> Output:
     signal : str
         A variable of a trajectory: ``"position"``, ``"pressure_a"``, ...
     name : str
-        Of the variable in the result; ``final_position`` where nothing is said.
+        Of the variable in the result; default: ``final_position``.
     """
     return Output("final", (signal,), name)
 
@@ -136,7 +136,7 @@ def integral(signal: str, name: str = "") -> Output:
 
 
 def time_when(condition: str, name: str = "") -> Output:
-    """Keep the first time at which a condition holds; NaN where it never does.
+    """Keep the first time at which a condition holds; NaN if it never does.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def samples(signal: str, rate: str | float = "1 kHz", name: str = "") -> Output:
     rate : str or float
         Samples a second; one rate in all outputs.
     name : str
-        Of the variable in the result; the signal's where nothing is said.
+        Of the variable in the result; default: that of the signal.
     """
     return Output("samples", (signal, rate), name)
 
@@ -215,10 +215,10 @@ class SignalNames:
     columns : sequence of str
         Columns of a trajectory's file.
     towards_b : bool or None
-        Whether the commands first move the piston towards the end of chamber b; None where they do not move it, or not
+        Whether the commands first move the piston towards the end of chamber b; None if they do not move it, or not
         all of them the same way.
     states : sequence of str
-        Those that are kept where nothing is said.
+        Those that are kept by default.
     """
 
     def __init__(self, columns: Sequence[str], towards_b: bool | None = None, states: Sequence[str] = STATE) -> None:

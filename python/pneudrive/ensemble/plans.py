@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     #: Of an input of the core: its steps, one for all members or one for each.
     EachSteps = list[Steps]
 
-#: Row of all members where one command is for all.
+#: Row of all members if one command is for all.
 _ALL = slice(None)
 
 
@@ -256,7 +256,7 @@ def _durations(given: Any) -> Array:  # noqa: ANN401
 
 
 def parted_starts(given: Any) -> tuple[Any, dict[str, list[Any]]]:  # noqa: ANN401
-    """Part a start state into what is for all members, and a column for each key where there is one for each member.
+    """Part a start state into what is for all members, and a column for each key if there is one for each member.
 
     Raises
     ------

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Base points of Sobol indices, trajectories of Morris' method, where nothing is said.
+#: Base points of Sobol indices, trajectories of Morris' method, by default.
 BASE_POINTS, TRAJECTORIES = 1024, 50
 METHODS = ("sobol", "morris")
 #: Variables of the result -> long name, by method; those that are shares have no unit, the others that of the output.
@@ -78,7 +78,7 @@ def sensitivity(
     method : str
         ``"sobol"`` or ``"morris"``.
     n : int, optional
-        Base points (1024 where nothing is said; best a power of 2), or trajectories (50).
+        Base points (by default 1024; best a power of 2), or trajectories (50).
     seed : int
         Of the design and of the bootstrap.
     confidence : float

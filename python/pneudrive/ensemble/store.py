@@ -29,7 +29,7 @@ class ChunkStore:
     Parameters
     ----------
     folder : Path
-        Made where it is not there.
+        Made if it does not exist.
     study : EnsembleStudy
     members : int, optional
         Of a chunk; a folder that was begun keeps its own.

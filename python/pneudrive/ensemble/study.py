@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Members of a chunk where nothing is said.
+#: Members of a chunk by default.
 CHUNK = 16384
 #: Samples, of all signals that a chunk keeps or a function of the user's sees, that are in memory at a time.
 MOST_SAMPLES = 20_000_000

@@ -35,7 +35,7 @@ COUPLED = (
     ("valve.critical_pressure_ratio", "valve.linear_above"),
     ("initial.position", "cylinder.stroke"),
 )
-#: What a start state follows from where it says nothing: numbers of the drive.
+#: What a start state follows from if it says nothing: numbers of the drive.
 STARTS_FROM = ("cylinder.stroke", "ambient.pressure", "ambient.temperature")
 #: Rows that are looked at together.
 CHECKED_ROWS = 65536

@@ -44,12 +44,12 @@ class Estimate:
     Attributes
     ----------
     value, low, high, stderr : float
-        NaN where the data do not determine it.
+        NaN if the data do not determine it.
     unit : str
     degrees_of_freedom : float
         Degrees of freedom of Student's t of the interval.
     p : float
-        Probability of a value as far from zero by chance; NaN where the test has no meaning.
+        Probability of a value as far from zero by chance; NaN if the test has no meaning.
     """
 
     value: float

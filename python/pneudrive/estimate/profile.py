@@ -49,7 +49,7 @@ def profile_interval(
     Returns
     -------
     float, float
-        Ends; infinite where the cost never grows so far.
+        Ends; infinite if the cost never grows so far.
 
     Examples
     --------

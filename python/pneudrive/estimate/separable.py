@@ -1,7 +1,7 @@
 """Least squares of laws that are linear except for shape parameters: grid of shapes, and intervals by profile.
 
 At each shape a linear fit gives the best coefficients, so that the profile over the shape needs no repeated fits; an
-interval is open where the data set no bound.
+interval is open if the data set no bound.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class Scan:
         return float((value - reach).min()), float((value + reach).max())
 
     def shape_interval(self, k: int, rise: float, sought: tuple[float, float]) -> tuple[float, float]:
-        """Return the interval of a shape parameter; an end is 0 or inf where it reaches the end of the grid."""
+        """Return the interval of a shape parameter; an end is 0 or inf if it reaches the end of the grid."""
         allowed = self.shape[self.inside(rise), k]
         low, high = float(allowed.min()), float(allowed.max())
         return (

@@ -108,17 +108,17 @@ def answers(request: dict[str, Any], files: _Files) -> tuple[list[dict[str, Any]
     end = 0
     alike = _alike(request)
     found = [({}, one) for one in alike] if alike else (answer(request, path, files) for path in request["paths"])
-    for told, columns in found:
-        each.append(told)
-        told["columns"] = {}
+    for answer_of, columns in found:
+        each.append(answer_of)
+        answer_of["columns"] = {}
         for name, column in columns.items():
             if column.dtype.kind in "iufbMm":
-                told["columns"][name] = {"dtype": column.dtype.str, "shape": column.shape, "place": end}
+                answer_of["columns"][name] = {"dtype": column.dtype.str, "shape": column.shape, "place": end}
                 arrays.append(np.ascontiguousarray(column))
                 end += -(-arrays[-1].nbytes // ALIGNED) * ALIGNED
             else:
                 texts = [None if v is None else str(v) for v in column.ravel().tolist()]
-                told["columns"][name] = {"texts": texts, "shape": column.shape, "dtype": str(column.dtype)}
+                answer_of["columns"][name] = {"texts": texts, "shape": column.shape, "dtype": str(column.dtype)}
     return each, arrays
 
 

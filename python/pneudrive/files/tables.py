@@ -143,8 +143,8 @@ def open_table(path: Path, form: str, kind: type[PneudriveError] = RecordingErro
     if form == "parquet" and _look(path, kind).own:
         opened = formats.open_parquet(path)
         return Table(path, form, opened.metadata, opened, kind)
-    told, _ = _reader.ask(path, {"ask": "names", "form": form}, kind)
-    return Table(path, form, told["metadata"], None, kind, tuple(told["names"]))
+    header, _ = _reader.ask(path, {"ask": "names", "form": form}, kind)
+    return Table(path, form, header["metadata"], None, kind, tuple(header["names"]))
 
 
 def read_texts(paths: Iterable[Path], key: str, kind: type[PneudriveError]) -> Iterator[Text | PneudriveError]:
@@ -339,8 +339,8 @@ class _Reader:
                 raise
             status = None if answer is not None else self._ended()
         if answer is not None:
-            told, memory = answer
-            for path, one in zip(paths, told["each"], strict=True):
+            content, memory = answer
+            for path, one in zip(paths, content["each"], strict=True):
                 yield kind(**one["error"], where=str(path)) if "error" in one else (one, memory)
         elif len(paths) > 1:
             for path in paths:

@@ -134,11 +134,11 @@ class Differentiable:
 
     def _run(self, values: ArrayLike, *, derivatives: bool) -> tuple[Array, Sensitivities]:
         """Run the drive, with more samples where a level is passed or an extreme lies."""
-        sought = [one for one in self._reductions if one.word in SOUGHT]
+        searches = [one for one in self._reductions if one.word in SOUGHT]
         times, given = self._times, self._times
-        if sought:
+        if searches:
             coarse = self._of.run(values, given, self._columns, derivatives=False)
-            for one in sought:
+            for one in searches:
                 first, last = _where(coarse.values[:, self._columns.index(one.columns[0])], one)
                 times = np.union1d(times, np.linspace(given[first], given[last], _BETWEEN * (last - first) + 1))
         return times, self._of.run(values, times, self._columns, derivatives=derivatives)
@@ -149,9 +149,9 @@ class Differentiable:
         for one in self._reductions:
             column = self._columns.index(one.columns[0])
             x, by = found.values[:, column], found.derivatives[:, column]
-            sought = one.word in SOUGHT
+            is_search = one.word in SOUGHT
             parts.append(
-                SOUGHT[one.word](one, times, x, by) if sought else _reduced(one, self._times, x[given], by[given])
+                SOUGHT[one.word](one, times, x, by) if is_search else _reduced(one, self._times, x[given], by[given])
             )
         values, derivatives = zip(*parts, strict=True)
         return np.concatenate(values), np.concatenate(derivatives)

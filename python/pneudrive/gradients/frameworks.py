@@ -71,7 +71,7 @@ def torch_function(of: ArrayFunction) -> Any:  # noqa: ANN401 - a function of Py
     import torch
 
     class TorchRun(torch.autograd.Function):
-        """One run, with its Jacobian where a gradient is asked for."""
+        """One run, with its Jacobian if a gradient is requested."""
 
         @staticmethod
         def forward(ctx: Any, values: Any) -> Any:  # noqa: ANN401

@@ -60,7 +60,7 @@ class Fit(Shown):
     systematic : dict
         Free value -> standard uncertainty from errors shared by all rows (sensor gain, pressure, area).
     model_errors : dict
-        Name -> lower limit of the model error, where known.
+        Name -> lower limit of the model error, if known.
     sources : dict
         Name -> names of its recordings.
     undetermined : tuple of Undetermined

@@ -52,7 +52,7 @@ class Identified:
     confidence : float
         Coverage probability of the intervals.
     model_errors : dict
-        Name -> lower limit of the model error, SI, where known.
+        Name -> lower limit of the model error, SI, if known.
     """
 
     values: Mapping[str, float]

@@ -68,8 +68,8 @@ def profile_intervals(
     high = dict.fromkeys(model.names, -np.inf)
     for j, log_exponent in enumerate(exponents):
         parts = np.array_split(velocities, -(-velocities.size * len(data) // MOST_AT_ONCE))
-        told = [_forces(model, data, y, linear, part, log_exponent) for part in parts]
-        cost, value, spread = (np.concatenate(part) for part in zip(*told, strict=True))
+        parts_of_grid = [_forces(model, data, y, linear, part, log_exponent) for part in parts]
+        cost, value, spread = (np.concatenate(part) for part in zip(*parts_of_grid, strict=True))
         slack[:, j] = best + allowed - cost
         inside = slack[:, j] >= 0.0
         if not inside.any():

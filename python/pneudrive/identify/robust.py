@@ -116,7 +116,7 @@ def estimate(
     q, best = min(candidates, key=lambda c: c[1])
     near = [c for c in candidates if c[1] <= best + HARDLY_WORSE * scale**2]
     others = [c[0] for c in near if model.stribeck and abs(c[0][2] - q[2]) > SAME_VELOCITY]
-    told = {
+    counts = {
         "starts": len(starts),
         "agreeing": len(near) - len(others),
         "rival": float(np.exp(others[0][2])) if others else float("nan"),
@@ -129,7 +129,7 @@ def estimate(
             break
         q = _polish(model, data, q, kind, scale)[0]
     found = _describe(model, data, q, scale, kind, fixed_scale)
-    return replace(found, **told)
+    return replace(found, **counts)
 
 
 def _freedom(model: StaticLaw, data: Observations) -> int:

@@ -3,7 +3,7 @@
 The core simulates the tank under the recorded opening of its line, and the search of `identify` fits the free values
 and the pressure at the start of each recording. Every value is estimated by its logarithm, the critical pressure ratio
 by its logit. An interval comes from the profile of the cost: the range of the value, with all others refitted, in which
-the cost grows by at most Student's t squared times the variance of the residuals. On a side where the cost never grows
+the cost grows by at most Student's t squared times the variance of the residuals. If on one side the cost never grows
 so far, the interval is open and the value not determined.
 """
 

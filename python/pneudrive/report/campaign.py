@@ -105,12 +105,12 @@ def _friction(found: CampaignCharacteristics) -> Iterator[str]:
     where = condition_names(found)(first.condition)
     yield f"Friction at {where}: {said} (± half of the 95 % interval); {plural(len(both), 'condition')} in all."
     for effects in found.pressure:
-        told = _effects(effects, "mean", " ({})", ("a", "b", "both chambers together"))
-        if told:
+        slopes = _effects(effects, "mean", " ({})", ("a", "b", "both chambers together"))
+        if slopes:
             name = f" ({effects.levels})" if effects.levels else ""
             joint = effects.interaction_n_pa2
             both = f"; interaction {with_interval(joint, PA_PER_BAR**2, 'N/bar²')}" if joint is not None else ""
-            yield f"Friction changes with pressure{name}, mean over speeds: {', '.join(told)}{both}."
+            yield f"Friction changes with pressure{name}, mean over speeds: {', '.join(slopes)}{both}."
 
 
 def _effects(of: object, name: str, words: str, chambers: tuple[str, str, str]) -> list[str]:
@@ -134,12 +134,12 @@ def _air(found: CampaignCharacteristics) -> Iterator[str]:
 
 def _with_pressure(series: DwellSeries) -> str:
     """Return the text on how that slope changes with pressure; "" at one pressure."""
-    told = (
+    slopes = (
         _effects(series.pressure, "slope", " of {}", ("p_a", "p_b", "both pressures together"))
         if series.pressure
         else []
     )
-    return f", and that slope by {' and '.join(told)}" if told else ""
+    return f", and that slope by {' and '.join(slopes)}" if slopes else ""
 
 
 def _course(found: CampaignCharacteristics) -> Iterator[str]:

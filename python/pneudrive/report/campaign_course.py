@@ -74,7 +74,7 @@ def drift(found: CampaignCharacteristics) -> Section | None:
     if d is None:
         return None
     topic = Topic("campaign", "drift")
-    told = topic.texts["told"].get(d.basis)
+    basis = topic.texts["told"].get(d.basis)
     causes = (
         ("over time", d.per_hour, "N/h"),
         ("over travel (run-in)", d.per_decade_of_travel, "N per decade"),
@@ -85,13 +85,13 @@ def drift(found: CampaignCharacteristics) -> Section | None:
         (word, with_interval(e, unit=unit), e.p) if e else (word, "the plan does not determine it", None)
         for word, e, unit in causes
     ]
-    if told:
+    if basis:
         rows.append(("states of the campaign against its mean", f"{d.spread_n:.2g} N (standard deviation)", ""))
     if zero.time_s.size:
         rows.append(("zero of the force sensor", with_interval(zero.per_hour, unit="N/h"), ""))
-    drawn = told and d.time_s.size > 2 and np.isfinite(d.drift_n).any()
+    drawn = basis and d.time_s.size > 2 and np.isfinite(d.drift_n).any()
     return topic.section(
-        Paragraph(topic.say(told=told or topic.say("untold")) + (topic.say("model") if told else "")),
+        Paragraph(topic.say(told=basis or topic.say("untold")) + (topic.say("model") if basis else "")),
         topic.picture("campaign-drift", draw_drift(found)) if drawn else None,
         topic.table(rows),
     )

@@ -86,10 +86,10 @@ def air(found: CampaignCharacteristics) -> Section | None:
     topic = Topic("campaign", "air")
     separated = [a for a in found.air if a.separated]
     shown = spread_evenly(separated or list(found.air), MOST_PANELS)
-    told = "separated" if separated else "together"
+    text = "separated" if separated else "together"
     return topic.section(
-        topic.text(told, rises=" ".join(_rise(topic, found, a) for a in shown)),
-        topic.picture("campaign-air", draw_air(found, shown), parts=topic.say(f"parts_{told}")),
+        topic.text(text, rises=" ".join(_rise(topic, found, a) for a in shown)),
+        topic.picture("campaign-air", draw_air(found, shown), parts=topic.say(f"parts_{text}")),
         topic.table(_air_rows(found, shown)),
     )
 

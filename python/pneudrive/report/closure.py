@@ -31,10 +31,10 @@ def section(found: Characterisation) -> Section | None:
     if not found.closures:
         return None
     topic, shown = Topic("recordings", "closure"), spread_evenly(found.closures, MOST_GROUPS)
-    told = topic.say("one_chamber" if _is_one_chamber(shown) else "both_chambers")
+    text = topic.say("one_chamber" if _is_one_chamber(shown) else "both_chambers")
     return topic.section(
         topic.text(),
-        topic.picture("closure", draw(shown), said=told),
+        topic.picture("closure", draw(shown), said=text),
         topic.table(_rows(found.closures)),
         *(Paragraph(sentence(fit.statement)) for fit in found.closures[:MOST_SHOWN] if fit.degrees_of_freedom <= 0),
     )

@@ -130,8 +130,8 @@ def _write_page(figure: Figure, run: xr.Dataset, target: Path) -> None:
     """Write a page that loads nothing: the picture, then its provenance."""
     from pneudrive.report.page import PageTable, Picture, Report, Section, inline, svg_text
 
-    told = ("version", "solver", "rtol", "description_hash", "statistics")
-    rows = [(name, str(run.attrs[name])) for name in told if name in run.attrs]
+    names = ("version", "solver", "rtol", "description_hash", "statistics")
+    rows = [(name, str(run.attrs[name])) for name in names if name in run.attrs]
     rows += [(name, one) for name in ("warning", "assumed") for one in run.attrs.get(LISTS[name], [])]
     title = str(run.attrs.get("title") or "Trajectory")
     picture = Picture("trajectory", f"{title}, simulated.", figure)

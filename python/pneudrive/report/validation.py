@@ -90,10 +90,10 @@ def _why(found: Validation) -> Section:
             (c.key, 100 * c.share, c.text, ", ".join(name for name, _ in c.rivals) or None) for c in diagnosis.culprits
         )
         alone = ((key, amount, 100 * share) for key, amount, share in diagnosis.alone[:SHOWN_ALONE])
-        told: list[Block] = [topic.table(causes, "causes"), topic.table(alone, "alone")]
+        blocks: list[Block] = [topic.table(causes, "causes"), topic.table(alone, "alone")]
     else:
-        told = [Paragraph(sentence(str(diagnosis)), "holds" if diagnosis.is_clean else "fails")]
-    return topic.section(topic.text(), sizes, *told, *pictures)
+        blocks = [Paragraph(sentence(str(diagnosis)), "holds" if diagnosis.is_clean else "fails")]
+    return topic.section(topic.text(), sizes, *blocks, *pictures)
 
 
 def _record(found: Validation, r: RecordResult) -> Section:

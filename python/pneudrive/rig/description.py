@@ -60,7 +60,7 @@ class RigDescription:
     barrel_share : float
         Share of the seal's rise of temperature that reaches the thermometer on the barrel.
     servo, chambers, drift, thermal, run_in, repeatability, supply, safety : dict
-        The tables of the file in SI, None where a key is absent.
+        The tables of the file in SI, None if a key is absent.
     sources : dict
         ``table.key`` -> `Source`.
     """

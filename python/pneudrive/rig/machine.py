@@ -180,11 +180,11 @@ class Machine:
         room = float(past.room_k(d))
         pressures = (past.pressure_a_pa, past.pressure_b_pa)
         begin = past.commanded_m if past.state is None else past.state
-        told = None if look is None else lambda _: look()
+        on_look = None if look is None else lambda _: look()
         try:
             rig = core_rig(d, pressures, friction, room)
             plan = (motion.durations_s, motion.jerks_m_s3, times)
-            result = rig.run(*plan, begin, RTOL, released=released, shut=shut, look=told)
+            result = rig.run(*plan, begin, RTOL, released=released, shut=shut, look=on_look)
         except (ValueError, RuntimeError) as error:
             raise SimulationError("the simulated rig cannot run", value=str(error)) from error
         columns, _, past.state, past.commanded_m = result

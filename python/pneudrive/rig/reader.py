@@ -82,14 +82,14 @@ def read_tables(path: Path) -> tuple[str, Any, Friction, dict[str, Source]]:
         for name, table in content.items()
         if name not in TOP
     }
-    told = dict(problems.found)
+    before = dict(problems.found)
     friction = problems.take(_friction, plain.pop("friction", {}), path)
     tables = problems.take(_rig_class().model_validate, {name: {} for name in KEYS} | plain)
     keys = {place: getattr(one, "key", None) or "" for place, one in problems.found.items()}
     unknown = tuple(keys[place] for place, one in problems.found.items() if "is not a known key" in one.what)
-    without_source = {keys[place] for place in told if not keys[place].startswith(unknown)}
+    without_source = {keys[place] for place in before if not keys[place].startswith(unknown)}
     for place, key in keys.items():  # one error for each key: unknown, without source, or another problem
-        if (place in told) != (key in without_source):
+        if (place in before) != (key in without_source):
             del problems.found[place]
     with toml.locating(path, toml.read(path)[1]):
         problems.tell()

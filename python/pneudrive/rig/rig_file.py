@@ -104,7 +104,7 @@ class IdentityTable(PistonTable):
 
     @model_validator(mode="after")
     def _areas_once(self) -> Self:
-        self.areas()  # raises an error where they are wrong
+        self.areas()  # raises an error if they are wrong
         return self
 
     def made(self) -> Identity:

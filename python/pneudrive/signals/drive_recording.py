@@ -390,8 +390,8 @@ def _own_labels(path: Path) -> dict[str, str]:
     """Return the labels of the simulated drive, if the file has them."""
     if path.suffix != ".parquet":
         return {}
-    told = open_table(path, "parquet").metadata.get("pneudrive", "{}")
-    kept = parse_json(told, str(path), RecordingError)
+    metadata = open_table(path, "parquet").metadata.get("pneudrive", "{}")
+    kept = parse_json(metadata, str(path), RecordingError)
     labels = kept.get("labels") if isinstance(kept, dict) else None
     return {str(k): str(v) for k, v in labels.items()} if isinstance(labels, dict) else {}
 
@@ -483,13 +483,13 @@ def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str])
     RecordingError
         If it does not move.
     """
-    sought = [name for name in free if not name.startswith(AT_REST)]
+    names = [name for name in free if not name.startswith(AT_REST)]
     seen = [r for r in recordings if "position_m" in r and np.isfinite(r["position_m"]).any()]
-    if not sought or not seen or any(_moves(r["position_m"]) for r in seen):
+    if not names or not seen or any(_moves(r["position_m"]) for r in seen):
         return
     travel = max(float(np.nanmax(r["position_m"]) - np.nanmin(r["position_m"])) for r in seen)
     raise RecordingError(
-        f"the piston does not move, and without motion {', '.join(sought)} cannot be determined",
+        f"the piston does not move, and without motion {', '.join(names)} cannot be determined",
         where=", ".join(str(r.source or r.name) for r in seen),
         value=f"its position changes by {travel * 1e3:.3g} mm",
         rule="identification of a drive needs recordings with motion",

@@ -369,8 +369,8 @@ def _without(tree: dict[str, Any], rest: dict[str, Any]) -> dict[str, Any]:
     columns, said = tree.get("columns", {}), rest.get("columns", {})
     if not (isinstance(columns, dict) and isinstance(said, dict)):
         return tree
-    gone = {name for name, one in said.items() if isinstance(one, dict) and {"column", "unit"} <= set(one)}
-    gone |= {f"pressure_{side}" for side in "ab" if f"chamber_{side}" in rest}
+    replaced = {name for name, one in said.items() if isinstance(one, dict) and {"column", "unit"} <= set(one)}
+    replaced |= {f"pressure_{side}" for side in "ab" if f"chamber_{side}" in rest}
     chambers = {f"chamber_{side}" for side in "ab" if f"pressure_{side}" in said or f"chamber_{side}" in rest}
     out = {key: value for key, value in tree.items() if key not in chambers}
-    return out | {"columns": {name: one for name, one in columns.items() if name not in gone}}
+    return out | {"columns": {name: one for name, one in columns.items() if name not in replaced}}

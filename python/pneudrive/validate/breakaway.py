@@ -81,8 +81,8 @@ def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
 
 def _peak(force: Array, moved: Array, bend: float) -> tuple[float, bool]:
     """Return the greatest force before the piston has moved by `bend`, and whether it moved so far."""
-    gone = np.flatnonzero(moved > bend)
-    return float(np.max(force[: int(gone[0]) + 1] if gone.size else force)), bool(gone.size)
+    beyond = np.flatnonzero(moved > bend)
+    return float(np.max(force[: int(beyond[0]) + 1] if beyond.size else force)), bool(beyond.size)
 
 
 def carried_friction(drive: Drive, signals: Signals) -> Array:

@@ -348,7 +348,7 @@ def _culprit(search: _Search, r: _Refined, others: list[_Refined], left: Array) 
     return Culprit(*said, r.amount, stderr, r.share, balances, rivals, _in_words(r, stderr, rivals))
 
 
-#: Unit of an amount -> factor and unit in texts, where they differ from the common unit.
+#: Unit of an amount -> factor and unit in texts, if they differ from the common unit.
 _SAID = {"s": (1e3, "ms"), "share of C": (100.0, "%"), "share": (100.0, "%")}
 
 

@@ -34,7 +34,7 @@ CURVE_COLUMNS = (
 
 
 def write_characteristics(found: CampaignCharacteristics, folder: str | Path) -> list[Path]:
-    """Write map.parquet, map.csv, curves.parquet and effects.toml; stops.parquet where there are stops.
+    """Write map.parquet, map.csv, curves.parquet and effects.toml; stops.parquet if there are stops.
 
     Returns
     -------

@@ -350,12 +350,12 @@ def _notes(
     notes += [sentence("note.one_side")] if all(held) else []
     notes += _doubts(levels)
     assumed = {e.source for level in levels for e in level.budget if e.basis == "assumed" and e.friction_n + e.offset_n}
-    told = {
+    doubts = {
         "negative": [level.recording for level in levels if "negative_friction" in level.flags],
         "assumed": sorted(assumed),
         "larger_offset": [level.recording for level in levels if abs(level.offset_n) > level.friction_n],
     }
-    notes += [sentence(f"note.{key}", names=", ".join(dict.fromkeys(found))) for key, found in told.items() if found]
+    notes += [sentence(f"note.{key}", names=", ".join(dict.fromkeys(found))) for key, found in doubts.items() if found]
     notes += [line.statement for line in lines]
     notes += [_stick_slip_note(level) for level in levels if "stick_slip" in level.flags]
     return [*notes, *([] if closures else [sentence("note.no_closure")])]

@@ -138,8 +138,8 @@ def _factors(
     if small > TOGETHER * large and small / scale > RELIABLE * np.linalg.norm(axes[1] * noise):
         return [("a",), ("b",)]
     net = push["a"] + push["b"]
-    told = np.ptp(net) > MINIMUM_RANGE_PA * area and np.std(net) > RELIABLE * np.linalg.norm(noise)
-    return [("a", "b")] if told else []
+    is_visible = np.ptp(net) > MINIMUM_RANGE_PA * area and np.std(net) > RELIABLE * np.linalg.norm(noise)
+    return [("a", "b")] if is_visible else []
 
 
 def _estimate(value: float, stderr: float, dof: int, unit: str) -> Estimate:

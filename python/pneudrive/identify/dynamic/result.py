@@ -158,7 +158,7 @@ class DriveFit(Fit):
     def apply(self, drive: Drive | None = None) -> Drive:
         """Return a drive with the determined values of this fit, each with its interval and its recordings.
 
-        The drive keeps its own values where the recordings determine none.
+        The drive keeps its own values if the recordings determine none.
 
         Parameters
         ----------

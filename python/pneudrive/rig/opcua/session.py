@@ -115,9 +115,9 @@ class ServedSession(InternalSession):
 
     async def close_session(self, delete_subs: bool = True) -> None:
         """Close the session."""
-        gone = self.state is SessionState.Closed
+        was_closed = self.state is SessionState.Closed
         await super().close_session(delete_subs=True)
-        if not gone:
+        if not was_closed:
             self.served.left(self.client)
 
     async def create_subscription(self, params: Any, callback: Any, request_callback: Any = None) -> Any:  # noqa: ANN401

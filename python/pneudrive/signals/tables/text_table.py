@@ -104,7 +104,7 @@ def to_number(text: str, form: TextForm) -> float:
 
 def measurable(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return numbers with NaN for infinite ones and for those with infinite squares."""
-    if values.size and values.min() > -NO_SENSOR and values.max() < NO_SENSOR:  # False where one is NaN
+    if values.size and values.min() > -NO_SENSOR and values.max() < NO_SENSOR:  # False if one is NaN
         return values
     return np.where(np.abs(values) < NO_SENSOR, values, np.nan)
 

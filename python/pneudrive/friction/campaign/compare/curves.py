@@ -281,7 +281,7 @@ def _shape_columns(points: CommonPoints) -> Array:
 
 
 def _pressure_columns(points: CommonPoints) -> Array:
-    """Return the pressures of both chambers, or their sum where they are always equal; per bar, centred."""
+    """Return the pressures of both chambers, or their sum if they are always equal; per bar, centred."""
     bar = points.gauge_pa / 1e5
     if np.allclose(bar[:, 0], bar[:, 1], atol=0.02):
         bar = bar[:, :1]

@@ -153,7 +153,7 @@ class Fits:
     drift_share : float
         Share of a steady drift that the design cannot separate from the curves.
     block_kind : str
-        block, day, or "" where there is none.
+        block, day, or "" if there is none.
     doubtful : tuple of int
         Points that are possible outliers: curves average over both cases.
     """
@@ -310,7 +310,7 @@ def block_shares(reading: CampaignData, points: Points) -> tuple[Array | None, s
     ndarray or None, shape (used, blocks)
         Share of each in the cycles of a point.
     str
-        block, day, or "" where there is none.
+        block, day, or "" if there is none.
     """
     members = [some for some, use in zip(points.members, points.use, strict=True) if use]
     named = [some[0].condition.levels for some in members]

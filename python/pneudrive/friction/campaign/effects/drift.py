@@ -92,7 +92,7 @@ def drift_of(reading: CampaignData, fits: Fits, found: Causes) -> Drift:
         interrupted = _effect(fits, found.interrupted.astype(float), "N")
     time = np.array([d.head.began_s for d in points.reduced.data]) - min(head.began_s for head in reading.heads)
     sentinel = np.array([d.head.cycle.kind == "sentinel" for d in points.reduced.data])
-    told = "sentinels" if sentinel.any() else "repeats" if _repeated(fits) else "smooth curve"
+    basis = "sentinels" if sentinel.any() else "repeats" if _repeated(fits) else "smooth curve"
     value, half = fit.drift * scale, fit.drift_half * scale
     return Drift(
         time_s=time[points.use],
@@ -105,7 +105,7 @@ def drift_of(reading: CampaignData, fits: Fits, found: Causes) -> Drift:
         per_decade_of_travel=effects.get("travel"),
         per_kelvin=effects.get("temperature"),
         interrupted=interrupted,
-        basis=told if carried else "not determined",
+        basis=basis if carried else "not determined",
         spread_n=float(np.std(value)),
     )
 

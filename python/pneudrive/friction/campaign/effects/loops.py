@@ -118,12 +118,12 @@ def _width(recording: Recording, friction: Array, velocity: Array, stroke: Strok
     """Return the mean difference of friction between slowing down and speeding up, at equal speeds of one stroke."""
     part = stroke.samples
     speed = np.abs(velocity[part]) / abs(stroke.speed_m_s)
-    gone = np.abs(recording.position_m[part] - stroke.from_m)
+    travel = np.abs(recording.position_m[part] - stroke.from_m)
     fast = np.flatnonzero(speed >= 0.9)
     if not fast.size or not np.isfinite(presliding):
         return float("nan")
     number = np.arange(speed.size)
-    rising = (number < fast[0]) & (gone > PRESLIDINGS * presliding)
+    rising = (number < fast[0]) & (travel > PRESLIDINGS * presliding)
     falling = number > fast[-1]
     edges = np.linspace(0.2, 0.8, SPEED_BINS + 1)
     differences = []

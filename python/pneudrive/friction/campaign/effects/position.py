@@ -50,11 +50,11 @@ def _describe(points: Points, condition: Condition | None, members: NDArray[np.b
     reduced = points.reduced
     rows = reduced.relative_n[members][:, reduced.common]
     position = reduced.position_m[reduced.common]
-    told = np.isfinite(rows).mean(axis=1) >= COVERED
-    rows = rows[told]
+    enough = np.isfinite(rows).mean(axis=1) >= COVERED
+    rows = rows[enough]
     if rows.shape[0] < FEWEST_CYCLES or position.size < FEWEST_BINS:
         return None
-    slowness = 1.0 / (reduced.speed_m_s[members] * np.abs(reduced.friction_n[members]))[told]
+    slowness = 1.0 / (reduced.speed_m_s[members] * np.abs(reduced.friction_n[members]))[enough]
     rows = rows - _trend(position, rows, slowness, (), 1.0)[1] * slowness[:, None] * (position - position.mean())
     known = np.isfinite(rows)
     count = known.sum(axis=0)

@@ -125,8 +125,8 @@ def fit_contact_age(
         return scan(np.column_stack([times, distance]), aged[:, :, None] * columns, increment)
 
     freedom = max(len(stops) - columns.shape[1] - 1, 1)
-    sought = (float(dwell.min()) / REACH[0], float(dwell.max()) * REACH[1])
-    found = refined(at, np.geomspace(*sought, TIMES), FINE, lambda one: one.rise(freedom))
+    limits = (float(dwell.min()) / REACH[0], float(dwell.max()) * REACH[1])
+    found = refined(at, np.geomspace(*limits, TIMES), FINE, lambda one: one.rise(freedom))
     rise, best = found.rise(freedom), found.best
     b, time = found.coefficient[best], float(found.shape[best, 0])
     if b[0] <= 0.0:
@@ -142,7 +142,7 @@ def fit_contact_age(
         growth=form.growth,
         exponent=exponent,
         increment=Estimate(float(b[0]), *found.interval(row, rise), float(spread[0]), "N", freedom),
-        time=Estimate(time, *found.shape_interval(0, rise, sought), float("nan"), "s"),
+        time=Estimate(time, *found.shape_interval(0, rise, limits), float("nan"), "s"),
         distance=mean_estimate(lengths, "m") if lengths.size >= FEWEST_STOPS else None,
         share_a_pa=each[0],
         share_b_pa=each[1],

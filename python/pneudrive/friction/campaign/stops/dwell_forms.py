@@ -3,7 +3,7 @@
   y = a_c + B_c psi(t; shape)      at each condition c; the shape is common to all of them
 
 psi is a growth of the core, named as in drive files, with a time and an exponent. The shape's interval is that of its
-profile: open where the data set no bound.
+profile: open if the data set no bound.
 """
 
 from __future__ import annotations
@@ -193,11 +193,11 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
     n, conditions = len(curve.data), len(curve.data.conditions)
     shortest, longest = float(curve.data.duration_s.min()), float(curve.data.duration_s.max())
     below, above = REACH.get(form.name, USUAL_REACH)
-    sought = {"s": (shortest / below, longest * above), "": (EXPONENTS[0], np.inf)}
+    limits = {"s": (shortest / below, longest * above), "": (EXPONENTS[0], np.inf)}
     linear = conditions + curve.extra.shape[1] + (conditions if form.growth else 0)
     count = linear + len(form.units) + 1
     freedom = max(n - count + 1, 1)
-    low, high = sought["s"]
+    low, high = limits["s"]
     times = np.geomspace(low, high, int(PER_DECADE * np.log10(high / low)))
     profile = _at(curve, form, whitener, times)
     if form.growth:
@@ -215,7 +215,7 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
         form=form,
         shape=dict(zip(form.units, profile.shape[profile.best].tolist(), strict=True)),
         shape_intervals={
-            name: profile.shape_interval(k, rise, sought[unit]) for k, (name, unit) in enumerate(form.units.items())
+            name: profile.shape_interval(k, rise, limits[unit]) for k, (name, unit) in enumerate(form.units.items())
         },
         level_n=best[:conditions],
         amplitude_n=ages @ best,
