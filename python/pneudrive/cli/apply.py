@@ -1,4 +1,4 @@
-"""``pneudrive apply``: write the determined values of a fit into a drive file."""
+"""``pneudrive apply``: write the determined values of a fit into the file of a drive or tank."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ def apply(
     drive: Annotated[
         str | None,
         typer.Argument(
-            help="Drive file, or catalogue:NAME; default: the drive that `pneudrive identify` started from.",
+            help="Drive file, or catalogue:NAME, or tank file; default: what `pneudrive identify` started from.",
             metavar="[DRIVE]",
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Drive file to write; default: standard output.")] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Put the determined values of a fit into a drive, each with its interval and its recordings."""
+    """Put the determined values of a fit into a drive, each with its interval and its recordings; or into a tank."""
     from pneudrive.describe.drive import Drive
+    from pneudrive.describe.tank import Tank
     from pneudrive.errors import CommandError
     from pneudrive.identify.dynamic.result import DriveFit
     from pneudrive.identify.files import read_fit
@@ -36,20 +37,16 @@ def apply(
 
     if out is not None:
         check_target(out, (".toml",))
-    given = None if drive is None else Drive.load(drive)
     found = read_fit(fit)
     if isinstance(found, VolumeFit):
-        raise CommandError(
-            "this is the fit of a volume, not of a drive",
-            remedy="Use `VolumeFit.apply` in Python: it returns the tank.",
-        )
-    if isinstance(found, DriveFit):
-        after = found.apply(given)
-    elif given is None:
+        after = found.apply(None if drive is None else Tank.load(drive))
+    elif isinstance(found, DriveFit):
+        after = found.apply(None if drive is None else Drive.load(drive))
+    elif drive is not None:
+        after = found.apply(Drive.load(drive))
+    else:
         raise CommandError(
             "this fit of friction names no drive",
             remedy="Add the drive file to the command: pneudrive apply FIT DRIVE.",
         )
-    else:
-        after = found.apply(given)
     write_text(after.to_toml(), out)

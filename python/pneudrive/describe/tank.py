@@ -126,6 +126,10 @@ class Tank(Described):
             toml.put(tables, key, value)
         return type(self).model_validate(tables)
 
+    def to_toml(self) -> str:
+        """Write the tank as a file that `load` reads back to the same bits."""
+        return toml.write({"schema": self.schema_version} | self.to_dict())
+
     @property
     def start_temperature_k(self) -> float:
         """Temperature of the gas at the start of a recording, K."""

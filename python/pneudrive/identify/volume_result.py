@@ -62,22 +62,28 @@ class VolumeFit(Fit):
         del value
         return name in self.intervals
 
-    def apply(self) -> Tank:
-        """Return the tank with the determined values.
+    def apply(self, tank: Tank | None = None) -> Tank:
+        """Return a tank with the determined values.
+
+        Parameters
+        ----------
+        tank : Tank, optional
+            Default: the tank of the start of the search.
 
         Raises
         ------
         FitError
             The fit was read from a file without the tank.
         """
-        if self.start is None:
+        start = self.start if tank is None else tank
+        if start is None:
             raise FitError("the file of this fit has no tank", remedy="Fit again.")
         changes = {}
         for name in self.determined:
             value, unit = self.values[name], self.units[name]
             text = value if unit == "1" else units.write(value, unit, _WRITTEN.get(unit))
             changes[name] = f"{text} abs" if unit == "Pa" else text
-        return self.start.replace(changes)
+        return start.replace(changes)
 
     def compared(self) -> dict[str, FittedData]:
         """Return the pressures of each recording beside those of the model; empty if read from a file."""

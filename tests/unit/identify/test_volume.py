@@ -108,6 +108,7 @@ ambient_pressure = "1.013 bar abs"
 
 def test_from_files_on_the_command_line(tmp_path, capsys):
     from pneudrive.cli.main import run
+    from pneudrive.identify.files import read_fit
 
     columns = record(20.0, 12.0, 0, opens=1.0)
     rows = zip(columns["time_s"], columns["pressure_pa"] / 1e5 - 1.013, 10 * columns["command"], strict=True)
@@ -124,6 +125,10 @@ def test_from_files_on_the_command_line(tmp_path, capsys):
     assert "line.conductance" in said
     assert "dm3/(s bar)" in said
     assert 'kind = "volume"' in (tmp_path / "fit.toml").read_text()
+    assert run(["apply", str(tmp_path / "fit.toml"), "--out", str(tmp_path / "after.toml")]) == 0
+    found, after = read_fit(tmp_path / "fit.toml"), pn.Tank.load(tmp_path / "after.toml")
+    assert after.line.conductance_m3_s_pa == pytest.approx(found.values["line.conductance"], rel=1e-12)
+    assert after == found.apply(pn.Tank.load(tmp_path / "tank.toml"))
     assert run([*call, "--free", "line.conductence"]) == 2
     assert "Did you mean 'line.conductance'" in capsys.readouterr().err
     assert run(["characterise", str(tmp_path / "fill.csv"), "--out", str(tmp_path / "out")]) == 2
