@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any, Literal, NotRequired, TypedDict, final, type_check_only
 
-from numpy import float64, uint8
+from numpy import bool_, float64, int64, uint8
 from numpy.typing import NDArray
 
 __all__ = [
@@ -13,8 +13,10 @@ __all__ = [
     "Drive",
     "Ensemble",
     "Members",
+    "PlainFile",
     "Session",
     "Tank",
+    "bin_means",
     "choked_flow_factor",
     "components",
     "constants",
@@ -27,6 +29,7 @@ __all__ = [
     "seal_warming",
     "steady_friction",
     "steady_friction_sensitivity",
+    "turning_points",
     "valve_openings",
     "write_parquet",
 ]
@@ -359,6 +362,12 @@ class Members:
     def start(self, member: int, start: Mapping[str, float], rtol: float) -> Session: ...
 
 @final
+class PlainFile:
+    @staticmethod
+    def open(path: str | PathLike[str]) -> PlainFile | None: ...
+    def read(self, names: Sequence[str], begin: int, end: int) -> list[NDArray[float64]] | None: ...
+
+@final
 class Column:
     def __len__(self) -> int: ...
     def __getitem__(self, index: int, /) -> float: ...
@@ -407,3 +416,11 @@ def steady_friction_sensitivity(
     dependences: Mapping[str, Any] | None = None,
 ) -> tuple[NDArray[float64], NDArray[float64]]: ...
 def valve_openings(command: NDArray[float64]) -> NDArray[float64]: ...
+def turning_points(values: NDArray[float64], least: float) -> NDArray[int64]: ...
+def bin_means(
+    position: NDArray[float64],
+    values: NDArray[float64],
+    chosen: NDArray[bool_] | None,
+    stretches: Sequence[tuple[int, int]],
+    bins: tuple[float, float, int],
+) -> NDArray[float64]: ...

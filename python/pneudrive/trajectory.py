@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive._core import Column
+    from pneudrive.files.tables import Table
 
 # column of a file -> (variable, units, long name)
 MEANING: dict[str, tuple[str, str, str]] = {
@@ -235,7 +236,9 @@ def columns_in(path: str | Path, asked: Iterable[str]) -> list[str]:
     return [column for column in asked if _name_in(path, column) in names]
 
 
-def read_columns(path: str | Path, wanted: Iterable[str], rows: tuple[int, int] | None = None) -> dict[str, np.ndarray]:
+def read_columns(
+    path: str | Path, wanted: Iterable[str], rows: tuple[int, int] | None = None, table: Table | None = None
+) -> dict[str, np.ndarray]:
     """Read columns of a file that `save` wrote.
 
     Parameters
@@ -245,6 +248,8 @@ def read_columns(path: str | Path, wanted: Iterable[str], rows: tuple[int, int] 
         Names of existing columns, in the form of CSV and Parquet, for netCDF too.
     rows : tuple of int, optional
         First row and the one behind the last, not of CSV; None: all.
+    table : Table, optional
+        The file, where it is open already.
 
     Returns
     -------
@@ -267,7 +272,7 @@ def read_columns(path: str | Path, wanted: Iterable[str], rows: tuple[int, int] 
         frame = read_csv(path, dict.fromkeys(wanted, pl.Float64), RecordingError, wanted)
         return {name: frame[name].to_numpy() for name in wanted}
     names = {name: _name_in(path, name) for name in wanted}
-    found = open_table(path, TABLES[path.suffix]).get(names.values(), rows)
+    found = (table or open_table(path, TABLES[path.suffix])).get(names.values(), rows)
     for values in found.values():
         if values.ndim != 1 or values.dtype.kind not in "iuf":
             shown = f"{values.dtype}, {values.shape}"

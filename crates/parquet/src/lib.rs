@@ -4,8 +4,10 @@
 //! and plain values are written and read at the speed of memory.
 #![warn(missing_docs)]
 
+mod read;
 mod thrift;
 
+pub use read::Plain;
 use std::io::{self, Write};
 use thrift::Struct;
 

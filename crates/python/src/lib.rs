@@ -7,6 +7,7 @@ mod friction;
 mod network;
 mod session;
 mod shooting;
+mod signals;
 mod table;
 mod tank;
 
@@ -63,7 +64,10 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<session::PySession>()?;
     m.add_class::<tank::PyTank>()?;
     m.add_class::<table::PyColumn>()?;
+    m.add_class::<table::PyPlain>()?;
     m.add_function(wrap_pyfunction!(table::write_parquet, m)?)?;
+    m.add_function(wrap_pyfunction!(signals::turning_points, m)?)?;
+    m.add_function(wrap_pyfunction!(signals::bin_means, m)?)?;
     m.add_function(wrap_pyfunction!(network::components, m)?)?;
     m.add_function(wrap_pyfunction!(network::formula_component, m)?)?;
     m.add_function(wrap_pyfunction!(friction::friction_laws, m)?)?;

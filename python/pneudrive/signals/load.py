@@ -29,11 +29,14 @@ from pneudrive.trajectory import read_columns as read_trajectory_columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+    from threading import Event
 
     from numpy.typing import NDArray
 
+    from pneudrive.files.tables import Table
+
 SIGNAL_NOISE = 0.02  # of full opening: largest excess of a measured signal over its range (assumed)
-HASHED_ROWS, HASHED_BYTES = 1 << 20, 1 << 20  # of a long file at a time
+HASHED_ROWS, HASHED_BYTES = 1 << 18, 1 << 20  # of a long file at a time
 MISSING_LAYOUT = "give a layout with --layout LAYOUT.toml; 'pneudrive layout FILE' proposes one"
 
 
@@ -140,11 +143,14 @@ class LongFile:
         None: a trajectory.
     count : int
         Rows of the file.
+    table : Table
+        The file, open.
     """
 
     file: RecordingFile
     said: FileLayout | None
     count: int
+    table: Table
 
     @property
     def first(self) -> int:
@@ -154,7 +160,7 @@ class LongFile:
     def read(self, rows: tuple[int, int]) -> dict[str, NDArray[np.float64]]:
         """Read some rows of the raw columns, by channel."""
         if self.said is None:
-            return read_trajectory_columns(self.file.path, MEASURED, rows)
+            return read_trajectory_columns(self.file.path, MEASURED, rows, self.table)
         return read_rows(self.file.path, self.said, rows)
 
     def recording(self, raw: dict[str, NDArray[np.float64]]) -> Recording:
@@ -163,15 +169,19 @@ class LongFile:
             return recording_of(raw, self.file.name, self.file.path, None)
         return to_recording(self.file.name, self.file.path, self.said, raw, {}, None)
 
-    def sha256(self) -> str:
-        """Return the hash that a recording of the whole file has: of its bytes, or of the columns of a trajectory."""
+    def sha256(self, ended: Event) -> str:
+        """Return the hash that a recording of the whole file has: of its bytes, or of the columns of a trajectory.
+
+        Once `ended` is set, nobody waits for it, and it is that of what has been read.
+        """
         path = self.file.path
         if self.said is None:
             parts = [(begin, min(begin + HASHED_ROWS, self.count)) for begin in range(0, self.count, HASHED_ROWS)]
-            return digest_of(read_trajectory_columns(path, [c], part)[c] for c in COLUMNS for part in parts)
+            pieces = ((column, part) for column in COLUMNS for part in parts if not ended.is_set())
+            return digest_of(read_trajectory_columns(path, [c], part, self.table)[c] for c, part in pieces)
         total, buffer = hashlib.sha256(), memoryview(bytearray(HASHED_BYTES))
         with path.open("rb", buffering=0) as data:
-            while count := data.readinto(buffer):
+            while not ended.is_set() and (count := data.readinto(buffer)):
                 total.update(buffer[:count])
         return total.hexdigest()
 
@@ -183,8 +193,9 @@ def find_long(file: RecordingFile, least: int) -> LongFile | None:
         return None
     if said is None and file.path.suffix != ".parquet":
         return None
-    count = open_table(file.path, "parquet").count()
-    return LongFile(file, said, count) if count is not None and count > least else None
+    table = open_table(file.path, "parquet")
+    count = table.count()
+    return LongFile(file, said, count, table) if count is not None and count > least else None
 
 
 def read_raw(

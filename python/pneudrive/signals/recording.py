@@ -142,10 +142,13 @@ class Recording(Shown):
             Shape (n,), N.
         """
         ambient = self.ambient_pressure_pa
-        return (
-            self.force_n
-            + (self.pressure_a_pa - ambient) * self.area_a_m2
-            - (self.pressure_b_pa - ambient) * self.area_b_m2
-            - self.mass_beyond_sensor_kg * acceleration_m_s2
-            - self.weight_n
-        )
+        # In place, term by term: fresh memory for each would take longer than the sum.
+        balance = self.pressure_a_pa - ambient
+        balance *= self.area_a_m2
+        balance += self.force_n
+        side_b = self.pressure_b_pa - ambient
+        side_b *= self.area_b_m2
+        balance -= side_b
+        balance -= self.mass_beyond_sensor_kg * acceleration_m_s2
+        balance -= self.weight_n
+        return balance

@@ -9,7 +9,10 @@ largest force are kept, for figures and the uncertainty budget.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
+from threading import Event
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +28,7 @@ from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from concurrent.futures import Future
 
     from numpy.typing import NDArray
 
@@ -66,6 +70,23 @@ def extract_long(file: LongFile, choice: SampleChoice, watch: Watch = UNWATCHED)
     RecordingError
         As in `extract`.
     """
+    with _hashed_beside(file) as sha256:
+        return _extracted(file, choice, watch, sha256)
+
+
+@contextmanager
+def _hashed_beside(file: LongFile) -> Iterator[Future[str]]:
+    """Hash the samples of a file on a thread while they are read; whoever fails does not wait for it."""
+    ended = Event()
+    with ThreadPoolExecutor(1) as beside:
+        try:
+            yield beside.submit(file.sha256, ended)
+        finally:
+            ended.set()
+
+
+def _extracted(file: LongFile, choice: SampleChoice, watch: Watch, sha256: Future[str]) -> RecordingResult:
+    """Read the parts and combine their strokes."""
     window: tuple[float, float] | None = None
     shown: tuple[Sliding, int] | None = None  # with the number of its first stroke
     grids: list[Grid] = []
@@ -88,13 +109,14 @@ def extract_long(file: LongFile, choice: SampleChoice, watch: Watch = UNWATCHED)
     if shown is None or window is None:
         raise RecordingError("no stroke was found", where=file.file.name, rule="the position must move back and forth")
     sliding, first = shown
-    whole = replace(sliding, recording=replace(sliding.recording, flags=flags, sha256=file.sha256()))
+    whole = replace(sliding, recording=replace(sliding.recording, flags=flags, sha256=sha256.result()))
     result = result_of(whole, _levels(grids, strokes, frictions), window, choice)
     return replace(result, levels=tuple(_of_part(level, sliding, first) for level in result.levels))
 
 
 def _largest(sliding: Sliding) -> float:
-    return float(np.abs(sliding.recording.force_n).max())
+    force = sliding.recording.force_n
+    return float(max(force.max(), -force.min()))
 
 
 def _of_part(level: Level, sliding: Sliding, first: int) -> Level:

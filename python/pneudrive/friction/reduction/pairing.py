@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive import _core
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -93,15 +95,22 @@ def grid_over(
     return Grid(low, float(width), core.size - 1, -below, core.size - 1 + above)
 
 
-def bin_means(position_m: Array, values: Array, edges_m: Array) -> Array:
-    """Return the mean of ``values`` in each position bin, shape (bins,), NaN in empty bins."""
-    bins = edges_m.size - 1
-    place = np.floor((position_m - edges_m[0]) / (edges_m[-1] - edges_m[0]) * bins).astype(np.int64)
-    inside = (place >= 0) & (place < bins)
-    place, values = place[inside], values[inside]
-    count = np.bincount(place, minlength=bins)
-    total = np.bincount(place, weights=values, minlength=bins)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+def bin_means(
+    position_m: Array, values: Array, edges_m: Array, parts: Sequence[slice], chosen: NDArray[np.bool_] | None = None
+) -> Array:
+    """Return the mean of ``values`` in each position bin over the samples of some parts, NaN in empty bins.
+
+    Parameters
+    ----------
+    position_m, values : ndarray, shape (n,)
+    edges_m : ndarray, shape (bins + 1,)
+    parts : sequence of slice
+    chosen : ndarray of bool, shape (n,), optional
+        The samples that count; None: all.
+    """
+    bins = (float(edges_m[0]), float(edges_m[-1]), edges_m.size - 1)
+    columns = np.ascontiguousarray(position_m), np.ascontiguousarray(values)
+    return _core.bin_means(*columns, chosen, [(part.start, part.stop) for part in parts], bins)
 
 
 def pair(grid: Grid, strokes_n: dict[int, Array]) -> Profile:

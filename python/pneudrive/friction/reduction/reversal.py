@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.signals.motion import local_slope, middle, noise_level, straight_line
+from pneudrive.signals.motion import local_slope, middle_step, noise_level, straight_line
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,7 +76,7 @@ def find_reversal_peaks(
     sides = {side: getattr(recording, f"pressure_{side}_pa") for side in "ab"}
     usual = _Usual(
         sliding_n=float(np.nanmean(profile.friction_n[profile.in_window])),
-        step_s=middle(np.diff(recording.time_s)),
+        step_s=middle_step(recording.time_s),
         noise_n=noise_level(balance_n),
         pressure_noise_pa={side: noise_level(pressure, quantisation=False) for side, pressure in sides.items()},
     )

@@ -128,8 +128,7 @@ def _levels(motion: SlidingMotion) -> _Levels | None:
         parts = [stroke.samples for stroke in motion.strokes if stroke.direction == direction]
         if not parts:
             return None
-        at = np.concatenate([motion.position_m[part] for part in parts])
-        means[direction] = bin_means(at, np.concatenate([motion.balance_n[part] for part in parts]), edges)
+        means[direction] = bin_means(motion.position_m, motion.balance_n, edges, parts)
         known = np.isfinite(means[direction])
         position[direction], balance[direction] = centres[known], means[direction][known]
     inside = (centres > low + 0.2 * (high - low)) & (centres < high - 0.2 * (high - low))

@@ -210,11 +210,8 @@ def stroke_rows(
     position_m: Array, balance_n: Array, settled: NDArray[np.bool_], strokes: Sequence[Stroke], grid: Grid
 ) -> list[Array]:
     """Average the balance of each stroke in each bin, over the chosen samples."""
-    edges, rows = grid.edges_m, []
-    for stroke in strokes:
-        use = settled[stroke.samples]
-        rows.append(bin_means(position_m[stroke.samples][use], balance_n[stroke.samples][use], edges))
-    return rows
+    edges = grid.edges_m
+    return [bin_means(position_m, balance_n, edges, [stroke.samples], settled) for stroke in strokes]
 
 
 def by_direction(strokes: Sequence[Stroke], rows: Sequence[Array]) -> dict[int, Array]:
