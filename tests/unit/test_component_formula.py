@@ -122,7 +122,7 @@ def test_a_force_from_python_brakes_a_slide():
 def test_it_is_listed_and_described(folder, capsys):
     jsonschema = pytest.importorskip("jsonschema")
     tomllib = pytest.importorskip("tomllib")
-    jsonschema.validate(tomllib.loads(OWN), circuit_schema())
+    jsonschema.Draft202012Validator(circuit_schema()).validate(tomllib.loads(OWN))
     assert run(["components", "restriction/formula"]) == 0
     out = capsys.readouterr().out
     assert "p_up" in out

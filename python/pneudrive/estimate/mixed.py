@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import MOST_FREEDOM, NORMAL_95, Estimate, FTest
+from pneudrive.estimate.triangular import factorise, solve_factorised, solve_lower, solve_upper
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -106,10 +107,8 @@ class MixedModel:
         ndarray, shape (n,)
             Standard deviation of the difference.
         """
-        from scipy.linalg import cho_solve
-
         state = _State.of(self, sd)
-        inverse = cho_solve((state.lower, True), np.eye(self.y.size), check_finite=False)
+        inverse = solve_factorised(state.lower, np.eye(self.y.size))
         vx = inverse @ self.x
         diagonal = np.diag(inverse) - np.einsum("ij,jk,ik->i", vx, state.beta_covariance, vx)
         # Zero where a column of x belongs to a single observation: the others do not predict it.
@@ -160,24 +159,22 @@ class _State:
     beta_covariance: Array
     lower: Array  # Cholesky factor of V
     half_x: Array  # L^-1 X
+    r: Array  # upper triangle of its QR decomposition
 
     @classmethod
     def of(cls, model: MixedModel, sd: Array) -> _State:
-        from scipy.linalg import cho_solve, cholesky, solve_triangular
-
-        lower = cholesky(model.covariance(sd), lower=True, check_finite=False)
-        half_x = solve_triangular(lower, model.x, lower=True, check_finite=False)
-        half_y = solve_triangular(lower, model.y, lower=True, check_finite=False)
+        lower = factorise(model.covariance(sd))
+        half_x, half_y = solve_lower(lower, model.x), solve_lower(lower, model.y)
         q, r = np.linalg.qr(half_x)
-        beta = solve_triangular(r, q.T @ half_y, check_finite=False) if r.size else np.zeros(0)
-        inverse = solve_triangular(r, np.eye(r.shape[0]), check_finite=False) if r.size else np.zeros((0, 0))
-        solved = cho_solve((lower, True), model.y - model.x @ beta, check_finite=False)
-        return cls(sd, solved, beta, inverse @ inverse.T, lower, half_x)
+        beta = solve_upper(r, q.T @ half_y) if r.size else np.zeros(0)
+        inverse = solve_upper(r, np.eye(r.shape[0])) if r.size else np.zeros((0, 0))
+        solved = solve_factorised(lower, model.y - model.x @ beta)
+        return cls(sd, solved, beta, inverse @ inverse.T, lower, half_x, r)
 
     def deviance(self, model: MixedModel) -> float:
         """Twice the negative logarithm of the restricted likelihood."""
-        r = np.linalg.qr(self.half_x, mode="r")
-        log_det = 2.0 * float(np.sum(np.log(np.diag(self.lower)))) + 2.0 * float(np.sum(np.log(np.abs(np.diag(r)))))
+        roots = np.sum(np.log(np.diag(self.lower))), np.sum(np.log(np.abs(np.diag(self.r))))
+        log_det = 2.0 * float(roots[0]) + 2.0 * float(roots[1])
         return log_det + float((model.y - model.x @ self.beta) @ self.solved)
 
 
@@ -233,8 +230,6 @@ class MixedFit:
         prior : dict
             Name -> variance of g_i* at standard deviation 1, shape (m,).
         """
-        from scipy.linalg import solve_triangular
-
         names = [c.name for c in self.model.components]
         kernels, prior = kernels or {}, prior or {}
         kernels = {name: kernel for name, kernel in kernels.items() if name in names}
@@ -247,7 +242,7 @@ class MixedFit:
                 cross += s2 * kernel
                 own += s2 * prior[name]
             means.append(x @ state.beta + cross @ state.solved)
-            half = solve_triangular(state.lower, cross.T, lower=True, check_finite=False)
+            half = solve_lower(state.lower, cross.T)
             left = x - half.T @ state.half_x
             own = own - np.sum(half**2, axis=0) + np.einsum("ij,jk,ik->i", left, state.beta_covariance, left)
             variances.append(np.maximum(own, 0.0))
@@ -388,11 +383,9 @@ def independent(x: Array, tolerance: float = 1e-9) -> NDArray[np.intp]:
 
 def _cost(model: MixedModel, log_sd: Array, scales: Array) -> tuple[float, Array]:
     """Return the negative log posterior of the log standard deviations and its gradient."""
-    from scipy.linalg import cho_solve
-
     sd = np.exp(log_sd)
     state = _State.of(model, sd)
-    inverse = cho_solve((state.lower, True), np.eye(model.y.size), check_finite=False)
+    inverse = solve_factorised(state.lower, np.eye(model.y.size))
     vx = inverse @ model.x
     p = inverse - vx @ state.beta_covariance @ vx.T
     gradient = np.empty(sd.size)
