@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pneudrive.cli.options import Results, Samples, one_of
-from pneudrive.cli.output import MOST_ROWS, show_lines, show_statements, show_table, tell, writable_folder
+from pneudrive.cli.output import MOST_ROWS, file_name, show_lines, show_statements, show_table, tell, writable_folder
 from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
@@ -110,7 +109,7 @@ def _write_fits(fits: Fits, law: str, folder: Path, whole: str) -> list[Path]:
     written = []
     for group, by_law in fits.items():
         if law in by_law:
-            name = "fit.toml" if group == whole else f"fit-{re.sub(r'[^A-Za-z0-9._-]+', '-', group)}.toml"
+            name = "fit.toml" if group == whole else f"fit-{file_name(group)}.toml"
             by_law[law].to_toml(folder / name)
             written.append(folder / name)
     return written

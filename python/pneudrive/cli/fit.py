@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pneudrive.cli.options import Page, Profile, names_in, option
-from pneudrive.cli.output import tell_fit
+from pneudrive.cli.output import file_name, tell_fit
 from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
@@ -86,7 +85,7 @@ def fit(
             found = with_dependences(found, campaign, part)
         if comparison is not None:
             typer.echo(str(comparison))
-        slug = re.sub(r"[^A-Za-z0-9._-]+", "-", group)
+        slug = file_name(group)
         target = out.with_stem(f"{out.stem}-{slug}") if group else out
         tell_fit(found, target, report and report / slug, profile=profile)
     for said in _seals(curves, by, options["ambient_pressure_pa"], turn[direction]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from typing import TYPE_CHECKING
 
@@ -86,6 +87,11 @@ def tell(paths: Iterable[Path | None]) -> None:
     for path in paths:
         if path is not None:
             typer.echo(str(path))
+
+
+def file_name(text: str) -> str:
+    """Return a text as a part of a file's name."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", text)
 
 
 def tell_fit(fit: Fit, out: Path | None, report: Path | None, *, profile: bool) -> None:

@@ -1,4 +1,4 @@
-"""Fits of one characterisation: all recordings together, and each seal separately."""
+"""Fits of groups of a friction map: all recordings together, each seal separately, each set of a campaign."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS
 from pneudrive.identify.fit import LAWS, fit_friction
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     import xarray as xr
 
@@ -40,21 +40,34 @@ def fit_characterisation(
     """
     curves = characterisation.friction_map
     of_row = np.array(row_seals_and_runs(characterisation)[0])
-    groups = {ALL_RECORDINGS: np.ones(of_row.size, dtype=bool)}
+    groups = {ALL_RECORDINGS: curves}
     if len(set(of_row)) > 1:
-        groups |= {seal: of_row == seal for seal in dict.fromkeys(of_row)}
+        groups |= {seal: curves.isel(row=np.flatnonzero(of_row == seal)) for seal in dict.fromkeys(of_row.tolist())}
+    return fit_groups(groups, laws)
+
+
+def fit_groups(
+    groups: Mapping[str, xr.Dataset], laws: Sequence[str], exclude_flags: Sequence[str] = ()
+) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
+    """Fit laws to each of several friction maps: group -> law -> fit, and notes on failed fits."""
     fits: dict[str, dict[str, FrictionFit]] = {}
     problems: list[str] = []
-    for group, rows in groups.items():
-        part = curves.isel(row=np.flatnonzero(rows))
-        spread = max(float(np.ptp(part[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
+    for group, part in groups.items():
         for law in laws:
-            found = _fit(part, law, pressure_dependence=spread > MINIMUM_RANGE_PA)
-            if isinstance(found, str):
-                problems.append(f"{group}, {law}: {found}")
+            label = f"{group}, {law}"
+            try:
+                found = fit_map(part, law, exclude_flags)
+            except FitError as error:
+                problems.append(f"{label}: {error.what}")
             else:
                 fits.setdefault(group, {})[law] = found
     return fits, problems
+
+
+def fit_map(table: xr.Dataset, law: str, exclude_flags: Sequence[str] = ()) -> FrictionFit:
+    """Fit a law to a friction map; friction may depend on pressure if there were several."""
+    spread = max(float(np.ptp(table[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
+    return fit_friction(table, law, pressure_dependence=spread > MINIMUM_RANGE_PA, exclude_flags=exclude_flags)
 
 
 def row_seals_and_runs(characterisation: Characterisation) -> tuple[list[str], list[str]]:
@@ -63,11 +76,3 @@ def row_seals_and_runs(characterisation: Characterisation) -> tuple[list[str], l
     labels |= {point.recording: (point.seal, point.run) for point in characterisation.points}
     rows = [labels[name] for name in characterisation.friction_map["recording"].to_numpy()]
     return [seal for seal, _ in rows], [run for _, run in rows]
-
-
-def _fit(part: xr.Dataset, law: str, *, pressure_dependence: bool) -> FrictionFit | str:
-    """Fit a law, or return why that is not possible."""
-    try:
-        return fit_friction(part, law, pressure_dependence=pressure_dependence)
-    except FitError as error:
-        return error.what

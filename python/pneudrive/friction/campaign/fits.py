@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.errors import FitError
 from pneudrive.friction.campaign.dependences import dependences_of
 from pneudrive.friction.campaign.threads import one_thread
-from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
 from pneudrive.identify.dependences import Dependences
-from pneudrive.identify.fit import LAWS, fit_friction
+from pneudrive.identify.fit import LAWS
+from pneudrive.identify.seals import fit_groups
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,20 +53,12 @@ def _fit_campaign(
     found: CampaignCharacteristics, laws: Sequence[str]
 ) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
     table = found.friction_map
-    every = _levels(table)
-    levels = [", ".join(level for level in row if level) for row in every]
-    fits: dict[str, dict[str, FrictionFit]] = {}
-    problems: list[str] = []
-    for group, own in dict(zip(levels, every, strict=True)).items():
-        part = table.isel(row=np.flatnonzero(np.array([level == group for level in levels])))
-        for law in laws:
-            name = group or ALL
-            try:
-                fit = fit_map(part, law)
-            except FitError as error:
-                problems.append(f"{name}, {law}: {error.what}")
-            else:
-                fits.setdefault(name, {})[law] = _with_dependences(fit, found, own)
+    names = np.array([", ".join(level for level in row if level) or ALL for row in _levels(table)])
+    groups = {name: table.isel(row=np.flatnonzero(names == name)) for name in dict.fromkeys(names.tolist())}
+    fits, problems = fit_groups(groups, laws, NO_POINTS)
+    for group, by_law in fits.items():
+        own = _levels(groups[group])[0]
+        fits[group] = {law: _with_dependences(fit, found, own) for law, fit in by_law.items()}
     return fits, problems
 
 
@@ -88,12 +79,6 @@ def _with_dependences(fit: FrictionFit, found: CampaignCharacteristics, levels: 
     measured = dependences_of(found, viscous, levels)
     is_of_both = fit.provenance["direction"] == "both"
     return replace(fit, dependences=measured if is_of_both else measured.without("direction"))
-
-
-def fit_map(table: xr.Dataset, law: str, exclude_flags: tuple[str, ...] = NO_POINTS) -> FrictionFit:
-    """Fit a law to rows of a campaign's map; friction may depend on pressure if there were several."""
-    spread = max(float(np.ptp(table[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
-    return fit_friction(table, law, pressure_dependence=spread > MINIMUM_RANGE_PA, exclude_flags=exclude_flags)
 
 
 def _levels(table: xr.Dataset) -> list[tuple[str, str, str]]:

@@ -14,7 +14,8 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.friction.campaign.cycles.self_excited import NAMES
-from pneudrive.friction.campaign.fits import NO_POINTS, fit_map
+from pneudrive.friction.campaign.fits import NO_POINTS
+from pneudrive.identify.seals import fit_map
 
 if TYPE_CHECKING:
     import xarray as xr
