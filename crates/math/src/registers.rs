@@ -173,13 +173,15 @@ macro_rules! register {
             }
             #[inline(always)]
             fn get(&self, lane: usize) -> f64 {
-                self.array()[lane]
+                assert!(lane < $n);
+                // Both are as many doubles; read where it is, a number is no load of all of them.
+                unsafe { std::ptr::from_ref(self).cast::<f64>().add(lane).read() }
             }
             #[inline(always)]
             fn put(&mut self, lane: usize, value: f64) {
-                let mut numbers = self.array();
-                numbers[lane] = value;
-                *self = numbers.into();
+                assert!(lane < $n);
+                // As above.
+                unsafe { std::ptr::from_mut(self).cast::<f64>().add(lane).write(value) }
             }
         }
     };

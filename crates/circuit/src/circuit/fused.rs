@@ -287,10 +287,12 @@ impl<R: Lane> Circuit<R> {
         let states = [Both::same(x), Both::same(v), Both([m_a, m_b]), Both([u_a, u_b])];
         let seeded: [Dual<Both<R>, 4>; 4] = std::array::from_fn(|i| Dual::variable(states[i], i));
         let Chambers { rates, pressure, .. } = fused.chambers(Both::same(cylinder.least_wall), seeded);
+        // By reference: to iterate over an array of numbers itself is to copy it.
         for (side, first) in [2, 4].into_iter().enumerate() {
+            let columns = [0, 1, first, first + 1];
             for (row, rate) in (first..).zip(&rates) {
                 f[row] = rate.re.0[side];
-                for (column, slope) in [0, 1, first, first + 1].into_iter().zip(rate.eps) {
+                for (slope, column) in rate.eps.iter().zip(columns) {
                     jacobian[row][column] = slope.0[side];
                 }
             }
@@ -303,7 +305,7 @@ impl<R: Lane> Circuit<R> {
         let n = z.len().min(1);
         let acceleration = cylinder.accelerates(seeded, &[inner][..n], &mut d_inner[..n], &self.common);
         // dp/dx and dp/dU of both chambers: a pressure depends on neither v nor m.
-        let [by_x, by_u] = [0, 3].map(|i| pressure.eps[i].0);
+        let (by_x, by_u) = (pressure.eps[0].0, pressure.eps[3].0);
         let mut row = |row: usize, slopes: &Dual<R, AXIS>| {
             let [x, v, a, b, z, ..] = slopes.eps;
             f[row] = slopes.re;
