@@ -21,6 +21,7 @@ __version__ = "0.1.0"
 require_processor()
 
 if TYPE_CHECKING:
+    from pneudrive import control as control
     from pneudrive import report as report
     from pneudrive.describe import Ambient as Ambient
     from pneudrive.describe import Circuit as Circuit
@@ -91,7 +92,7 @@ _HOME = {
     "validate": "pneudrive.validate",
     "PneudriveError": "pneudrive.errors",
 }
-_SUBMODULES = ("ensemble", "report", "rig", "errors", "units")
+_SUBMODULES = ("control", "ensemble", "report", "rig", "errors", "units")
 
 __all__ = ["__version__", *sorted(_HOME), *_SUBMODULES]  # noqa: PLE0604 # pyright: ignore[reportUnsupportedDunderAll]
 

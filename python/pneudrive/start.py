@@ -98,6 +98,11 @@ def is_circuit(described: Drive | Circuit) -> TypeIs[Circuit]:
     return hasattr(described, "wiring")
 
 
+def circuit_of(described: Drive | Circuit) -> Circuit:
+    """Return the circuit of a drive; a circuit unchanged."""
+    return described if is_circuit(described) else described.circuit
+
+
 def read_initial(given: Initial | Mapping[str, object] | str | None) -> Initial | None:
     """Read a start state: an `Initial`, its keys as a dict, or ``"position = 50 mm, pressure_a = 3 bar abs"``.
 

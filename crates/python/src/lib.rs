@@ -1,5 +1,6 @@
 //! The seam to Python: conversion and error mapping, nothing else.
 
+mod control;
 mod convert;
 mod drive;
 mod ensemble;
@@ -77,6 +78,10 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(friction::seal_warming, m)?)?;
     m.add_function(wrap_pyfunction!(friction::steady_friction, m)?)?;
     m.add_function(wrap_pyfunction!(friction::steady_friction_sensitivity, m)?)?;
+    m.add_function(wrap_pyfunction!(control::control_laws, m)?)?;
+    m.add_function(wrap_pyfunction!(control::control_run, m)?)?;
+    m.add_function(wrap_pyfunction!(control::control_tune, m)?)?;
+    m.add_function(wrap_pyfunction!(control::reference_at, m)?)?;
     m.add_function(wrap_pyfunction!(flow_ratio, m)?)?;
     m.add_function(wrap_pyfunction!(choked_flow_factor, m)?)?;
     m.add_function(wrap_pyfunction!(valve_openings, m)?)?;

@@ -24,6 +24,12 @@ pub struct PyCircuit {
     network: Network,
 }
 
+impl PyCircuit {
+    pub fn network(&self) -> &Network {
+        &self.network
+    }
+}
+
 /// Start of a session.
 #[derive(FromPyObject)]
 enum Start {

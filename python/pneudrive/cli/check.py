@@ -17,9 +17,10 @@ def check(
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Check a drive or a circuit, and list assumed values and values with a source."""
-    from pneudrive.cli.described import circuit_of, load
+    from pneudrive.describe.load import load_described
+    from pneudrive.start import circuit_of
 
-    described = load(drive)
+    described = load_described(drive)
     circuit = circuit_of(described)
     kinds = [f"{name} ({one.kind})" for name, one in circuit.components.items()]
     typer.echo(f"{described.name}: {len(kinds)} components, no errors\n  {', '.join(kinds)}")

@@ -16,16 +16,17 @@ def draw(
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Draw a drive or a circuit: supply below, actuators above, symbols after ISO 1219."""
-    from pneudrive.cli.described import circuit_of, load
     from pneudrive.describe import toml
+    from pneudrive.describe.load import load_described
     from pneudrive.errors import DescriptionError
     from pneudrive.files.content import read_text
     from pneudrive.report.circuit_drawing import draw_circuit
     from pneudrive.report.written import PICTURES
+    from pneudrive.start import circuit_of
     from pneudrive.trajectory import check_target
 
     check_target(out, PICTURES)
-    circuit = circuit_of(load(drive))
+    circuit = circuit_of(load_described(drive))
     try:
         draw_circuit(circuit, out)
     except DescriptionError as error:

@@ -37,8 +37,8 @@ def lines(
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Show speed and stroke time of a drive over length and bore of the tubes at its cylinder."""
-    from pneudrive.cli.described import load
     from pneudrive.cli.progress import on_terminal
+    from pneudrive.describe.load import load_described
     from pneudrive.lines import study
     from pneudrive.report.lines_figure import plot_lines
     from pneudrive.report.written import PICTURES
@@ -47,7 +47,7 @@ def lines(
     for path, suffixes in ((out, TABLES), (plot, PICTURES)):
         if path is not None:
             check_target(path, suffixes)
-    described = load(drive)
+    described = load_described(drive)
     found = study(cast("Drive", described), names_in(length), names_in(diameter), on_terminal())
     _show(found)
     if out is not None:

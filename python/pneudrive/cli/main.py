@@ -23,8 +23,8 @@ COMMANDS = {
     name: f"pneudrive.cli.{name}"
     for name in (
         *("simulate", "sweep", "check", "draw", "lines", "characterise", "identify", "apply", "fit"),
-        *("report", "design", "compare", "validate", "export", "campaign", "rig", "layout", "reproduce", "catalogue"),
-        *("components", "schema", "demo"),
+        *("report", "design", "compare", "validate", "control", "export", "campaign", "rig", "layout", "reproduce"),
+        *("catalogue", "components", "schema", "demo"),
     )
 }
 HIDDEN = frozenset({"demo"})  # called by `make demo`

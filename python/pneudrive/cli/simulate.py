@@ -43,8 +43,9 @@ def simulate(
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Simulate a drive or a circuit and write its trajectory."""
-    from pneudrive.cli.described import command_of, load
+    from pneudrive.cli.described import command_of
     from pneudrive.cli.progress import on_terminal
+    from pneudrive.describe.load import load_described
     from pneudrive.simulate import run
     from pneudrive.trajectory import check_target, save, save_columns
 
@@ -54,7 +55,7 @@ def simulate(
         from pneudrive.report.trajectory import ENDINGS
 
         check_target(plot, ENDINGS)
-    described = load(drive)
+    described = load_described(drive)
     result = run(
         described,
         command_of(described, command),

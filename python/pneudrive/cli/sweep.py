@@ -77,8 +77,9 @@ def sweep(
 
     Finished chunks are kept: after Ctrl-C, a crash or a full disk the same command goes on from there.
     """
-    from pneudrive.cli.described import command_of, load
+    from pneudrive.cli.described import command_of
     from pneudrive.cli.progress import on_terminal
+    from pneudrive.describe.load import load_described
     from pneudrive.ensemble.many import IN_MEMORY, Gathered, results, study_of
     from pneudrive.ensemble.store import ChunkStore
     from pneudrive.trajectory import check_target
@@ -86,7 +87,7 @@ def sweep(
     is_file = out.suffix != ""
     if is_file:
         check_target(out, TABLES)
-    described = load(drive)
+    described = load_described(drive)
     study = study_of(
         described,
         command_of(described, command),

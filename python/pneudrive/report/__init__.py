@@ -10,6 +10,9 @@ from pneudrive.lazy import lazy
 if TYPE_CHECKING:
     from pneudrive.report.campaign import write_campaign_report as write_campaign_report
     from pneudrive.report.circuit_drawing import draw_circuit as draw_circuit
+    from pneudrive.report.control import plot_control as plot_control
+    from pneudrive.report.control import plot_reference as plot_reference
+    from pneudrive.report.control_page import write_control_report as write_control_report
     from pneudrive.report.layout_figure import write_layout_figure as write_layout_figure
     from pneudrive.report.lines_figure import plot_lines as plot_lines
     from pneudrive.report.pressure import plot_pressure as plot_pressure
@@ -19,6 +22,8 @@ if TYPE_CHECKING:
 _HOMES = {
     "campaign": ["write_campaign_report"],
     "circuit_drawing": ["draw_circuit"],
+    "control": ["plot_control", "plot_reference"],
+    "control_page": ["write_control_report"],
     "layout_figure": ["write_layout_figure"],
     "lines_figure": ["plot_lines"],
     "pressure": ["plot_pressure"],
@@ -31,10 +36,13 @@ __all__ = [
     "Reproduction",  # pyright: ignore[reportUnsupportedDunderAll]
     "draw_circuit",
     "plot",
+    "plot_control",
     "plot_lines",
     "plot_pressure",
+    "plot_reference",
     "reproduce",  # pyright: ignore[reportUnsupportedDunderAll]
     "write_campaign_report",
+    "write_control_report",
     "write_layout_figure",
     "write_report",
 ]

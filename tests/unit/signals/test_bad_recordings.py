@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pneudrive.characterise import Layout, characterise
+from pneudrive.characterise import Layout, characterise, characterise_recordings
 from pneudrive.errors import RecordingError
 from pneudrive.signals.proposal.propose import propose_layout
 
@@ -77,7 +77,7 @@ def test_paths(tmp_path):
     with pytest.raises(RecordingError, match="no such file"):
         characterise(tmp_path / "none.csv", LAYOUT)
     with pytest.raises(RecordingError, match="a folder"):
-        characterise(tmp_path, LAYOUT)
+        characterise_recordings(tmp_path, LAYOUT)
     (tmp_path / "a.csv.xz").write_bytes(b"not xz at all")
     with pytest.raises(RecordingError, match="cannot be decompressed"):
         characterise(tmp_path / "a.csv.xz", LAYOUT)

@@ -262,6 +262,11 @@ impl Session {
         self.assembly.columns()
     }
 
+    /// An output at the present state and inputs.
+    pub fn now(&mut self, column: usize) -> f64 {
+        self.read(column)
+    }
+
     /// The value of an input; the command is not a number while edges are set by themselves.
     pub fn input(&self, input: usize) -> f64 {
         self.assembly.get(self.circuit(), input)

@@ -1,0 +1,186 @@
+//! What a law believes, brought to what its drive does: friction and valve, by recursive least squares while it moves.
+
+use crate::model::Model;
+use crate::observer::State;
+
+/// Recursive least squares with forgetting, of `y = phi' theta`.
+#[derive(Clone, Debug)]
+struct Fit<const N: usize> {
+    theta: [f64; N],
+    covariance: [[f64; N]; N],
+}
+
+/// What is kept of the past at each sample (assumed).
+const KEPT: f64 = 0.9995;
+/// Variance of a number at the start, and the most that forgetting may make of it (assumed).
+const UNSURE: f64 = 0.1;
+
+impl<const N: usize> Fit<N> {
+    fn new(theta: [f64; N]) -> Self {
+        let mut covariance = [[0.0; N]; N];
+        (0..N).for_each(|i| covariance[i][i] = UNSURE);
+        Fit { theta, covariance }
+    }
+
+    /// Takes over an observation whose variance is one; theta stays within its box.
+    fn observe(&mut self, phi: [f64; N], y: f64, within: [[f64; 2]; N]) {
+        let p = &mut self.covariance;
+        let p_phi: [f64; N] = std::array::from_fn(|i| (0..N).map(|j| p[i][j] * phi[j]).sum());
+        let spread = 1.0 + (0..N).map(|i| phi[i] * p_phi[i]).sum::<f64>();
+        let miss = y - (0..N).map(|i| phi[i] * self.theta[i]).sum::<f64>();
+        for i in 0..N {
+            let [low, high] = within[i];
+            self.theta[i] = (self.theta[i] + p_phi[i] / spread * miss).clamp(low, high);
+            for j in 0..N {
+                p[i][j] -= p_phi[i] * p_phi[j] / spread;
+            }
+        }
+        // What is not excited is not forgotten beyond what was not known at first.
+        let most = (0..N).fold(0.0, |most: f64, i| most.max(p[i][i]));
+        if most / KEPT < UNSURE {
+            p.iter_mut().flatten().for_each(|own| *own /= KEPT);
+        }
+    }
+}
+
+/// A signal behind a lag of first order.
+#[derive(Clone, Copy, Debug, Default)]
+struct Lagged<const N: usize>(Option<[f64; N]>);
+
+impl<const N: usize> Lagged<N> {
+    fn follow(&mut self, signal: [f64; N], share: f64) -> [f64; N] {
+        let own = self.0.get_or_insert(signal);
+        for (own, signal) in own.iter_mut().zip(signal) {
+            *own += share * (signal - *own);
+        }
+        *own
+    }
+}
+
+/// Coulomb and viscous friction as shares of what is described, and the valve's conductance and overlap. A force that
+/// stays the same in both directions is learned beside them and left to the observer: the zeros of pressure sensors look
+/// like it, and friction that differs between the directions cannot be told from it.
+#[derive(Clone, Debug)]
+pub struct Adaptation {
+    /// The model as it is described.
+    described: Model,
+    friction: Fit<3>,
+    valve: Fit<2>,
+    motion: Lagged<4>,
+    gas: [Lagged<4>; 2],
+    disturbance: Lagged<1>,
+    rests: f64,
+    /// For how long it has slid, s.
+    slid: f64,
+    /// Speed above which friction is learned, m/s.
+    slides: f64,
+}
+
+/// Lags behind which force balance and gas balance are compared, s (assumed).
+const MOTION_LAG: f64 = 0.02;
+const GAS_LAG: f64 = 0.015;
+/// Lags after which the past is forgotten (assumed).
+const SETTLED: f64 = 4.0;
+/// Deviation of the balance of forces, N, and of energy as a share of the full flow's (assumed).
+const FORCE_DEVIATION: f64 = 5.0;
+const FLOW_DEVIATION: f64 = 0.05;
+/// Unit of a force that stays the same in both directions, N (assumed).
+const OFFSET: f64 = 10.0;
+/// Shares of the described value within which estimates stay (assumed).
+const FRICTION_WITHIN: [f64; 2] = [0.3, 3.0];
+const CONDUCTANCE_WITHIN: [f64; 2] = [0.4, 2.5];
+const OVERLAP_WITHIN: [f64; 2] = [0.0, 0.1];
+/// Distance behind the overlap from which the valve is learned, and speed of the spool below which it is, 1/s (assumed).
+const OPEN: f64 = 0.012;
+const SLOW: f64 = 5.0;
+/// A disturbance that jumps by this share of the Coulomb friction is a load: friction is not learned for a time, s
+/// (assumed).
+const JUMP: f64 = 0.5;
+const WAIT: f64 = 0.5;
+
+impl Adaptation {
+    /// Of a model as it is described.
+    pub fn new(model: &Model, coulomb_speed: f64) -> Self {
+        let d = model.valve.overlap;
+        Adaptation {
+            described: model.clone(),
+            friction: Fit::new([1.0, 1.0, 0.0]),
+            valve: Fit::new([1.0 / (1.0 - d), -d / (1.0 - d)]),
+            motion: Lagged::default(),
+            gas: [Lagged::default(); 2],
+            disturbance: Lagged::default(),
+            rests: 0.0,
+            slid: 0.0,
+            slides: coulomb_speed,
+        }
+    }
+
+    /// Learns from a state that follows measured pressures, with the spool's position and speed there.
+    pub fn learn(&mut self, model: &mut Model, state: &State, spool: [f64; 2], period: f64) {
+        self.learn_friction(model, state, period);
+        self.learn_valve(model, state, spool, period);
+    }
+
+    fn learn_friction(&mut self, model: &mut Model, state: &State, period: f64) {
+        let v = state.velocity;
+        let [level, viscous] = self.described.friction_levels([state.position, v], state.pressures);
+        let sign = if v < 0.0 { -1.0 } else { 1.0 };
+        let force = model.gas_force(state.pressures) + model.load;
+        let now = [force, v, sign * level, viscous * v];
+        let [force, slow, coulomb, viscous] = self.motion.follow(now, period / (period + MOTION_LAG));
+        let [known] = self.disturbance.follow([state.disturbance], period / (period + WAIT));
+        if (state.disturbance - known).abs() > JUMP * level {
+            self.rests = WAIT;
+        }
+        self.rests -= period;
+        // What lies behind the lag of a time before it slid is of no known friction.
+        self.slid = if v.abs() < self.slides { 0.0 } else { self.slid + period };
+        if self.slid < SETTLED * MOTION_LAG || slow * v < 0.0 || self.rests > 0.0 {
+            return;
+        }
+        let y = force - model.mass * (v - slow) / MOTION_LAG;
+        let phi = [coulomb, viscous, OFFSET].map(|own| own / FORCE_DEVIATION);
+        let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-level / OFFSET, level / OFFSET]];
+        self.friction.observe(phi, y / FORCE_DEVIATION, within);
+        let [coulomb, viscous, _] = self.friction.theta;
+        model.friction_shares = [coulomb, viscous];
+    }
+
+    fn learn_valve(&mut self, model: &mut Model, state: &State, [spool, speed]: [f64; 2], period: f64) {
+        let described = &self.described;
+        let place = [state.position, state.velocity];
+        let contents = described.contents(state.position, state.pressures, state.temperatures);
+        let full = described.chambers(place, contents, if spool > 0.0 { [1.0, 0.0] } else { [0.0, 1.0] });
+        let shut = described.chambers(place, contents, [0.0; 2]);
+        let k1 = described.gas.heat_capacity_ratio - 1.0;
+        let open = spool.abs() - model.valve.overlap > OPEN && speed.abs() < SLOW;
+        // The chamber that fills first: so a drive learns alike in both directions, also at a bound.
+        let seen = if spool > 0.0 { [0, 1] } else { [1, 0] }.map(|side| {
+            // Energy that flows in at full opening, W, while an edge is open.
+            let is_open = f64::from(u8::from(spool.abs() > model.valve.overlap));
+            let flow = is_open * (full.rates[side][1] - shut.rates[side][1]);
+            let volume = described.sides[side].volume(state.position);
+            let scale = described.valve.flow.gain * CHOKED * described.gas.cp * state.temperatures[side];
+            let now = [state.pressures[side] * volume / k1, shut.rates[side][1], flow * spool.abs(), flow];
+            let [energy, other, by_spool, by_one] = self.gas[side].follow(now, period / (period + GAS_LAG));
+            let rate = (now[0] - energy) / GAS_LAG;
+            ([by_spool / scale, by_one / scale], (rate - other) / scale)
+        });
+        if !open {
+            return;
+        }
+        for (phi, y) in seen {
+            let d = OVERLAP_WITHIN;
+            let [low, high] = CONDUCTANCE_WITHIN;
+            let within = [[low, high / (1.0 - d[1])], [-high * d[1] / (1.0 - d[1]), 0.0]];
+            self.valve.observe(phi.map(|own| own / FLOW_DEVIATION), y / FLOW_DEVIATION, within);
+        }
+        let [slope, offset] = self.valve.theta;
+        model.valve.overlap = (-offset / slope).clamp(OVERLAP_WITHIN[0], OVERLAP_WITHIN[1]);
+        let share = (slope * (1.0 - model.valve.overlap)).clamp(CONDUCTANCE_WITHIN[0], CONDUCTANCE_WITHIN[1]);
+        model.valve.flow.gain = share * described.valve.flow.gain;
+    }
+}
+
+/// Choked flow for each gain at the supply of usual drives, Pa/K^0.5: a scale (assumed).
+const CHOKED: f64 = 7e5 / 17.0;

@@ -1,0 +1,152 @@
+//! Laws: the command that takes a drive where it is to go.
+
+mod fuzzy;
+mod inversion;
+mod nmpc;
+mod pid;
+mod pva;
+mod sliding;
+
+use crate::gains::Gains;
+use crate::model::Model;
+use crate::observer::State;
+use crate::reference::{Reference, Wanted};
+use crate::spool::Spool;
+pub use fuzzy::{Fuzzy, sugeno};
+pub use inversion::Inversion;
+pub use nmpc::Nmpc;
+pub use pid::Pid;
+pub use pva::Pva;
+pub use sliding::{Sliding, SuperTwisting};
+
+/// What a drive is to its law at a place, from its description alone.
+#[derive(Clone, Copy, Debug)]
+pub struct Plant {
+    /// Natural frequency of the mass on its air, shut in, rad/s.
+    pub natural_frequency: f64,
+    /// Its damping ratio.
+    pub damping_ratio: f64,
+    /// Steady speed for each share of opening, m/s.
+    pub speed: f64,
+    /// Rate of the force of a chamber at full opening, N/s.
+    pub force_rate: f64,
+    /// Time by which a command acts late, s: dead time, spool, half a period.
+    pub lag: f64,
+    /// Coulomb friction, N.
+    pub coulomb: f64,
+}
+
+/// The lag from which on a bandwidth follows, s: a faster valve makes no faster loop, as sensors and friction have lags of
+/// their own (assumed).
+const LEAST_LAG: f64 = 3e-3;
+
+impl Plant {
+    /// Bandwidth that leaves a margin for the lag, 0.22/lag, rad/s.
+    pub fn bandwidth(&self) -> f64 {
+        0.22 / self.lag.max(LEAST_LAG)
+    }
+
+    /// Of a model with its piston at x between the pressures `p` Pa, sampled with a period:
+    ///
+    ///   omega^2 = k (p_a A_a^2/V_a + p_b A_b^2/V_b)/M,   K_v = C rho0 R T/A,   zeta = Fv/(2 M omega)
+    pub fn of(model: &Model, x: f64, p: [f64; 2], period: f64) -> Self {
+        let k = model.gas.heat_capacity_ratio;
+        let stiffness: f64 =
+            (model.sides.iter().zip(p)).map(|(side, p)| k * p * side.area * side.area / side.volume(x)).sum();
+        let natural_frequency = (stiffness / model.mass).sqrt();
+        let [coulomb, viscous] = model.friction_levels([x, 1.0], p);
+        let area = 0.5 * (model.sides[0].area + model.sides[1].area);
+        // Choked exhaust: the gas leaves at its density times this volume flow.
+        let volume_flow = model.valve.flow.gain * model.gas.gas_constant * model.supply.temperature.sqrt();
+        let volume = 0.5 * (model.sides[0].volume(x) + model.sides[1].volume(x));
+        Plant {
+            natural_frequency,
+            damping_ratio: viscous / (2.0 * model.mass * natural_frequency),
+            speed: volume_flow / area,
+            force_rate: k * volume_flow * model.supply.pressure * area / volume,
+            lag: model.valve.lag() + 0.5 * period,
+            coulomb,
+        }
+    }
+}
+
+/// What a law is given at a sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Tick<'a> {
+    /// The belief.
+    pub model: &'a Model,
+    /// What the drive is about mid-stroke.
+    pub plant: &'a Plant,
+    /// The period, s.
+    pub period: f64,
+    /// The state when a command of now will act.
+    pub state: State,
+    /// Its acceleration, m/s2.
+    pub acceleration: f64,
+    /// Where the drive is to be then.
+    pub wanted: Wanted,
+    /// Friction force along the reference, N, and its rate, N/s.
+    pub friction: [f64; 2],
+    /// Position as it is measured now, m, and where the drive is to be now.
+    pub now: (f64, Wanted),
+    /// The reference stands still.
+    pub stands: bool,
+    /// When a command of now will act, s: then the state is that of `state`.
+    pub acts: f64,
+    /// The spool then.
+    pub spool: &'a Spool,
+    /// Where the drive is to go.
+    pub preview: &'a Reference,
+}
+
+impl Tick<'_> {
+    /// Error of position, m, velocity and acceleration: wanted minus what will be.
+    pub fn errors(&self) -> [f64; 3] {
+        let Wanted { position, velocity, acceleration, .. } = self.wanted;
+        [position - self.state.position, velocity - self.state.velocity, acceleration - self.acceleration]
+    }
+
+    /// The share of opening under which the force of the gas changes at a rate, N/s: flow is linear in it on each side.
+    pub fn opening_for(&self, rate: f64) -> f64 {
+        let state = &self.state;
+        let contents = self.model.contents(state.position, state.pressures, state.temperatures);
+        let at = |openings: [f64; 2]| {
+            let [a, b] =
+                self.model.chambers([state.position, state.velocity], contents, openings).pressure_rates;
+            self.model.sides[0].area * a - self.model.sides[1].area * b
+        };
+        let shut = at(self.model.openings(0.0));
+        let way = if rate < shut { -1.0 } else { 1.0 };
+        let full = at(if way > 0.0 { [1.0, 0.0] } else { [0.0, 1.0] });
+        way * ((rate - shut) / (full - shut)).clamp(0.0, 1.0)
+    }
+}
+
+/// The share of opening that makes a mass on its air follow a motion, with a share of the friction along it,
+///
+///   (v_d + 2 zeta a_d/omega + (j_d + share F_fr'/M)/omega^2)/K_v
+fn fed_forward(tick: &Tick, wanted: &Wanted, share: f64) -> f64 {
+    let (w, zeta) = (tick.plant.natural_frequency, tick.plant.damping_ratio);
+    let jerk = wanted.jerk + share * tick.friction[1] / tick.model.mass;
+    (wanted.velocity + 2.0 * zeta / w * wanted.acceleration + jerk / (w * w)) / tick.plant.speed
+}
+
+/// A law. Its memory is numbers; it has no clock.
+pub trait Law: Gains {
+    /// Its word in a controller file.
+    const KEY: &'static str;
+    /// It predicts the spool by itself: its state is that behind the dead time, not behind all of the lag.
+    const PREDICTS: bool = false;
+    /// Rate at which a force grows that breaks a resting drive away, as a share of the bandwidth; zero: the law has
+    /// a way of its own, or none.
+    const PUSH: f64 = 0.0;
+
+    /// With gains that follow from the drive.
+    fn tuned(model: &Model, plant: &Plant) -> Self;
+
+    /// The share of opening, -1 .. 1, before the overlap is taken into account; it may lie beyond.
+    fn step(&mut self, tick: &Tick) -> f64;
+
+    /// Told what came of the share that it asked for, after limits.
+    fn given(&mut self, _asked: f64, _given: f64, _tick: &Tick) {}
+}

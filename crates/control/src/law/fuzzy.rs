@@ -1,0 +1,64 @@
+use super::pid::Errors;
+use super::{Law, Plant, Tick, fed_forward};
+use crate::gains::law;
+use crate::law::Pid;
+use crate::model::Model;
+use physics::{above, at_least};
+
+/// Sets on each side of zero: negative and positive big, medium, small.
+const SETS: f64 = 3.0;
+
+law! {
+    /// A fuzzy controller: rules "if the error is big and its slope is small, then ...", in the place of the proportional
+    /// and derivative part of [`Pid`](super::Pid), with the same feed-forward and integral.
+    ///
+    ///   u_fb = k_p e_max phi(e/e_max, T_d e'/e_max)
+    ///
+    /// Seven triangular sets for each of both, at -1, -2/3 .. 1, which overlap by half; the rule for sets i and j asks
+    /// for the set i + j within -3 .. 3; weights are products and outputs singletons (Sugeno). Where |i + j| <= 3 for all
+    /// rules that speak, phi is the sum of both numbers: the law is the linear one there, and saturates beyond.
+    pub struct Fuzzy {
+        gain: "1/m", at_least(0.0), "k_p", rule "zeta omega/K_v";
+        derivative_time: "s", at_least(0.0), "T_d", rule "0.5/omega";
+        integral_time: "s", above(0.0), "T_i", rule "4/omega";
+        filter_time: "s", at_least(0.0), "time constant of the slope of the error", rule "0.1/omega";
+        friction_share: "1", at_least(0.0), "share of the friction that is fed forward", rule "0.5, assumed";
+        error_range: "m", above(0.0), "e_max", rule "30 mm, assumed";
+    } memory { errors: Errors = Errors::default() }
+}
+
+/// What the rules give for an error and its slope, each as a share of its range: a number of -1 .. 1.
+pub fn sugeno(e: f64, de: f64) -> f64 {
+    // Of the seven sets the two that a number belongs to, and how much to the upper one.
+    let sets = |share: f64| {
+        let place = share.clamp(-1.0, 1.0) * SETS;
+        let lower = place.floor().min(SETS - 1.0);
+        (lower, place - lower)
+    };
+    let ((i, by_i), (j, by_j)) = (sets(e), sets(de));
+    let rule = |i: f64, j: f64| (i + j).clamp(-SETS, SETS) / SETS;
+    let row = |i: f64| (1.0 - by_j) * rule(i, j) + by_j * rule(i, j + 1.0);
+    (1.0 - by_i) * row(i) + by_i * row(i + 1.0)
+}
+
+impl Law for Fuzzy {
+    const KEY: &'static str = "fuzzy";
+
+    fn tuned(model: &Model, plant: &Plant) -> Self {
+        let Pid { gain, derivative_time, integral_time, filter_time, friction_share, .. } =
+            Pid::tuned(model, plant);
+        Fuzzy::new(gain, derivative_time, integral_time, filter_time, friction_share, 0.03)
+    }
+
+    fn step(&mut self, tick: &Tick) -> f64 {
+        let [e, slope] = self.errors.seen(tick, self.filter_time);
+        let range = self.error_range;
+        fed_forward(tick, &tick.now.1, self.friction_share)
+            + self.gain * range * sugeno(e / range, self.derivative_time * slope / range)
+            + self.errors.integral
+    }
+
+    fn given(&mut self, asked: f64, given: f64, tick: &Tick) {
+        self.errors.add_up(asked == given, self.gain / self.integral_time, tick);
+    }
+}

@@ -1,0 +1,42 @@
+use super::{Law, Plant, Tick};
+use crate::gains::law;
+use crate::model::Model;
+use physics::{above, at_least};
+
+law! {
+    /// Inversion of force and flow:
+    ///
+    ///   F_d  = M (a_d + 2 lambda e' + lambda^2 e) - load - d + F_fr
+    ///   F_d' = M (j_d + 2 lambda e'' + lambda^2 e') + F_fr'
+    ///   F'   = F_d' + k_f (F_d - F),   k_f = 1.5 lambda,   lambda = 0.22/lag
+    ///
+    /// F_fr the friction along the reference, and the opening under which the force of the gas changes at the rate F'.
+    pub struct Inversion {
+        bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, of a lag of 3 ms at least";
+        force_gain: "1/s", at_least(0.0), "k_f", rule "1.5 lambda";
+    } memory {}
+}
+
+impl Law for Inversion {
+    const KEY: &'static str = "inversion";
+    const PUSH: f64 = 0.6;
+
+    fn tuned(_model: &Model, plant: &Plant) -> Self {
+        let bandwidth = plant.bandwidth();
+        Inversion::new(bandwidth, 1.5 * bandwidth)
+    }
+
+    fn step(&mut self, tick: &Tick) -> f64 {
+        let [e, e1, e2] = tick.errors();
+        let (l, model) = (self.bandwidth, tick.model);
+        let [friction, friction_rate] = tick.friction;
+        let wanted = &tick.wanted;
+        let force = model.mass * (wanted.acceleration + 2.0 * l * e1 + l * l * e)
+            - model.load
+            - tick.state.disturbance
+            + friction;
+        let rate = model.mass * (wanted.jerk + 2.0 * l * e2 + l * l * e1) + friction_rate;
+        let gas = model.gas_force(tick.state.pressures);
+        tick.opening_for(rate + self.force_gain * (force - gas))
+    }
+}

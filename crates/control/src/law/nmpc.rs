@@ -1,0 +1,202 @@
+use super::{Law, Plant, Tick};
+use crate::gains::law;
+use crate::model::Model;
+use crate::observer::State;
+use math::{Dual, Over, Real};
+use physics::above;
+
+/// Moves of the plan.
+const MOVES: usize = 8;
+/// How long each is held, ms; the last ones are followed in steps of 2 ms.
+const BLOCKS: [usize; MOVES] = [1, 1, 2, 2, 4, 6, 8, 16];
+const STEPS: [usize; MOVES] = [1, 1, 1, 1, 1, 1, 2, 2];
+/// Weight of the last block, for what comes behind the horizon (assumed).
+const LAST: f64 = 4.0;
+/// Weight of an error of acceleration (assumed).
+const ACCELERATION: f64 = 0.1;
+/// Rounds of the search for the moves that lie at a limit.
+const ROUNDS: usize = 20;
+
+type Seeded = Dual<f64, MOVES>;
+
+law! {
+    /// Nonlinear predictive control: the moves w of the coming 40 ms that make
+    ///
+    ///   sum h (e^2 + (e'/lambda)^2 + 0.1 (e''/lambda^2)^2) + r^2 sum (w_i - w_(i-1))^2
+    ///
+    /// least within -1 .. 1, e in mm, h in ms, w in %. The whole horizon is run once a sample, on numbers with derivatives
+    /// by all moves, from the state when a command of now will act; one Gauss-Newton step follows.
+    pub struct Nmpc {
+        bandwidth: "rad/s", above(0.0), "lambda", rule "90 rad/s, assumed";
+        move_penalty: "1", above(0.0), "r", rule "0.1, assumed";
+    } memory { plan: [f64; MOVES] = [0.0; MOVES], last: f64 = 0.0 }
+}
+
+/// min x' H x/2 + g' x within bounds: those at a bound are fixed there, the others solved for, until none would leave its
+/// bound.
+fn within<const N: usize>(
+    h: &[[f64; N]; N],
+    g: &[f64; N],
+    low: &[f64; N],
+    high: &[f64; N],
+) -> Option<[f64; N]> {
+    let mut fixed: [Option<f64>; N] = [None; N];
+    let mut x = [0.0; N];
+    for _ in 0..ROUNDS {
+        x = solve(h, g, &fixed)?;
+        let beyond = (0..N).find_map(|i| {
+            let bound = if x[i] < low[i] {
+                low[i]
+            } else if x[i] > high[i] {
+                high[i]
+            } else {
+                return None;
+            };
+            fixed[i].is_none().then_some((i, bound))
+        });
+        if let Some((i, bound)) = beyond {
+            fixed[i] = Some(bound);
+            continue;
+        }
+        // Pull of the cost at a bound: into the interior it is let go.
+        let slope = |i: usize| g[i] + (0..N).map(|j| h[i][j] * x[j]).sum::<f64>();
+        let free = (0..N).find(|&i| {
+            fixed[i].is_some_and(|bound| {
+                let inward = if bound == low[i] { 1.0 } else { -1.0 };
+                slope(i) * inward < -1e-9 * g[i].abs().max(1e-9)
+            })
+        });
+        match free {
+            Some(i) => fixed[i] = None,
+            None => return Some(x),
+        }
+    }
+    Some(std::array::from_fn(|i| x[i].clamp(low[i], high[i])))
+}
+
+/// The minimum with some numbers fixed, by Cholesky.
+fn solve<const N: usize>(h: &[[f64; N]; N], g: &[f64; N], fixed: &[Option<f64>; N]) -> Option<[f64; N]> {
+    let (mut a, mut b) = (*h, g.map(|g| -g));
+    for i in 0..N {
+        if let Some(value) = fixed[i] {
+            for j in 0..N {
+                if fixed[j].is_none() {
+                    b[j] -= h[j][i] * value;
+                }
+                (a[i][j], a[j][i]) = (0.0, 0.0);
+            }
+            (a[i][i], b[i]) = (1.0, value);
+        }
+    }
+    for i in 0..N {
+        for j in 0..=i {
+            let sum = a[i][j] - (0..j).map(|k| a[i][k] * a[j][k]).sum::<f64>();
+            if i == j {
+                if !(sum > 0.0) {
+                    return None;
+                }
+                a[i][i] = sum.sqrt();
+            } else {
+                a[i][j] = sum / a[j][j];
+            }
+        }
+    }
+    for i in 0..N {
+        b[i] = (b[i] - (0..i).map(|k| a[i][k] * b[k]).sum::<f64>()) / a[i][i];
+    }
+    for i in (0..N).rev() {
+        b[i] = (b[i] - (i + 1..N).map(|k| a[k][i] * b[k]).sum::<f64>()) / a[i][i];
+    }
+    b.iter().all(|own| own.is_finite()).then_some(b)
+}
+
+impl Nmpc {
+    /// The plan of the last sample, one sample on: in each block the mean of what was planned for its time.
+    fn shift(&mut self, period: f64) {
+        let old = self.plan;
+        let mut begins = [0.0; MOVES + 1];
+        for (i, block) in BLOCKS.iter().enumerate() {
+            begins[i + 1] = begins[i] + 1e-3 * *block as f64;
+        }
+        for i in 0..MOVES {
+            let (from, to) = (begins[i] + period, begins[i + 1] + period);
+            let within = |j: usize| {
+                let end = if j + 1 == MOVES { to } else { begins[j + 1] };
+                (end.min(to) - begins[j].max(from)).max(0.0)
+            };
+            self.plan[i] = (0..MOVES).map(|j| old[j] * within(j)).sum::<f64>() / (to - from);
+        }
+    }
+}
+
+impl Law for Nmpc {
+    const KEY: &'static str = "nmpc";
+    const PUSH: f64 = 0.6;
+    const PREDICTS: bool = true;
+
+    fn tuned(_model: &Model, _plant: &Plant) -> Self {
+        Nmpc::new(90.0, 0.1)
+    }
+
+    fn step(&mut self, tick: &Tick) -> f64 {
+        self.shift(tick.period);
+        let model = tick.model;
+        let mut state: State<Seeded> = tick.state.map(Seeded::from);
+        let [mut spool, mut speed] = tick.spool.share(model.valve.overlap).map(Seeded::from);
+        let (mut h_matrix, mut gradient) = ([[0.0; MOVES]; MOVES], [0.0; MOVES]);
+        let mut row = |residual: Seeded| {
+            for i in 0..MOVES {
+                gradient[i] += residual.eps[i] * residual.re;
+                for j in 0..=i {
+                    h_matrix[i][j] += residual.eps[i] * residual.eps[j];
+                }
+            }
+        };
+        let mut t = 0.0;
+        let mut before = Seeded::from(self.last);
+        for block in 0..MOVES {
+            let w = Seeded::variable(self.plan[block], block);
+            row((w - before).times(100.0 * self.move_penalty));
+            before = w;
+            let h = 1e-3 * STEPS[block] as f64;
+            let [half, whole] = [0.5 * h, h].map(|h| tick.spool.transition(h));
+            for _ in 0..BLOCKS[block] / STEPS[block] {
+                let go = |by: [f64; 4]| {
+                    let e = spool - w;
+                    [w + e.times(by[0]) + speed.times(by[1]), e.times(by[2]) + speed.times(by[3])]
+                };
+                let [middle, _] = go(half);
+                [spool, speed] = go(whole);
+                let share = middle.max(Seeded::c(-1.0)).min(Seeded::one());
+                let open = [share.max(Seeded::zero()), (-share).max(Seeded::zero())];
+                let leak = model.openings(0.0);
+                let open = [0, 1].map(|i| open[i] + Seeded::c(leak[i]));
+                state.advance(model, open, h, None);
+                t += h;
+                let wanted = tick.preview.at(tick.acts + t);
+                let weight = (h * 1e3 * if block + 1 == MOVES { LAST } else { 1.0 }).sqrt() * 1e3;
+                let l = self.bandwidth;
+                row((state.position - Seeded::c(wanted.position)).times(weight));
+                row((state.velocity - Seeded::c(wanted.velocity)).times(weight / l));
+                let a = state.acceleration(model) - Seeded::c(wanted.acceleration);
+                row(a.times(weight * ACCELERATION.sqrt() / (l * l)));
+            }
+        }
+        for i in 0..MOVES {
+            for j in 0..i {
+                h_matrix[j][i] = h_matrix[i][j];
+            }
+        }
+        let (low, high) = (self.plan.map(|w| -1.0 - w), self.plan.map(|w| 1.0 - w));
+        if let Some(step) = within(&h_matrix, &gradient, &low, &high) {
+            for (own, step) in self.plan.iter_mut().zip(step) {
+                *own = (*own + step).clamp(-1.0, 1.0);
+            }
+        }
+        self.plan[0]
+    }
+
+    fn given(&mut self, _asked: f64, given: f64, _tick: &Tick) {
+        self.last = given;
+    }
+}

@@ -1,0 +1,32 @@
+use super::{Law, Plant, Tick, fed_forward};
+use crate::gains::law;
+use crate::model::Model;
+use physics::above;
+
+law! {
+    /// Feedback of position, velocity and acceleration with feed-forward, three poles at -lambda:
+    ///
+    ///   u = (v_d + 2 zeta a_d/omega + j_d/omega^2)/K_v
+    ///       + c ((3 lambda - 2 zeta omega) e'' + (3 lambda^2 - omega^2) e' + lambda^3 e),   c = 1/(K_v omega^2)
+    ///
+    /// Accelerations come from pressures.
+    pub struct Pva {
+        bandwidth: "rad/s", above(0.0), "lambda", rule "40 rad/s, assumed";
+    } memory {}
+}
+
+impl Law for Pva {
+    const KEY: &'static str = "pva";
+
+    fn tuned(_model: &Model, _plant: &Plant) -> Self {
+        Pva::new(40.0)
+    }
+
+    fn step(&mut self, tick: &Tick) -> f64 {
+        let [e, e1, e2] = tick.errors();
+        let (w, zeta, l) = (tick.plant.natural_frequency, tick.plant.damping_ratio, self.bandwidth);
+        let c = 1.0 / (tick.plant.speed * w * w);
+        fed_forward(tick, &tick.wanted, 1.0)
+            + c * ((3.0 * l - 2.0 * zeta * w) * e2 + (3.0 * l * l - w * w) * e1 + l.powi(3) * e)
+    }
+}

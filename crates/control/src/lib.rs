@@ -1,0 +1,22 @@
+//! Control of a pneumatic axis: what a law believes of its drive, references, an observer, laws.
+//!
+//! A law has no clock and reads no file: a sampled loop hands it samples and takes its commands.
+
+#![warn(missing_docs)]
+
+pub mod adaptation;
+pub mod controller;
+pub mod gains;
+pub mod law;
+pub mod model;
+pub mod observer;
+pub mod reference;
+pub mod spool;
+
+pub use adaptation::Adaptation;
+pub use controller::{Answer, AnyLaw, Controller, Hold, LAWS};
+pub use gains::{Gain, Gains};
+pub use law::{Law, Plant, Tick, sugeno};
+pub use model::{Held, Model, Side, Valve};
+pub use observer::{Noise, Observer, Sample, State};
+pub use reference::{Move, Reference, Wanted, blend};

@@ -1,0 +1,242 @@
+//! What a law believes of its drive: the equations of gas, motion and friction, written with the laws of `physics`.
+
+use math::Over;
+use physics::chamber::{EnergyBalance, Exchange, GasState};
+use physics::flow::{End, Iso6358};
+use physics::friction::{At, Contact};
+use physics::{Gas, heat};
+
+/// Gas of a constant state.
+#[derive(Clone, Copy, Debug)]
+pub struct Held {
+    /// Pa absolute.
+    pub pressure: f64,
+    /// K.
+    pub temperature: f64,
+}
+
+impl Held {
+    fn end<S: Over<f64>>(&self) -> End<S> {
+        End::at(S::c(self.pressure), S::c(1.0 / self.temperature.sqrt()))
+    }
+}
+
+/// A chamber on one side of the piston.
+#[derive(Clone, Copy, Debug)]
+pub struct Side {
+    /// Area on which its pressure acts, m2.
+    pub area: f64,
+    /// Wetted perimeter of barrel and rod, m.
+    pub perimeter: f64,
+    /// Wetted end faces, m2.
+    pub end_wall: f64,
+    /// Volume that the piston never takes, m3.
+    pub dead_volume: f64,
+    /// Length that the chamber has at x = 0, m: none on side a, the stroke on side b.
+    pub length: f64,
+    /// One where the chamber grows with x, minus one where it shrinks.
+    pub sign: f64,
+}
+
+impl Side {
+    /// Its volume at x, m3; never below a hundredth of the dead volume, so that a prediction beyond the stroke stays finite.
+    #[inline(always)]
+    pub fn volume<S: Over<f64>>(&self, x: S) -> S {
+        let length = x.times_plus(self.sign, S::c(self.length));
+        length.times_plus(self.area, S::c(self.dead_volume)).max(S::c(FLOOR * self.dead_volume))
+    }
+
+    fn wall<S: Over<f64>>(&self, x: S) -> S {
+        let length = x.times_plus(self.sign, S::c(self.length));
+        length.times_plus(self.perimeter, S::c(self.end_wall)).max(S::zero())
+    }
+}
+
+/// Least share of the dead volume that a prediction leaves of a chamber.
+const FLOOR: f64 = 0.01;
+
+/// A proportional valve with a spool.
+#[derive(Clone, Debug)]
+pub struct Valve {
+    /// Flow through each edge, fully open.
+    pub flow: Iso6358<f64>,
+    /// Angular natural frequency of the spool, rad/s; infinite: it follows the command at once.
+    pub angular_frequency: f64,
+    /// Damping ratio of the spool.
+    pub damping_ratio: f64,
+    /// Dead time from the command to the spool, s.
+    pub delay: f64,
+    /// Position up to which an edge stays shut.
+    pub overlap: f64,
+    /// Share of the conductance that leaks past each edge in the centre.
+    pub leakage: f64,
+    /// Position over which the leak falls to 1/e.
+    pub leakage_width: f64,
+}
+
+impl Valve {
+    /// Time by which the flow is behind the command, s: dead time and 2 zeta/omega of the spool.
+    pub fn lag(&self) -> f64 {
+        self.delay + 2.0 * self.damping_ratio / self.angular_frequency
+    }
+}
+
+/// What a law believes.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// The gas.
+    pub gas: Gas<f64>,
+    /// The air around.
+    pub ambient: Held,
+    /// The supply.
+    pub supply: Held,
+    /// Chambers a and b.
+    pub sides: [Side; 2],
+    /// m.
+    pub stroke: f64,
+    /// All that moves, kg.
+    pub mass: f64,
+    /// Weight along the axis and external force, N in +x.
+    pub load: f64,
+    /// Heat-transfer coefficient to the walls, W/(m2 K).
+    pub heat_transfer: f64,
+    /// K.
+    pub wall_temperature: f64,
+    /// The valve.
+    pub valve: Valve,
+    /// Friction of what moves.
+    pub friction: Contact<f64>,
+    /// Stiffness of the contact in stick, N/m.
+    pub stick_stiffness: f64,
+    /// Shares of the friction that is described: of its level, and viscous.
+    pub friction_shares: [f64; 2],
+    /// Damping of the contact in stick over its stiffness, s.
+    pub stick_damping_time: f64,
+}
+
+/// Number of states of [`Model::rates`]: x, v, then m and U of both chambers, then the friction force in stick and slip.
+pub const STATES: usize = 7;
+
+/// The gas of both chambers, with the rates of their pressures.
+#[derive(Clone, Copy, Debug)]
+pub struct Chambers<S> {
+    /// State of the gas.
+    pub gas: [GasState<S>; 2],
+    /// dm/dt and dU/dt of each.
+    pub rates: [[S; 2]; 2],
+    /// dp/dt of each, Pa/s.
+    pub pressure_rates: [S; 2],
+}
+
+impl Model {
+    /// Force of the gas in +x, N.
+    #[inline(always)]
+    pub fn gas_force<S: Over<f64>>(&self, pressures: [S; 2]) -> S {
+        let [a, b] = pressures.map(|p| p - S::c(self.ambient.pressure));
+        a.times(self.sides[0].area) - b.times(self.sides[1].area)
+    }
+
+    /// m and U of both chambers at pressures, Pa, and temperatures, K, with the piston at x.
+    #[inline(always)]
+    pub fn contents<S: Over<f64>>(&self, x: S, pressures: [S; 2], temperatures: [S; 2]) -> [[S; 2]; 2] {
+        let k1 = self.gas.heat_capacity_ratio - 1.0;
+        [0, 1].map(|i| {
+            let energy = pressures[i] * self.sides[i].volume(x);
+            [energy / temperatures[i].times(self.gas.gas_constant), energy.times(1.0 / k1)]
+        })
+    }
+
+    /// Share of the conductance that is open of the edges supply to a (and b to exhaust), and a to exhaust (and supply
+    /// to b), with the spool at `spool`.
+    #[inline(always)]
+    pub fn openings<S: Over<f64>>(&self, spool: S) -> [S; 2] {
+        let Valve { overlap, leakage, leakage_width, .. } = self.valve;
+        let leak = S::c(leakage) * (-spool.abs().times(1.0 / leakage_width)).exp();
+        let share = |towards: S| {
+            let whole = 1.0 / (1.0 - overlap);
+            towards.times_plus(whole, S::c(-overlap * whole)).max(S::zero()).min(S::one()) + leak
+        };
+        [share(spool), share(-spool)]
+    }
+
+    /// Chambers with m and U at (x, v), the edges open by `openings`.
+    #[inline(always)]
+    pub fn chambers<S: Over<f64>>(
+        &self,
+        [x, v]: [S; 2],
+        contents: [[S; 2]; 2],
+        openings: [S; 2],
+    ) -> Chambers<S> {
+        let (supply, exhaust) = (self.supply.end(), self.ambient.end());
+        let cp = self.gas.cp;
+        let each: [_; 2] = std::array::from_fn(|i| {
+            let side = &self.sides[i];
+            let volume = side.volume(x);
+            let gas = EnergyBalance::state(&*self.gas, contents[i], volume);
+            let own = End { p: gas.p, inverse_p: gas.inverse_p, choked: gas.p * gas.inverse_sqrt_t };
+            let [fills, vents] = if i == 0 { openings } else { [openings[1], openings[0]] };
+            let (inflow, back) = self.valve.flow.flow(fills, &supply, &own);
+            let (outflow, drawn) = self.valve.flow.flow(vents, &own, &exhaust);
+            let filled = S::select(back, gas.t, S::c(self.supply.temperature));
+            let vented = S::select(drawn, S::c(self.ambient.temperature), gas.t);
+            let wall = side.wall(x);
+            let exchange = Exchange {
+                m_dot: inflow - outflow,
+                h_dot: (inflow * filled - outflow * vented).times(cp),
+                volume,
+                volume_rate: v.times(side.sign * side.area),
+                heat: heat::newton(S::c(self.heat_transfer), wall, S::c(self.wall_temperature), gas.t),
+            };
+            let rates = EnergyBalance::rate(gas.p, &exchange);
+            // p V = (k - 1) U.
+            let k1 = self.gas.heat_capacity_ratio - 1.0;
+            let pressure_rate = (rates[1].times(k1) - gas.p * exchange.volume_rate) / volume;
+            (gas, rates, pressure_rate)
+        });
+        Chambers {
+            gas: each.map(|(gas, ..)| gas),
+            rates: each.map(|(_, rates, _)| rates),
+            pressure_rates: each.map(|(.., rate)| rate),
+        }
+    }
+
+    /// Where friction is asked.
+    #[inline(always)]
+    fn at<S: Over<f64>>(&self, [x, v]: [S; 2], pressures: [S; 2]) -> At<S> {
+        let [gauge_a, gauge_b] = pressures.map(|p| p - S::c(self.ambient.pressure));
+        At { x, v, ..At::at_rest() }.pressed(gauge_a, gauge_b)
+    }
+
+    /// Level of steady friction without its viscous part at |v|, and the viscous coefficient: g(v), N, and Fv, N s/m.
+    #[inline(always)]
+    pub fn friction_levels<S: Over<f64>>(&self, [x, v]: [S; 2], pressures: [S; 2]) -> [S; 2] {
+        let at = self.at([x, v], pressures);
+        let viscous = self.friction.law.levels().viscous;
+        let level = self.friction.steady(&at).abs() - v.abs().times(viscous);
+        let [share, slope] = self.friction_shares;
+        [level.times(share).max(S::c(f64::MIN_POSITIVE)), S::c(slope * viscous)]
+    }
+
+    /// Rate of the friction force f that the contact carries, N/s, beside its viscous part: a spring that slips at the
+    /// level g, which a step of `h` s can follow,
+    ///
+    ///   df/dt = min(s |v|/g, 1/h) (g sgn v - f)
+    ///
+    /// s stiffness N/m. Exact below the bound; above it f is at its level within a step.
+    #[inline(always)]
+    pub fn stick_rate<S: Over<f64>>(&self, v: S, f: S, level: S, h: f64) -> S {
+        let speed = (v * v + S::c(SMOOTH * SMOOTH)).sqrt();
+        let rate = (speed.times(self.stick_stiffness) / level).min(S::c(1.0 / h));
+        // g sgn v |v| = g v: no sign at rest.
+        rate * (level * (v / speed) - f)
+    }
+
+    /// Acceleration under the force of the gas, the friction force f and a disturbance d, N in +x.
+    #[inline(always)]
+    pub fn acceleration<S: Over<f64>>(&self, gas: S, v: S, viscous: S, f: S, d: S) -> S {
+        (gas + S::c(self.load) - f - viscous * v + d).times(1.0 / self.mass)
+    }
+}
+
+/// Speed, m/s, below which the direction of friction has none.
+const SMOOTH: f64 = 1e-4;

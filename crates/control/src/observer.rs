@@ -1,0 +1,228 @@
+//! What cannot be measured, from what is: velocity, disturbance, friction, the gas' temperatures, the spool.
+
+use crate::model::Model;
+use crate::spool::Spool;
+use math::Over;
+
+/// What sensors say at a sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// s.
+    pub time: f64,
+    /// m.
+    pub position: f64,
+    /// Pa absolute in chambers a and b; none: they run by the model alone.
+    pub pressures: Option<[f64; 2]>,
+}
+
+/// The state of a drive as a law sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct State<S = f64> {
+    /// m.
+    pub position: S,
+    /// m/s.
+    pub velocity: S,
+    /// Force that the model knows nothing of, N in +x.
+    pub disturbance: S,
+    /// Friction force beside its viscous part, N.
+    pub friction: S,
+    /// Pa absolute.
+    pub pressures: [S; 2],
+    /// K.
+    pub temperatures: [S; 2],
+}
+
+impl<S: Over<f64>> State<S> {
+    /// Goes on for `h` s with the spool at `spool` halfway; with `measured` pressures, gas follows those.
+    pub fn advance(&mut self, model: &Model, openings: [S; 2], h: f64, measured: Option<[S; 2]>) {
+        let old = model.gas_force(self.pressures);
+        let speed = self.velocity + self.clone().pushed(model, old, None).times(0.5 * h);
+        let halfway = self.flow(model, openings, 0.5 * h, &State { velocity: speed, ..*self });
+        let end = self.flow(model, openings, h, &State { velocity: speed, ..halfway });
+        (self.pressures, self.temperatures) = (measured.unwrap_or(end.pressures), end.temperatures);
+        let force = (old + model.gas_force(self.pressures)).times(0.5);
+        let h = h / f64::from(PIECES);
+        for _ in 0..PIECES {
+            let before = self.velocity;
+            let a = self.pushed(model, force, Some(h));
+            self.velocity += a.times(h);
+            self.position += (before + self.velocity).times(0.5 * h);
+        }
+    }
+
+    /// The gas after `h` s at the rates that it has in another state; the piston goes on at its speed.
+    fn flow(&self, model: &Model, openings: [S; 2], h: f64, at: &State<S>) -> State<S> {
+        let contents = model.contents(at.position, at.pressures, at.temperatures);
+        let gas = model.chambers([at.position, at.velocity], contents, openings);
+        let mut next = *self;
+        for side in 0..2 {
+            let ([m, u], [m_dot, u_dot]) = (contents[side], gas.rates[side]);
+            next.temperatures[side] += (u_dot / u - m_dot / m).times(h) * at.temperatures[side];
+            next.temperatures[side] =
+                next.temperatures[side].max(S::c(TEMPERATURES[0])).min(S::c(TEMPERATURES[1]));
+            next.pressures[side] += gas.pressure_rates[side].times(h);
+            next.pressures[side] = next.pressures[side].max(S::c(LEAST_PRESSURE));
+        }
+        next.position += self.velocity.times(h);
+        next
+    }
+
+    /// Acceleration under a force of the gas, m/s2; friction goes on for a time, s, if there is one.
+    fn pushed(&mut self, model: &Model, force: S, goes_on: Option<f64>) -> S {
+        let [level, viscous] = model.friction_levels([self.position, self.velocity], self.pressures);
+        let rate = model.stick_rate(self.velocity, self.friction, level, goes_on.unwrap_or(FOLLOWED));
+        self.friction += rate.times(goes_on.unwrap_or(0.0));
+        let friction = self.friction + rate.times(model.stick_damping_time);
+        model.acceleration(force, self.velocity, viscous, friction, self.disturbance)
+    }
+
+    /// Acceleration by the model, m/s2.
+    pub fn acceleration(&self, model: &Model) -> S {
+        self.clone().pushed(model, model.gas_force(self.pressures), None)
+    }
+
+    /// The same in other numbers.
+    pub fn map<T: Copy>(&self, f: impl Fn(S) -> T) -> State<T> {
+        State {
+            position: f(self.position),
+            velocity: f(self.velocity),
+            disturbance: f(self.disturbance),
+            friction: f(self.friction),
+            pressures: self.pressures.map(&f),
+            temperatures: self.temperatures.map(&f),
+        }
+    }
+}
+
+/// Speed below which a contact rests, for what of a missing force is friction, m/s (assumed).
+const REST: f64 = 2e-3;
+/// Pieces of a period in which the motion is followed.
+const PIECES: u32 = 2;
+/// Time in which friction may reach its level, s.
+const FOLLOWED: f64 = 0.5e-3;
+/// Temperatures within which a prediction takes gas for gas, K (assumed).
+const TEMPERATURES: [f64; 2] = [100.0, 1000.0];
+/// Least pressure that a prediction takes for gas, Pa.
+const LEAST_PRESSURE: f64 = 1e3;
+
+/// A steady Kalman filter of position, velocity and disturbance over the model's motion; gas and spool run beside it.
+#[derive(Clone, Debug)]
+pub struct Observer {
+    /// The state at the last sample.
+    pub state: State,
+    /// The spool.
+    pub spool: Spool,
+    gain: [f64; 3],
+    time: f64,
+}
+
+/// How a disturbance is expected to wander, and what position sensors do.
+#[derive(Clone, Copy, Debug)]
+pub struct Noise {
+    /// Wander of the disturbance, N/s^0.5.
+    pub disturbance: f64,
+    /// Standard deviation of the position, m.
+    pub position: f64,
+}
+
+/// Gain of a steady Kalman filter of (x, v, d) with x' = v, v' = d/M, d' = noise, of which x is sampled with a period.
+///
+/// Source: [anderson1979].
+fn steady_gain(mass: f64, period: f64, noise: Noise) -> [f64; 3] {
+    let t = period;
+    let f = [[1.0, t, 0.5 * t * t / mass], [0.0, 1.0, t / mass], [0.0, 0.0, 1.0]];
+    let q = noise.disturbance * noise.disturbance;
+    // Of a disturbance that wanders evenly within a period: the integral of F(s) e3 e3' F(s)'.
+    let way = |s: f64| [0.5 * s * s / mass, s / mass, 1.0];
+    let mut wander = [[0.0; 3]; 3];
+    let nodes = [(0.5 - 0.15_f64.sqrt(), 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.5 + 0.15_f64.sqrt(), 5.0 / 18.0)];
+    for (node, weight) in nodes {
+        let own = way(node * t);
+        for (i, row) in wander.iter_mut().enumerate() {
+            for (j, entry) in row.iter_mut().enumerate() {
+                *entry += q * t * weight * own[i] * own[j];
+            }
+        }
+    }
+    let r = noise.position * noise.position;
+    let mut p = [[1e-6, 0.0, 0.0], [0.0, 1e-2, 0.0], [0.0, 0.0, 1e4]];
+    let mut gain = [0.0; 3];
+    for _ in 0..20_000 {
+        let mut fp = [[0.0; 3]; 3];
+        let mut next = wander;
+        for i in 0..3 {
+            for j in 0..3 {
+                fp[i][j] = (0..3).map(|k| f[i][k] * p[k][j]).sum();
+            }
+        }
+        for i in 0..3 {
+            for j in 0..3 {
+                next[i][j] += (0..3).map(|k| fp[i][k] * f[j][k]).sum::<f64>();
+            }
+        }
+        let before = gain;
+        gain = [0, 1, 2].map(|i| next[i][0] / (next[0][0] + r));
+        for i in 0..3 {
+            for j in 0..3 {
+                p[i][j] = next[i][j] - gain[i] * next[0][j];
+            }
+        }
+        if (0..3).all(|i| (gain[i] - before[i]).abs() <= 1e-12 * gain[i].abs()) {
+            break;
+        }
+    }
+    gain
+}
+
+impl Observer {
+    /// Of a drive at rest at a first sample.
+    pub fn new(model: &Model, sample: &Sample, period: f64, noise: Noise) -> Self {
+        // Nobody measures them: a usual start is the mean of supply and ambient.
+        let mean = 0.5 * (model.supply.pressure + model.ambient.pressure);
+        let pressures = sample.pressures.unwrap_or([mean; 2]);
+        let state = State {
+            position: sample.position,
+            velocity: 0.0,
+            disturbance: 0.0,
+            friction: model.gas_force(pressures) + model.load,
+            pressures,
+            temperatures: [model.wall_temperature; 2],
+        };
+        let gain = steady_gain(model.mass, period, noise);
+        Observer { state, spool: Spool::new(&model.valve), gain, time: sample.time }
+    }
+
+    /// Takes over a sample.
+    pub fn update(&mut self, model: &Model, sample: &Sample) {
+        let (from, to) = (self.time, sample.time);
+        if to > from {
+            let spool = self.spool.halfway(from, to);
+            self.state.advance(model, model.openings(spool), to - from, sample.pressures);
+        }
+        self.time = to;
+        let miss = sample.position - self.state.position;
+        self.state.position += self.gain[0] * miss;
+        self.state.velocity += self.gain[1] * miss;
+        let force = self.gain[2] * miss;
+        // At rest a force that is missing is friction's, as long as that can bear it: nobody could tell them apart.
+        let state = &mut self.state;
+        let [level, _] = model.friction_levels([state.position, 0.0], state.pressures);
+        let rests = 1.0 / (1.0 + (state.velocity / REST).powi(2));
+        let before = state.friction;
+        state.friction = (before - rests * force).clamp(-level, level);
+        state.disturbance += force + (state.friction - before);
+    }
+
+    /// State and spool at a later time, s, under the commands given so far.
+    pub fn predict(&self, model: &Model, to: f64, step: f64) -> (State, Spool) {
+        let n = ((to - self.time) / step).ceil().max(1.0);
+        let h = (to - self.time) / n;
+        let (mut state, mut spool) = (self.state, self.spool.clone());
+        for k in 0..n as usize {
+            let begin = self.time + h * k as f64;
+            let position = spool.halfway(begin, begin + h);
+            state.advance(model, model.openings(position), h, None);
+        }
+        (state, spool)
+    }
+}

@@ -1,0 +1,115 @@
+//! Where a drive is to go: position with its derivatives over time.
+
+use std::f64::consts::TAU;
+
+/// Where a drive is to be at a time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wanted {
+    /// m.
+    pub position: f64,
+    /// m/s.
+    pub velocity: f64,
+    /// m/s2.
+    pub acceleration: f64,
+    /// m/s3.
+    pub jerk: f64,
+}
+
+/// A blend from 0 to 1 with three continuous derivatives, and those, over the time 0 .. 1:
+///
+///   s = 35 t^4 - 84 t^5 + 70 t^6 - 20 t^7
+///
+/// Its largest derivatives are 2.1875, 7.5132 and 52.5.
+pub fn blend(t: f64) -> [f64; 4] {
+    if t <= 0.0 {
+        return [0.0; 4];
+    }
+    if t >= 1.0 {
+        return [1.0, 0.0, 0.0, 0.0];
+    }
+    let r = 1.0 - t;
+    [
+        t.powi(4) * (35.0 + t * (-84.0 + t * (70.0 - 20.0 * t))),
+        140.0 * (t * r).powi(3),
+        420.0 * (t * r).powi(2) * (r - t),
+        840.0 * t * r * ((r - t).powi(2) - t * r),
+    ]
+}
+
+/// A motion of a reference.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Reference {
+    /// Moves, one after the other; before the first one it stands at the start.
+    Moves {
+        /// m.
+        start: f64,
+        /// In the order of their times.
+        moves: Vec<Move>,
+    },
+    /// A sine about a centre whose amplitude grows from nothing within the first period.
+    Sine {
+        /// m.
+        centre: f64,
+        /// m.
+        amplitude: f64,
+        /// Hz.
+        frequency: f64,
+    },
+}
+
+/// A move to a position, from where the one before it ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Move {
+    /// s.
+    pub begin: f64,
+    /// How long it takes, s.
+    pub duration: f64,
+    /// m.
+    pub to: f64,
+}
+
+impl Reference {
+    /// Where the drive is to be at a time, s.
+    pub fn at(&self, t: f64) -> Wanted {
+        match self {
+            Reference::Moves { start, moves } => {
+                let begun = moves.partition_point(|own| own.begin <= t);
+                let Some(own) = begun.checked_sub(1).map(|last| moves[last]) else {
+                    return Wanted { position: *start, ..Wanted::default() };
+                };
+                let from = begun.checked_sub(2).map_or(*start, |before| moves[before].to);
+                let [s, v, a, j] = blend((t - own.begin) / own.duration);
+                let (way, rate) = (own.to - from, 1.0 / own.duration);
+                Wanted {
+                    position: from + way * s,
+                    velocity: way * rate * v,
+                    acceleration: way * rate * rate * a,
+                    jerk: way * rate.powi(3) * j,
+                }
+            }
+            Reference::Sine { centre, amplitude, frequency } => {
+                let w = TAU * frequency;
+                let [s, s1, s2, s3] = blend(t * frequency);
+                let [s1, s2, s3] = [s1 * frequency, s2 * frequency.powi(2), s3 * frequency.powi(3)];
+                let (sin, cos) = (w * t).sin_cos();
+                Wanted {
+                    position: centre + amplitude * s * sin,
+                    velocity: amplitude * (s1 * sin + s * w * cos),
+                    acceleration: amplitude * (s2 * sin + 2.0 * s1 * w * cos - s * w * w * sin),
+                    jerk: amplitude
+                        * (s3 * sin + 3.0 * s2 * w * cos - 3.0 * s1 * w * w * sin - s * w.powi(3) * cos),
+                }
+            }
+        }
+    }
+
+    /// Whether it stands still from a time on for `span` s.
+    pub fn stands(&self, t: f64, span: f64) -> bool {
+        match self {
+            Reference::Moves { moves, .. } => {
+                moves.iter().all(|own| own.begin + own.duration <= t || own.begin >= t + span)
+            }
+            Reference::Sine { .. } => false,
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! References, the spool's twin, the observer, and what every law must do.
+
+use approx::assert_abs_diff_eq;
+use control::spool::Spool;
+use control::{
+    Controller, Held, LAWS, Model, Move, Noise, Observer, Reference, Sample, Side, Valve, Wanted, blend,
+    sugeno,
+};
+use physics::flow::{Iso6358, LINEAR_ABOVE};
+use physics::friction::{AnyLaw, Choices, Contact};
+use physics::{Gas, IdealGas};
+use std::f64::consts::{PI, TAU};
+
+const STROKE: f64 = 0.5;
+const MIDDLE: f64 = 0.5 * STROKE;
+const PERIOD: f64 = 1e-3;
+const PRESSURE: f64 = 4e5;
+
+/// A rodless drive, the same in both directions.
+fn drive() -> Model {
+    let gas = IdealGas::air();
+    let area = 0.25 * PI * 0.025 * 0.025;
+    let side = |length: f64, sign: f64| Side {
+        area,
+        perimeter: PI * 0.025,
+        end_wall: 2.0 * area,
+        dead_volume: 1e-5,
+        length,
+        sign,
+    };
+    let values = [
+        ("coulomb", 30.0),
+        ("breakaway", 45.0),
+        ("stribeck_velocity", 0.02),
+        ("stribeck_exponent", 2.0),
+        ("viscous", 40.0),
+        ("bristle_stiffness", 1e5),
+        ("bristle_damping", 300.0),
+    ];
+    let value = |key: &str| values.iter().find(|own| own.0 == key).map_or(f64::INFINITY, |own| own.1);
+    let law = AnyLaw::build("lugre", &mut |parameter| value(parameter.key), &Choices::default());
+    Model {
+        ambient: Held { pressure: 101_325.0, temperature: 293.15 },
+        supply: Held { pressure: 7e5, temperature: 293.15 },
+        sides: [side(0.0, 1.0), side(STROKE, -1.0)],
+        stroke: STROKE,
+        mass: 2.0,
+        load: 0.0,
+        heat_transfer: 30.0,
+        wall_temperature: 293.15,
+        valve: Valve {
+            flow: Iso6358::for_gas(2e-8, 0.3, 0.5, LINEAR_ABOVE, true, &gas, true),
+            angular_frequency: TAU * 100.0,
+            damping_ratio: 0.7,
+            delay: 1e-3,
+            overlap: 0.02,
+            leakage: 0.003,
+            leakage_width: 0.05,
+        },
+        friction: Contact::from(law.expect("a law of that name")),
+        stick_stiffness: 1e5,
+        friction_shares: [1.0; 2],
+        stick_damping_time: 3e-3,
+        gas: Gas::from(&gas),
+    }
+}
+
+#[test]
+fn a_blend_has_its_published_extremes_and_each_derivative_is_the_slope_of_the_one_before() {
+    let step = 1e-6;
+    let mut most = [0.0_f64; 4];
+    for i in 1..1000 {
+        let t = f64::from(i) * 1e-3;
+        let (at, above, below) = (blend(t), blend(t + step), blend(t - step));
+        for k in 0..3 {
+            assert_abs_diff_eq!((above[k] - below[k]) / (2.0 * step), at[k + 1], epsilon = 1e-4);
+        }
+        most = [0, 1, 2, 3].map(|k| most[k].max(at[k].abs()));
+    }
+    for (own, published) in most.iter().zip([1.0, 2.1875, 7.5132, 52.5]) {
+        assert_abs_diff_eq!(*own, published, epsilon = 1e-4 * published);
+    }
+}
+
+#[test]
+fn derivatives_of_references_are_their_slopes() {
+    let moves =
+        vec![Move { begin: 0.1, duration: 0.3, to: 0.3 }, Move { begin: 0.5, duration: 0.2, to: 0.2 }];
+    let sine = Reference::Sine { centre: 0.25, amplitude: 0.06, frequency: 1.0 };
+    for reference in [Reference::Moves { start: 0.22, moves }, sine] {
+        let row = |w: Wanted| [w.position, w.velocity, w.acceleration, w.jerk];
+        for i in 1..200 {
+            let t = f64::from(i) * 0.0101;
+            let step = 1e-6;
+            let (at, above, below) =
+                (row(reference.at(t)), row(reference.at(t + step)), row(reference.at(t - step)));
+            for k in 0..3 {
+                let slope = (above[k] - below[k]) / (2.0 * step);
+                assert!(
+                    (slope - at[k + 1]).abs() <= 1e-3 * (1.0 + at[k + 1].abs()),
+                    "{reference:?} at {t} s"
+                );
+            }
+        }
+    }
+}
+
+/// The spool against x'' = w^2 (u - x) - 2 d w x', followed in steps of a microsecond.
+#[test]
+fn the_twin_of_a_spool_solves_its_equation_behind_the_dead_time() {
+    for damping_ratio in [0.3, 1.0, 2.5] {
+        let valve = Valve { damping_ratio, ..drive().valve };
+        let mut twin = Spool::new(&valve);
+        let (mut x, mut v, mut acts) = (0.0_f64, 0.0_f64, 0.0);
+        twin.command(0.0013, 0.4);
+        twin.command(0.0047, -0.2);
+        let h = 1e-7;
+        for i in 0..100_000_u32 {
+            let t = f64::from(i) * h;
+            for (from, value) in [(0.0013, 0.4), (0.0047, -0.2)] {
+                if t >= from - 0.5 * h {
+                    acts = value;
+                }
+            }
+            let w = valve.angular_frequency;
+            v += h * (w * w * (acts - x) - 2.0 * damping_ratio * w * v);
+            x += h * v;
+        }
+        (0..10).for_each(|ms| twin.advance(f64::from(ms) * 1e-3, f64::from(ms + 1) * 1e-3));
+        assert_abs_diff_eq!(twin.position(), x, epsilon = 1e-4);
+    }
+}
+
+/// A drive of the model itself, sliding, under a force that the observer is not told.
+#[test]
+fn an_observer_finds_a_force_that_it_is_not_told() {
+    let model = drive();
+    let sample = |t: f64, position: f64| Sample { time: t, position, pressures: Some([PRESSURE; 2]) };
+    let noise = Noise { disturbance: 15.0, position: 2e-6 };
+    let mut observer = Observer::new(&model, &sample(0.0, 0.1), PERIOD, noise);
+    // 40 N drive it against 30 N of Coulomb and 40 N s/m of viscous friction: it comes to 0.25 m/s.
+    let (mut x, mut v, force) = (0.1, 0.2, 40.0);
+    for i in 1..=300 {
+        for _ in 0..100 {
+            v += 1e-5 * (force - 30.0 - 40.0 * v) / model.mass;
+            x += 1e-5 * v;
+        }
+        observer.update(&model, &sample(f64::from(i) * PERIOD, x));
+    }
+    assert_abs_diff_eq!(observer.state.disturbance, force, epsilon = 0.5);
+    assert_abs_diff_eq!(observer.state.velocity, v, epsilon = 1e-3);
+}
+
+/// Commands of a law for samples, each seen by the same law from the other end of the drive, too.
+fn both_ways(
+    key: &str,
+    samples: &[(f64, [f64; 2])],
+    reference: &Reference,
+    mirrored: &Reference,
+) -> Vec<[f64; 2]> {
+    let model = drive();
+    let tuned = || {
+        let c = Controller::tuned(key, &model, PERIOD, 2e-6).expect("a law of that name");
+        c
+    };
+    let (mut one, mut other) = (tuned(), tuned());
+    let each = samples.iter().enumerate().map(|(tick, &(position, [a, b]))| {
+        let time = tick as f64 * PERIOD;
+        let seen = Sample { time, position, pressures: Some([a, b]) };
+        let turned = Sample { time, position: STROKE - position, pressures: Some([b, a]) };
+        [one.step(&seen, reference).command, other.step(&turned, mirrored).command]
+    });
+    each.collect()
+}
+
+fn sine(sign: f64) -> Reference {
+    Reference::Sine { centre: MIDDLE, amplitude: sign * 0.06, frequency: 2.0 }
+}
+
+/// In every cell whose four rules lie within the seven sets the rules are a sum; elsewhere they saturate.
+#[test]
+fn fuzzy_rules_are_linear_where_they_must_be() {
+    for i in -60..=60 {
+        for j in -60..=60 {
+            let [e, de] = [i, j].map(|own| f64::from(own) / 60.0);
+            let corners = |x: f64| [(3.0 * x).floor().min(2.0), (3.0 * x).floor().min(2.0) + 1.0];
+            let is_linear = corners(e).iter().all(|i| corners(de).iter().all(|j| (i + j).abs() <= 3.0));
+            let phi = sugeno(e, de);
+            if is_linear {
+                assert_abs_diff_eq!(phi, e + de, epsilon = 1e-12);
+            }
+            assert!(phi.abs() <= 1.0 && (phi - (e + de)).abs() <= 1.0 + 1e-12, "{e} {de}: {phi}");
+            assert_abs_diff_eq!(phi, -sugeno(-e, -de), epsilon = 1e-12);
+        }
+    }
+    assert_eq!([sugeno(1.0, 1.0), sugeno(-5.0, -5.0), sugeno(1.0, -1.0)], [1.0, -1.0, 0.0]);
+}
+
+#[test]
+fn every_law_does_nothing_where_nothing_is_wanted() {
+    let stands = Reference::Moves { start: MIDDLE, moves: vec![] };
+    for key in LAWS {
+        let commands = both_ways(key, &[(MIDDLE, [PRESSURE; 2]); 200], &stands, &stands);
+        let most = commands.iter().flatten().fold(0.0_f64, |most, u| most.max(u.abs()));
+        assert!(most < 1e-9, "{key} commands {most} at rest where it is to be");
+    }
+}
+
+#[test]
+fn every_law_is_odd() {
+    // A drive that follows poorly, with pressures that differ.
+    let samples: Vec<_> = (0..500)
+        .map(|i| {
+            let t = f64::from(i) * PERIOD;
+            let lean = 2e4 * (7.0 * t).sin();
+            (
+                MIDDLE + 0.055 * (TAU * 2.0 * (t - 0.005)).sin() * (2.0 * t).min(1.0),
+                [PRESSURE + lean, PRESSURE - lean],
+            )
+        })
+        .collect();
+    for key in LAWS {
+        let commands = both_ways(key, &samples, &sine(1.0), &sine(-1.0));
+        let most = commands.iter().fold(0.0_f64, |most, [one, other]| most.max((one + other).abs()));
+        let moves = commands.iter().any(|[one, _]| one.abs() > 0.05);
+        assert!(moves && most < 1e-6, "{key}: the mirrored drive gets another command, by {most}");
+    }
+}
+
+#[test]
+fn every_law_gives_a_command_for_any_sample() {
+    let mut state = 1_u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let samples: Vec<_> =
+        (0..2000).map(|_| (STROKE * random(), [0, 1].map(|_| 2e4 + 9e5 * random()))).collect();
+    for key in LAWS {
+        let commands = both_ways(key, &samples, &sine(1.0), &sine(-1.0));
+        assert!(commands.iter().flatten().all(|u| u.is_finite() && u.abs() <= 1.0), "{key}");
+    }
+}

@@ -1,0 +1,122 @@
+//! What a law is told of a drive: read from the description of its circuit.
+
+use circuit::specification::{Circuit, Component};
+use circuit::{ComponentKind, Error, friction_law, kinds};
+use control::{Held, Model, Side, Valve};
+use physics::flow::Iso6358;
+use physics::{Gas, IdealGas};
+use std::f64::consts::{PI, TAU};
+
+/// The components of an axis that is controlled, by their names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Axis {
+    /// Of the cylinder.
+    pub cylinder: String,
+    /// Of its valve.
+    pub valve: String,
+}
+
+/// Stiffness that a contact has in stick where its law has none, N/m (assumed: of a seal of this size).
+const STICK_STIFFNESS: f64 = 1e5;
+
+fn refuse<T>(message: String) -> Result<T, Error> {
+    Err(Error::Specification(message))
+}
+
+/// The only component whose kind begins so.
+fn only<'c>(circuit: &'c Circuit, kind: &str, what: &str) -> Result<&'c Component, Error> {
+    let mut each = circuit.components.iter().filter(|own| own.kind.starts_with(kind));
+    match (each.next(), each.next()) {
+        (Some(own), None) => Ok(own),
+        (None, _) => refuse(format!("the circuit has no {what}: a law needs one to command")),
+        (Some(one), Some(other)) => refuse(format!(
+            "the circuit has two of a {what}, {} and {}: name the one that is controlled",
+            one.name, other.name
+        )),
+    }
+}
+
+/// A number of a component, as given or by its default.
+fn number(own: &Component, key: &str) -> Option<f64> {
+    let kind: &ComponentKind = kinds().into_iter().find(|kind| kind.key == own.kind)?;
+    let row = kind.parameters.iter().find(|row| row.key == key)?;
+    own.numbers.get(key).copied().or(row.default)
+}
+
+fn given(own: &Component, key: &str) -> Result<f64, Error> {
+    match number(own, key) {
+        Some(value) => Ok(value),
+        None => refuse(format!("{}.{key} is missing: a law needs it", own.name)),
+    }
+}
+
+/// The belief of a drive with one cylinder on one proportional 5/3 valve, and its components.
+pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
+    let cylinder = only(circuit, "cylinder/", "cylinder")?;
+    let valve = only(circuit, "valve/proportional-5/3", "proportional 5/3 valve")?;
+    let supply = only(circuit, "reservoir", "reservoir")?;
+    let loads = circuit.components.iter().filter(|own| own.kind == "load");
+    let gas = IdealGas::new(circuit.gas.heat_capacity_ratio, circuit.gas.gas_constant_j_kg_k);
+    let is_air = gas.is_air();
+    let [bore, rod, stroke, incline] = [
+        given(cylinder, "bore")?,
+        given(cylinder, "rod_diameter")?,
+        given(cylinder, "stroke")?,
+        given(cylinder, "incline")?,
+    ];
+    let rods = match &*cylinder.kind {
+        "cylinder/rodless" => [0.0, 0.0],
+        "cylinder/through-rod" => [rod, rod],
+        _ => [0.0, rod],
+    };
+    let side = |i: usize, key: &str| -> Result<Side, Error> {
+        let area = 0.25 * PI * (bore * bore - rods[i] * rods[i]);
+        Ok(Side {
+            area,
+            perimeter: PI * (bore + rods[i]),
+            end_wall: 2.0 * area,
+            dead_volume: given(cylinder, key)?,
+            length: [0.0, stroke][i],
+            sign: [1.0, -1.0][i],
+        })
+    };
+    let load: f64 = loads.map(|own| number(own, "mass").unwrap_or(0.0)).sum();
+    let mass = given(cylinder, "moving_mass")? + load;
+    let Some(friction) = &cylinder.friction else {
+        return refuse(format!("{} has no friction", cylinder.name));
+    };
+    let bristle = |key: &str| friction.parameters.get(key).copied();
+    let stick_stiffness = bristle("bristle_stiffness").unwrap_or(STICK_STIFFNESS);
+    let frequency = given(valve, "frequency")?;
+    let (c, b) = (given(valve, "conductance")?, given(valve, "critical_pressure_ratio")?);
+    let (m, linear_above) = (given(valve, "subsonic_index")?, given(valve, "linear_above")?);
+    let ambient = Held { pressure: circuit.ambient.pressure_pa, temperature: circuit.ambient.temperature_k };
+    let model = Model {
+        ambient,
+        supply: Held {
+            pressure: given(supply, "pressure")?,
+            temperature: number(supply, "temperature").unwrap_or(ambient.temperature),
+        },
+        sides: [side(0, "dead_volume_a")?, side(1, "dead_volume_b")?],
+        stroke,
+        mass,
+        load: -mass * physics::constants::STANDARD_GRAVITY * incline.sin(),
+        heat_transfer: given(cylinder, "heat_transfer")?,
+        wall_temperature: number(cylinder, "wall_temperature").unwrap_or(ambient.temperature),
+        valve: Valve {
+            flow: Iso6358::for_gas(c, b, m, linear_above, m == 0.5, &gas, is_air),
+            angular_frequency: if frequency == 0.0 { f64::INFINITY } else { TAU * frequency },
+            damping_ratio: given(valve, "damping_ratio")?,
+            delay: given(valve, "delay")?,
+            overlap: given(valve, "overlap")?,
+            leakage: given(valve, "leakage")?,
+            leakage_width: given(valve, "leakage_width")?,
+        },
+        friction_shares: [1.0; 2],
+        stick_stiffness,
+        stick_damping_time: bristle("bristle_damping").unwrap_or(0.0) / stick_stiffness,
+        friction: friction_law(friction)?,
+        gas: Gas::from(&gas),
+    };
+    Ok((model, Axis { cylinder: cylinder.name.clone(), valve: valve.name.clone() }))
+}

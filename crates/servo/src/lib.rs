@@ -1,0 +1,14 @@
+//! The sampled loop: a circuit, sensors, a controller.
+
+#![warn(missing_docs)]
+
+mod belief;
+mod noise;
+mod run;
+mod sensor;
+pub mod specification;
+
+pub use belief::{Axis, belief};
+pub use noise::{Noise, philox};
+pub use run::{COLUMNS, Loop, controller};
+pub use sensor::{Encoder, Sensor};

@@ -1,0 +1,199 @@
+//! The loop: samples, law, command, each at its time.
+
+use crate::belief::{Axis, belief};
+use crate::noise::Noise;
+use crate::sensor::{Encoder, Sensor};
+use crate::specification;
+use circuit::{Error, Look, Session};
+use control::{Controller, Gain, LAWS, Reference, Sample};
+use std::time::Instant;
+
+fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
+    Err(Error::Specification(message.into()))
+}
+
+/// A controller as it is described, with the axis that it commands. Position sensors have this deviation, m.
+pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(Controller, Axis), Error> {
+    let period = spec.period_s;
+    if !(LEAST_PERIOD..=LONGEST_PERIOD).contains(&period) {
+        return refuse(format!(
+            "period = {period} s: it must lie within {LEAST_PERIOD} and {LONGEST_PERIOD} s"
+        ));
+    }
+    let (model, axis) = belief(&spec.belief)?;
+    let Some(mut controller) = Controller::tuned(&spec.law, &model, period, deviation) else {
+        return refuse(format!("there is no law \"{}\"; there are {}", spec.law, LAWS.join(", ")));
+    };
+    let law = controller.law.key();
+    for (key, &value) in &spec.gains {
+        let mut keys = Vec::new();
+        let found = controller.law.gains().find(|(gain, _)| {
+            keys.push(gain.key);
+            gain.key == key
+        });
+        let Some((Gain { unit, bounds, .. }, own)) = found else {
+            return refuse(format!("the law {law} has no gain \"{key}\"; it has {}", keys.join(", ")));
+        };
+        if !value.is_finite() || !bounds.contain(value) {
+            return refuse(format!("{law}.{key} = {value} {unit} is out of bounds: it must be {bounds}"));
+        }
+        *own = value;
+    }
+    if !spec.adaptation {
+        controller.adaptation = None;
+    }
+    controller.hold = spec.hold.map(|hold| control::Hold::new(hold.band_m, hold.after_s));
+    Ok((controller, axis))
+}
+
+/// Periods within which laws are sampled, s.
+const LEAST_PERIOD: f64 = 1e-5;
+const LONGEST_PERIOD: f64 = 0.1;
+
+/// Names of the columns of a run; SI units.
+pub const COLUMNS: [&str; 11] = [
+    "time_s",
+    "position_m",
+    "velocity_m_s",
+    "pressure_a_pa",
+    "pressure_b_pa",
+    "reference_m",
+    "command",
+    "estimated_velocity_m_s",
+    "disturbance_n",
+    "holds",
+    "step_time_s",
+];
+
+/// A session under a controller.
+pub struct Loop<'s> {
+    session: &'s mut Session,
+    encoder: Encoder,
+    pressures: Option<[Sensor; 2]>,
+    command_bits: u32,
+    computing_time: f64,
+    seed: u64,
+    /// Columns of position, velocity and both pressures.
+    columns: [usize; 4],
+    command: usize,
+    /// Both pressures at the last sample, as they were and behind the sensors' lag.
+    last: Option<[[f64; 2]; 2]>,
+}
+
+impl<'s> Loop<'s> {
+    /// A session that has these components.
+    pub fn new(session: &'s mut Session, axis: &Axis, setup: &specification::Setup) -> Result<Self, Error> {
+        let input = |session: &Session, name: String| match session
+            .inputs()
+            .iter()
+            .position(|own| own.name == name)
+        {
+            Some(input) => Ok(input),
+            None => refuse(format!("the circuit has no input {name}: the controller is for another drive")),
+        };
+        let of_cylinder = ["position_m", "velocity_m_s", "a.pressure_pa", "b.pressure_pa"];
+        let mut columns = [0; 4];
+        for (column, own) in columns.iter_mut().zip(of_cylinder) {
+            let name = format!("{}.{own}", axis.cylinder);
+            let Some(found) = session.columns().iter().position(|column| *column == name) else {
+                return refuse(format!(
+                    "the circuit has no output {name}: the controller is for another drive"
+                ));
+            };
+            *column = found;
+        }
+        if !setup.forces.is_empty() {
+            let force = input(session, format!("{}.load_force_n", axis.cylinder))?;
+            let (times, values): (Vec<f64>, Vec<f64>) = setup.forces.iter().map(|&[t, f]| (t, f)).unzip();
+            session.schedule(force, &times, &values)?;
+        }
+        Ok(Loop {
+            command: input(session, format!("{}.command", axis.valve))?,
+            session,
+            encoder: setup.position.into(),
+            pressures: setup.pressures.map(|own| own.map(Sensor::from)),
+            command_bits: setup.command_bits,
+            computing_time: setup.computing_time_s,
+            seed: setup.seed,
+            columns,
+            last: None,
+        })
+    }
+
+    fn sample(&mut self, tick: u64, period: f64, [x, _, a, b]: [f64; 4]) -> Sample {
+        let noise = |channel| Noise { seed: self.seed, member: 0, channel };
+        let position = self.encoder.read(x, noise(0), tick);
+        let pressures = self.pressures.map(|sensors| {
+            let [before, behind] = self.last.unwrap_or([[a, b]; 2]);
+            let now = [a, b];
+            let lagged = [0, 1].map(|i| sensors[i].follow(behind[i], [before[i], now[i]], period));
+            self.last = Some([now, lagged]);
+            [0, 1].map(|i| sensors[i].read(lagged[i], noise(1 + i as u32), tick))
+        });
+        Sample { time: self.session.time(), position, pressures }
+    }
+
+    /// Runs for a time, s: the [`COLUMNS`], sample by sample. What stops the drive ends the run with an error.
+    pub fn run(
+        &mut self,
+        controller: &mut Controller,
+        reference: &Reference,
+        duration: f64,
+        look: &mut Look<'_>,
+    ) -> Result<Vec<[f64; COLUMNS.len()]>, Error> {
+        let period = controller.period;
+        if !(0.0..period).contains(&self.computing_time) {
+            return refuse(format!(
+                "the computing time, {} s, must be shorter than the period, {period} s",
+                self.computing_time
+            ));
+        }
+        let stroke = controller.model.stroke;
+        let ticks = 0..=(duration / period).round() as u64;
+        let leaves = ticks.clone().map(|tick| tick as f64 * period).find_map(|t| {
+            let x = reference.at(t).position;
+            (!(0.0..=stroke).contains(&x)).then_some((t, x))
+        });
+        if let Some((t, x)) = leaves {
+            return refuse(format!(
+                "the reference asks for {x} m at t = {t} s: it must stay within the stroke, 0 to {stroke} m"
+            ));
+        }
+        let mut rows = Vec::with_capacity(ticks.clone().count());
+        for tick in ticks {
+            let t = tick as f64 * period;
+            self.session.go_on(t, look)?;
+            let seen = self.columns.map(|column| self.session.now(column));
+            let sample = self.sample(tick, period, seen);
+            let begin = Instant::now();
+            let answer = controller.step(&sample, reference);
+            let took = begin.elapsed().as_secs_f64();
+            let mut command = answer.command;
+            if self.command_bits > 0 {
+                let half = ((1_u64 << self.command_bits) - 1) as f64 / 2.0;
+                command = ((command + 1.0) * half).round_ties_even() / half - 1.0;
+            }
+            let [x, v, a, b] = seen;
+            let holds = f64::from(u8::from(answer.holds));
+            rows.push([
+                t,
+                x,
+                v,
+                a,
+                b,
+                answer.wanted.position,
+                command,
+                answer.velocity,
+                answer.disturbance,
+                holds,
+                took,
+            ]);
+            if self.computing_time > 0.0 {
+                self.session.schedule(self.command, &[t + self.computing_time], &[command])?;
+            } else {
+                self.session.set(self.command, command)?;
+            }
+        }
+        Ok(rows)
+    }
+}

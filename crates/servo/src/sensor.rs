@@ -1,0 +1,73 @@
+//! Sensors sample by sample.
+
+use crate::noise::Noise;
+
+/// A sensor with a lag, an amplifier and a converter.
+#[derive(Clone, Copy, Debug)]
+pub struct Sensor {
+    /// Range in the unit of the signal; signals outside saturate.
+    pub low: f64,
+    /// Its upper end.
+    pub high: f64,
+    /// Resolution of the converter over the range; zero: none.
+    pub bits: u32,
+    /// Standard deviation of the noise of a sample.
+    pub noise: f64,
+    /// Reading at zero.
+    pub zero: f64,
+    /// Relative error of the gain.
+    pub gain_error: f64,
+    /// Time constant of the amplifier, s.
+    pub lag: f64,
+}
+
+impl Sensor {
+    /// The signal behind the lag a period on, where it was `behind` and its way since the last sample was straight.
+    pub fn follow(&self, behind: f64, [from, to]: [f64; 2], period: f64) -> f64 {
+        if self.lag == 0.0 {
+            return to;
+        }
+        // Of a ramp of slope s: it ends lag s behind, and what it began with beside that decays.
+        let delayed = self.lag * (to - from) / period;
+        to - delayed + (behind - from + delayed) * (-period / self.lag).exp()
+    }
+
+    /// What it shows of the signal behind its lag.
+    pub fn read(&self, signal: f64, noise: Noise, tick: u64) -> f64 {
+        let mut seen = (1.0 + self.gain_error) * signal + self.zero;
+        if self.noise > 0.0 {
+            seen += self.noise * noise.normal(tick);
+        }
+        let seen = seen.clamp(self.low, self.high);
+        if self.bits == 0 {
+            return seen;
+        }
+        let step = (self.high - self.low) / ((1_u64 << self.bits) - 1) as f64;
+        self.low + step * ((seen - self.low) / step).round_ties_even()
+    }
+}
+
+/// An incremental encoder.
+#[derive(Clone, Copy, Debug)]
+pub struct Encoder {
+    /// Distance between two counts, m; zero: it shows the signal itself.
+    pub resolution: f64,
+    /// Standard deviation of the noise before it counts, m.
+    pub noise: f64,
+}
+
+impl Encoder {
+    /// The last full count.
+    pub fn read(&self, signal: f64, noise: Noise, tick: u64) -> f64 {
+        let seen = if self.noise > 0.0 { signal + self.noise * noise.normal(tick) } else { signal };
+        if self.resolution > 0.0 { (seen / self.resolution).floor() * self.resolution } else { seen }
+    }
+
+    /// Standard deviation of a reading, m: of noise and of a count that may lie anywhere.
+    pub fn deviation(&self) -> f64 {
+        (self.resolution * self.resolution / 12.0 + self.noise * self.noise).sqrt().max(LEAST)
+    }
+}
+
+/// Least deviation that an observer is told, m: without any it would follow each sample.
+const LEAST: f64 = 1e-7;

@@ -1,0 +1,209 @@
+"""``pneudrive control``: tune laws from a drive's description, run and compare them, check references."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pneudrive.cli.groups import group
+from pneudrive.cli.options import CatalogueFolders, Described, names_in
+from pneudrive.cli.output import show_table, tell
+from pneudrive.show import aligned
+
+if TYPE_CHECKING:
+    from pneudrive.control.comparison import ControlComparison
+    from pneudrive.control.references import Reference
+    from pneudrive.control.tuning import Plant, Tuning
+
+control = group(dict.fromkeys(("tune", "run", "compare", "reference"), "pneudrive.cli.control"))
+
+SetupOption = Annotated[
+    str, typer.Option("--setup", help="What stands between drive and law: ideal, real, cheap, or a TOML file.")
+]
+Law = Annotated[str, typer.Option("--law", help="Law: pid, pva, sliding-mode, super-twisting, inversion or nmpc.")]
+Along = Annotated[
+    str,
+    typer.Option(
+        help='Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", or a TOML file.',
+        metavar="REF",
+    ),
+]
+TOLD = ("max_error_m", "rmse_m", "settling_100_um_s", "rest_error_m", "hunting_m")
+
+
+@control.callback()
+def _control() -> None:
+    """Control of drives along references, simulated: tune, run, compare, check a reference."""
+
+
+def tune(
+    drive: Described,
+    law: Law = "nmpc",
+    setup: SetupOption = "real",
+    out: Annotated[Path | None, typer.Option(help="Controller file (TOML) with all gains.")] = None,
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Tune a law from the description of a drive, with the rule of each gain and what limits it."""
+    from pneudrive.control.tuning import tune as tuned
+    from pneudrive.describe.load import load_described
+    from pneudrive.trajectory import check_target
+
+    if out is not None:
+        check_target(out, (".toml",))
+    found = tuned(load_described(drive), law, setup=setup)
+    _show_tuning(found)
+    if out is not None:
+        found.save(out)
+    tell([out])
+
+
+def _show_tuning(found: Tuning) -> None:
+    typer.echo(f"{found.law} for {found.belief.name}, every {1e3 * found.period_s:g} ms\n")
+    rows = [(gain.key, str(gain), gain.meaning, gain.rule) for gain in found.gains]
+    show_table(("gain", "<value", "<meaning", "<follows from"), rows)
+    typer.echo(f"\n{aligned(found.plant.rows())}\n")
+    typer.echo("\n".join(found.limits))
+
+
+def run(
+    drive: Described,
+    reference: Along,
+    controller: Annotated[
+        str, typer.Option(help="Controller file (TOML), or the name of a law.", metavar="FILE|LAW")
+    ] = "nmpc",
+    setup: SetupOption = "real",
+    duration: Annotated[str | None, typer.Option(help='Duration, e.g. "12 s"; default: from the reference.')] = None,
+    seed: Annotated[int, typer.Option(help="Seed of all noise.", min=0)] = 1,
+    initial: Annotated[
+        str | None, typer.Option(help='Start state, e.g. "pressure_a = 3 bar abs"; default: on the reference.')
+    ] = None,
+    rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-5,
+    out: Annotated[Path | None, typer.Option(help="Run: .parquet, .csv or .nc.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Run a drive under control along a reference, and score it."""
+    from pneudrive.cli.progress import on_terminal
+    from pneudrive.control.loop import prepare, run_prepared
+    from pneudrive.control.measures import Score
+    from pneudrive.describe.load import load_described
+    from pneudrive.report.written import PICTURES
+    from pneudrive.trajectory import check_target, save
+
+    if out is not None:
+        check_target(out)
+    if plot is not None:
+        check_target(plot, PICTURES)
+    is_file = controller.endswith(".toml")
+    prepared = prepare(
+        load_described(drive),
+        None if is_file else controller,
+        reference,
+        setup=setup,
+        duration=duration,
+        controller=controller if is_file else None,
+        initial=initial,
+        rtol=rtol,
+    )
+    found = run_prepared(prepared, seed, on_terminal())
+    title = f"{prepared.tuning.law} on {prepared.circuit.name} along {prepared.reference.text}"
+    typer.echo(f"{title}, setup {prepared.setup_name}, seed {seed}, simulated:")
+    typer.echo(_score(Score(**found.provenance["score"])))
+    if out is not None:
+        save(found.dataset(), out)
+    if plot is not None:
+        from pneudrive.report.control import plot_control
+
+        plot_control(found.dataset(), plot)
+    tell([out, plot])
+
+
+def _score(found: object) -> str:
+    """Return a score as lines of measure and value."""
+    from pneudrive.control.measures import SHOWN, written
+
+    rows = [(title, written(name, getattr(found, name))) for name, (title, *_) in SHOWN.items()]
+    return aligned([row for row in rows if row[1]])
+
+
+def compare(
+    drive: Described,
+    out: Annotated[Path, typer.Option(help="Folder for scores, runs and report; one that is begun is resumed.")],
+    laws: Annotated[
+        str, typer.Option(help="all, or laws and controller files separated by commas.", metavar="all|A,B")
+    ] = "all",
+    references: Annotated[
+        str,
+        typer.Option(
+            help="standard, or references separated by commas; R1, R2, R3, R5, R6 are those of standard.",
+            metavar="standard|REF,...",
+        ),
+    ] = "standard",
+    seeds: Annotated[int, typer.Option(help="Number of seeds.")] = 5,
+    setup: SetupOption = "real",
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Compare laws along references, each with several seeds: score.csv, the runs, and report.html."""
+    from pneudrive.cli.progress import on_terminal
+    from pneudrive.control.comparison import SCORES, compare_watched
+    from pneudrive.describe.load import load_described
+    from pneudrive.report.control_page import write_control_report
+
+    described = load_described(drive)
+    words = laws if laws == "all" else names_in(laws)
+    along = references if references == "standard" else names_in(references)
+    found = compare_watched(described, words, along, out=out, seeds=seeds, setup=setup, watch=on_terminal())
+    _show_comparison(found)
+    tell([out / SCORES, write_control_report(found, out)])
+
+
+def _show_comparison(found: ControlComparison) -> None:
+    from pneudrive.control.measures import SHOWN
+
+    heads = ["law", *(title for title, *_ in SHOWN.values()), "lost"]
+    shown = [0, *(1 + list(SHOWN).index(name) for name in TOLD), len(heads) - 1]
+    for name, one in found.references.items():
+        called = name if name == one.text else f"{name}, {one.text}"
+        typer.echo(f"\n{called}, simulated, median of the seeds")
+        rows = found.rows(name)
+        used = [i for i in shown if i == 0 or any(row[i] for row in rows)]
+        show_table([heads[i] for i in used], [[row[i] for i in used] for row in rows])
+
+
+def reference(
+    along: Annotated[str, typer.Argument(help="Reference, as for run.", metavar="REF")],
+    drive: Annotated[str, typer.Option(help="Drive or circuit file (TOML), or catalogue:NAME.")],
+    plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Check a reference against a drive: its stroke, and the share of its speed."""
+    from pneudrive.control.references import check_reach
+    from pneudrive.control.references import reference as read
+    from pneudrive.control.tuning import tune as tuned
+    from pneudrive.describe.load import load_described
+    from pneudrive.report.written import PICTURES
+    from pneudrive.trajectory import check_target
+
+    if plot is not None:
+        check_target(plot, PICTURES)
+    plant = tuned(load_described(drive)).plant
+    found = read(along)
+    _show_reference(found, plant)
+    if plot is not None:
+        from pneudrive.report.control import plot_reference
+
+        plot_reference(found, plant, plot)
+    tell([plot])
+    check_reach(found, plant.stroke_m, plant.speed_m_s)
+
+
+def _show_reference(found: Reference, plant: Plant) -> None:
+    reach = found.reach()
+    share = 100.0 * reach.fastest_m_s / plant.speed_m_s
+    rows = [
+        ("positions", f"{1e3 * reach.lowest_m:g} .. {1e3 * reach.highest_m:g} mm of {1e3 * plant.stroke_m:g} mm"),
+        ("largest speed", f"{reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s, {share:.0f} % of the drive's"),
+    ]
+    typer.echo(f"{found.text}\n{aligned(rows)}")

@@ -1,0 +1,233 @@
+"""A drive under control along a reference: the core runs the sampled loop, this module prepares and labels it."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pneudrive import __version__, _core
+from pneudrive.control.measures import score_of
+from pneudrive.control.references import Reference, check_reach, reference
+from pneudrive.control.setup import Setup, read_setup, ready_setups
+from pneudrive.control.tuning import Tuning, tune
+from pneudrive.describe.circuit import compiled
+from pneudrive.errors import CommandError, SimulationError
+from pneudrive.simulate import SOLVER, Run, positive, require
+from pneudrive.start import check_tolerance, circuit_of, is_circuit, read_initial, start_table
+from pneudrive.trajectory import meaning
+from pneudrive.watch import UNWATCHED, Watch
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+
+    import xarray as xr
+
+    from pneudrive.control.controller import Controller
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+    from pneudrive.describe.parts import Initial
+    from pneudrive.watch import Flag
+
+MOST_SAMPLES = 20_000_000
+MOST_SEED = 2**63 - 1
+RTOL = 1e-5
+#: Meaning of the columns that are not those of a trajectory.
+MEANINGS = {
+    "reference_m": "where the drive is to be",
+    "command": "command of the law, as it leaves the converter",
+    "estimated_velocity_m_s": "velocity as the law's observer has it",
+    "disturbance_n": "force that the law's observer needs beside those that it knows",
+    "holds": "1 while the law stands still and keeps the force",
+    "step_time_s": "time that a step of the law took on this machine",
+}
+
+
+class Prepared(NamedTuple):
+    """All that decides a run under control but its seed."""
+
+    circuit: Circuit
+    tuning: Tuning
+    reference: Reference
+    setup: Setup
+    setup_name: str
+    start: dict[str, float]
+    duration_s: float
+    rtol: float
+
+
+def run(
+    drive: Drive | Circuit,
+    law: str | None = None,
+    *,
+    reference: Reference | str | Path,
+    setup: Setup | str | Path = "real",
+    duration: str | float | None = None,
+    seed: int = 1,
+    controller: Controller | Tuning | str | Path | None = None,
+    believes: Drive | Circuit | None = None,
+    initial: Initial | Mapping[str, object] | str | None = None,
+    rtol: float = RTOL,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
+) -> xr.Dataset:
+    """Run a drive under control along a reference. Simulated: the law and the drive share the core's equations.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+        What is run.
+    law : str, optional
+        Of `pneudrive.control.laws`, with gains that follow from the drive; the default is ``"nmpc"``.
+    reference : Reference, str or path-like
+        See `pneudrive.control.reference`.
+    setup : Setup, str or path-like
+        What stands between drive and law: ``"ideal"``, ``"real"``, ``"cheap"``, or a TOML file.
+    duration : str or float, optional
+        ``"12 s"``, or a number of seconds; by default 16 s or four periods of a sine, or 2 s behind the last move.
+    seed : int
+        Of all noise: equal seeds give equal bits, but for the time of a step.
+    controller : Controller, Tuning, str or path-like, optional
+        In place of `law`: a controller, its TOML file, or what `pneudrive.control.tune` returned.
+    believes : Drive or Circuit, optional
+        What the law believes of the drive; by default the drive of the controller's file, or `drive`.
+    initial : Initial, dict or str, optional
+        Start state. By default at rest at the reference's first position, both chambers at the mean of supply and
+        ambient pressure.
+    rtol : float
+        Relative tolerance of the solver.
+    progress, cancel : optional
+        See `pneudrive.watch.Watch`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimension time, one entry for each sample of the law; position, velocity, pressure_a, pressure_b, reference,
+        command, estimated_velocity, disturbance, holds, step_time, each with ``units`` and ``long_name``. Its ``attrs``
+        hold score (a dict, see `pneudrive.control.Score`), law, gains, period_s, setup, seed, reference, motion,
+        belief_hash, and what `pneudrive.simulate` tells of a description.
+
+    Raises
+    ------
+    CommandError
+        The reference, the duration, the seed or the tolerance is not valid, or the drive cannot follow the reference.
+    DescriptionError
+        A file is not valid, or the drive is none that the law can command.
+    SimulationError
+        The drive cannot go on; the message gives time and state.
+    Cancelled
+        `cancel` was set.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> drive = pn.Drive.load("catalogue:reference")
+    >>> run = pn.control.run(drive, "pva", reference="250 mm; 0.1 s: 260 mm in 0.2 s", duration="0.5 s")
+    >>> run.sizes["time"], run.disturbance.attrs["units"], run.attrs["score"]["lost"]
+    (501, 'N', False)
+    """
+    told: dict[str, Any] = {"setup": setup, "duration": duration, "controller": controller, "believes": believes}
+    prepared = prepare(drive, law, reference, **told, initial=initial, rtol=rtol)
+    return run_prepared(prepared, seed, Watch(progress, cancel)).dataset()
+
+
+def prepare(
+    drive: Drive | Circuit,
+    law: str | None,
+    along: Reference | str | Path,
+    *,
+    setup: Setup | str | Path = "real",
+    duration: str | float | None = None,
+    controller: Controller | Tuning | str | Path | None = None,
+    believes: Drive | Circuit | None = None,
+    initial: Initial | Mapping[str, object] | str | None = None,
+    rtol: float = RTOL,
+) -> Prepared:
+    """Read and check all that decides a run but its seed. Arguments and errors are those of `run`."""
+    require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
+    check_tolerance(rtol)
+    read, name = read_setup(setup)
+    if isinstance(controller, Tuning):
+        tuning = controller
+    else:
+        tuning = tune(drive, law, setup=read, controller=controller, believes=believes)
+    to_follow = reference(along)
+    check_reach(to_follow, tuning.plant.stroke_m, tuning.plant.speed_m_s)
+    seconds = to_follow.duration_s if duration is None else positive(duration, "s", "duration")
+    samples = seconds / tuning.period_s
+    if not 1.0 <= round(samples) <= MOST_SAMPLES:
+        what = f"duration = {seconds:g} s at a period of {1e3 * tuning.period_s:g} ms makes {samples:.3g} samples"
+        raise CommandError(what, rule=f"1 to {MOST_SAMPLES:.0e} samples")
+    circuit = circuit_of(drive)
+    start = _start(drive, tuning.plant.cylinder, float(to_follow.at([0.0])[0, 0]), initial)
+    return Prepared(circuit, tuning, to_follow, read, name, start, seconds, rtol)
+
+
+def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run:
+    """Run and return unlabelled columns with their provenance and score."""
+    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed <= MOST_SEED:
+        raise CommandError(f"seed = {seed} is out of bounds", rule=f"a whole number, 0 to {MOST_SEED}")
+    circuit, tuning, motion = prepared.circuit, prepared.tuning, prepared.reference.core()
+    ambient_pa, seconds = circuit.ambient.pressure_pa, prepared.duration_s
+    setup = prepared.setup.core(seed, ambient_pa)
+    watch.look()
+    try:
+        columns = _core.control_run(
+            compiled(circuit.core_json()),
+            prepared.start,
+            json.dumps(tuning.core()),
+            json.dumps(motion),
+            json.dumps(setup),
+            seconds,
+            prepared.rtol,
+            lambda t: watch.tell(t, seconds, "seconds simulated"),
+        )
+    except ValueError as error:
+        raise CommandError(f"the run cannot begin: {error}") from None
+    except RuntimeError as error:
+        raise SimulationError(str(error)) from None
+    named = {meaning(column)[0]: values for column, values in columns.items()}
+    found = score_of(named["time"], named, motion)
+    return Run(columns, _provenance(prepared, seed) | {"score": found.to_dict()}, MEANINGS)
+
+
+def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:
+    circuit, tuning, name = prepared.circuit, prepared.tuning, prepared.setup_name
+    assumed = [f"setup {name}: {prepared.setup.about}"] if name in ready_setups() else []
+    return {
+        "title": circuit.name,
+        "description_hash": circuit.description_hash,
+        "version": __version__,
+        "solver": SOLVER,
+        "rtol": prepared.rtol,
+        "law": tuning.law,
+        "gains": {gain.key: gain.value for gain in tuning.gains},
+        "period_s": tuning.period_s,
+        "belief_hash": tuning.belief.description_hash,
+        "setup": name,
+        "seed": seed,
+        "reference": prepared.reference.text,
+        "motion": prepared.reference.core(),
+        "simulated": "yes",
+        "citations": list(circuit.cited),
+        "assumed": [*circuit.assumed(), *assumed],
+        "labels": dict(circuit.labels),
+    }
+
+
+def _start(drive: Drive | Circuit, cylinder: str, position_m: float, initial: Any) -> dict[str, float]:  # noqa: ANN401
+    """Return the start state in the core's form: at the reference, chambers at the mean pressure, unless given."""
+    circuit = circuit_of(drive)
+    ambient_pa = circuit.ambient.pressure_pa
+    held = [one.numbers(ambient_pa)["pressure"] for one in circuit.components.values() if one.kind == "reservoir"]
+    pressure = f"{0.5 * (max(held, default=ambient_pa) + ambient_pa)!r} Pa abs"
+    position = f"{position_m!r} m"
+    if not is_circuit(drive):
+        usual = {"position": position, "pressure_a": pressure, "pressure_b": pressure}
+        given = read_initial(initial)
+        return drive.circuit_initial(read_initial(usual | (given.to_dict() if given else {})))
+    given = dict(start_table(initial))
+    names = circuit.start_names
+    usual = {f"{cylinder}.position": position, f"{cylinder}.a.pressure": pressure, f"{cylinder}.b.pressure": pressure}
+    taken = {names.get(key) for key in given}
+    return circuit.core_initial({key: value for key, value in usual.items() if names[key] not in taken} | given)

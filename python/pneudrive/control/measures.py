@@ -1,0 +1,224 @@
+"""Score of a run under control: how far the drive was from its reference, and what that took."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.control.references import ReferenceMove
+from pneudrive.errors import CommandError
+from pneudrive.show import Card, Shown
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+#: Time from the start that is scored apart, and the end of a sine that is scored, s.
+FIRST_S, LAST_S = 4.0, 4.0
+REST_S, HUNTING_S = 0.2, 0.6  # ends of a dwell in which rest and hunting are measured
+LONG_DWELL_S = 10.0  # a dwell that lasts longer is looked at behind this time, for hunting
+BANDS_M = (1e-4, 5e-4, 1e-3)  # of settling
+SLIP_M_S = 1e-3  # speed in a dwell that counts as a slip
+LOST_M = 0.02  # error beyond which a run is lost
+
+
+@dataclass(frozen=True, repr=False)
+class Score(Shown):
+    """Score of a run; error is reference less position. None: the reference has no such part; inf: never.
+
+    Attributes
+    ----------
+    rmse_m, max_error_m : float
+        Root of the mean square, and largest size, of the error: of moves in the whole run, of a sine in its last 4 s,
+        or its last period.
+    first_rmse_m, first_max_error_m : float
+        The same in the first 4 s.
+    settling_100_um_s, settling_500_um_s, settling_1000_um_s : float or None
+        From the end of a move to the last time outside of 0.1, 0.5, 1 mm about the reference; the longest.
+    rest_error_m : float or None
+        Mean size of the error in the last 0.2 s before the next move, the largest.
+    hunting_m : float or None
+        Peak to peak of the position in the last 0.6 s before the next move, or behind 10 s of rest; the largest.
+    slips : int or None
+        Times in these spans at which the speed rose above 1 mm/s.
+    overshoot_m : float or None
+        Beyond the end of a move, the largest.
+    iae_m_s, itae_m_s2 : float
+        Integrals of the size of the error, and of time times it.
+    valve_travel_per_s : float
+        Sum of the changes of the command, per second.
+    saturated_share : float
+        Share of the samples with the command at its limit.
+    step_median_s, step_999_s, step_worst_s : float
+        Time that a step of the law took on this machine: median, 99.9 %, worst. It differs from run to run.
+    lost : bool
+        Whether the error exceeded 20 mm.
+    """
+
+    rmse_m: float
+    max_error_m: float
+    first_rmse_m: float
+    first_max_error_m: float
+    settling_100_um_s: float | None
+    settling_500_um_s: float | None
+    settling_1000_um_s: float | None
+    rest_error_m: float | None
+    hunting_m: float | None
+    slips: int | None
+    overshoot_m: float | None
+    iae_m_s: float
+    itae_m_s2: float
+    valve_travel_per_s: float
+    saturated_share: float
+    step_median_s: float
+    step_999_s: float
+    step_worst_s: float
+    lost: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all measures by name."""
+        return asdict(self)
+
+    def _card(self) -> Card:
+        rows = [(title, written(name, getattr(self, name))) for name, (title, *_) in SHOWN.items()]
+        return Card("score, simulated", rows=[row for row in rows if row[1]])
+
+
+#: Measure -> its title in tables, factor to the unit of tables, that unit.
+SHOWN: dict[str, tuple[str, float, str]] = {
+    "rmse_m": ("RMSE", 1e6, "um"),
+    "max_error_m": ("largest error", 1e6, "um"),
+    "first_max_error_m": ("largest error, first 4 s", 1e6, "um"),
+    "settling_100_um_s": ("settling to 0.1 mm", 1e3, "ms"),
+    "settling_1000_um_s": ("settling to 1 mm", 1e3, "ms"),
+    "rest_error_m": ("error at rest", 1e6, "um"),
+    "hunting_m": ("hunting", 1e6, "um"),
+    "overshoot_m": ("overshoot", 1e6, "um"),
+    "valve_travel_per_s": ("valve travel", 1.0, "1/s"),
+    "saturated_share": ("saturated", 100.0, "%"),
+    "step_median_s": ("step, median", 1e6, "us"),
+    "step_999_s": ("step, 99.9 %", 1e6, "us"),
+}
+
+THOUSAND, _LARGER = 1e3, {"um": "mm", "ms": "s", "us": "ms"}
+
+
+def written(name: str, value: float | None) -> str:
+    """Write a measure with its unit; empty where the reference has no such part.
+
+    Examples
+    --------
+    >>> written("rmse_m", 2.5e-5), written("max_error_m", 0.0043), written("settling_100_um_s", math.inf)
+    ('25 um', '4.3 mm', 'never')
+    """
+    _, factor, unit = SHOWN[name]
+    if value is None:
+        return ""
+    if not math.isfinite(value):
+        return "never"
+    if factor * value >= THOUSAND and unit in _LARGER:
+        factor, unit = factor / THOUSAND, _LARGER[unit]
+    return f"{factor * value:.3g} {unit}"
+
+
+def score(run: xr.Dataset) -> Score:
+    """Score a run under control.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `pneudrive.control.run`.
+
+    Raises
+    ------
+    CommandError
+        The dataset is no run under control.
+    """
+    motion = run.attrs.get("motion")
+    names = ("position", "velocity", "reference", "command", "step_time")
+    if not isinstance(motion, dict) or not all(name in run for name in names):
+        raise CommandError(
+            "this dataset is no run under control", remedy="Pass a dataset that pn.control.run returned."
+        )
+    return score_of(run["time"].to_numpy(), {name: run[name].to_numpy() for name in names}, motion)
+
+
+def score_of(time: Array, of: Mapping[str, Array], motion: Mapping[str, Any]) -> Score:
+    """Score arrays over time, s, by name; `motion` is the reference in the core's form."""
+    x, command = of["position"], of["command"]
+    error = of["reference"] - x
+    last_s = max(LAST_S, 1.0 / motion["frequency_hz"]) if motion["kind"] == "sine" else math.inf
+    scored = error[time >= time[-1] - last_s]
+    first = error[time <= FIRST_S]
+    step = float(time[1] - time[0]) if len(time) > 1 else 0.0
+    span = max(float(time[-1]), step)
+    took = of["step_time"]
+    return Score(
+        rmse_m=_rms(scored),
+        max_error_m=float(np.abs(scored).max()),
+        first_rmse_m=_rms(first),
+        first_max_error_m=float(np.abs(first).max()),
+        **_of_moves(time, x, of["velocity"], error, motion),
+        iae_m_s=float(np.sum(np.abs(error))) * step,
+        itae_m_s2=float(np.sum(time * np.abs(error))) * step,
+        valve_travel_per_s=float(np.abs(np.diff(command)).sum()) / span if span else 0.0,
+        saturated_share=float(np.mean(np.abs(command) >= 1.0)),
+        step_median_s=float(np.median(took)),
+        step_999_s=float(np.quantile(took, 0.999)),
+        step_worst_s=float(took.max()),
+        lost=bool(np.abs(error).max() > LOST_M),
+    )
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def _spans(motion: Mapping[str, Any], end_s: float) -> Iterator[tuple[ReferenceMove, float, float]]:
+    """Yield each move, where it comes from, and when the next one begins or the run ends."""
+    moves = [ReferenceMove(*move) for move in motion.get("moves", ())]
+    begins = [*(move.begin_s for move in moves[1:]), end_s]
+    start = motion.get("start_m", 0.0)
+    for move, next_s in zip(moves, begins, strict=True) if moves else ():
+        yield move, start, min(next_s, end_s)
+        start = move.to_m
+
+
+def _of_moves(time: Array, x: Array, v: Array, error: Array, motion: Mapping[str, Any]) -> dict[str, Any]:
+    """Measure what follows each move: settling, rest, hunting, overshoot."""
+    found: dict[str, list[float]] = {name: [] for name in ("rest_error_m", "hunting_m", "slips", "overshoot_m")}
+    settling: dict[float, list[float]] = {band: [] for band in BANDS_M}
+    for move, start, until in _spans(motion, float(time[-1])):
+        way = math.copysign(1.0, move.to_m - start)
+        moving = (time >= move.begin_s) & (time <= until)
+        if not moving.any():
+            continue
+        found["overshoot_m"].append(max(0.0, float((way * (x[moving] - move.to_m)).max())))
+        dwell = (time >= move.end_s) & (time <= until)
+        if not dwell.any():
+            continue
+        for band, times in settling.items():
+            outside = np.abs(error[dwell]) > band
+            last = float(time[dwell][outside][-1]) - move.end_s if outside.any() else 0.0
+            times.append(math.inf if outside[-1] else last)
+        length = until - move.end_s
+        if length >= REST_S:
+            found["rest_error_m"].append(float(np.abs(error[dwell & (time >= until - REST_S)]).mean()))
+        if length >= HUNTING_S:
+            begin = min(move.end_s + LONG_DWELL_S, until - HUNTING_S)
+            part = dwell & (time >= begin)
+            found["hunting_m"].append(float(np.ptp(x[part])))
+            fast = np.abs(v[part]) > SLIP_M_S
+            found["slips"].append(int(fast[0]) + int(np.sum(fast[1:] & ~fast[:-1])))
+    out: dict[str, Any] = {name: max(values) if values else None for name, values in found.items()}
+    if found["slips"]:
+        out["slips"] = int(sum(found["slips"]))
+    worst = {f"settling_{1e6 * band:.0f}_um_s": max(times) if times else None for band, times in settling.items()}
+    return out | worst

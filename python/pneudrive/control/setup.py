@@ -1,0 +1,182 @@
+"""Setup: what stands between a drive and its law. Sensors, converter, computing time, disturbances."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from pneudrive.describe import toml
+from pneudrive.describe.base import Described, Force, WrongValueError, wrong
+from pneudrive.describe.marks import Reads, Whole
+from pneudrive.errors import nearest
+from pneudrive.rig.description import BELOW_ZERO
+from pneudrive.rig.keys import KEYS, any_sign, not_negative
+
+SETUPS = Path(__file__).with_name("setups")
+LEAST_BITS, MOST_BITS = 4, 32  # as of the converters of a rig
+_ENCODER, _PRESSURE = KEYS["encoder"], KEYS["pressure_sensor"]
+
+
+def _bits(given: object) -> int:
+    """Read the resolution of a converter."""
+    bits = Whole(bound=None).read(given)
+    if not LEAST_BITS <= bits <= MOST_BITS:
+        raise WrongValueError(f"{bits} is out of bounds", rule=f"a converter has {LEAST_BITS} to {MOST_BITS} bits")
+    return bits
+
+
+Bits = Annotated[int | None, Reads(_bits)]
+Seconds = Annotated[float, not_negative("s", "").mark]
+
+
+class PositionSensor(Described):
+    """Encoder: counts of a resolution, of a position with noise."""
+
+    table_name: ClassVar[str] = "sensors.position"
+    resolution_m: Annotated[float | None, _ENCODER["resolution"].mark] = Field(
+        default=None, description="distance of two counts; absent: it shows the position itself"
+    )
+    noise_m: Annotated[float, not_negative("m", "").mark] = Field(default=0.0, description="standard deviation")
+
+    def core(self) -> dict[str, float]:
+        """Return it in the core's form, SI."""
+        return {"resolution_m": self.resolution_m or 0.0, "noise_m": self.noise_m}
+
+
+class PressureSensor(Described):
+    """Pressure sensor of a chamber, with an amplifier and a converter."""
+
+    range_pa: Annotated[float, _PRESSURE["range"].mark] = Field(description="above ambient")
+    bits: Bits = Field(default=None, description="resolution of the converter; absent: none")
+    noise_pa: Annotated[float, _PRESSURE["noise"].mark] = Field(default=0.0, description="standard deviation")
+    zero_pa: Annotated[float, _PRESSURE["zero"].mark] = Field(default=0.0, description="error of the zero")
+    gain_error: Annotated[float, any_sign("1", "").mark] = Field(default=0.0, description="relative")
+    lag_s: Seconds = Field(default=0.0, description="time constant of the amplifier")
+
+    def core(self, ambient_pa: float) -> dict[str, Any]:
+        """Return it in the core's form, SI, pressures absolute."""
+        ends = [ambient_pa - BELOW_ZERO * self.range_pa, ambient_pa + self.range_pa]
+        own = {name: getattr(self, name) for name in ("noise_pa", "zero_pa", "gain_error", "lag_s")}
+        return own | {"range_pa": ends, "bits": self.bits or 0}
+
+
+class ControlSensors(Described):
+    """Sensors that the law reads. Without those of pressure, pressures are followed by the model."""
+
+    table_name: ClassVar[str] = "sensors"
+    position: PositionSensor = PositionSensor()
+    pressure_a: PressureSensor | None = None
+    pressure_b: PressureSensor | None = None
+
+    @model_validator(mode="after")
+    def _both_pressures(self) -> ControlSensors:
+        for one, other in (("a", "b"), ("b", "a")):
+            if getattr(self, f"pressure_{one}") is None and getattr(self, f"pressure_{other}") is not None:
+                what = f"sensors.pressure_{other} is given without sensors.pressure_{one}"
+                raise wrong(f"pressure_{other}", what, remedy="Give both, or neither: then the law models them.")
+        return self
+
+
+class CommandConverter(Described):
+    """Converter of the command."""
+
+    table_name: ClassVar[str] = "converter"
+    bits: Bits = Field(default=None, description="resolution over -1 .. 1; absent: none")
+
+
+class ControlComputer(Described):
+    """Computer of the law."""
+
+    table_name: ClassVar[str] = "computer"
+    time_s: Seconds = Field(default=0.0, description="from a sample to its command; shorter than the period")
+
+
+class Disturbance(Described):
+    """An external force from a time on."""
+
+    at_s: Seconds
+    force_n: Force
+
+
+class Setup(Described):
+    """Setup of a run under control. Ready ones are ``ideal``, ``real`` and ``cheap``; their values are assumed.
+
+    Examples
+    --------
+    >>> setup = Setup(converter={"bits": 12}, computer={"time": "0.3 ms"})
+    >>> setup.computer.time_s
+    0.0003
+    """
+
+    schema_version: Literal[1] = Field(default=1, alias="schema")
+    about: str = Field(default="", description="free text")
+    sensors: ControlSensors = ControlSensors()
+    converter: CommandConverter = CommandConverter()
+    computer: ControlComputer = ControlComputer()
+    disturbances: tuple[Disturbance, ...] = ()
+
+    @model_validator(mode="after")
+    def _times_rise(self) -> Setup:
+        times = [one.at_s for one in self.disturbances]
+        for number, (before, after) in enumerate(pairwise(times), start=1):
+            if not after > before:
+                what = f"disturbances: {after:g} s follows {before:g} s"
+                raise wrong(f"disturbances.{number}.at", what, rule="times rise")
+        return self
+
+    def core(self, seed: int, ambient_pa: float) -> dict[str, Any]:
+        """Return it in the core's form, SI, with the seed of all noise and the pressure of the ambient."""
+        a, b = self.sensors.pressure_a, self.sensors.pressure_b
+        return {
+            "position": self.sensors.position.core(),
+            "pressures": None if a is None or b is None else [a.core(ambient_pa), b.core(ambient_pa)],
+            "command_bits": self.converter.bits or 0,
+            "computing_time_s": self.computer.time_s,
+            "forces": [[one.at_s, one.force_n] for one in self.disturbances],
+            "seed": seed,
+        }
+
+
+def ready_setups() -> dict[str, Path]:
+    """Return the files of the setups that come with the package, by name."""
+    return {path.stem: path for path in sorted(SETUPS.glob("*.toml"))}
+
+
+def read_setup(given: Setup | str | Path) -> tuple[Setup, str]:
+    """Read a setup: the name of a ready one, or a TOML file.
+
+    Parameters
+    ----------
+    given : Setup, str or path-like
+        A setup is returned unchanged.
+
+    Returns
+    -------
+    Setup, str
+        And its name: of the ready one, of the file, or ``"own"``.
+
+    Raises
+    ------
+    DescriptionError
+        The file is not valid; the message gives file, line, value, rule and remedy.
+
+    Examples
+    --------
+    >>> setup, name = read_setup("cheap")
+    >>> name, setup.converter.bits, setup.sensors.pressure_a
+    ('cheap', 10, None)
+    """
+    if isinstance(given, Setup):
+        return given, "own"
+    ready = ready_setups()
+    path = ready.get(str(given), Path(given))
+    if not path.suffix and not path.exists():
+        raise wrong("", f'there is no setup "{given}"', remedy=f"{nearest(str(given), ready)} Or give a TOML file.")
+    tables, text = toml.read(path, start='For instance: schema = 1, then [sensors.position] resolution = "5 um".')
+    with toml.locating(path, text):
+        setup = Setup.model_validate(tables)
+    assert isinstance(setup, Setup)
+    return setup, str(given) if str(given) in ready else path.name

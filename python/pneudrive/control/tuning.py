@@ -1,0 +1,332 @@
+"""Tuning: a law's gains from the description of the drive, what the drive is to its law, and what limits it."""
+
+from __future__ import annotations
+
+import json
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pneudrive import _core, units
+from pneudrive.control.controller import AFTER_S, BAND_M, Controller, HoldBand, gain_quantity
+from pneudrive.control.setup import Setup, read_setup
+from pneudrive.describe import toml
+from pneudrive.describe.base import wrong
+from pneudrive.errors import CommandError, DescriptionError, nearest
+from pneudrive.show import Card, Shown
+from pneudrive.start import circuit_of
+from pneudrive.trajectory import whole
+
+if TYPE_CHECKING:
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+
+DEFAULT_LAW = "nmpc"
+
+
+class TunedGain(NamedTuple):
+    """A gain of a law.
+
+    Attributes
+    ----------
+    key : str
+        In a controller file.
+    unit : str
+        SI; ``"1"`` for a pure number.
+    value : float
+    meaning, rule : str
+        What it is, and what it follows from.
+    given : bool
+        Whether it was given and does not follow from its rule.
+    """
+
+    key: str
+    unit: str
+    value: float
+    meaning: str
+    rule: str
+    given: bool
+
+    @property
+    def quantity(self) -> str | float:
+        """Its value as a controller file has it."""
+        return gain_quantity(self.unit).show(self.value)
+
+    def __str__(self) -> str:
+        """Return its value with its unit, rounded."""
+        return f"{self.value:.4g} {'' if self.unit == '1' else self.unit}".rstrip()
+
+
+@dataclass(frozen=True, repr=False)
+class Plant(Shown):
+    """What a drive is to its law about mid stroke, both chambers at the mean of supply and ambient pressure.
+
+    Attributes
+    ----------
+    natural_frequency_rad_s : float
+        Of the mass on its air, shut in.
+    damping_ratio : float
+        From viscous friction.
+    speed_m_s : float
+        Steady speed at full opening, the exhaust choked.
+    force_rate_n_s : float
+        Rate of the force of a chamber at full opening.
+    lag_s : float
+        By which a command acts late: dead time of the valve, its spool, half a period.
+    coulomb_n : float
+    stroke_m : float
+    cylinder, valve : str
+        Names of the components.
+    """
+
+    natural_frequency_rad_s: float
+    damping_ratio: float
+    speed_m_s: float
+    force_rate_n_s: float
+    lag_s: float
+    coulomb_n: float
+    stroke_m: float
+    cylinder: str
+    valve: str
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return name and value with unit of each number."""
+        hertz = self.natural_frequency_rad_s / 6.283185307179586
+        return [
+            ("natural frequency", f"{self.natural_frequency_rad_s:.3g} rad/s ({hertz:.3g} Hz)"),
+            ("damping ratio", f"{self.damping_ratio:.3g}"),
+            ("speed at full opening", f"{self.speed_m_s:.3g} m/s"),
+            ("rate of force at full opening", f"{1e-3 * self.force_rate_n_s:.3g} kN/s"),
+            ("lag of the command", f"{1e3 * self.lag_s:.3g} ms"),
+            ("Coulomb friction", f"{self.coulomb_n:.3g} N"),
+            ("stroke", f"{1e3 * self.stroke_m:g} mm"),
+        ]
+
+
+@dataclass(frozen=True, repr=False)
+class Tuning(Shown):
+    """A law with all its gains, for the drive that it believes it commands.
+
+    Attributes
+    ----------
+    law : str
+    period_s : float
+    hold : HoldBand or None
+        Standing still; None: it never holds.
+    adaptation : bool
+        It learns friction and valve of its drive while it runs.
+    gains : tuple of TunedGain
+    plant : Plant
+    belief : Circuit
+        The drive as the law believes it to be.
+    source : str
+        File of that drive, where a controller file names one.
+    limits : tuple of str
+        What limits the law, in words.
+    """
+
+    law: str
+    period_s: float
+    hold: HoldBand | None
+    adaptation: bool
+    gains: tuple[TunedGain, ...]
+    plant: Plant
+    belief: Circuit
+    source: str = ""
+    limits: tuple[str, ...] = ()
+
+    def core(self) -> dict[str, Any]:
+        """Return it in the core's form, SI."""
+        gains = {gain.key: gain.value for gain in self.gains}
+        return _core_form(self.law, self.period_s, (self.hold, self.adaptation), self.belief, gains)
+
+    def to_toml(self) -> str:
+        """Write it as a controller file, with meaning and rule beside each gain."""
+        lines = ["schema = 1", f'law = "{self.law}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
+        if self.source:
+            lines.append(f"drive = {toml.value_text(self.source)}")
+        lines += ["", "[gains]"]
+        for gain in self.gains:
+            why = "given" if gain.given else gain.rule
+            lines.append(f"{gain.key} = {toml.value_text(gain.quantity)}  # {gain.meaning}: {why}")
+        if not self.adaptation:
+            lines.insert(3, "adaptation = false")
+        if self.hold is None:
+            lines.insert(3, "hold = false")
+        else:
+            band, after = units.write(self.hold.band_m, "m", "um"), units.write(self.hold.after_s, "s", "ms")
+            lines += ["", "[hold]", f'band = "{band}"', f'after = "{after}"']
+            if (self.hold.band_m, self.hold.after_s) == (BAND_M, AFTER_S):
+                lines[-2:] = [f"{line}  # assumed" for line in lines[-2:]]
+        return "\n".join([*lines, ""])
+
+    def save(self, path: str | Path) -> Path:
+        """Write it as a controller file.
+
+        Raises
+        ------
+        CommandError
+            The file cannot be written.
+        """
+        with whole(Path(path)) as temporary:
+            temporary.write_text(self.to_toml(), encoding="utf-8")
+        return Path(path)
+
+    def _card(self) -> Card:
+        rows = [(g.key, str(g), g.meaning, "given" if g.given else g.rule) for g in self.gains]
+        plant = [(name, value, "", "") for name, value in self.plant.rows()]
+        title = f"{self.law} for {self.belief.name}, every {1e3 * self.period_s:g} ms"
+        return Card(title, ("", "", "meaning", "rule"), [*rows, *plant], self.limits)
+
+
+def laws() -> list[str]:
+    """Return the words of all laws.
+
+    Examples
+    --------
+    >>> "nmpc" in laws()
+    True
+    """
+    return list(_core.control_laws())
+
+
+def tune(
+    drive: Drive | Circuit,
+    law: str | None = None,
+    *,
+    setup: Setup | str | Path = "real",
+    controller: Controller | str | Path | None = None,
+    believes: Drive | Circuit | None = None,
+) -> Tuning:
+    """Return a law with gains that follow from the description of a drive.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+        With one cylinder on one proportional 5/3 valve and one reservoir.
+    law : str, optional
+        Of `laws`; the default is that of the controller, or ``"nmpc"``.
+    setup : Setup, str or path-like
+        What the law is run in; it decides what is said about limits, not the gains.
+    controller : Controller, str or path-like, optional
+        A controller, or its TOML file: period, gains that are given and not tuned, standing still, and the drive that
+        the law believes in.
+    believes : Drive or Circuit, optional
+        What the law believes of the drive, in place of `drive` and of the controller's.
+
+    Raises
+    ------
+    DescriptionError
+        A file is not valid, a gain is unknown or out of bounds, or the drive is none that a law can command.
+    CommandError
+        The law is unknown, or both `law` and a controller with another law are given.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> tuning = pn.control.tune(pn.Drive.load("catalogue:reference"), "nmpc")
+    >>> [gain.key for gain in tuning.gains]
+    ['bandwidth', 'move_penalty']
+    """
+    read, _ = read_setup(setup)
+    table, folder, path, text = _table(law, controller)
+    with toml.locating(path, text) if path else nullcontext():
+        tuning = _tuned(table, drive if believes is None else believes, folder, is_told=believes is not None)
+    return _limited(tuning, read)
+
+
+def _table(law: str | None, controller: Controller | str | Path | None) -> tuple[Controller, Path, str, str]:
+    """Return a controller, its folder, and path and text of its file."""
+    if controller is None:
+        word = law or DEFAULT_LAW
+        if word not in laws():
+            raise CommandError(f'there is no law "{word}"', remedy=nearest(word, laws()))
+        return Controller(law=word), Path(), "", ""
+    if isinstance(controller, Controller):
+        table, path, text = controller, "", ""
+    else:
+        path = str(controller)
+        tables, text = toml.read(path, start=f'For instance: schema = 1, then law = "{DEFAULT_LAW}".')
+        with toml.locating(path, text):
+            table = Controller.model_validate(tables)
+    assert isinstance(table, Controller)
+    if law is not None and law != table.law:
+        where = path or None
+        raise CommandError(
+            f'law "{law}" and a controller of law "{table.law}" are given', where=where, remedy="Give one."
+        )
+    return table, Path(path).parent, path, text
+
+
+def _core_form(
+    law: str, period_s: float, ways: tuple[HoldBand | None, bool], belief: Circuit, gains: dict[str, float]
+) -> dict[str, Any]:
+    """Return a controller in the core's form, SI."""
+    hold, adaptation = ways
+    held = None if hold is None else hold.core()
+    drive = json.loads(belief.core_json())
+    core = {"law": law, "period_s": period_s, "gains": gains, "hold": held, "adaptation": adaptation}
+    return core | {"belief": drive}
+
+
+def _tuned(table: Controller, drive: Drive | Circuit, folder: Path, *, is_told: bool) -> Tuning:
+    """Read the gains of a controller and let the others follow from what the law believes."""
+    source = ""
+    if table.drive is not None and not is_told:
+        drive, source = _believed(table.drive, folder)
+    belief = circuit_of(drive)
+
+    def asked(gains: dict[str, float]) -> tuple[dict[str, Any], list[tuple[str, str, float, str, str]]]:
+        form = _core_form(table.law, table.period_s, (table.hold, table.adaptation), belief, gains)
+        return _core.control_tune(json.dumps(form), 0.0)
+
+    try:
+        plant, ruled = asked({})
+    except ValueError as error:
+        if str(error).startswith("period"):
+            raise wrong("period", str(error)) from None
+        raise DescriptionError(str(error), where=belief.name) from None
+    known = {key: gain_quantity(unit) for key, unit, *_ in ruled}
+    given: dict[str, float] = {}
+    for key, value in table.gains.items():
+        if key not in known:
+            raise wrong(f"gains.{key}", f"gains.{key} is no gain of {table.law}", remedy=nearest(key, known))
+        given[key] = known[key].read_at(f"gains.{key}", value)
+        try:
+            asked({key: given[key]})
+        except ValueError as error:
+            raise wrong(f"gains.{key}", str(error)) from None
+    gains = tuple(
+        TunedGain(key, unit, given.get(key, value), meaning, rule, key in given)
+        for key, unit, value, meaning, rule in ruled
+    )
+    return Tuning(table.law, table.period_s, table.hold, table.adaptation, gains, Plant(**plant), belief, source)
+
+
+def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:
+    """Load the drive that a controller file names, relative to its folder."""
+    from pneudrive.describe.load import load_described
+
+    path = source if source.startswith("catalogue:") else str(folder / source)
+    return load_described(path), source
+
+
+def _limited(tuning: Tuning, setup: Setup) -> Tuning:
+    """Add what limits a law, in words."""
+    plant, said = tuning.plant, []
+    bandwidth = next((gain.value for gain in tuning.gains if gain.key == "bandwidth"), plant.natural_frequency_rad_s)
+    late = bandwidth * plant.lag_s
+    said.append(
+        f"A command acts {1e3 * plant.lag_s:.3g} ms late (dead time of the valve, spool, half a period): "
+        f"{late:.2g} rad at {bandwidth:.3g} rad/s. A faster valve or a shorter period allows a larger bandwidth."
+    )
+    if setup.computer.time_s > 0.0:
+        said.append(f"The computer of the setup adds {1e3 * setup.computer.time_s:.3g} ms that the law does not know.")
+    if setup.sensors.pressure_a is None:
+        said.append("The setup has no pressure sensors: the law follows the pressures by its model of the drive.")
+    said.append(f"References up to {plant.speed_m_s:.3g} m/s and within {1e3 * plant.stroke_m:g} mm are accepted.")
+    assumed = [gain.key for gain in tuning.gains if "assumed" in gain.rule and not gain.given]
+    if assumed:
+        said.append(f"Assumed, not derived from this drive: {', '.join(assumed)}.")
+    return replace(tuning, limits=tuple(said))

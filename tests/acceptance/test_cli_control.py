@@ -1,0 +1,170 @@
+"""``pneudrive control``: from a description to a scored run, laws beside each other, and what is refused."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import pneudrive as pn
+from pneudrive.cli.main import run
+from pneudrive.control.measures import score_of
+from pneudrive.trajectory import columns
+
+AXIS = Path(__file__).parents[2] / "examples" / "controlled_axis.toml"
+STEP = "220 mm; 0.1 s: 280 mm in 0.3 s"
+CLOCK = "step_time_s"  # the only column that is not a function of the seed
+
+
+@pytest.fixture(scope="module")
+def axis():
+    return pn.Circuit.load(AXIS)
+
+
+def test_from_a_description_to_a_scored_run(tmp_path, capsys, axis):
+    """The file that `tune` writes gives the bits of the law's name; another seed gives others."""
+    file, out, picture = tmp_path / "controller.toml", tmp_path / "run.parquet", tmp_path / "run.png"
+    assert run(["control", "tune", str(AXIS), "--law", "super-twisting", "--out", str(file)]) == 0
+    said = capsys.readouterr().out
+    assert "integral_gain" in said
+    assert "0.3 K_s^2/phi" in said  # the rule that the gain follows from
+    head = ["control", "run", str(AXIS), "--reference", STEP, "--duration", "0.8 s"]
+    written = ["--out", str(out), "--plot", str(picture)]
+    assert run([*head, "--controller", str(file), "--seed", "3", *written]) == 0
+    assert "simulated" in capsys.readouterr().out
+    assert picture.stat().st_size > 10_000
+    table = pl.read_parquet(out).drop(CLOCK)
+    for seed, same in ((3, True), (4, False)):
+        again = pn.control.run(axis, "super-twisting", reference=STEP, duration="0.8 s", seed=seed)
+        assert pl.DataFrame(columns(again)).drop(CLOCK).equals(table) is same
+    assert abs(table["position_m"][-1] - 0.28) < 1e-4
+    assert pn.control.score(again).to_dict() == again.attrs["score"]
+
+
+@pytest.mark.parametrize(("frequency", "bounds_m"), [("0.5 Hz", (1.0e-4, 1.6e-4)), ("1 Hz", (1.2e-4, 1.7e-4))])
+def test_laws_reach_what_is_known_of_them(axis, frequency, bounds_m):
+    """Sines of 60 mm on a drive that the laws know: largest error in the last 4 s, for the median of three seeds."""
+    for law, bound in zip(("nmpc", "super-twisting"), bounds_m, strict=True):
+        runs = [
+            pn.control.run(axis, law, reference=f"sine 60 mm {frequency} around 250 mm", duration="8 s", seed=seed)
+            for seed in (1, 2, 3)
+        ]
+        errors = [one.attrs["score"]["max_error_m"] for one in runs]
+        assert np.median(errors) < bound, (law, errors)
+
+
+def test_a_score_is_what_its_name_says():
+    """Of a track with a known error: 0.9 mm beyond the end of a move, 50 um behind it from 0.5 s on."""
+    time = np.arange(0.0, 3.0005, 1e-3)
+    reference = np.where(time < 1.0, 0.1, 0.2)
+    x = np.where((time >= 1.0) & (time < 1.5), 0.2009, reference - 5e-5)
+    named = {"position": x, "velocity": 0.0 * x, "reference": reference, "command": np.sign(time - 2.0)}
+    motion = {"kind": "moves", "start_m": 0.1, "moves": [[0.9, 0.1, 0.2]]}
+    found = score_of(time, named | {"step_time": 0.0 * x}, motion)
+    assert found.max_error_m == pytest.approx(9e-4)
+    assert found.overshoot_m == pytest.approx(9e-4)
+    assert found.settling_100_um_s == pytest.approx(0.5, abs=2e-3)
+    assert found.settling_1000_um_s == 0.0
+    assert found.rest_error_m == pytest.approx(5e-5)
+    assert (found.hunting_m, found.slips, found.lost) == (0.0, 0, False)
+    assert found.valve_travel_per_s == pytest.approx(2.0 / 3.0)
+
+
+WRONG = {
+    "beyond the stroke": (["--reference", "250 mm; 1 s: 510 mm in 1 s"], "510 mm", "within the stroke"),
+    "too fast": (["--reference", "100 mm; 1 s: 400 mm in 0.1 s"], "faster than the drive", "Stretch"),
+    "no time of a move": (["--reference", "100 mm; 1 s: 400 mm"], "is not a move", "TIME: POSITION in DURATION"),
+    "overlapping moves": (
+        ["--reference", "100 mm; 1 s: 200 mm in 1 s; 1.5 s: 100 mm in 1 s"],
+        "begins at 1.5 s",
+        "2 s",
+    ),
+    "no sine": (["--reference", "sine 60 mm around 250 mm"], "is not a sine", "AMPLITUDE"),
+    "unit": (["--reference", "sine 60 mm 0.5 kg around 250 mm"], '"kg"', "a frequency is needed"),
+    "unknown law": (["--controller", "nmcp"], 'no law "nmcp"', "'nmpc'"),
+    "unknown setup": (["--setup", "reel"], 'no setup "reel"', "'real'"),
+    "duration": (["--duration", "-1 s"], "duration", "greater than 0"),
+    "folder": (["--out", "nowhere/run.parquet"], "does not exist", "mkdir"),
+}
+FILES = {
+    "law": ('law = "pdi"', "law: 'pdi' is not known", "'pid'"),
+    "a key that no core has": ('law = "nmpc"\n[observer]\nkind = "levant"', "observer is not a known key", ":3"),
+    "period": ('law = "nmpc"\nperiod = "10 s"', "it must lie within", ":3"),
+    "unknown gain": ('law = "nmpc"\n[gains]\nbandwith = "90 rad/s"', "no gain of nmpc", "'bandwidth'"),
+    "gain out of bounds": ('law = "nmpc"\n[gains]\nbandwidth = "-90 rad/s"', "out of bounds", ":4"),
+    "gain of no number": ('law = "nmpc"\n[gains]\nmove_penalty = nan', "out of bounds", ":4"),
+    "unit of a gain": ('law = "nmpc"\n[gains]\nbandwidth = "90 mm"', '"mm"', ":4"),
+    "hold": ('law = "nmpc"\nhold = true', "True is not a table", "hold = false"),
+    "own code": ('law = "mine.py:Law"', "is not known", "super-twisting"),
+    "another drive": ('law = "nmpc"\ndrive = "nowhere.toml"', "nowhere.toml", "no file"),
+}
+FALLING = '[[disturbances]]\nat = "2 s"\nforce = "1 N"\n[[disturbances]]\nat = "1 s"\nforce = "1 N"'
+SETUPS = {
+    "one pressure": ('[sensors.pressure_a]\nrange = "10 bar"', "without sensors.pressure_b", "Give both"),
+    "bits": ("[converter]\nbits = 64", "64 is out of bounds", "4 to 32"),
+    "slow computer": ('[computer]\ntime = "2 ms"', "0.002 s", "shorter than the period"),
+    "jitter": ('[computer]\njitter = "1 us"', "jitter is not a known key", ":3"),
+    "times fall": (FALLING, "1 s follows 2 s", "times rise"),
+}
+
+
+@pytest.mark.parametrize("case", [*WRONG, *(f"controller: {name}" for name in FILES), *(f"setup: {n}" for n in SETUPS)])
+def test_wrong_input_gives_one_message(case, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    kind, _, name = case.partition(": ")
+    if case in WRONG:
+        options, *words = WRONG[case]
+    else:
+        text, *words = (FILES if kind == "controller" else SETUPS)[name]
+        Path("given.toml").write_text(f"schema = 1\n{text}\n")
+        options = [f"--{kind}", "given.toml"]
+    usual = [] if "--reference" in options else ["--reference", STEP]
+    assert run(["control", "run", str(AXIS), *usual, *options]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "Traceback" not in said.err
+    assert said.err.count("Error:") == 1
+    for word in words:
+        assert word in said.err
+
+
+def test_a_drive_without_a_proportional_valve_is_refused(capsys):
+    assert run(["control", "tune", str(AXIS.with_name("pwm_axis.toml"))]) == 2
+    assert "no proportional 5/3 valve" in capsys.readouterr().err
+
+
+COMPARE = ["--laws", "pva,nmpc", "--references", f"R6,{STEP}", "--seeds", "4"]
+
+
+def _scores(folder):
+    table = pl.read_csv(folder / "score.csv")
+    return table.drop([name for name in table.columns if name.startswith("step_")])
+
+
+def test_a_comparison_goes_on_after_a_kill(tmp_path, capsys):
+    killed, whole = tmp_path / "killed", tmp_path / "whole"
+    command = [sys.executable, "-m", "pneudrive", "control", "compare", str(AXIS), *COMPARE, "--out", str(killed)]
+    process = subprocess.Popen(command, env=os.environ, stderr=subprocess.DEVNULL)
+    runs = killed / "runs"
+    while len(list(runs.glob("[!.]*.parquet")) if runs.is_dir() else []) < 3:
+        assert process.poll() is None
+        time.sleep(0.005)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    before = {path: path.stat().st_mtime_ns for path in runs.glob("[!.]*.parquet")}
+    assert 3 <= len(before) < 16
+    for folder in (killed, whole):
+        assert run(["control", "compare", str(AXIS), *COMPARE, "--out", str(folder)]) == 0
+    assert "simulated" in capsys.readouterr().out
+    assert {path: path.stat().st_mtime_ns for path in before} == before  # finished runs were not run again
+    assert _scores(killed).equals(_scores(whole))
+    assert len(_scores(whole)) == 16
+    page = (killed / "report.html").read_text("utf-8")
+    assert page.count("simulated, median of the seeds") == 2
