@@ -1,5 +1,7 @@
 //! What cannot be measured, from what is: velocity, disturbance, friction, the gas' temperatures, the spool.
 
+#![allow(clippy::needless_range_loop)] // rows and columns of matrices, and sides of the piston
+
 use crate::model::Model;
 use crate::spool::Spool;
 use math::Over;

@@ -18,13 +18,16 @@ pub fn control_laws() -> Vec<&'static str> {
     LAWS.to_vec()
 }
 
+/// Key, unit, value, meaning of a gain, and the rule that it follows from the drive by.
+type Ruled = (&'static str, &'static str, f64, &'static str, &'static str);
+
 /// What a drive is to a law, and the law's gains: key, unit, value, meaning, and the rule that it follows from the drive by.
 #[pyfunction]
 pub fn control_tune<'py>(
     py: Python<'py>,
     spec: &str,
     deviation: f64,
-) -> PyResult<(Bound<'py, PyDict>, Vec<(&'static str, &'static str, f64, &'static str, &'static str)>)> {
+) -> PyResult<(Bound<'py, PyDict>, Vec<Ruled>)> {
     let spec: Controller = parse(spec)?;
     let (mut controller, axis) = controller(&spec, deviation).map_err(to_python)?;
     let plant = PyDict::new(py);

@@ -1,3 +1,5 @@
+#![allow(clippy::needless_range_loop)] // rows and columns of matrices
+
 use super::{Law, Plant, Tick};
 use crate::gains::law;
 use crate::model::Model;
@@ -92,7 +94,7 @@ fn solve<const N: usize>(h: &[[f64; N]; N], g: &[f64; N], fixed: &[Option<f64>; 
         for j in 0..=i {
             let sum = a[i][j] - (0..j).map(|k| a[i][k] * a[j][k]).sum::<f64>();
             if i == j {
-                if !(sum > 0.0) {
+                if sum.is_nan() || sum <= 0.0 {
                     return None;
                 }
                 a[i][i] = sum.sqrt();
