@@ -159,10 +159,7 @@ fn both_ways(
     mirrored: &Reference,
 ) -> Vec<[f64; 2]> {
     let model = drive();
-    let tuned = || {
-        let c = Controller::tuned(key, &model, PERIOD, 2e-6).expect("a law of that name");
-        c
-    };
+    let tuned = || Controller::tuned(key, &model, PERIOD, 2e-6).expect("a law of that name");
     let (mut one, mut other) = (tuned(), tuned());
     let each = samples.iter().enumerate().map(|(tick, &(position, [a, b]))| {
         let time = tick as f64 * PERIOD;
