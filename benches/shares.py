@@ -25,10 +25,11 @@ RATE_HZ, SECONDS = 2000, 4.0
 HEAD = ("share of the time, %", "A", "B", "C", "ensemble")
 #: What is done -> names of functions that do it; the first that fits counts.
 WORK = {
+    "eight members at once: all of the next four": r"::within::",
     "right-hand side": r"add_rates|fused|physics::",
     "Jacobian": r"linearise|lifted",
     "elimination of W": r"ode::linear",
-    "sums and products of stages": r"::attempt$|stages",
+    "sums and products of stages": r"::attempt(_one)?$|stages",
     "error, step control": r"::error$|control|refusal|refresh|conclude|inside|approach|swing",
     "samples, events, outputs": r"dense|event|sample_times|reduction|passing|spread",
     "commands, session, lanes": r"session|servo|variables|lanes|failure_of|wiring|members|gather",
