@@ -13,6 +13,7 @@ use fused::{Fused, Linearised, Rates};
 use math::{Lane, Over, Real, Work};
 use ode::{Accepted, Dense, Structure, System};
 use physics::Gas;
+use std::f64::consts::PI;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -120,6 +121,15 @@ impl<P> PistonSide<P> {
     /// With an area, m2, a perimeter, m, and end faces, m2.
     pub fn new(area: P, perimeter: P, end_wall: P) -> Self {
         PistonSide { area, perimeter, end_wall }
+    }
+}
+
+impl<P: Real> PistonSide<P> {
+    /// Of a bore, m, with a rod of this diameter, m (0: none). Heat passes the barrel, both end faces and the rod's
+    /// surface; the dead volume has no surface of its own.
+    pub fn of_bore(bore: P, rod: P) -> Self {
+        let area = P::c(0.25 * PI) * (bore * bore - rod * rod);
+        PistonSide { area, perimeter: P::c(PI) * (bore + rod), end_wall: P::c(2.0) * area }
     }
 }
 

@@ -69,16 +69,17 @@ pub struct Adaptation {
     motion: Lagged<4>,
     gas: [Lagged<4>; 2],
     disturbance: Lagged<1>,
+    /// For how long friction is not learned, s.
     rests: f64,
     /// For how long it has slid, s.
     slid: f64,
-    /// Speed above which friction is learned, m/s.
-    slides: f64,
 }
 
 /// Lags behind which force balance and gas balance are compared, s (assumed).
 const MOTION_LAG: f64 = 0.02;
 const GAS_LAG: f64 = 0.015;
+/// Speed above which friction is learned, m/s (assumed: beyond the fall of usual seals' friction with speed).
+const SLIDES: f64 = 0.05;
 /// Lags after which the past is forgotten (assumed).
 const SETTLED: f64 = 4.0;
 /// Deviation of the balance of forces, N, and of energy as a share of the full flow's (assumed).
@@ -100,7 +101,7 @@ const WAIT: f64 = 0.5;
 
 impl Adaptation {
     /// Of a model as it is described.
-    pub fn new(model: &Model, coulomb_speed: f64) -> Self {
+    pub fn new(model: &Model) -> Self {
         let d = model.valve.overlap;
         Adaptation {
             described: model.clone(),
@@ -111,7 +112,6 @@ impl Adaptation {
             disturbance: Lagged::default(),
             rests: 0.0,
             slid: 0.0,
-            slides: coulomb_speed,
         }
     }
 
@@ -134,7 +134,7 @@ impl Adaptation {
         }
         self.rests -= period;
         // What lies behind the lag of a time before it slid is of no known friction.
-        self.slid = if v.abs() < self.slides { 0.0 } else { self.slid + period };
+        self.slid = if v.abs() < SLIDES { 0.0 } else { self.slid + period };
         if self.slid < SETTLED * MOTION_LAG || slow * v < 0.0 || self.rests > 0.0 {
             return;
         }

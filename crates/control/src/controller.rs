@@ -132,8 +132,6 @@ pub struct Controller {
     push: f64,
 }
 
-/// Speed above which friction is learned, m/s (assumed: beyond the fall of usual seals' friction with speed).
-const LEARNED_ABOVE: f64 = 0.05;
 /// Bound of that force as a share of the Coulomb friction (assumed).
 const PUSH_BOUND: f64 = 1.5;
 
@@ -161,7 +159,7 @@ impl Controller {
         Some(Controller {
             law: AnyLaw::tuned(key, model, &plant)?,
             hold: Some(Hold::new(30e-6, 20e-3)),
-            adaptation: Some(Adaptation::new(model, LEARNED_ABOVE)),
+            adaptation: Some(Adaptation::new(model)),
             model: model.clone(),
             plant,
             period,
@@ -221,7 +219,6 @@ impl Controller {
                 rate + viscous * wanted.acceleration,
             ],
             now: (sample.position, now),
-            stands,
             acts,
             spool: &spool,
             preview: reference,

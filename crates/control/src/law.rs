@@ -89,8 +89,6 @@ pub struct Tick<'a> {
     pub friction: [f64; 2],
     /// Position as it is measured now, m, and where the drive is to be now.
     pub now: (f64, Wanted),
-    /// The reference stands still.
-    pub stands: bool,
     /// When a command of now will act, s: then the state is that of `state`.
     pub acts: f64,
     /// The spool then.

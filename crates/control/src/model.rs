@@ -1,8 +1,8 @@
 //! What a law believes of its drive: the equations of gas, motion and friction, written with the laws of `physics`.
 
 use math::Over;
-use physics::chamber::{EnergyBalance, Exchange, GasState};
-use physics::flow::{End, Iso6358};
+use physics::chamber::{EnergyBalance, Exchange};
+use physics::flow::{End, Iso6358, leaking, opened};
 use physics::friction::{At, Contact};
 use physics::{Gas, heat};
 
@@ -114,14 +114,9 @@ pub struct Model {
     pub stick_damping_time: f64,
 }
 
-/// Number of states of [`Model::rates`]: x, v, then m and U of both chambers, then the friction force in stick and slip.
-pub const STATES: usize = 7;
-
-/// The gas of both chambers, with the rates of their pressures.
+/// How the gas of both chambers changes.
 #[derive(Clone, Copy, Debug)]
 pub struct Chambers<S> {
-    /// State of the gas.
-    pub gas: [GasState<S>; 2],
     /// dm/dt and dU/dt of each.
     pub rates: [[S; 2]; 2],
     /// dp/dt of each, Pa/s.
@@ -139,11 +134,8 @@ impl Model {
     /// m and U of both chambers at pressures, Pa, and temperatures, K, with the piston at x.
     #[inline(always)]
     pub fn contents<S: Over<f64>>(&self, x: S, pressures: [S; 2], temperatures: [S; 2]) -> [[S; 2]; 2] {
-        let k1 = self.gas.heat_capacity_ratio - 1.0;
-        [0, 1].map(|i| {
-            let energy = pressures[i] * self.sides[i].volume(x);
-            [energy / temperatures[i].times(self.gas.gas_constant), energy.times(1.0 / k1)]
-        })
+        let volume = |i: usize| self.sides[i].volume(x);
+        [0, 1].map(|i| EnergyBalance::initial(&*self.gas, pressures[i], temperatures[i], volume(i)))
     }
 
     /// Share of the conductance that is open of the edges supply to a (and b to exhaust), and a to exhaust (and supply
@@ -151,12 +143,9 @@ impl Model {
     #[inline(always)]
     pub fn openings<S: Over<f64>>(&self, spool: S) -> [S; 2] {
         let Valve { overlap, leakage, leakage_width, .. } = self.valve;
-        let leak = S::c(leakage) * (-spool.abs().times(1.0 / leakage_width)).exp();
-        let share = |towards: S| {
-            let whole = 1.0 / (1.0 - overlap);
-            towards.times_plus(whole, S::c(-overlap * whole)).max(S::zero()).min(S::one()) + leak
-        };
-        [share(spool), share(-spool)]
+        let whole = 1.0 - overlap;
+        let leak = leaking(S::c(leakage), S::c(leakage_width), spool);
+        [1.0, -1.0].map(|way| opened(S::c(-overlap / whole), S::c(way / whole), spool) + leak)
     }
 
     /// Chambers with m and U at (x, v), the edges open by `openings`.
@@ -191,13 +180,9 @@ impl Model {
             // p V = (k - 1) U.
             let k1 = self.gas.heat_capacity_ratio - 1.0;
             let pressure_rate = (rates[1].times(k1) - gas.p * exchange.volume_rate) / volume;
-            (gas, rates, pressure_rate)
+            (rates, pressure_rate)
         });
-        Chambers {
-            gas: each.map(|(gas, ..)| gas),
-            rates: each.map(|(_, rates, _)| rates),
-            pressure_rates: each.map(|(.., rate)| rate),
-        }
+        Chambers { rates: each.map(|own| own.0), pressure_rates: each.map(|own| own.1) }
     }
 
     /// Where friction is asked.

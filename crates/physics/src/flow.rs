@@ -1,9 +1,11 @@
 //! Flow through restrictions.
 
+mod edge;
 mod formula;
 mod iso6358;
 mod laminar;
 mod series;
+pub use edge::{leaking, opened};
 pub use formula::{FlowFormula, MASS_FLOW};
 pub use iso6358::{End, Iso6358, LINEAR_ABOVE, choked_factor};
 pub use laminar::Laminar;

@@ -45,6 +45,7 @@ pub fn control_tune<'py>(
     }
     plant.set_item("cylinder", axis.cylinder)?;
     plant.set_item("valve", axis.valve)?;
+    plant.set_item("left_out", axis.left_out)?;
     let law: &mut AnyLaw = &mut controller.law;
     let gains = law.gains().map(|(gain, value)| {
         let Gain { key, unit, meaning, rule, .. } = *gain;

@@ -1,11 +1,12 @@
 //! What a law is told of a drive: read from the description of its circuit.
 
+use crate::refuse;
 use circuit::specification::{Circuit, Component};
-use circuit::{ComponentKind, Error, friction_law, kinds};
+use circuit::{ComponentKind, Error, PistonSide, friction_law, kinds};
 use control::{Held, Model, Side, Valve};
 use physics::flow::Iso6358;
 use physics::{Gas, IdealGas};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// The components of an axis that is controlled, by their names.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -14,23 +15,21 @@ pub struct Axis {
     pub cylinder: String,
     /// Of its valve.
     pub valve: String,
+    /// Components of which a law knows nothing: it takes the valve to stand at the cylinder and at its supply.
+    pub left_out: Vec<String>,
 }
 
 /// Stiffness that a contact has in stick where its law has none, N/m (assumed: of a seal of this size).
 const STICK_STIFFNESS: f64 = 1e5;
-
-fn refuse<T>(message: String) -> Result<T, Error> {
-    Err(Error::Specification(message))
-}
 
 /// The only component whose kind begins so.
 fn only<'c>(circuit: &'c Circuit, kind: &str, what: &str) -> Result<&'c Component, Error> {
     let mut each = circuit.components.iter().filter(|own| own.kind.starts_with(kind));
     match (each.next(), each.next()) {
         (Some(own), None) => Ok(own),
-        (None, _) => refuse(format!("the circuit has no {what}: a law needs one to command")),
+        (None, _) => refuse(format!("the circuit has no {what}: a law commands a circuit with one")),
         (Some(one), Some(other)) => refuse(format!(
-            "the circuit has two of a {what}, {} and {}: name the one that is controlled",
+            "the circuit has {} and {}: a law commands a circuit with one {what}. Describe the axis that is controlled alone",
             one.name, other.name
         )),
     }
@@ -55,7 +54,10 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
     let cylinder = only(circuit, "cylinder/", "cylinder")?;
     let valve = only(circuit, "valve/proportional-5/3", "proportional 5/3 valve")?;
     let supply = only(circuit, "reservoir", "reservoir")?;
-    let loads = circuit.components.iter().filter(|own| own.kind == "load");
+    let (loads, others): (Vec<&Component>, Vec<&Component>) = (circuit.components.iter())
+        .filter(|own| ![cylinder, valve, supply].iter().any(|known| known.name == own.name))
+        .partition(|own| own.kind == "load");
+    let of_loads = |key: &str| loads.iter().filter_map(|own| number(own, key)).sum::<f64>();
     let gas = IdealGas::new(circuit.gas.heat_capacity_ratio, circuit.gas.gas_constant_j_kg_k);
     let is_air = gas.is_air();
     let [bore, rod, stroke, incline] = [
@@ -70,18 +72,17 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
         _ => [0.0, rod],
     };
     let side = |i: usize, key: &str| -> Result<Side, Error> {
-        let area = 0.25 * PI * (bore * bore - rods[i] * rods[i]);
+        let PistonSide { area, perimeter, end_wall } = PistonSide::of_bore(bore, rods[i]);
         Ok(Side {
             area,
-            perimeter: PI * (bore + rods[i]),
-            end_wall: 2.0 * area,
+            perimeter,
+            end_wall,
             dead_volume: given(cylinder, key)?,
             length: [0.0, stroke][i],
             sign: [1.0, -1.0][i],
         })
     };
-    let load: f64 = loads.map(|own| number(own, "mass").unwrap_or(0.0)).sum();
-    let mass = given(cylinder, "moving_mass")? + load;
+    let mass = given(cylinder, "moving_mass")? + of_loads("mass");
     let Some(friction) = &cylinder.friction else {
         return refuse(format!("{} has no friction", cylinder.name));
     };
@@ -100,7 +101,7 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
         sides: [side(0, "dead_volume_a")?, side(1, "dead_volume_b")?],
         stroke,
         mass,
-        load: -mass * physics::constants::STANDARD_GRAVITY * incline.sin(),
+        load: of_loads("force") - mass * physics::constants::STANDARD_GRAVITY * incline.sin(),
         heat_transfer: given(cylinder, "heat_transfer")?,
         wall_temperature: number(cylinder, "wall_temperature").unwrap_or(ambient.temperature),
         valve: Valve {
@@ -118,5 +119,6 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
         friction: friction_law(friction)?,
         gas: Gas::from(&gas),
     };
-    Ok((model, Axis { cylinder: cylinder.name.clone(), valve: valve.name.clone() }))
+    let left_out = others.into_iter().map(|own| own.name.clone()).collect();
+    Ok((model, Axis { cylinder: cylinder.name.clone(), valve: valve.name.clone(), left_out }))
 }

@@ -12,3 +12,7 @@ pub use belief::{Axis, belief};
 pub use noise::{Noise, philox};
 pub use run::{COLUMNS, Loop, controller};
 pub use sensor::{Encoder, Sensor};
+
+fn refuse<T>(message: impl Into<String>) -> Result<T, circuit::Error> {
+    Err(circuit::Error::Specification(message.into()))
+}

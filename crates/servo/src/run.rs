@@ -2,15 +2,12 @@
 
 use crate::belief::{Axis, belief};
 use crate::noise::Noise;
+use crate::refuse;
 use crate::sensor::{Encoder, Sensor};
 use crate::specification;
 use circuit::{Error, Look, Session};
 use control::{Controller, Gain, LAWS, Reference, Sample};
 use std::time::Instant;
-
-fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
-    Err(Error::Specification(message.into()))
-}
 
 /// A controller as it is described, with the axis that it commands. Position sensors have this deviation, m.
 pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(Controller, Axis), Error> {

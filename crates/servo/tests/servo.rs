@@ -1,6 +1,6 @@
 //! Drives under controllers: simulated, with the sensors, converters and valve of a usual axis (values assumed).
 
-use circuit::specification::Circuit;
+use circuit::specification::{Circuit, Component};
 use circuit::{Look, Network, Session};
 use control::Reference;
 use ode::Options;
@@ -188,4 +188,30 @@ fn the_generator_of_noise_is_the_published_one() {
     ] {
         assert_eq!(philox(counter, key), block);
     }
+}
+
+/// A load of 1 kg that is pulled back by 8 N, on an axis that points up at 30 degrees: 3 kg weigh half along it.
+#[test]
+fn a_belief_has_the_load_and_names_what_it_leaves_out() {
+    let mut plant = axis();
+    let component = |name: &str, kind: &str, numbers: &[(&str, f64)]| Component {
+        name: name.into(),
+        kind: kind.into(),
+        numbers: numbers.iter().map(|(key, value)| ((*key).into(), *value)).collect(),
+        choices: BTreeMap::new(),
+        friction: None,
+        formula: None,
+        points: None,
+    };
+    plant.components.push(component("load", "load", &[("mass", 1.0), ("force", -8.0)]));
+    plant.components.push(component("hose", "tube/steady", &[]));
+    for own in &mut plant.components {
+        if own.name == "cylinder" {
+            own.numbers.insert("incline".into(), std::f64::consts::FRAC_PI_6);
+        }
+    }
+    let (model, axis) = belief(&plant).expect("a belief");
+    assert!((model.mass - 3.0).abs() < 1e-12, "{} kg", model.mass);
+    assert!((model.load - (-8.0 - 0.5 * 3.0 * 9.806_65)).abs() < 1e-9, "{} N", model.load);
+    assert_eq!(axis.left_out, ["hose"]);
 }

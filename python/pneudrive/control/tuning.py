@@ -78,6 +78,8 @@ class Plant(Shown):
     stroke_m : float
     cylinder, valve : str
         Names of the components.
+    left_out : list of str
+        Components of which the law knows nothing.
     """
 
     natural_frequency_rad_s: float
@@ -89,6 +91,7 @@ class Plant(Shown):
     stroke_m: float
     cylinder: str
     valve: str
+    left_out: list[str]
 
     def rows(self) -> list[tuple[str, str]]:
         """Return name and value with unit of each number."""
@@ -325,6 +328,11 @@ def _limited(tuning: Tuning, setup: Setup) -> Tuning:
         said.append(f"The computer of the setup adds {1e3 * setup.computer.time_s:.3g} ms that the law does not know.")
     if setup.sensors.pressure_a is None:
         said.append("The setup has no pressure sensors: the law follows the pressures by its model of the drive.")
+    if plant.left_out:
+        said.append(
+            f"The law knows nothing of {', '.join(plant.left_out)}: it takes the valve to stand at the cylinder, at a "
+            "supply of constant pressure."
+        )
     said.append(f"References up to {plant.speed_m_s:.3g} m/s and within {1e3 * plant.stroke_m:g} mm are accepted.")
     assumed = [gain.key for gain in tuning.gains if "assumed" in gain.rule and not gain.given]
     if assumed:

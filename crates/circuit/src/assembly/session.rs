@@ -262,7 +262,7 @@ impl Session {
         self.assembly.columns()
     }
 
-    /// An output at the present state and inputs.
+    /// An output at the present state and inputs; compiled here, so that callers need not compile the equations again.
     pub fn now(&mut self, column: usize) -> f64 {
         self.read(column)
     }

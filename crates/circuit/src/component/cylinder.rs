@@ -8,7 +8,7 @@ use crate::assembly::leak::leak;
 use crate::circuit::{AxisId, GasId, PistonSide};
 use crate::part::{ChamberLaw, Cushion};
 use crate::run::Error;
-use math::{Lane, Real};
+use math::Lane;
 use physics::flow::{BORE_CONDUCTANCE, Iso6358};
 use std::f64::consts::PI;
 
@@ -130,13 +130,6 @@ const KIND: Kind = Kind {
     outputs: OUTPUTS,
     ..Kind::PLAIN
 };
-
-/// Area and walls of a chamber with a rod of diameter `rod` (0: none). Heat passes the barrel, both
-/// end faces and the rod's surface; the dead volume has no surface of its own.
-fn side<P: Real>(bore: P, rod: P) -> PistonSide<P> {
-    let area = P::c(0.25 * PI) * (bore * bore - rod * rod);
-    PistonSide { area, perimeter: P::c(PI) * (bore + rod), end_wall: P::c(2.0) * area }
-}
 
 fn chamber_law<P: Lane>(own: &Instance<P>) -> ChamberLaw {
     if own.choices[0] == 0 { ChamberLaw::EnergyBalance } else { ChamberLaw::AsPrinted }
@@ -353,8 +346,10 @@ fn one_side<P: Lane>(
 /// leaves each chamber through `widest` m3/(s Pa) at most.
 fn compose<P: Lane>(own: &Instance<P>, chambers: &[Chamber], axis: AxisId, widest: P, build: &mut Build<P>) {
     let (bore, stroke, rod) = (own.number("bore"), own.number("stroke"), own.number("rod_diameter"));
-    let mut sides: Vec<_> =
-        chambers.iter().map(|own| side(bore, if own.has_rod { rod } else { P::zero() })).collect();
+    let mut sides: Vec<_> = chambers
+        .iter()
+        .map(|own| PistonSide::of_bore(bore, if own.has_rod { rod } else { P::zero() }))
+        .collect();
     if chamber_law(own) == ChamberLaw::AsPrinted {
         // pi (D x + 0.25 D^3) as printed, in metres: the second term is no area at all.
         for side in &mut sides {

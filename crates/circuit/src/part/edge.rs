@@ -1,9 +1,8 @@
 use super::Part;
 use super::path::{Between, gathered};
-use super::signal::opened;
 use crate::net::Net;
 use math::{Over, Real};
-use physics::flow::Iso6358;
+use physics::flow::{Iso6358, leaking, opened};
 use std::slice;
 
 gathered! {
@@ -32,7 +31,7 @@ impl<P: Real> Part<P> for Edge<P> {
         let x = net.signal[self.signal];
         let mut share = opened(S::from(self.offset), S::from(self.slope), x);
         if self.leaks {
-            share += S::from(self.leak) * (-x.abs() / S::from(self.leak_width)).exp();
+            share += leaking(S::from(self.leak), S::from(self.leak_width), x);
         }
         self.law.flow(share, &one.end(), &two.end())
     }

@@ -1,6 +1,6 @@
 //! Positions of a valve's edges: signals between parts.
 
-use super::path::{clip, gathered};
+use super::path::gathered;
 use super::second_order::follows;
 use super::{Common, Given, Input, Own, OwnMut, Part, State};
 use crate::net::Net;
@@ -130,9 +130,4 @@ impl<P: Real> Part<P> for Armature<P> {
     fn begin(&self, given: &Given<P>, mut y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {
         y.set([given.signal(self.signal).unwrap_or(self.commanded)]);
     }
-}
-
-/// How a position opens an edge: the share clip(offset + slope x, 0, 1).
-pub(crate) fn opened<S: Real>(offset: S, slope: S, x: S) -> S {
-    clip(slope.fma(x, offset))
 }

@@ -6,7 +6,7 @@ use physics::above;
 law! {
     /// Feedback of position, velocity and acceleration with feed-forward, three poles at -lambda:
     ///
-    ///   u = (v_d + 2 zeta a_d/omega + j_d/omega^2)/K_v
+    ///   u = (v_d + 2 zeta a_d/omega + (j_d + F_fr'/M)/omega^2)/K_v
     ///       + c ((3 lambda - 2 zeta omega) e'' + (3 lambda^2 - omega^2) e' + lambda^3 e),   c = 1/(K_v omega^2)
     ///
     /// Accelerations come from pressures.

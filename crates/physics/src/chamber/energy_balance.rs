@@ -14,9 +14,10 @@ pub struct EnergyBalance;
 
 impl EnergyBalance {
     /// (m, U) of gas at `p`, `t` in a volume.
-    pub fn initial<P: Real>(gas: &IdealGas<P>, p: P, t: P, volume: P) -> [P; 2] {
-        let u = p * volume / (gas.heat_capacity_ratio - P::one());
-        [p * volume / (gas.gas_constant * t), u]
+    #[inline(always)]
+    pub fn initial<P: Real, S: Over<P>>(gas: &IdealGas<P>, p: S, t: S, volume: S) -> [S; 2] {
+        let u = p * volume / S::from(gas.heat_capacity_ratio - P::one());
+        [p * volume / (S::from(gas.gas_constant) * t), u]
     }
 
     /// p, T and their reciprocals from (m, U), with E = (k - 1) U = p V = m R T:
