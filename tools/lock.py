@@ -31,6 +31,7 @@ EXTRAS = {
     "bench.txt": ["bench"],
     "fortran.txt": ["bench", "fortran"],
     "extras.txt": ["extras"],
+    "page.txt": ["page"],
 }
 
 
@@ -42,7 +43,7 @@ def fingerprint(name: str) -> str:
     if name == "bootstrap.txt":
         wanted = {"uv": UV, "python": PYTHON}
     else:
-        wanted |= {extra: extras[extra] for extra in [*EXTRAS[name], "bayes", "dask", "formats", "rig"]}
+        wanted |= {extra: extras[extra] for extra in [*EXTRAS[name], "bayes", "dask", "formats", "gym", "linear", "pdf", "rig", "web"]}
     return hashlib.sha256(json.dumps(wanted, sort_keys=True).encode()).hexdigest()
 
 
