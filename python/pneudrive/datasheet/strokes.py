@@ -1,0 +1,283 @@
+"""Numbers of one stroke: the same definitions for a trajectory and for a recording."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.constants import ANR_DENSITY_KG_M3
+from pneudrive.errors import CommandError
+from pneudrive.show import Card, Shown
+from pneudrive.trajectory import columns as columns_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from pneudrive.describe.drive import Drive
+
+    Array = NDArray[np.float64]
+
+#: Shares of the way: the piston has departed, has risen from and to, is nearly there (conventions).
+DEPARTED, RISEN_FROM, RISEN_TO, NEARLY = 0.002, 0.1, 0.9, 0.99
+#: Half the band of settling, as a share of the way (convention).
+BAND = 0.01
+#: A piston that stops closer to the cover than this share of the stroke has arrived, even without an impact.
+ARRIVED = 1e-3
+LITRE = 1e-3  # m3
+
+#: Number -> unit and meaning.
+STROKE_MEANING: dict[str, tuple[str, str]] = {
+    "stroke_time": ("s", "from the command to the first contact with the end"),
+    "time_99": ("s", "from the command until 99 % of the way are done"),
+    "dead_time": ("s", "from the command until 0.2 % of the way are done"),
+    "rise_time": ("s", "from 10 % to 90 % of the way"),
+    "settling_time": ("s", "from the command to the last time outside of 1 % of the way about the final position"),
+    "overshoot": ("m", "beyond the final position, or into the end stop"),
+    "way": ("m", "from the position at the command to the end, or to the final position"),
+    "mean_speed": ("m/s", "way over stroke_time, or over time_99 where the end is not reached"),
+    "top_speed": ("m/s", "largest speed"),
+    "end_speed": ("m/s", "speed at the first contact with the end"),
+    "end_energy": ("J", "kinetic energy of the moving mass at the first contact with the end"),
+    "peak_pressure_a": ("Pa", "largest absolute pressure in chamber a"),
+    "peak_pressure_b": ("Pa", "largest absolute pressure in chamber b"),
+}
+
+
+@dataclass(frozen=True, repr=False)
+class StrokeNumbers(Shown):
+    """Numbers of one stroke in SI; NaN for what did not happen or was not measured.
+
+    Attributes
+    ----------
+    direction : int
+        1 towards the end of chamber b, -1 towards that of chamber a.
+    stroke_time, time_99, dead_time, rise_time, settling_time : float
+        See `STROKE_MEANING`.
+    overshoot, way, mean_speed, top_speed, end_speed, end_energy, peak_pressure_a, peak_pressure_b : float
+        See `STROKE_MEANING`. Speeds are positive.
+    """
+
+    direction: int
+    stroke_time: float
+    time_99: float
+    dead_time: float
+    rise_time: float
+    settling_time: float
+    overshoot: float
+    way: float
+    mean_speed: float
+    top_speed: float
+    end_speed: float
+    end_energy: float
+    peak_pressure_a: float
+    peak_pressure_b: float
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the numbers by name, without the direction."""
+        return {name: value for name, value in asdict(self).items() if name != "direction"}
+
+    def _card(self) -> Card:
+        where = "b" if self.direction > 0 else "a"
+        units = {name: unit for name, (unit, _) in STROKE_MEANING.items()}
+        rows = [(name, f"{value:.5g} {units[name]}") for name, value in self.to_dict().items() if not math.isnan(value)]
+        return Card(f"stroke towards the end of chamber {where}", rows=rows)
+
+
+def stroke_of(run: xr.Dataset, drive: Drive, begin_s: float = 0.0, end_s: float = math.inf) -> StrokeNumbers:
+    """Return the numbers of one stroke of a simulated drive.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `pneudrive.simulate` of a drive.
+    drive : Drive
+        The same drive: its stroke and its masses.
+    begin_s, end_s : float
+        Time of the command that starts the stroke, and of the next one.
+
+    Returns
+    -------
+    StrokeNumbers
+
+    Raises
+    ------
+    CommandError
+        There are fewer than three samples between the times.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> from pneudrive.datasheet.strokes import stroke_of
+    >>> drive = pn.Drive.load("catalogue:reference")
+    >>> start = {"position": "50 mm", "pressure_a": "3 bar abs", "pressure_b": "3 bar abs"}
+    >>> run = pn.simulate(drive, "0 s: 0.6", "1 s", initial=start)
+    >>> round(stroke_of(run, drive).stroke_time, 4)
+    0.2084
+    """
+    impacts = [one for one in run.attrs["impacts"] if begin_s <= one["time_s"] < end_s]
+    return stroke_numbers(columns_of(run), drive.cylinder.stroke_m, moving_mass(drive), begin_s, end_s, impacts)
+
+
+def moving_mass(drive: Drive) -> float:
+    """Return the mass that moves with the piston, kg."""
+    return drive.cylinder.moving_mass_kg + drive.carried.mass_kg
+
+
+def stroke_numbers(
+    columns: Mapping[str, Any],
+    stroke_m: float,
+    mass_kg: float = math.nan,
+    begin_s: float = 0.0,
+    end_s: float = math.inf,
+    impacts: Sequence[Mapping[str, Any]] = (),
+) -> StrokeNumbers:
+    """Return the numbers of one stroke from columns of a trajectory or a recording.
+
+    Parameters
+    ----------
+    columns : mapping
+        ``time_s`` and ``position_m`` (from 0 at the end of chamber a), shape (n,); ``velocity_m_s``,
+        ``pressure_a_pa`` and ``pressure_b_pa`` where they are known. With the velocity, times lie on the cubic
+        between two samples, without it on the straight line.
+    stroke_m : float
+        Stroke of the cylinder.
+    mass_kg : float
+        Moving mass with its load.
+    begin_s, end_s : float
+        Time of the command that starts the stroke, and of the next one.
+    impacts : sequence of mappings
+        Contacts with the ends as a simulation tells them; without, a contact is where the position reaches the end.
+
+    Returns
+    -------
+    StrokeNumbers
+
+    Raises
+    ------
+    CommandError
+        There are fewer than three samples between the times.
+    """
+    time = np.asarray(columns["time_s"], dtype=float)
+    keep = (time >= begin_s) & (time <= end_s)
+    if keep.sum() < 3:
+        raise CommandError(f"a stroke from {begin_s:g} s to {end_s:g} s has {keep.sum()} samples", rule="at least 3")
+    part = {name: np.asarray(values, dtype=float)[keep] for name, values in columns.items() if np.ndim(values)}
+    t, x, v = part["time_s"], part["position_m"], part.get("velocity_m_s")
+    direction = 1 if x[-1] >= x[0] else -1
+    s = direction * (x - x[0])  # way done
+    room = stroke_m - x[0] if direction > 0 else x[0]
+    contact, speed = _contact(impacts, direction)
+    arrived = not math.isnan(contact) or float(s.max()) >= room - ARRIVED * stroke_m
+    way = room if arrived else float(s[-1])
+    rate = None if v is None else direction * v
+    if arrived and math.isnan(contact):
+        contact = first_passage(t, s, min(room, float(s.max())), rate)
+        speed = _before(t, np.gradient(s, t) if rate is None else rate, contact)
+    done = {share: first_passage(t, s, share * way, rate) for share in (DEPARTED, RISEN_FROM, RISEN_TO, NEARLY)}
+    lasting = (contact if contact == contact else done[NEARLY]) - begin_s
+    outside = np.flatnonzero(np.abs(s - s[-1]) > BAND * way)
+    return StrokeNumbers(
+        direction=direction,
+        stroke_time=contact - begin_s,
+        time_99=done[NEARLY] - begin_s,
+        dead_time=done[DEPARTED] - begin_s,
+        rise_time=done[RISEN_TO] - done[RISEN_FROM],
+        settling_time=float(t[min(outside[-1] + 1, t.size - 1)] - begin_s) if outside.size else 0.0,
+        overshoot=float(max(s.max() - way, 0.0)),
+        way=way,
+        mean_speed=way / lasting if lasting > 0.0 else math.nan,
+        top_speed=float(np.max(np.gradient(s, t) if rate is None else rate)),
+        end_speed=speed,
+        end_energy=0.5 * mass_kg * speed**2,
+        peak_pressure_a=_peak(part.get("pressure_a_pa")),
+        peak_pressure_b=_peak(part.get("pressure_b_pa")),
+    )
+
+
+def _contact(impacts: Sequence[Mapping[str, Any]], direction: int) -> tuple[float, float]:
+    """Return time and speed of the first contact with the end ahead; NaN if there is none."""
+    end = "b" if direction > 0 else "a"
+    first = next((one for one in impacts if one["end"] == end), None)
+    return (first["time_s"], first["speed_m_s"]) if first is not None else (math.nan, math.nan)
+
+
+def _peak(values: Array | None) -> float:
+    return math.nan if values is None else float(np.max(values))
+
+
+def _before(t: Array, values: Array, when: float) -> float:
+    """Return the last value before a time: behind it, the end stop acts."""
+    return float(values[max(int(np.searchsorted(t, when)) - 1, 0)]) if when == when else math.nan
+
+
+def first_passage(t: Array, x: Array, level: float, rate: Array | None = None) -> float:
+    """Return the first time at which x rises to a level; NaN if it never does.
+
+    Parameters
+    ----------
+    t, x : ndarray
+        Shape (n,), times rising.
+    level : float
+    rate : ndarray, optional
+        x', by which the time lies on the cubic between two samples.
+
+    Examples
+    --------
+    >>> times = np.array([0.0, 1.0, 2.0])
+    >>> round(first_passage(times, times**2, 2.25, 2.0 * times), 9)
+    1.5
+    """
+    reached = np.flatnonzero(x >= level)
+    if not reached.size:
+        return math.nan
+    k = int(reached[0])
+    if k == 0:
+        return float(t[0])
+    h, low, rise = t[k] - t[k - 1], x[k - 1], x[k] - x[k - 1]
+    if rate is None:
+        return float(t[k - 1] + h * (level - low) / rise)
+    a, b = h * rate[k - 1] - rise, rise - h * rate[k]
+
+    def value(u: float) -> float:  # cubic of Hermite
+        return low + u * rise + u * (1.0 - u) * (a * (1.0 - u) + b * u) - level
+
+    from scipy.optimize import brentq
+
+    return float(t[k - 1] + h * brentq(value, 0.0, 1.0, xtol=1e-12))
+
+
+def litres_anr(mass_kg: float) -> float:
+    """Return a mass of air as litres at the standard reference atmosphere, ISO 8778: 100 kPa, 20 degC, 65 % humidity.
+
+    Examples
+    --------
+    >>> litres_anr(1.185e-3)
+    1.0
+    """
+    return mass_kg / ANR_DENSITY_KG_M3 / LITRE
+
+
+def drawn_mass(columns: Mapping[str, Any], begin_s: float = 0.0, end_s: float = math.inf) -> float:
+    """Return the mass that a drive takes from its supply, kg, from the flow that a circuit's trajectory holds.
+
+    Parameters
+    ----------
+    columns : mapping
+        ``time_s`` and ``supply.mass_flow_kg_s``, as `pneudrive.trajectory.columns` returns them of a circuit's run.
+        The trapezium rule is taken; where samples are far apart, `pneudrive.simulate_many` with
+        ``"integral(supply.mass_flow)"`` integrates on the solver's own steps.
+    begin_s, end_s : float
+        Of the cycle.
+    """
+    from scipy.integrate import trapezoid
+
+    t = np.asarray(columns["time_s"], dtype=float)
+    keep = (t >= begin_s) & (t <= end_s)
+    flow = np.asarray(columns["supply.mass_flow_kg_s"], dtype=float)[keep]
+    return abs(float(trapezoid(flow, t[keep])))
