@@ -43,7 +43,10 @@ def fingerprint(name: str) -> str:
     if name == "bootstrap.txt":
         wanted = {"uv": UV, "python": PYTHON}
     else:
-        wanted |= {extra: extras[extra] for extra in [*EXTRAS[name], "bayes", "dask", "formats", "gym", "linear", "pdf", "rig", "web"]}
+        wanted |= {
+            extra: extras[extra]
+            for extra in [*EXTRAS[name], "bayes", "dask", "formats", "gym", "linear", "pdf", "rig", "web"]
+        }
     return hashlib.sha256(json.dumps(wanted, sort_keys=True).encode()).hexdigest()
 
 

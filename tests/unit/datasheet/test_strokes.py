@@ -50,4 +50,6 @@ def test_a_drive_draws_what_its_chambers_take(golden):
     drive = golden[0]
     start = {"cylinder.position": "0 mm"}
     run = pn.simulate(drive.circuit, {"valve": "0 s: 1, 10 s: -1"}, "20 s", initial=start, sample_rate="2 kHz")
-    assert litres_anr(drawn_mass(columns(run))) == pytest.approx(3.566, rel=1e-3)  # the soft end stops give 0.04 %
+    assert litres_anr(drawn_mass(columns(run))) == pytest.approx(
+        3.566, rel=2e-3
+    )  # soft end stops 0.04 %, samples 0.1 %
