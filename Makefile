@@ -20,25 +20,29 @@ unexport PYTHONDONTWRITEBYTECODE
 
 RUST := Cargo.toml Cargo.lock $(wildcard .cargo/config.toml) \
         $(shell find crates \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*')
+PAGE := $(wildcard page/*.json page/*.ts page/index.html page/src/* page/public/*) tools/page.py
 PYTEST_WORKERS ?= 2
 
-.PHONY: help setup demo test test-rust test-python test-extras check bench docs fmt lock
+.PHONY: help setup demo test test-rust test-python test-page test-extras check bench docs fmt lock
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | awk -F '\t' '{printf "  make %-11s %s\n", $$1, $$2}'
 
-setup: $(VENV)/.core  ## .venv with locked dependencies, the compiled core and the pneudrive command
+setup: $(VENV)/.core $(VENV)/.built  ## .venv with locked dependencies, the compiled core, the page and the pneudrive command
 
 demo: setup  ## real recordings and a simulated rig: friction map, fit, stick-slip, one report
 	@$(BIN)/pneudrive demo
 
-test: test-rust test-python  ## all tests
+test: test-rust test-python test-page  ## all tests
 
 test-rust: setup
 	CARGO_INCREMENTAL=0 cargo test --workspace --locked --tests
 
 test-python: setup
-	$(PY) -m pytest -n $(PYTEST_WORKERS)
+	$(PY) -m pytest -n $(PYTEST_WORKERS) --ignore=tests/page
+
+test-page: setup $(VENV)/.page  ## the page in a browser: PNEUDRIVE_CHROMIUM, else one on the path, else that of page/browser's lock
+	$(PY) -m pytest tests/page
 
 test-extras: setup $(EXTRAS)/.deps  ## a Dask cluster whose workers are killed, JAX, PyTorch; in an environment of its own
 	PYTHONPATH=python $(EXTRAS)/bin/python -m pytest --confcutdir=tests/extras tests/extras
@@ -54,6 +58,7 @@ check: setup  ## what CI runs before the tests: format, lint, types, layers, rep
 	MYPYPATH=python $(PY) -m mypy.stubtest pneudrive._core --concise --ignore-disjoint-bases
 	$(BIN)/typos
 	$(PY) tools/lock.py --check
+	$(PY) tools/page.py check
 
 bench: setup $(VENV)/.bench $(if $(shell command -v gfortran),$(VENV)/.fortran)  ## work counts and seconds, side by side with other solvers
 	$(PY) -m benches
@@ -89,6 +94,11 @@ $(VENV)/.core: $(RUST) pyproject.toml $(VENV)/.deps
 	@touch $@.new
 	$(BIN)/maturin develop --release --uv --quiet
 	@$(PY) -m compileall -q python/pneudrive
+	@mv $@.new $@
+
+$(VENV)/.built: $(PAGE) $(VENV)/.deps
+	@touch $@.new
+	$(PY) tools/page.py build
 	@mv $@.new $@
 
 $(EXTRAS)/.deps: requirements/extras.txt $(VENV)/.deps

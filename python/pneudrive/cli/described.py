@@ -28,3 +28,30 @@ def command_of(described: Drive | Circuit, given: list[str] | None) -> str | lis
     if len(given) > 1:
         raise CommandError(f"a drive has one valve, but {len(given)} commands are given", remedy="Keep one of them.")
     return given[0]
+
+
+def changes_of(given: list[str]) -> dict[str, str | float]:
+    """Return changed values of a description from texts ``key = value``; a number without a unit is a pure number.
+
+    Raises
+    ------
+    CommandError
+        A text is not of this form, or a key is repeated.
+
+    Examples
+    --------
+    >>> changes_of(["friction.coulomb = 31 N", "valve.critical_pressure_ratio = 0.3"])
+    {'friction.coulomb': '31 N', 'valve.critical_pressure_ratio': 0.3}
+    """
+    out: dict[str, str | float] = {}
+    for text in given:
+        key, equals, value = (part.strip() for part in text.partition("="))
+        if not (key and equals and value):
+            raise CommandError(f'--set "{text}" is not key = value', remedy='For instance "friction.coulomb = 31 N".')
+        if key in out:
+            raise CommandError(f"--set gives {key} twice", remedy="Keep one of them.")
+        try:
+            out[key] = float(value)
+        except ValueError:
+            out[key] = value
+    return out

@@ -24,7 +24,7 @@ COMMANDS = {
     for name in (
         *("simulate", "sweep", "check", "draw", "lines", "characterise", "identify", "apply", "fit"),
         *("report", "design", "compare", "validate", "control", "export", "campaign", "rig", "layout", "reproduce"),
-        *("catalogue", "components", "schema", "demo"),
+        *("catalogue", "components", "schema", "web", "demo"),
     )
 }
 HIDDEN = frozenset({"demo"})  # called by `make demo`

@@ -33,6 +33,10 @@ def simulate(
             help='Start state, e.g. "position = 50 mm, pressure_a = 3 bar abs"; for a circuit "left.position = 50 mm".'
         ),
     ] = None,
+    set: Annotated[  # noqa: A002 - the name of the option
+        list[str] | None,
+        typer.Option(help='Changed value, "friction.coulomb = 31 N"; repeatable.', metavar="KEY = VALUE"),
+    ] = None,
     sample_rate: Annotated[str, typer.Option(help="Samples per second.")] = "1 kHz",
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-6,
     budget: Annotated[
@@ -43,7 +47,7 @@ def simulate(
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Simulate a drive or a circuit and write its trajectory."""
-    from pneudrive.cli.described import command_of
+    from pneudrive.cli.described import changes_of, command_of
     from pneudrive.cli.progress import on_terminal
     from pneudrive.describe.load import load_described
     from pneudrive.simulate import run
@@ -56,6 +60,8 @@ def simulate(
 
         check_target(plot, ENDINGS)
     described = load_described(drive)
+    if set:
+        described = described.replace(changes_of(set))
     result = run(
         described,
         command_of(described, command),

@@ -455,6 +455,10 @@ class Described(Shown, BaseModel):
             out[field.alias or name] = mark.show(value) if mark is not None else as_tables(value)
         return out
 
+    def with_defaults(self) -> dict[str, Any]:
+        """Write the table as `to_dict` does, with the keys that have their default."""
+        return {key: _written(value, mark) for key, value, mark in self._all()}
+
     def _card(self) -> Card:
         """Return a card of every key with its value, defaults marked."""
         given = self.to_dict()
@@ -515,7 +519,9 @@ def _by_key(name: str, mark: Mark | None) -> property:
 
 def _written(value: Any, mark: Mark | None) -> Any:  # noqa: ANN401
     if isinstance(value, Described):
-        return {key: _written(one, own) for key, one, own in value._all()}
+        return value.with_defaults()
+    if isinstance(value, dict) and mark is None:
+        return {key: _written(one, None) for key, one in value.items()}
     return mark.show(value) if mark is not None else value
 
 

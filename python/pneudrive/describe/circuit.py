@@ -149,20 +149,27 @@ class Circuit(Described):
             The gas of a component is connected to no reservoir, or a friction table names no law.
         """
         if isinstance(source, str) and "\n" in source:
-            origin, folder, text = "circuit", Path(), source
-            tables = toml.parse(text, origin)
-        else:
-            origin, folder = str(source), Path(source)
-            tables, text = toml.read(source)
-        with toml.locating(origin, text):
-            written.read_file(tables.get("friction"), "law", "friction", law_of, folder)
+            return cls.from_tables(toml.parse(source, "circuit"), source, Path("circuit"))
+        return cls.from_tables(*toml.read(source), Path(source))
+
+    @classmethod
+    def from_tables(cls, tables: dict[str, Any], text: str, path: Path) -> Circuit:
+        """Make a circuit from the tables of a file; its text gives the lines of errors, its path the place of laws.
+
+        Raises
+        ------
+        DescriptionError
+            As for `load`.
+        """
+        with toml.locating(path, text):
+            written.read_file(tables.get("friction"), "law", "friction", law_of, path)
             components = tables.get("components")
             for name, table in components.items() if isinstance(components, dict) else ():
                 if isinstance(table, dict):
                     key, entry = f"components.{name}", component_kinds().get(str(table.get("kind")))
-                    written.read_file(table.get("friction"), "law", f"{key}.friction", law_of, folder)
+                    written.read_file(table.get("friction"), "law", f"{key}.friction", law_of, path)
                     if entry is not None and entry["formula"]:
-                        written.read_file(table, "formula", key, partial(_formula_of, entry), folder)
+                        written.read_file(table, "formula", key, partial(_formula_of, entry), path)
             return cls.model_validate(tables)
 
     def replace(self, changes: dict[str, Any]) -> Circuit:

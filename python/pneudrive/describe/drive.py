@@ -112,9 +112,19 @@ class Drive(Described):
         """
         if str(source).startswith(catalogue.PREFIX):
             return cls._from_catalogue(str(source), {})
-        tables, text = toml.read(source)
-        with toml.locating(source, text):
-            written.read_file(tables.get("friction"), "law", "friction", law_of, Path(source))
+        return cls.from_tables(*toml.read(source), Path(source))
+
+    @classmethod
+    def from_tables(cls, tables: dict[str, Any], text: str, path: Path) -> Drive:
+        """Make a drive from the tables of a file; its text gives the lines of errors, its path the place of laws.
+
+        Raises
+        ------
+        DescriptionError
+            As for `load`.
+        """
+        with toml.locating(path, text):
+            written.read_file(tables.get("friction"), "law", "friction", law_of, path)
             base = tables.pop("drive", None)
             if base is None:
                 return cls.model_validate(tables)

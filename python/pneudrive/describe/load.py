@@ -7,8 +7,14 @@ from typing import TYPE_CHECKING
 from pneudrive.describe import toml
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+    from typing import Any
+
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
+
+_OF_A_CIRCUIT = ("components", "connections")
 
 
 def load_described(source: str) -> Drive | Circuit:
@@ -19,10 +25,37 @@ def load_described(source: str) -> Drive | Circuit:
     DescriptionError
         The description is not valid.
     """
-    if toml.has(source, "components") or toml.has(source, "connections"):
+    if any(toml.has(source, key) for key in _OF_A_CIRCUIT):
         from pneudrive.describe.circuit import Circuit
 
         return Circuit.load(source)
     from pneudrive.describe.drive import Drive
 
     return Drive.load(source)
+
+
+def described_in(text: str, path: Path, allow: Callable[[dict[str, Any]], object] = lambda _: None) -> Drive | Circuit:
+    """Read the text of a drive file or a circuit file that need not be saved.
+
+    Parameters
+    ----------
+    text : str
+    path : Path
+        Name of the file in messages; laws of friction lie relative to its folder.
+    allow : callable
+        Gets the tables before anything that they name is read, and may refuse them.
+
+    Raises
+    ------
+    DescriptionError
+        The description is not valid.
+    """
+    tables = toml.parse(text, str(path))
+    allow(tables)
+    if any(key in tables for key in _OF_A_CIRCUIT):
+        from pneudrive.describe.circuit import Circuit
+
+        return Circuit.from_tables(tables, text, path)
+    from pneudrive.describe.drive import Drive
+
+    return Drive.from_tables(tables, text, path)

@@ -1,0 +1,2 @@
+import chromium from "@sparticuz/chromium";
+process.stdout.write(await chromium.executablePath());

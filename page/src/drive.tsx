@@ -1,0 +1,110 @@
+/** A description: circuit, fields and text side by side; the text is the truth. */
+import { signal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { Circuit } from "./circuit";
+import type { Editor } from "./editor";
+import { change, drawing, opened, problems, said, save, set, valid, type Field } from "./opened";
+import { KINDS, Problems } from "./parts";
+
+const chosen = signal("");
+const name = signal("");
+/** Tables of a drive file that belong to a component of its circuit. */
+const TABLES: Record<string, string[]> = { cylinder: ["cylinder", "friction", "load"], supply: ["supply", "gas"], valve: ["valve"] };
+
+function belongs(field: Field): boolean {
+  if (!chosen.value) return true;
+  const [table, inner] = field.key.split(".");
+  if (table === "components") return inner === chosen.value;
+  const of = chosen.value.replace(/_[ab]$/, "");
+  return (TABLES[of] ?? [of === "tube" ? "tubing" : of]).includes(table!);
+}
+
+export function DriveView() {
+  const place = useRef<HTMLDivElement>(null);
+  const editor = useRef<Editor | null>(null);
+  const now = opened.value;
+  useEffect(() => {
+    let gone = false;
+    if (place.current && now)
+      void import("./editor").then(({ edit }) => {
+        if (!gone) editor.current = edit(place.current!, opened.value!.text, (text) => void change(text));
+      });
+    return () => {
+      gone = true;
+      editor.current?.end();
+      editor.current = null;
+    };
+  }, [now?.path]);
+  useEffect(() => editor.current?.show(opened.value?.text ?? "", problems.value), [now?.text, problems.value]);
+  if (!now) return problems.value.length ? <Problems of={problems.value} /> : <p>Choose a drive or a circuit under Studies.</p>;
+  const isNew = !now.sha256;
+  return (
+    <div class="drive">
+      <section aria-label="Circuit">
+        <h2>{valid.value?.name ?? now.path}</h2>
+        {drawing.value && (
+          <Circuit drawing={drawing.value} chosen={chosen.value} onChoose={(one) => (chosen.value = chosen.value === one ? "" : one)} />
+        )}
+        {valid.value?.notes?.map((note) => <p class="note" key={note}>{note}</p>)}
+        <Fields />
+      </section>
+      <section aria-label="Text">
+        <h2>{isNew ? "Text of a new file" : now.path}</h2>
+        <div ref={place} class="editor" />
+        <p class="row">
+          {isNew ? (
+            <>
+              <label>
+                File <input value={name.value} placeholder="axis.toml" onInput={(event) => (name.value = event.currentTarget.value)} />
+              </label>
+              <button type="button" disabled={!name.value} onClick={() => void save(name.value)}>Save as a new file</button>
+            </>
+          ) : (
+            <button type="button" disabled={now.text === now.saved} onClick={() => void save(now.path)}>Save</button>
+          )}
+          <span role="status">{said.value || (now.text !== now.saved ? "Not saved." : "")}</span>
+        </p>
+        <Problems of={problems.value} onLine={(line) => editor.current?.go(line)} />
+        {!problems.value.length && <p class="note">No problems.</p>}
+      </section>
+    </div>
+  );
+}
+
+function Fields() {
+  const fields = (valid.value?.values ?? []).filter(belongs);
+  return (
+    <div class="scroll" tabIndex={0} role="region" aria-label="Values">
+      <p>
+        {chosen.value ? `Values of ${chosen.value}. ` : "All values. "}
+        {chosen.value && <button type="button" class="link" onClick={() => (chosen.value = "")}>Show all</button>}
+      </p>
+      <table class="fields">
+        <thead>
+          <tr>
+            <th scope="col">Key</th>
+            <th scope="col">Value</th>
+            <th scope="col">Where it comes from</th>
+          </tr>
+        </thead>
+        <tbody>
+          {fields.map((one) => (
+            <tr key={one.key}>
+              <th scope="row">{one.key}</th>
+              <td>
+                <input
+                  aria-label={one.key}
+                  value={one.text}
+                  onChange={(event) => void set(one.key, one.unit === "" ? Number(event.currentTarget.value) : event.currentTarget.value)}
+                />
+              </td>
+              <td>
+                <span class={`kind ${one.kind}`}>{KINDS[one.kind]}</span> {one.origin.replace(/^assumed: /, "")}
+              </td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+    </div>
+  );
+}

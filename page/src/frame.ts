@@ -1,0 +1,22 @@
+/** Frames of the server: length of the head (4 bytes, little-endian), a head of JSON, arrays on multiples of 8 bytes. */
+
+export type Numbers = Float32Array | Float64Array;
+
+export interface Frame<Head> {
+  head: Head;
+  arrays: Map<string, Numbers>;
+}
+
+type Listed = [name: string, kind: "f4" | "f8", at: number, length: number];
+
+/** Read a frame; the arrays are views of its bytes, nothing is copied. */
+export function unpack<Head>(bytes: ArrayBuffer): Frame<Head> {
+  const start = 4 + new DataView(bytes).getUint32(0, true);
+  const { arrays, ...head } = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, start - 4))) as {
+    arrays: Listed[];
+  };
+  const found = new Map<string, Numbers>();
+  for (const [name, kind, at, length] of arrays)
+    found.set(name, kind === "f4" ? new Float32Array(bytes, start + at, length) : new Float64Array(bytes, start + at, length));
+  return { head: head as Head, arrays: found };
+}

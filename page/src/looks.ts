@@ -1,0 +1,31 @@
+/** Looks of curves: line style differs beside colour, as in the product's figures. */
+
+export interface Look {
+  light: string;
+  dark: string;
+  dash: number[];
+}
+
+export const LOOKS: Look[] = [
+  { light: "#111111", dark: "#f2f2f2", dash: [] },
+  { light: "#1f5f99", dark: "#7fb8ec", dash: [8, 4] },
+  { light: "#b45f06", dark: "#f0a33f", dash: [8, 3, 2, 3] },
+  { light: "#3f6f3e", dark: "#8fc98d", dash: [2, 3] },
+  { light: "#6b6b6b", dark: "#a8a8a8", dash: [10, 2] },
+  { light: "#111111", dark: "#f2f2f2", dash: [2, 2] },
+  { light: "#1f5f99", dark: "#7fb8ec", dash: [6, 2, 2, 2, 2, 2] },
+  { light: "#b45f06", dark: "#f0a33f", dash: [14, 4] },
+];
+
+export const isDark = (): boolean => matchMedia("(prefers-color-scheme: dark)").matches;
+
+export function look(index: number): { color: string; dash: number[] } {
+  const found = LOOKS[index % LOOKS.length] as Look;
+  return { color: isDark() ? found.dark : found.light, dash: found.dash };
+}
+
+/** A number for people: four digits, no trailing zeros. */
+export function digits(value: number | null | undefined, count = 4): string {
+  if (value === null || value === undefined || Number.isNaN(value)) return "–";
+  return String(Number(value.toPrecision(count)));
+}

@@ -1,0 +1,59 @@
+import { effect } from "@preact/signals";
+import { render } from "preact";
+import { DriveView } from "./drive";
+import { opened, open } from "./opened";
+import { ConnectionLine } from "./parts";
+import { follow, link, route, type View } from "./routes";
+import { connection, unlock } from "./server";
+import { SimulateView } from "./simulate";
+import { isOld, list, studies, StudiesView } from "./studies";
+import "./style.css";
+
+const VIEWS: [View, string][] = [
+  ["studies", "Studies"],
+  ["drive", "Drive"],
+  ["simulate", "Simulate"],
+];
+
+function Page() {
+  const { view } = route.value;
+  const path = route.value.path || opened.value?.path || "";
+  return (
+    <>
+      <a class="skip" href="#main">Skip to the content</a>
+      <header>
+        <h1>pneudrive</h1>
+        <nav aria-label="Views">
+          {VIEWS.map(([name, title]) => (
+            <a key={name} href={link(name, name === "studies" ? "" : path)} aria-current={view === name ? "page" : undefined}>
+              {title}
+            </a>
+          ))}
+        </nav>
+        <span class="folder">{studies.value ? `${studies.value.folder} · ${studies.value.version}` : ""}</span>
+      </header>
+      <ConnectionLine />
+      {isOld.value && <div class="banner" role="status">The server has another version of this page. Reload it.</div>}
+      <main id="main" tabIndex={-1}>
+        {connection.value !== "locked" && view === "studies" && <StudiesView />}
+        {connection.value !== "locked" && view === "drive" && <DriveView />}
+        {connection.value !== "locked" && view === "simulate" && <SimulateView />}
+      </main>
+      <footer>This page shows and simulates. It is no safety function.</footer>
+    </>
+  );
+}
+
+async function start(): Promise<void> {
+  if (await unlock()) {
+    await list();
+    addEventListener("hashchange", follow);
+    follow();
+    effect(() => {
+      if (route.value.path && route.value.view !== "recording") void open(route.value.path);
+    });
+  }
+  render(<Page />, document.getElementById("page")!);
+}
+
+void start();

@@ -1,0 +1,68 @@
+/** Small parts that several views use. */
+import { useState } from "preact/hooks";
+import { connection, type Problem } from "./server";
+
+export function Problems({ of, onLine }: { of: Problem[]; onLine?: (line: number) => void }) {
+  return (
+    <div class="problems" role="status" aria-live="polite">
+      {of.map((one, index) => (
+        <div class="problem" key={index}>
+          <p>
+            {one.line !== null && onLine ? (
+              <button type="button" class="link" onClick={() => onLine(one.line!)}>
+                line {one.line}
+              </button>
+            ) : (
+              one.line !== null && <b>line {one.line}</b>
+            )}{" "}
+            {one.what}.
+          </p>
+          {one.value !== null && <pre>{one.value}</pre>}
+          {one.rule && <p>Rule: {one.rule}</p>}
+          {one.remedy && <p>Hint: {one.remedy}</p>}
+        </div>
+      ))}
+    </div>
+  );
+}
+
+const WORDS: Record<string, string> = {
+  lost: "The server does not answer. The page tries again; nothing is lost. If the server was ended, start it again and open the address that it prints.",
+  locked: "This tab has no token. Open the address that pneudrive web printed.",
+};
+
+export function ConnectionLine() {
+  const words = WORDS[connection.value];
+  return (
+    <div role="status" aria-live="assertive" class={words ? "banner" : ""} data-connection={connection.value}>
+      {words}
+    </div>
+  );
+}
+
+export function Copied({ command, python }: { command: string; python: string }) {
+  const [done, setDone] = useState("");
+  const copy = async (what: string, text: string) => {
+    await navigator.clipboard.writeText(text).catch(() => undefined);
+    setDone(what);
+  };
+  return (
+    <section class="copied" aria-label="The same as a command and as Python">
+      <p>
+        In the folder of the workspace. <button type="button" onClick={() => copy("command", command)}>Copy the command</button>{" "}
+        <button type="button" onClick={() => copy("Python", python)}>Copy the Python</button>{" "}
+        <span role="status">{done && `Copied the ${done}.`}</span>
+      </p>
+      <pre data-copy="command" tabIndex={0} aria-label="Command">{command}</pre>
+      <pre data-copy="python" tabIndex={0} aria-label="Python">{python}</pre>
+    </section>
+  );
+}
+
+export const KINDS: Record<string, string> = {
+  given: "given",
+  source: "source",
+  identified: "identified",
+  assumed: "assumed",
+  default: "default",
+};

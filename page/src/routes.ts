@@ -1,0 +1,14 @@
+/** The address of a view: `#/simulate/<file>`. */
+import { signal } from "@preact/signals";
+
+export type View = "studies" | "drive" | "simulate" | "recording";
+
+export const route = signal<{ view: View; path: string }>({ view: "studies", path: "" });
+
+export const link = (view: View, path = ""): string => `#/${view}/${encodeURIComponent(path)}`;
+
+export function follow(): void {
+  const [, view, path] = /^#\/(\w+)\/?(.*)$/.exec(location.hash) ?? [];
+  const known: View[] = ["studies", "drive", "simulate", "recording"];
+  route.value = { view: known.find((one) => one === view) ?? "studies", path: decodeURIComponent(path ?? "") };
+}

@@ -1,0 +1,188 @@
+/** Everything that goes between the page and its server: token, requests, the socket behind the sliders. */
+import { signal } from "@preact/signals";
+import { unpack, type Frame } from "./frame";
+
+export interface Problem {
+  line: number | null;
+  key: string | null;
+  what: string;
+  value: string | null;
+  rule: string | null;
+  remedy: string | null;
+}
+
+export interface Listed {
+  path: string;
+  kind: string;
+  size: number;
+  changed: number;
+}
+
+export interface Studies {
+  folder: string;
+  version: string;
+  build: string;
+  files: Listed[];
+  catalogue: { path: string; title: string }[];
+}
+
+export type Connection = "open" | "lost" | "locked" | "starting";
+
+/** What the page knows of the server; every view shows it. */
+export const connection = signal<Connection>("starting");
+
+const KEY = "pneudrive-token";
+const CHANNEL = "pneudrive";
+let token = "";
+
+/** Find the token: in the address, in this tab, or in another tab of this page. */
+export async function unlock(): Promise<boolean> {
+  const found = /^#token=([\w-]+)$/.exec(location.hash);
+  if (found?.[1]) {
+    sessionStorage.setItem(KEY, found[1]);
+    history.replaceState(null, "", "/#/");
+  }
+  token = sessionStorage.getItem(KEY) ?? (await askTabs());
+  const channel = new BroadcastChannel(CHANNEL);
+  channel.onmessage = (event: MessageEvent<"ask" | { token: string }>) => {
+    if (event.data !== "ask") keep(event.data.token);
+    else if (token && connection.value === "open") channel.postMessage({ token });
+  };
+  if (found && token) channel.postMessage({ token }); // a tab of a server that was started again goes on
+  if (token) keep(token);
+  else connection.value = "locked";
+  return token !== "";
+}
+
+function keep(given: string): void {
+  token = given;
+  sessionStorage.setItem(KEY, given);
+}
+
+function askTabs(): Promise<string> {
+  return new Promise((resolve) => {
+    const channel = new BroadcastChannel(CHANNEL);
+    const end = (answer: string) => {
+      channel.close();
+      resolve(answer);
+    };
+    channel.onmessage = (event: MessageEvent<{ token?: string }>) => event.data?.token && end(event.data.token);
+    channel.postMessage("ask");
+    setTimeout(() => end(""), 300);
+  });
+}
+
+/** An answer that says what is wrong, in the product's own words. */
+export class Refused extends Error {
+  constructor(
+    readonly status: number,
+    readonly problems: Problem[],
+    readonly body: Record<string, unknown>,
+  ) {
+    super(problems.map((one) => one.what).join("; "));
+  }
+}
+
+async function answered<T>(path: string, options: RequestInit = {}): Promise<T> {
+  let answer: Response;
+  try {
+    answer = await fetch(path, { ...options, headers: { ...options.headers, Authorization: `Bearer ${token}` } });
+  } catch {
+    connection.value = "lost";
+    throw new Refused(0, [plain("The server does not answer.")], {});
+  }
+  if (answer.status === 401) connection.value = "locked";
+  else connection.value = "open";
+  const isJson = answer.headers.get("content-type")?.startsWith("application/json");
+  const body = isJson ? await answer.json() : { problems: [plain(await answer.text())] };
+  if (!answer.ok) throw new Refused(answer.status, body.problems ?? [], body);
+  return body as T;
+}
+
+export function plain(what: string): Problem {
+  return { line: null, key: null, what, value: null, rule: null, remedy: null };
+}
+
+export const read = <T>(path: string, given: Record<string, string> = {}): Promise<T> =>
+  answered<T>(`${path}?${new URLSearchParams(given)}`);
+
+export const ask = <T>(path: string, body: unknown): Promise<T> =>
+  answered<T>(path, { method: "POST", body: JSON.stringify(body) });
+
+/** Write a file that is still what the page read; `known` is its hash, empty for a new file. */
+export const write = (path: string, text: string, known: string): Promise<{ sha256: string }> =>
+  answered(`/api/file?${new URLSearchParams({ path })}`, {
+    method: "PUT",
+    body: JSON.stringify({ text }),
+    headers: known ? { "If-Match": `"${known}"` } : {},
+  });
+
+/** The bytes of a frame behind an address. */
+export async function frame<Head>(path: string, given: Record<string, string>): Promise<Frame<Head>> {
+  const answer = await fetch(`${path}?${new URLSearchParams(given)}`, { headers: { Authorization: `Bearer ${token}` } });
+  if (!answer.ok) throw new Refused(answer.status, (await answer.json()).problems, {});
+  return unpack<Head>(await answer.arrayBuffer());
+}
+
+/** The socket: at most one request is on its way, the newest waits, older ones are dropped, only the newest is drawn. */
+export class Live<Head extends { number: number }> {
+  sent = 0;
+  mostOnTheWay = 0;
+  private onTheWay = 0;
+  private drawn = 0;
+  private waiting: Record<string, unknown> | null = null;
+  private last: Record<string, unknown> | null = null;
+  private socket: WebSocket | null = null;
+  private closed = false;
+
+  constructor(private readonly draw: (frame: Frame<Head>) => void) {
+    this.connect();
+  }
+
+  private connect(): void {
+    const socket = new WebSocket(`ws://${location.host}/api/live`, ["pneudrive", `token.${token}`]);
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => {
+      connection.value = "open";
+      this.waiting ??= this.last;
+      this.pump();
+    };
+    socket.onmessage = (event: MessageEvent<ArrayBuffer>) => {
+      this.onTheWay -= 1;
+      const frame = unpack<Head>(event.data);
+      if (frame.head.number > this.drawn) {
+        this.drawn = frame.head.number;
+        this.draw(frame);
+      }
+      this.pump();
+    };
+    socket.onclose = () => {
+      this.onTheWay = 0;
+      if (this.closed) return;
+      connection.value = "lost";
+      setTimeout(() => this.connect(), 500);
+    };
+    this.socket = socket;
+  }
+
+  /** Ask for a run; a request that waits is dropped. */
+  request(asked: Record<string, unknown>): void {
+    this.waiting = asked;
+    this.last = asked;
+    this.pump();
+  }
+
+  private pump(): void {
+    if (this.waiting === null || this.onTheWay > 0 || this.socket?.readyState !== WebSocket.OPEN) return;
+    this.sent += 1;
+    this.onTheWay += 1;
+    this.mostOnTheWay = Math.max(this.mostOnTheWay, this.onTheWay);
+    this.socket.send(JSON.stringify({ ...this.waiting, number: this.sent }));
+    this.waiting = null;
+  }
+
+  close(): void {
+    this.closed = true;
+    this.socket?.close();
+  }
+}

@@ -1,0 +1,323 @@
+/** Sliders on a running simulation. */
+import { computed, effect, signal } from "@preact/signals";
+import { useEffect, useState } from "preact/hooks";
+import type { Frame, Numbers } from "./frame";
+import { Circuit } from "./circuit";
+import { digits } from "./looks";
+import { drawing, opened, problems as textProblems, set, valid, type Field } from "./opened";
+import { Copied, KINDS, Problems } from "./parts";
+import { Plot, type Curve } from "./plot";
+import { ask, Live, Refused, type Problem } from "./server";
+
+interface Panel {
+  title: string;
+  unit: string;
+  size: number;
+  curves: { column: string; label: string }[];
+}
+
+interface Head {
+  number: number;
+  problems?: Problem[];
+  panels?: Panel[];
+  warnings?: string[];
+  impacts?: { time_s: number; end: string; speed_m_s: number; energy_j: number }[];
+  assumed?: number;
+  samples?: number;
+  ends?: Record<string, number>;
+}
+
+interface Trace {
+  label: string;
+  time: Numbers;
+  columns: Map<string, Numbers>;
+}
+
+const command = signal("0 s: 1, 1 s: -1");
+const duration = signal("2 s");
+const initial = signal("");
+const shown = signal<string[]>([]);
+const numbers = signal<Record<string, number>>({});
+const ranges = signal<Record<string, [number, number]>>({});
+const frozen = signal<Trace[]>([]);
+const answer = signal<Frame<Head> | null>(null);
+const wrong = signal<Problem[]>([]);
+
+const fields = computed(() => new Map((valid.value?.values ?? []).map((one) => [one.key, one])));
+
+const changes = computed(() => {
+  const out: Record<string, string | number> = {};
+  for (const [key, value] of Object.entries(numbers.value)) {
+    const field = fields.value.get(key);
+    if (field?.number !== undefined && value !== field.number) out[key] = field.unit ? `${value} ${field.unit}` : value;
+  }
+  return out;
+});
+
+function request(pixels = 1000): Record<string, unknown> | null {
+  const now = opened.value;
+  if (!now || !valid.value) return null;
+  const isChanged = now.text !== now.saved || !now.sha256;
+  const lines = command.value.split("\n");
+  return {
+    path: now.path,
+    text: isChanged && now.text !== now.saved ? now.text : null,
+    changes: changes.value,
+    command: valid.value.kind === "circuit" ? lines : command.value,
+    duration: duration.value,
+    initial: initial.value,
+    pixels,
+  };
+}
+
+/** What a new file begins with. */
+let begun = "";
+effect(() => {
+  const now = valid.value;
+  const path = opened.value?.path;
+  if (!now || !path || begun === path) return;
+  begun = path;
+  shown.value = now.sliders ?? [];
+  numbers.value = {};
+  ranges.value = {};
+  frozen.value = [];
+  initial.value = "";
+  command.value = now.kind === "circuit" ? (now.valves ?? []).map((one) => `${one}: 0 s: 1, 1 s: -1`).join("\n") : "0 s: 1, 1 s: -1";
+});
+
+export function SimulateView() {
+  const [live, setLive] = useState<Live<Head> | null>(null);
+  const [copied, setCopied] = useState<{ command: string; python: string } | null>(null);
+  useEffect(() => {
+    const made = new Live<Head>((frame) => {
+      wrong.value = frame.head.problems ?? [];
+      if (!frame.head.problems) answer.value = frame;
+      const page = document.documentElement.dataset;
+      page["sent"] = String(made.sent);
+      page["drawn"] = String(frame.head.number);
+      page["mostOnTheWay"] = String(made.mostOnTheWay);
+    });
+    setLive(made);
+    return () => made.close();
+  }, []);
+  useEffect(
+    () =>
+      effect(() => {
+        const asked = request();
+        if (asked) live?.request(asked);
+      }),
+    [live],
+  );
+  useEffect(() => setCopied(null), [changes.value, command.value, duration.value, initial.value, opened.value]);
+
+  const copy = async () => {
+    const asked = request();
+    if (!asked) return;
+    try {
+      setCopied(await ask("/api/copy", asked));
+    } catch (error) {
+      if (error instanceof Refused) wrong.value = error.problems;
+    }
+  };
+  const freeze = () => {
+    const now = answer.value;
+    if (!now) return;
+    const label = Object.entries(changes.value).map(([key, value]) => `${key} ${value}`).join(", ") || "as described";
+    frozen.value = [...frozen.value.slice(-6), { label, time: now.arrays.get("time_s")!, columns: now.arrays }];
+  };
+  if (textProblems.value.length && !valid.value) return <Problems of={textProblems.value} />;
+  if (!valid.value) return <p>Choose a drive or a circuit under Studies.</p>;
+  const head = answer.value?.head;
+  return (
+    <div class="simulate">
+      <section class="controls" aria-label="What is simulated">
+        <h2>{valid.value.name}</h2>
+        <Sliders />
+        <Run />
+        <p class="row">
+          <button type="button" onClick={freeze}>Freeze the curves</button>
+          {frozen.value.length > 0 && <button type="button" onClick={() => (frozen.value = [])}>Remove frozen curves</button>}
+          <button type="button" onClick={() => void copy()}>Copy as command or Python</button>
+        </p>
+        {copied && <Copied {...copied} />}
+        <Problems of={wrong.value} />
+        {head?.assumed !== undefined && (
+          <p class="note">
+            Simulated. {head.assumed} values are assumed: Drive lists them.
+          </p>
+        )}
+        {head?.warnings?.map((one) => <p class="note" key={one}>{one}.</p>)}
+        {head?.impacts?.slice(0, 3).map((one, index) => (
+          <p key={index}>
+            Impact at {digits(one.time_s)} s on the end of chamber {one.end}: {digits(one.speed_m_s, 3)} m/s, {digits(one.energy_j, 3)} J
+          </p>
+        ))}
+      </section>
+      <div class="shown">
+      <section class="plots" aria-label="Curves" data-samples={head?.samples}>
+        {head?.panels?.map((panel) => <PanelPlot key={panel.title} panel={panel} />)}
+      </section>
+      <div class="below">
+        {drawing.value && <Circuit drawing={drawing.value} />}
+        <Ends />
+      </div>
+      </div>
+    </div>
+  );
+}
+
+function PanelPlot({ panel }: { panel: Panel }) {
+  const now = answer.value!;
+  const time = now.arrays.get("time_s")!;
+  const curves: Curve[] = panel.curves.map((one) => ({ label: one.label, x: time, y: now.arrays.get(one.column)! }));
+  for (const trace of frozen.value)
+    for (const one of panel.curves) {
+      const y = trace.columns.get(one.column);
+      if (y) curves.push({ label: `${one.label} (${trace.label})`, x: trace.time, y });
+    }
+  return <Plot title={panel.title} unit={panel.unit} size={panel.size} curves={curves} />;
+}
+
+/** The last value of each curve, as numbers: what a reader of the screen hears, and a test compares. */
+function Ends() {
+  const head = answer.value?.head;
+  if (!head?.ends) return null;
+  return (
+    <section class="ends">
+      <h2>At the end</h2>
+      <table>
+        <tbody>
+          {head.panels?.flatMap((panel) =>
+            panel.curves.map((one) => (
+              <tr key={one.column}>
+                <th scope="row">{one.label}</th>
+                <td data-end={one.column} data-si={head.ends![one.column]}>
+                  {digits((head.ends![one.column] ?? Number.NaN) / panel.size, 6)} {panel.unit}
+                </td>
+              </tr>
+            )),
+          )}
+        </tbody>
+      </table>
+    </section>
+  );
+}
+
+function Sliders() {
+  const free = [...fields.value.values()].filter((one) => one.number !== undefined && !shown.value.includes(one.key));
+  return (
+    <>
+      {shown.value.map((key) => {
+        const field = fields.value.get(key);
+        return field?.number === undefined ? null : <Slider key={key} field={field} />;
+      })}
+      <p>
+        <label>
+          Slider for{" "}
+          <select
+            value=""
+            onChange={(event) => {
+              if (event.currentTarget.value) shown.value = [...shown.value, event.currentTarget.value];
+              event.currentTarget.value = "";
+            }}
+          >
+            <option value="">any value</option>
+            {free.map((one) => (
+              <option key={one.key} value={one.key}>
+                {one.key} = {one.text}
+              </option>
+            ))}
+          </select>
+        </label>
+      </p>
+    </>
+  );
+}
+
+const STEPS = 400;
+
+function Slider({ field }: { field: Field }) {
+  const [low, high] = ranges.value[field.key] ?? [field.low!, field.high!];
+  const value = numbers.value[field.key] ?? field.number!;
+  const isChanged = value !== field.number;
+  const put = (next: number) => {
+    if (Number.isFinite(next)) numbers.value = { ...numbers.value, [field.key]: next };
+  };
+  const name = `slider-${field.key}`;
+  const unit = field.unit ?? "";
+  return (
+    <div class="slider">
+      <label for={name}>{field.key}</label>
+      <input
+        id={name}
+        type="range"
+        min={0}
+        max={STEPS}
+        step={1}
+        value={Math.round((STEPS * (value - low)) / (high - low))}
+        aria-valuetext={`${digits(value)} ${unit}`}
+        onInput={(event) => put(Number((low + ((high - low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)))}
+      />
+      <input
+        type="number"
+        step="any"
+        aria-label={`${field.key}, ${unit || "number"}`}
+        value={value}
+        onChange={(event) => put(event.currentTarget.valueAsNumber)}
+      />
+      <span class="unit">{unit}</span>
+      <span class={`kind ${isChanged ? "changed" : field.kind}`} title={field.origin}>
+        {isChanged ? "changed" : KINDS[field.kind]}
+      </span>
+      <span class="row">
+        {isChanged && (
+          <>
+            <button type="button" class="link" onClick={() => put(field.number!)}>back to {field.text}</button>
+            <button
+              type="button"
+              class="link"
+              onClick={() => void set(field.key, unit ? `${value} ${unit}` : value)}
+            >
+              put into the text
+            </button>
+          </>
+        )}
+        <button
+          type="button"
+          class="link"
+          onClick={() => {
+            put(field.number!);
+            shown.value = shown.value.filter((one) => one !== field.key);
+          }}
+          aria-label={`Remove the slider of ${field.key}`}
+        >
+          remove
+        </button>
+      </span>
+    </div>
+  );
+}
+
+function Run() {
+  const isCircuit = valid.value?.kind === "circuit";
+  return (
+    <div class="run">
+      <label>
+        Command, -1 to 1{isCircuit ? ", a line for each valve" : ""}
+        {isCircuit ? (
+          <textarea rows={3} value={command.value} onInput={(event) => (command.value = event.currentTarget.value)} />
+        ) : (
+          <input value={command.value} onInput={(event) => (command.value = event.currentTarget.value)} />
+        )}
+      </label>
+      <label>
+        Duration
+        <input value={duration.value} onInput={(event) => (duration.value = event.currentTarget.value)} />
+      </label>
+      <label>
+        Start
+        <input value={initial.value} placeholder="position = 50 mm" onInput={(event) => (initial.value = event.currentTarget.value)} />
+      </label>
+    </div>
+  );
+}

@@ -1,0 +1,91 @@
+/** The start: what is in the folder, by kind, and the drives of the catalogue. */
+import { signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { connection, read, Refused, type Listed, type Studies } from "./server";
+import { link } from "./routes";
+
+declare const __BUILD__: string;
+
+export const studies = signal<Studies | null>(null);
+export const isOld = signal(false);
+const filter = signal("");
+
+export async function list(): Promise<void> {
+  try {
+    studies.value = await read<Studies>("/api/studies");
+    isOld.value = studies.value.build !== __BUILD__;
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+  }
+}
+
+const TITLES: Record<string, string> = {
+  drive: "Drives",
+  circuit: "Circuits",
+  recording: "Recordings",
+  layout: "Layouts",
+  fit: "Fits",
+  protocol: "Protocols",
+  rig: "Rigs",
+  setup: "Setups",
+  controller: "Controllers",
+};
+const MOST = 200; // rows of a kind on the page; the filter finds the others
+
+function size(bytes: number): string {
+  return bytes < 1e4 ? `${bytes} B` : bytes < 1e7 ? `${Math.round(bytes / 1e3)} kB` : `${Math.round(bytes / 1e6)} MB`;
+}
+
+export function StudiesView() {
+  useEffect(() => void list(), [connection.value === "open"]);
+  const found = studies.value;
+  if (!found) return <p>Reading the folder.</p>;
+  const word = filter.value.toLowerCase();
+  const files = found.files.filter((one) => one.path.toLowerCase().includes(word));
+  const drives = found.catalogue.filter((one) => `${one.path} ${one.title}`.toLowerCase().includes(word));
+  return (
+    <>
+      <p class="row">
+        <label>
+          Show only <input type="search" value={filter.value} onInput={(event) => (filter.value = event.currentTarget.value)} />
+        </label>
+        <button type="button" onClick={() => void list()}>Read the folder again</button>
+        <span>{found.files.length} files in {found.folder}</span>
+      </p>
+      {Object.entries(TITLES).map(([kind, title]) => (
+        <Kind key={kind} title={title} files={files.filter((one) => one.kind === kind)} />
+      ))}
+      <section>
+        <h2>Catalogue: drives to begin with</h2>
+        <ul class="files">
+          {drives.map((one) => (
+            <li key={one.path}>
+              <a href={link("simulate", one.path)}>{one.path.replace("catalogue:", "")}</a>
+              <span>{one.title}</span>
+            </li>
+          ))}
+        </ul>
+      </section>
+    </>
+  );
+}
+
+function Kind({ title, files }: { title: string; files: Listed[] }) {
+  if (!files.length) return null;
+  return (
+    <section>
+      <h2>{title}</h2>
+      <ul class="files">
+        {files.slice(0, MOST).map((one) => (
+          <li key={one.path}>
+            {one.kind === "drive" || one.kind === "circuit" ? <a href={link("simulate", one.path)}>{one.path}</a> : <span>{one.path}</span>}
+            <span>
+              {size(one.size)}, {new Date(1000 * one.changed).toLocaleString()}
+            </span>
+          </li>
+        ))}
+      </ul>
+      {files.length > MOST && <p>{files.length - MOST} more; narrow the list above.</p>}
+    </section>
+  );
+}

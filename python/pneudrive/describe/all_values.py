@@ -1,0 +1,94 @@
+"""Every value of a drive or a circuit in one list, each with where it comes from."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pneudrive.describe.base import inline
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+    from pneudrive.describe.sourced import Value
+
+_BESIDE = ("schema", "name", "labels", "provenance", "connections", "plugged", "junctions", "initial")
+
+
+class DescribedValue(NamedTuple):
+    """One value of a description.
+
+    Attributes
+    ----------
+    key : str
+        Dotted key, as `replace` takes it.
+    value : object
+        As users write it: ``"25 mm"``, a number or a word.
+    origin : str
+        Where it comes from, in words; empty for a value of the user without a source.
+    kind : str
+        ``"given"``, ``"source"``, ``"identified"``, ``"assumed"`` or ``"default"``.
+    """
+
+    key: str
+    value: Any
+    origin: str
+    kind: str
+
+
+def values_of(described: Drive | Circuit) -> list[DescribedValue]:
+    """Return every value of a drive or a circuit, defaults included, in the order of its file.
+
+    Examples
+    --------
+    >>> from pneudrive.describe.drive import Drive
+    >>> found = {one.key: one for one in values_of(Drive.load("catalogue:starter"))}
+    >>> found["cylinder.bore"].value, found["cylinder.bore"].kind, found["load.mass"].kind
+    ('25 mm', 'source', 'default')
+    """
+    is_circuit = hasattr(described, "components")
+    assumed = _assumptions(described, is_circuit=is_circuit)
+    origins = _origins(described, is_circuit=is_circuit)
+    identified = getattr(described, "provenance", None) or {}
+    given = {key for key, _ in _leaves(described.to_dict(), "")}
+    out = []
+    for key, value in _leaves(described.with_defaults(), ""):
+        if key.partition(".")[0] in _BESIDE:
+            continue
+        above = [key.rsplit(".", depth)[0] for depth in range(key.count(".") + 1)]
+        origin = next((origins[one] for one in above if one in origins), None)
+        if key in identified:
+            out.append(DescribedValue(key, value, f"identified: {inline(identified[key].to_dict())}", "identified"))
+        elif origin is not None:
+            out.append(DescribedValue(key, value, origin.said, "assumed" if origin.source is None else "source"))
+        elif key in assumed:
+            out.append(DescribedValue(key, value, assumed[key], "assumed"))
+        else:
+            out.append(DescribedValue(key, value, "", "given" if key in given else "default"))
+    return out
+
+
+def _leaves(table: Mapping[str, Any], before: str) -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{before}{key}.")
+        else:
+            yield f"{before}{key}", value
+
+
+def _origins(described: Any, *, is_circuit: bool) -> dict[str, Value]:  # noqa: ANN401
+    if not is_circuit:
+        return {one.key: one for one in described.origins}
+    components = described.components.items()
+    return {f"components.{name}.{key}": value for name, one in components for key, value in one.origins.items()}
+
+
+def _assumptions(described: Drive | Circuit, *, is_circuit: bool) -> dict[str, str]:
+    """Return the reason of each value that is assumed by default, by its key."""
+    out = {}
+    for line in described.assumed():
+        key, equals, reason = line.partition(" = ")
+        if equals and " " not in key:
+            out[f"components.{key}" if is_circuit else key] = reason.partition(", ")[2] or "usual"
+    return out

@@ -1,0 +1,171 @@
+"""Routes of the server: files, descriptions, runs. Every one answers with JSON or with a frame of `messages`."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+from functools import partial
+from mimetypes import guess_type
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from starlette.applications import Starlette
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route, WebSocketRoute
+
+from pneudrive import __version__
+from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.web import description
+from pneudrive.web.asked_run import AskedRun, described_at
+from pneudrive.web.guard import Guard
+from pneudrive.web.live import live
+from pneudrive.web.messages import problems_of
+from pneudrive.web.workspace import ChangedError, Workspace, fingerprint
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from starlette.requests import Request as Asked
+    from starlette.websockets import WebSocket
+
+BUILT = Path(__file__).parent / "built"
+BUILD_FILE = "build.json"
+TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html; charset=utf-8", ".svg": "image/svg+xml"}
+
+
+def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT) -> Guard:
+    """Return the application behind its guard.
+
+    Parameters
+    ----------
+    workspace : Workspace
+    port : int
+        Port of the server.
+    token : str
+        Secret of this run, from `pneudrive.web.guard.new_token`.
+    built : Path
+        Folder of the built page.
+
+    Raises
+    ------
+    CommandError
+        The page is not built.
+    """
+    page = _page(built)
+    build = json.loads(page.get(f"/{BUILD_FILE}", b"{}")).get("build", "")
+    views = _Views(workspace, build)
+    threads = asyncio.Semaphore(os.cpu_count() or 1)
+
+    async def socket(websocket: WebSocket) -> None:
+        await live(websocket, workspace, threads)
+
+    routes: list[Any] = [
+        Route("/api/studies", _answered(views.studies)),
+        Route("/api/file", _answered(views.read)),
+        Route("/api/file", _answered(views.write), methods=["PUT"]),
+        Route("/api/check", _answered(views.check), methods=["POST"]),
+        Route("/api/edit", _answered(views.edit), methods=["POST"]),
+        Route("/api/drawing", _answered(views.drawing), methods=["POST"]),
+        Route("/api/copy", _answered(views.copy), methods=["POST"]),
+        WebSocketRoute("/api/live", socket),
+    ]
+    for name, data in page.items():
+        routes.append(Route(name, partial(_static, data, TYPES.get(Path(name).suffix) or guess_type(name)[0])))
+    routes.append(Route("/", partial(_static, page["/index.html"], TYPES[".html"])))
+    return Guard(Starlette(routes=routes), port, token, frozenset(["/", *page]))
+
+
+def _page(built: Path) -> dict[str, bytes]:
+    """Read the built page once: a request chooses among these files by name, no path is ever made of it."""
+    if not (built / "index.html").is_file():
+        raise CommandError("the page is not built", where=str(built), remedy="Run make setup.")
+    return {
+        f"/{path.relative_to(built).as_posix()}": path.read_bytes()
+        for path in sorted(built.rglob("*"))
+        if path.is_file()
+    }
+
+
+async def _static(data: bytes, kind: str | None, _: Asked) -> Response:
+    return Response(data, media_type=kind or "application/octet-stream")
+
+
+def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Asked], Any]:
+    """Return the endpoint of a view, which runs in a thread; our errors become answers."""
+
+    async def endpoint(asked: Asked) -> Response:
+        given = {**asked.query_params, "if-match": asked.headers.get("if-match", "")}
+        body = await asked.body()
+        try:
+            return JSONResponse(await asyncio.to_thread(view, given, body))
+        except ChangedError as changed:
+            there = {"text": changed.text, "sha256": fingerprint(changed.text)}
+            return JSONResponse({"problems": [{"what": str(changed)}], **there}, status_code=412)
+        except PneudriveError as error:
+            return JSONResponse({"problems": problems_of(error)}, status_code=400)
+
+    return endpoint
+
+
+class _Views:
+    """What each address answers, from its parameters and its body."""
+
+    def __init__(self, workspace: Workspace, build: str) -> None:
+        self.workspace, self.build = workspace, build
+
+    def studies(self, _given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """List the workspace and the drives of the catalogue."""
+        from pneudrive.describe.catalogue import PREFIX, entries
+
+        drives = [{"path": f"{PREFIX}{name}", "title": one.title} for name, one in entries().items() if one.is_drive]
+        files = [vars(one) for one in self.workspace.files()]
+        folder = self.workspace.root
+        about = {"folder": folder.name or str(folder), "version": __version__, "build": self.build}
+        return {**about, "files": files, "catalogue": drives}
+
+    def read(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return the text of a file."""
+        text, sha256 = description.text_at(self.workspace, given.get("path", ""))
+        return {"text": text, "sha256": sha256}
+
+    def write(self, given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Write a file that is still what the page knows."""
+        known = given["if-match"].strip('"') or None
+        asked = _table(body, "text")
+        return {"sha256": self.workspace.write(given.get("path", ""), asked["text"], known)}
+
+    def check(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Check a text."""
+        asked = _table(body, "path", "text")
+        return description.checked(self.workspace, asked["path"], asked["text"])
+
+    def edit(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Change one value of a text."""
+        asked = _table(body, "text", "key")
+        value = asked.get("value")
+        if not isinstance(value, str | int | float):
+            raise CommandError("the value is neither a text nor a number")
+        return {"text": description.edited(asked["text"], asked["key"], value)}
+
+    def drawing(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Draw a text as a circuit."""
+        asked = _table(body, "path", "text")
+        return description.drawing(self.workspace, asked["path"], asked["text"])
+
+    def copy(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Return a run as a line of a shell and as Python."""
+        asked = AskedRun.of(_table(body, "path"))
+        described = described_at(self.workspace, asked.path, asked.text)
+        return {"command": asked.as_command(), "python": asked.as_python(circuit=hasattr(described, "components"))}
+
+
+def _table(body: bytes, *texts: str) -> dict[str, Any]:
+    """Read a body of JSON that is a table with these texts in it."""
+    try:
+        table = json.loads(body)
+    except (ValueError, RecursionError):
+        table = None
+    if not isinstance(table, dict) or not all(isinstance(table.get(key), str) for key in texts):
+        raise CommandError("the request is not one of this page", remedy="Reload the page.")
+    return table

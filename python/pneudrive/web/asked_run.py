@@ -1,0 +1,201 @@
+"""One run as the page asks for it: its drive with changed values, its result, and the same as command and as Python."""
+
+from __future__ import annotations
+
+import math
+import re
+import shlex
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.describe.drive import Drive
+from pneudrive.describe.load import described_in
+from pneudrive.errors import CommandError
+from pneudrive.simulate import positive, run
+from pneudrive.start import is_circuit
+from pneudrive.watch import Watch
+from pneudrive.web.workspace import is_in_catalogue
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.simulate import Run
+    from pneudrive.watch import Flag
+    from pneudrive.web.workspace import Workspace
+
+MOST_SAMPLES = 1_000_000
+MOST_SECONDS = 2.0  # of a run, on the clock: the page waits for it
+MOST_PIXELS = 4000
+_KEPT = 32  # descriptions that were read already
+#: A command that is no file: a number, or times with values; with the name of a component before it or not.
+_COMMAND = re.compile(r"\s*(?:[A-Za-z_][\w-]*(?:\.command)?\s*:)?\s*[-+.\d][^/\\]*", re.DOTALL)
+_FILE = re.compile(r"\.csv\s*$", re.IGNORECASE)
+
+_read: dict[tuple[str, str, str], Drive | Circuit] = {}
+
+
+class RunLimit:
+    """Cancel flag of a run: set by whoever waits no longer, or by the clock."""
+
+    def __init__(self, seconds: float = MOST_SECONDS) -> None:
+        self.end = time.monotonic() + seconds
+        self.cancelled = False
+
+    def is_set(self) -> bool:
+        """Return whether the run should end."""
+        return self.cancelled or time.monotonic() > self.end
+
+
+@dataclass(frozen=True)
+class AskedRun:
+    """A run, checked as far as it can be without its drive.
+
+    Attributes
+    ----------
+    path : str
+        Name in the workspace, or ``catalogue:NAME``.
+    text : str or None
+        Text of the file where the page has changed it and not saved it.
+    changes : dict
+        Dotted keys and values, as `replace` takes them.
+    command : str or list of str
+        As `pneudrive.simulate` takes it; a list has a text for each valve of a circuit.
+    duration, rate, initial : str
+        As `pneudrive.simulate` takes them; an empty `initial` is the usual start.
+    pixels : int
+        Width of the drawing: at most two samples a pixel are sent.
+    """
+
+    path: str
+    text: str | None
+    changes: Mapping[str, Any]
+    command: str | list[str]
+    duration: str
+    rate: str
+    initial: str
+    pixels: int
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> AskedRun:
+        """Read the page's request.
+
+        Raises
+        ------
+        CommandError
+            A part is missing or of another type.
+        """
+        texts = {key: given.get(key, usual) for key, usual in (("path", ""), ("duration", ""), ("rate", "1 kHz"))}
+        text, changes = given.get("text"), given.get("changes", {})
+        command, initial = given.get("command", ""), given.get("initial", "")
+        pixels = given.get("pixels", 1000)
+        lines = command if isinstance(command, list) else [command]
+        right = all(isinstance(one, str) for one in (*texts.values(), *lines, initial))
+        right = right and (text is None or isinstance(text, str)) and isinstance(changes, dict)
+        right = right and isinstance(pixels, int) and not isinstance(pixels, bool)
+        if not right or not all(isinstance(one, str | int | float) for one in changes.values()):
+            raise CommandError("the request is not one of this page", remedy="Reload the page.")
+        for one in lines:
+            if one.strip() and (not _COMMAND.fullmatch(one) or _FILE.search(one)):
+                raise CommandError(f'command "{one}" is not one', rule='a number, or "0 s: 1, 1 s: -1"')
+        kept = [one for one in lines if one.strip()]
+        return cls(
+            **texts,
+            text=text,
+            changes=changes,
+            command=kept if isinstance(command, list) else command,
+            initial=initial,
+            pixels=max(10, min(pixels, MOST_PIXELS)),
+        )
+
+    def described(self, workspace: Workspace) -> Drive | Circuit:
+        """Return the drive or circuit with its changes.
+
+        Raises
+        ------
+        CommandError, DescriptionError
+            The name leads out of the workspace, or the description is not valid.
+        """
+        base = described_at(workspace, self.path, self.text)
+        return base.replace(dict(self.changes)) if self.changes else base
+
+    def run(self, workspace: Workspace, cancel: Flag | None = None) -> Run:
+        """Simulate.
+
+        Raises
+        ------
+        PneudriveError
+            As `pneudrive.simulate`; or the run is too long for a page.
+        Cancelled
+            The flag was set, or the time is over.
+        """
+        samples = positive(self.duration, "s", "duration") * positive(self.rate, "1/s", "sample_rate")
+        if not math.isfinite(samples) or samples > MOST_SAMPLES:
+            raise CommandError(
+                f"{samples:.3g} samples are too many for the page",
+                rule=f"at most {MOST_SAMPLES:.0e}",
+                remedy="Copy the command and run it in a terminal.",
+            )
+        described = self.described(workspace)
+        watch = Watch(cancel=cancel or RunLimit())
+        options: dict[str, Any] = {"initial": self.initial or None, "sample_rate": self.rate, "watch": watch}
+        return run(described, self._command_of(described), self.duration, **options)
+
+    def _command_of(self, described: Drive | Circuit) -> Any:  # noqa: ANN401 - any form of a command
+        if is_circuit(described):
+            return self.command if isinstance(self.command, list) else [self.command] if self.command.strip() else None
+        return self.command if isinstance(self.command, str) else ", ".join(self.command)
+
+    def as_command(self) -> str:
+        """Return the line of a shell that makes the same run in the folder of the workspace."""
+        words = ["pneudrive", "simulate", self.path]
+        for one in self.command if isinstance(self.command, list) else [self.command]:
+            words += ["--command", one] if one.strip() else []
+        words += ["--duration", self.duration, "--sample-rate", self.rate]
+        words += ["--initial", self.initial] if self.initial else []
+        for key, value in self.changes.items():
+            words += ["--set", f"{key} = {value}"]
+        return shlex.join([*words, "--out", f"{self._stem()}.parquet"])
+
+    def as_python(self, *, circuit: bool) -> str:
+        """Return the lines of Python that make the same run in the folder of the workspace."""
+        kind = "Circuit" if circuit else "Drive"
+        lines = ["import pneudrive as pn", "", f"drive = pn.{kind}.load({self.path!r})"]
+        if self.changes:
+            lines.append(f"drive = drive.replace({dict(self.changes)!r})")
+        command: Any = self.command or None if circuit else self.command
+        initial = f", initial={self.initial!r}" if self.initial else ""
+        lines.append(f"run = pn.simulate(drive, {command!r}, {self.duration!r}{initial}, sample_rate={self.rate!r})")
+        return "\n".join([*lines, ""])
+
+    def _stem(self) -> str:
+        return re.sub(r"[^\w.-]+", "-", Path(self.path.rpartition(":")[2]).stem) or "run"
+
+
+def described_at(workspace: Workspace, path: str, text: str | None = None) -> Drive | Circuit:
+    """Read a drive or a circuit of the workspace or of the catalogue, or a text in its place; each once.
+
+    Raises
+    ------
+    CommandError, DescriptionError
+        As for `AskedRun.described`.
+    """
+    if text is None and is_in_catalogue(path):
+        key = (path, "", "")
+    else:
+        text = workspace.read(path)[0] if text is None else text
+        key = (str(workspace.root), path, text)
+    found = _read.get(key)
+    if found is None:
+        if text is None:
+            found = Drive.load(path)
+        else:
+            place = workspace.root / "unnamed.toml" if is_in_catalogue(path) else workspace.path(path)
+            name = place.relative_to(workspace.root).as_posix()
+            found = described_in(text, place, lambda tables: workspace.check_named(name, tables))
+        while len(_read) >= _KEPT:
+            _read.pop(next(iter(_read)))
+        _read[key] = found
+    return found

@@ -1,0 +1,117 @@
+"""What the page shows of a description: its problems by line, its values as fields, its drawing."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+
+from pneudrive.describe.all_values import values_of
+from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.start import is_circuit
+from pneudrive.web.asked_run import described_at
+from pneudrive.web.messages import problems_of
+from pneudrive.web.workspace import is_in_catalogue
+
+if TYPE_CHECKING:
+    from pneudrive.describe.all_values import DescribedValue
+    from pneudrive.web.workspace import Workspace
+
+_QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s+(\S.*)")
+#: Range of a slider about a value, as multiples of it; a value of 0 gets the range of its unit.
+LOW, HIGH = 0.2, 3.0
+_FROM_ZERO = {"deg": (-90.0, 90.0), "N": (-200.0, 200.0), "kg": (0.0, 20.0)}
+#: Sliders that a new page begins with, those that the description has.
+FIRST_SLIDERS = ("friction.coulomb", "supply.pressure", "load.mass", "cylinder.moving_mass", "moving_mass")
+MOST_SLIDERS = 4
+
+
+def checked(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
+    """Check a text and return its problems, or its name, values, assumptions and commands."""
+    try:
+        described = described_at(workspace, path, text)
+    except PneudriveError as error:
+        return {"problems": problems_of(error)}
+    values = [_field(one) for one in values_of(described)]
+    slides = [one["key"] for end in FIRST_SLIDERS for one in values if "low" in one and _ends(one["key"], end)]
+    return {
+        "problems": [],
+        "name": described.name,
+        "kind": "circuit" if is_circuit(described) else "drive",
+        "valves": list(described.commandable) if is_circuit(described) else [],
+        "values": values,
+        "notes": described.notes,
+        "sliders": slides[:MOST_SLIDERS],
+        "hash": described.description_hash,
+    }
+
+
+def _ends(key: str, end: str) -> bool:
+    return key == end or (("." not in end or key.startswith("components.")) and key.endswith(f".{end}"))
+
+
+def _field(one: DescribedValue) -> dict[str, Any]:
+    """Return a value as a field of a form; one with a number also as a slider."""
+    out = {"key": one.key, "text": str(one.value), "origin": one.origin, "kind": one.kind}
+    found = _QUANTITY.fullmatch(one.value) if isinstance(one.value, str) else None
+    if found:
+        number, unit = float(found[1]), found[2]
+    elif isinstance(one.value, int | float) and not isinstance(one.value, bool):
+        number, unit = float(one.value), ""
+    else:
+        return out
+    low, high = sorted((LOW * number, HIGH * number)) if number else _FROM_ZERO.get(unit, (0.0, 1.0))
+    if not unit and 0.0 < number < 1.0:
+        high = min(high, 1.0)
+    return {**out, "number": number, "unit": unit, "low": low, "high": high}
+
+
+def drawing(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
+    """Return the drawing of a description as shapes, with its paper; lengths in modules, y up.
+
+    Raises
+    ------
+    PneudriveError
+        The description is not valid.
+    """
+    from pneudrive.report.circuit_shapes import circuit_shapes  # it draws: the server starts without it
+
+    found = circuit_shapes(described_at(workspace, path, text))
+    return {"paper": found.paper, "shapes": [shape._asdict() for shape in found.shapes]}
+
+
+def edited(text: str, key: str, value: str | float) -> str:
+    """Return a TOML text with one value changed; comments and order stay.
+
+    Raises
+    ------
+    CommandError
+        The text is not TOML, or the key leads through a value that is no table.
+    """
+    try:
+        document = tomlkit.parse(text)
+    except TOMLKitError:
+        raise CommandError("the text is not TOML", remedy="Correct the lines that are marked first.") from None
+    *tables, last = key.split(".")
+    at: Any = document
+    for name in tables:
+        if name not in at:
+            at[name] = tomlkit.table()
+        at = at[name]
+        if not hasattr(at, "keys"):
+            raise CommandError(f"{key}: {name} is not a table in this file", remedy="Change it in the text.")
+    old = at.get(last)
+    if hasattr(old, "keys") and "value" in old:  # a value with its origin: what it said holds no longer
+        old["value"] = value
+    else:
+        at[last] = value
+    return tomlkit.dumps(document)
+
+
+def text_at(workspace: Workspace, path: str) -> tuple[str, str | None]:
+    """Return the text of a file and its hash; of a drive of the catalogue a text that begins with it, and None."""
+    if is_in_catalogue(path):
+        return f'drive = "{path}"\n', None
+    return workspace.read(path)

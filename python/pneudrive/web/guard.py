@@ -1,0 +1,190 @@
+"""Who may talk to the server: one user, one page, this machine. Every request and every socket passes here first."""
+
+from __future__ import annotations
+
+import hmac
+import secrets
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+
+    Scope = MutableMapping[str, Any]
+    Message = MutableMapping[str, Any]
+    Receive = Callable[[], Awaitable[Message]]
+    Send = Callable[[Message], Awaitable[None]]
+    App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+TOKEN_BYTES = 24  # 192 bits
+MOST_BODY = 1 << 20  # bytes
+MOST_SOCKETS = 8
+PROTOCOL = "pneudrive"  # subprotocol of the socket; a second one carries the token
+TOKEN_PROTOCOL = "token."
+NAMES = ("127.0.0.1", "localhost", "[::1]")
+READING = ("GET", "HEAD")
+METHODS = (*READING, "POST", "PUT")
+
+CONTENT_SECURITY = "; ".join(
+    [
+        *("default-src 'none'", "script-src 'self'", "style-src 'self'", "connect-src 'self'", "img-src 'self' data:"),
+        *("base-uri 'none'", "form-action 'none'", "frame-ancestors 'none'", "require-trusted-types-for 'script'"),
+        "trusted-types 'none'",
+    ]
+)
+HEADERS = [
+    (b"content-security-policy", CONTENT_SECURITY.encode()),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"cache-control", b"no-store"),
+]
+
+
+def new_token() -> str:
+    """Return a token for one run of the server."""
+    return secrets.token_urlsafe(TOKEN_BYTES)
+
+
+class RefusedError(Exception):
+    """The request is refused: status and one line of text."""
+
+    def __init__(self, status: int, why: str) -> None:
+        super().__init__(why)
+        self.status, self.why = status, why
+
+
+@dataclass
+class Guard:
+    """Pure ASGI guard around an application: what is not allowed does not reach it.
+
+    Parameters
+    ----------
+    app : ASGI application
+    port : int
+        Port of the server, as it stands in `Host`.
+    token : str
+        Secret of this run.
+    open_paths : iterable of str
+        Paths that need no token: the page itself, which holds no data.
+    """
+
+    app: App
+    port: int
+    token: str
+    open_paths: Iterable[str] = ()
+    sockets: int = field(default=0, init=False)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Check a request, then hand it on."""
+        if scope["type"] not in ("http", "websocket"):
+            await self.app(scope, receive, send)
+            return
+        try:
+            self.check(scope)
+        except RefusedError as refused:
+            await _refuse(scope, receive, send, refused)
+            return
+        if scope["type"] == "http":
+            await self._http(scope, receive, send)
+            return
+        self.sockets += 1
+        try:
+            await self.app(scope, receive, send)
+        finally:
+            self.sockets -= 1
+
+    def check(self, scope: Scope) -> None:
+        """Raise `RefusedError` for a request that is not from this page of this user."""
+        headers = _headers(scope)
+        is_socket = scope["type"] == "websocket"
+        method = "GET" if is_socket else scope["method"]
+        if method not in METHODS:
+            raise RefusedError(405, "method not allowed")
+        host = _one(headers, "host")
+        if host not in {f"{name}:{self.port}" for name in NAMES}:
+            raise RefusedError(421, "the host is not this server")
+        origin = _one(headers, "origin")
+        if origin is not None and origin != f"http://{host}":
+            raise RefusedError(403, "the origin is another page")
+        if origin is None and (is_socket or method not in READING):
+            raise RefusedError(403, "the origin is missing")
+        if _one(headers, "sec-fetch-site") not in (None, "same-origin", "none"):
+            raise RefusedError(403, "another site asks")
+        if is_socket and self.sockets >= MOST_SOCKETS:
+            raise RefusedError(503, f"{MOST_SOCKETS} sockets are open")
+        self._check_token(scope, headers, is_socket=is_socket)
+        length = _one(headers, "content-length")
+        if length is not None and not (length.isascii() and length.isdigit() and int(length) <= MOST_BODY):
+            raise RefusedError(413, f"more than {MOST_BODY} bytes")
+
+    def _check_token(self, scope: Scope, headers: dict[str, list[str]], *, is_socket: bool) -> None:
+        path = scope["path"]
+        if is_socket:
+            given = next((p for p in scope.get("subprotocols", ()) if p.startswith(TOKEN_PROTOCOL)), "")
+            given = given.removeprefix(TOKEN_PROTOCOL)
+        elif path in self.open_paths:
+            return
+        else:
+            scheme, _, given = (_one(headers, "authorization") or "").partition(" ")
+            given = given if scheme == "Bearer" else ""
+        if not hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode()):
+            raise RefusedError(401, "the token is missing or wrong: open the address that the server printed")
+
+    async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Take the whole body, which is bounded, then hand it on; add the headers of the page's rules."""
+        body, is_more = b"", True
+        while is_more:
+            message = await receive()
+            if message["type"] != "http.request":  # the client went
+                return
+            body, is_more = body + message.get("body", b""), message.get("more_body", False)
+            if len(body) > MOST_BODY:
+                await _refuse(scope, receive, send, RefusedError(413, f"more than {MOST_BODY} bytes"))
+                return
+        whole = iter([{"type": "http.request", "body": body, "more_body": False}])
+
+        async def with_body() -> Message:
+            return next(whole, None) or await receive()
+
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message = {**message, "headers": [*message.get("headers", ()), *HEADERS]}
+            await send(message)
+
+        await self.app(scope, with_body, with_headers)
+
+
+def _headers(scope: Scope) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for name, value in scope["headers"]:
+        found.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
+    return found
+
+
+def _one(headers: dict[str, list[str]], name: str) -> str | None:
+    """Return a header that may be there once; None without it."""
+    values = headers.get(name, [])
+    if len(values) > 1:
+        raise RefusedError(400, f"{name} is given twice")
+    return values[0] if values else None
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, refused: RefusedError) -> None:
+    if scope["type"] == "websocket":
+        await receive()  # the request to connect
+        await send({"type": "websocket.close", "code": 1008, "reason": refused.why})
+        return
+    text = refused.why.encode()
+    headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"content-length", str(len(text)).encode()), *HEADERS]
+    await send({"type": "http.response.start", "status": refused.status, "headers": headers})
+    await send({"type": "http.response.body", "body": text})
+
+
+def address(port: int, token: str) -> str:
+    """Return the address that opens the page; the token stands in the fragment, which no server sees."""
+    found = f"http://{NAMES[0]}:{port}/#token={token}"
+    assert urlsplit(found).hostname == NAMES[0]  # nothing of the token is part of the host
+    return found

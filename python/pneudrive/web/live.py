@@ -1,0 +1,148 @@
+"""The socket behind the sliders: the newest request waits, older ones are dropped, a thread runs it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from starlette.websockets import WebSocketDisconnect
+
+from pneudrive.errors import Cancelled, CommandError, PneudriveError
+from pneudrive.trajectory import meaning
+from pneudrive.units import readable
+from pneudrive.web.asked_run import MOST_SECONDS, AskedRun, RunLimit
+from pneudrive.web.guard import PROTOCOL
+from pneudrive.web.messages import pack, problems_of
+from pneudrive.web.tiles import low_high
+
+if TYPE_CHECKING:
+    from starlette.websockets import WebSocket
+
+    from pneudrive.simulate import Run
+    from pneudrive.web.workspace import Workspace
+
+#: Panels of the page: quantity of the columns in it, its SI unit, and its title.
+PANELS = (
+    ("position", "m", "Position"),
+    ("velocity", "m/s", "Velocity"),
+    ("pressure", "Pa", "Pressure, absolute"),
+    ("friction_force", "N", "Friction force"),
+)
+MOST_CURVES = 8  # in a panel: as many as there are looks
+
+
+class Mailbox:
+    """A place for one message: a new one takes the place of one that nobody has taken."""
+
+    def __init__(self) -> None:
+        self._new = asyncio.Event()
+        self._message: str | None = None
+        self.dropped = 0
+
+    def put(self, message: str) -> None:
+        """Leave a message."""
+        self.dropped += self._message is not None
+        self._message = message
+        self._new.set()
+
+    async def take(self) -> str:
+        """Wait for a message and take it."""
+        await self._new.wait()
+        self._new.clear()
+        message, self._message = self._message, None
+        assert message is not None
+        return message
+
+
+async def live(socket: WebSocket, workspace: Workspace, threads: asyncio.Semaphore) -> None:
+    """Answer runs until the page goes."""
+    await socket.accept(subprotocol=PROTOCOL)
+    mailbox, limit = Mailbox(), RunLimit(0.0)
+
+    async def work() -> None:
+        nonlocal limit
+        while True:
+            message = await mailbox.take()
+            async with threads:
+                limit = RunLimit()
+                frame = await asyncio.to_thread(answer, workspace, message, limit)
+            await socket.send_bytes(frame)
+
+    worker = asyncio.create_task(work())
+    try:
+        while True:
+            mailbox.put(await socket.receive_text())
+    except (WebSocketDisconnect, KeyError):  # KeyError: a message of bytes
+        pass
+    finally:
+        limit.cancelled = True
+        worker.cancel()
+
+
+def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) -> bytes:
+    """Run what a message asks for, and return the frame of the answer, which carries its number."""
+    number = None
+    try:
+        asked = json.loads(message)
+        if not isinstance(asked, dict):
+            raise CommandError("the request is not a table", remedy="Reload the page.")
+        number = asked.get("number")
+        request = AskedRun.of(asked)
+        return frame_of(request.run(workspace, limit), request.pixels, {"number": number})
+    except Cancelled:
+        error: PneudriveError = CommandError(
+            f"the run took longer than {MOST_SECONDS:g} s on the clock",
+            remedy="Make it shorter, or copy the command and run it in a terminal.",
+        )
+    except PneudriveError as wrong:
+        error = wrong
+    except (ValueError, RecursionError):
+        error = CommandError("the request is not JSON", remedy="Reload the page.")
+    return pack({"number": number, "problems": problems_of(error)}, {})
+
+
+def frame_of(run: Run, pixels: int, head: dict[str, Any]) -> bytes:
+    """Pack what the page draws of a run: time and the columns of its panels, in SI, and what is to be said of it."""
+    columns, panels = {"time_s": run.columns["time_s"]}, []
+    for quantity, si_unit, title in PANELS:
+        names = [name for name in run.columns if _quantity(name) == (quantity, si_unit)][:MOST_CURVES]
+        if not names:
+            continue
+        size, unit = readable(si_unit)
+        curves = [{"column": name, "label": _label(name)} for name in names]
+        panels.append({"title": title, "unit": unit, "size": size, "curves": curves})
+        columns |= {name: run.columns[name] for name in names}
+    about = run.provenance
+    told = {"warnings": about["warnings"], "impacts": about["impacts"][:20], "assumed": len(about["assumed"])}
+    told |= {"steps": about["statistics"]["steps"], "samples": len(columns["time_s"]), "synthetic": True}
+    ends = {name: float(values[-1]) for name, values in columns.items()}
+    return pack(
+        {**head, **told, "panels": panels, "ends": ends, "hash": about["description_hash"]}, _drawn(columns, pixels)
+    )
+
+
+def _drawn(columns: dict[str, Any], pixels: int) -> dict[str, Any]:
+    """Return the columns, of a long run the lowest and the highest value of each pixel in place of its samples."""
+    time = columns["time_s"]
+    if len(time) <= 2 * pixels + 1:
+        return columns
+    edges = np.linspace(0, len(time), pixels + 1).astype(int)
+    middle = (edges[:-1] + edges[1:]) // 2
+    out = {"time_s": np.column_stack([time[edges[:-1]], time[middle]]).ravel()}
+    for name, values in columns.items():
+        if name != "time_s":
+            out[name] = np.column_stack(low_high(np.asarray(values), edges)).ravel()
+    return out
+
+
+def _quantity(column: str) -> tuple[str, str]:
+    """Return the quantity of a column, of whichever component or chamber, and its unit."""
+    name, unit, _ = meaning(column)
+    last = name.rpartition(".")[2]
+    return (last.removesuffix("_a").removesuffix("_b") if last.startswith("pressure") else last), unit
+
+
+def _label(column: str) -> str:
+    return meaning(column)[0].replace("_", " ")

@@ -1,0 +1,78 @@
+"""Frames of a socket or a body: a head of JSON, then arrays that the page reads where they lie.
+
+Length of the head (4 bytes, little-endian), the head, then each array, each on a multiple of 8 bytes.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[Any]
+
+ALIGNED = 8
+TYPES = {"float32": "<f4", "float64": "<f8"}
+
+
+def pack(head: Mapping[str, Any], arrays: Mapping[str, Array]) -> bytes:
+    """Pack a head and arrays of 32- or 64-bit floats.
+
+    The head gets ``arrays``: name, type (``"f4"`` or ``"f8"``), place behind the head and length of each.
+    """
+    listed, blocks, at = [], [], 0
+    for name, values in arrays.items():
+        own = np.ascontiguousarray(values, dtype=TYPES[values.dtype.name])
+        listed.append([name, own.dtype.str[1:], at, len(own)])
+        padding = -own.nbytes % ALIGNED
+        blocks += [own.tobytes(), bytes(padding)]
+        at += own.nbytes + padding
+    text = json.dumps({**head, "arrays": listed}, default=str).encode()
+    text += b" " * (-(4 + len(text)) % ALIGNED)
+    return b"".join([struct.pack("<I", len(text)), text, *blocks])
+
+
+def unpack(frame: bytes) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Read a frame, as the page does.
+
+    Raises
+    ------
+    ValueError
+        The frame is cut off or not one of ours.
+    """
+    if len(frame) < 4:
+        raise ValueError("a frame begins with the length of its head")
+    (length,) = struct.unpack_from("<I", frame)
+    start = 4 + length
+    if start > len(frame):
+        raise ValueError("the head is cut off")
+    head = json.loads(frame[4:start])
+    arrays = {}
+    for name, kind, at, count in head.pop("arrays"):
+        arrays[name] = np.frombuffer(frame, dtype=f"<{kind}", count=count, offset=start + at)
+    return head, arrays
+
+
+def problems_of(error: Any) -> list[dict[str, Any]]:  # noqa: ANN401 - a PneudriveError
+    """Return an error and those that it carries as plain data: line, what, value, rule and remedy."""
+    out = []
+    for one in error.each():
+        line = (one.where or "").rpartition(":")[2]
+        out.append(
+            {
+                "line": int(line) if line.isdigit() else None,
+                "key": getattr(one, "key", None),
+                "what": one.what,
+                "value": None if one.value is None else str(one.value),
+                "rule": one.rule,
+                "remedy": one.remedy,
+            }
+        )
+    return out

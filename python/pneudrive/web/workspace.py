@@ -1,0 +1,207 @@
+"""The folder that the page shows: which files it may touch, and how they are written without losing anything."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import posixpath
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.describe.catalogue import PREFIX
+from pneudrive.describe.written import FILE_PREFIX
+from pneudrive.errors import CommandError
+from pneudrive.files.content import read_text
+from pneudrive.trajectory import whole
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+DESCRIPTIONS = (".toml",)
+TABLES = (".csv", ".parquet", ".nc", ".tdms", ".mf4", ".mat", ".xz", ".txt")
+SUFFIXES = (*DESCRIPTIONS, *TABLES)
+LONGEST = 1024  # characters of a name
+MOST_FILES = 20_000
+HEAD = 1 << 16  # bytes of a TOML file that tell its kind
+#: Kinds of TOML files by what stands at the beginning of a line.
+_KINDS = tuple(
+    (kind, re.compile(rf"^\s*(?:{mark})", re.MULTILINE))
+    for kind, mark in (
+        ("circuit", r"\[\s*components\b|connections\s*="),
+        ("drive", r"\[\s*supply\b|drive\s*=\s*[\"']catalogue:"),
+        ("layout", r"\[\s*columns\b"),
+        ("protocol", r"\[\s*(?:speed|stop)\b"),
+        ("controller", r"law\s*="),
+        ("setup", r"\[\s*sensors\b"),
+        ("fit", r"\[\s*(?:estimates|values|undetermined)\b"),
+        ("rig", r"\[\s*(?:cylinder|rig)\b|kind\s*=\s*[\"']opc-ua"),
+    )
+)
+
+
+class ChangedError(Exception):
+    """The file changed since the page read it; it is not overwritten."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__("the file changed on disk")
+        self.text = text
+
+
+@dataclass(frozen=True)
+class Listed:
+    """One file of the workspace: path from its root, kind, bytes, time of its last change in s."""
+
+    path: str
+    kind: str
+    size: int
+    changed: float
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A folder and the names in it that the page may use."""
+
+    root: Path
+
+    @classmethod
+    def at(cls, folder: Path) -> Workspace:
+        """Open a folder.
+
+        Raises
+        ------
+        CommandError
+            It is not a folder.
+        """
+        if not folder.is_dir():
+            raise CommandError(f"{folder} is not a folder", remedy="Name the folder that holds your drives.")
+        return cls(folder.resolve())
+
+    def path(self, name: str, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
+        """Return the place of a file by its name in the workspace: relative, of a known kind, inside.
+
+        Raises
+        ------
+        CommandError
+            The name leads elsewhere.
+        """
+        parts = name.split("/") if isinstance(name, str) else [""]
+        if not 0 < len(name) <= LONGEST or any(part in ("", ".", "..") or part.startswith(".") for part in parts):
+            raise _refused(name)
+        if any(ord(sign) < 32 or sign in "\\\x7f" or 0xD800 <= ord(sign) < 0xE000 for sign in name):
+            raise _refused(name)
+        if not name.lower().endswith(suffixes):
+            raise CommandError(f"{name} is of no kind that the page opens", rule=", ".join(suffixes))
+        try:
+            place = self.root.joinpath(*parts).resolve()
+        except (OSError, RuntimeError, ValueError):  # a circle of links, or a name that the system does not take
+            raise _refused(name) from None
+        if not place.is_relative_to(self.root):
+            raise _refused(name)
+        return place
+
+    def check_named(self, name: str, tables: dict[str, Any]) -> None:
+        """Refuse a description that names a file outside the workspace; names are relative to its own folder."""
+        for given in _texts(tables):
+            if given.startswith(FILE_PREFIX):
+                beside = posixpath.join(posixpath.dirname(name), given.removeprefix(FILE_PREFIX).strip())
+                self.path(posixpath.normpath(beside), DESCRIPTIONS)
+
+    def files(self) -> list[Listed]:
+        """Return the files that the page knows, by name; not what begins with a dot."""
+        found: list[Listed] = []
+        for entry, path in self._walk(self.root, ""):
+            status = entry.stat()
+            kind = _kind(entry.path, status.st_mtime_ns, status.st_size)
+            found.append(Listed(path, kind, status.st_size, status.st_mtime))
+            if len(found) == MOST_FILES:
+                break
+        return sorted(found, key=lambda one: one.path)
+
+    def _walk(self, folder: Path, before: str) -> Iterator[tuple[os.DirEntry[str], str]]:
+        try:
+            entries = list(os.scandir(folder))
+        except OSError:
+            return
+        for entry in entries:
+            if entry.name.startswith("."):
+                continue
+            if entry.is_dir(follow_symlinks=False):
+                yield from self._walk(Path(entry.path), f"{before}{entry.name}/")
+            elif entry.name.lower().endswith(SUFFIXES) and entry.is_file(follow_symlinks=False):
+                yield entry, f"{before}{entry.name}"
+
+    def read(self, name: str) -> tuple[str, str]:
+        """Return the text of a file and the SHA-256 of its bytes."""
+        path = self.path(name, DESCRIPTIONS)
+        text = read_text(path, CommandError)
+        return text, fingerprint(text)
+
+    def write(self, name: str, text: str, known: str | None) -> str:
+        """Write a file if it is still what the page knows; return its new SHA-256.
+
+        Parameters
+        ----------
+        name, text : str
+        known : str or None
+            SHA-256 of the text that the page read; None for a file that is not there yet.
+
+        Raises
+        ------
+        ChangedError
+            The file is another one now.
+        CommandError
+            The file cannot be written.
+        """
+        path = self.path(name, DESCRIPTIONS)
+        if path.exists():
+            there = read_text(path, CommandError)
+            if fingerprint(there) != known:
+                raise ChangedError(there)
+        elif known is not None:
+            raise ChangedError("")
+        elif not path.parent.is_dir():
+            raise CommandError(f"there is no folder {path.parent.name}", remedy="Make it first.")
+        with whole(path) as temporary:
+            temporary.write_bytes(text.encode())
+        return fingerprint(text)
+
+
+def fingerprint(text: str) -> str:
+    """Return the SHA-256 of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def is_in_catalogue(name: str) -> bool:
+    """Return whether a name is one of the catalogue, which is no file of the workspace."""
+    return name.startswith(PREFIX)
+
+
+def _refused(name: object) -> CommandError:
+    return CommandError(f"{str(name)[:80]!r} is no file of this workspace", rule="a relative name, inside the folder")
+
+
+def _texts(value: object) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for one in value.values():
+            yield from _texts(one)
+    elif isinstance(value, list):
+        for one in value:
+            yield from _texts(one)
+
+
+@lru_cache(maxsize=MOST_FILES)
+def _kind(path: str, _changed_ns: int, _size: int) -> str:
+    """Return the kind of a file; a TOML file is told by its tables."""
+    if not path.lower().endswith(DESCRIPTIONS):
+        return "recording"
+    try:
+        with Path(path).open("rb") as file:
+            head = file.read(HEAD).decode("utf-8", "replace")
+    except OSError:
+        return "unreadable"
+    return next((kind for kind, mark in _KINDS if mark.search(head)), "other")

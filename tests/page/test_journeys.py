@@ -1,0 +1,227 @@
+"""What people do with the page, in a browser, each with a picture at its end in out/page/."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from page.conftest import DRIVE, ROOT, Server, Tab
+
+AXE = ROOT / "page" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
+Open = Callable[..., Tab]
+
+
+def drag(tab: Tab, key: str, to: float) -> None:
+    """Drag a slider to a share of its way, in many small moves."""
+    box = tab.page.locator(f"input[type=range]#slider-{key.replace('.', chr(92) + '.')}").bounding_box()
+    y, left, width = box["y"] + 0.5 * box["height"], box["x"] + 8, box["width"] - 16
+    tab.page.mouse.move(left + 0.3 * width, y)
+    tab.page.mouse.down()
+    for step in range(31):
+        tab.page.mouse.move(left + (0.3 + (to - 0.3) * step / 30) * width, y)
+    tab.page.mouse.up()
+
+
+def settled(tab: Tab) -> dict[str, str]:
+    """Wait until the newest answer is drawn; return what the page counts."""
+    for _ in range(300):
+        counts = dict(tab.page.evaluate("() => ({...document.documentElement.dataset})"))
+        if counts.get("sent") and counts["sent"] == counts["drawn"]:
+            tab.page.wait_for_timeout(60)
+            again = dict(tab.page.evaluate("() => ({...document.documentElement.dataset})"))
+            if again == counts:
+                return counts
+        tab.page.wait_for_timeout(30)
+    raise AssertionError(counts)
+
+
+def at_end(tab: Tab, column: str) -> float:
+    return float(tab.page.get_attribute(f"[data-end={column}]", "data-si"))
+
+
+def violations(tab: Tab) -> list[str]:
+    tab.page.evaluate(AXE.read_text())
+    found = tab.page.evaluate("() => axe.run(document, {resultTypes: ['violations']})")
+    return [f"{one['id']}: {node['html']}" for one in found["violations"] for node in one["nodes"]]
+
+
+def test_first_minute(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+    tab = open_tab(server.address)
+    page = tab.page
+    page.click("text=axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    assert "token" not in page.url
+    before = settled(tab)
+    start = at_end(tab, "position_m")
+    drive = pn.Drive.load(server.folder / "axis.toml")
+    assert start == pn.simulate(drive, "0 s: 1, 1 s: -1", "2 s").position[-1]
+
+    page.fill("label:has-text('Duration') input", "0.2 s")
+    page.click("text=Freeze the curves")
+    drag(tab, "friction.coulomb", 0.45)
+    counts = settled(tab)
+    assert int(counts["sent"]) > int(before["sent"]) + 3  # it follows while it is dragged
+    assert counts["mostOnTheWay"] == "1"
+    page.click("text=Copy as command or Python")
+    code = page.inner_text("[data-copy=python]")
+    monkeypatch.chdir(server.folder)
+    names: dict = {}
+    exec(code, names)
+    assert "friction.coulomb" in code
+    assert at_end(tab, "position_m") == names["run"].position[-1]
+    assert at_end(tab, "pressure_a_pa") == names["run"].pressure_a[-1]
+    assert page.locator("figure.plot").count() == 4
+    tab.picture("first-minute")
+    tab.check()
+
+
+def test_drive_by_text_and_by_form(server: Server, open_tab: Open) -> None:
+    tab = open_tab(server.address)
+    page = tab.page
+    page.click("text=axis.toml")
+    page.click("nav >> text=Drive")
+    page.wait_for_selector(".cm-content")
+    page.wait_for_selector(".fields")
+    page.fill("input[aria-label='friction.coulomb']", "31 N")
+    page.keyboard.press("Tab")
+    page.wait_for_selector(".cm-content >> text=31 N")
+    assert "# measured" in page.inner_text(".cm-content")
+
+    page.click(".cm-line >> nth=4")
+    page.keyboard.press("End")
+    page.keyboard.type("\nbreakaway = 3")
+    page.wait_for_selector(".problem >> text=has no unit")
+    assert page.inner_text(".problem button") == "line 6"
+    assert page.locator(".cm-lint-marker-error").count() == 1
+    tab.picture("drive-problem")
+    for _ in range(len("\nbreakaway = 3")):
+        page.keyboard.press("Backspace")
+    page.wait_for_selector("text=No problems.")
+
+    page.focus("g[data-key=cylinder]")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("text=Values of cylinder.")
+    assert page.locator("input[aria-label='valve.kind']").count() == 0
+    page.click("button:text-is('Save')")
+    page.wait_for_selector("text=Saved axis.toml.")
+    assert (server.folder / "axis.toml").read_text() == DRIVE.replace("28 N", "31 N")
+
+    (server.folder / "axis.toml").write_text("name = 'theirs'\n")
+    page.fill("input[aria-label='friction.coulomb']", "32 N")
+    page.keyboard.press("Tab")
+    page.click("button:text-is('Save')")
+    page.wait_for_selector("text=changed on disk")
+    assert (server.folder / "axis.toml").read_text() == "name = 'theirs'\n"
+    tab.picture("drive")
+    assert len(tab.complaints) == 1  # the browser's own line on the refused request
+    assert "412" in tab.complaints.pop()
+    tab.check()
+
+
+def test_everything_by_keyboard(server: Server, open_tab: Open) -> None:
+    tab = open_tab(server.address)
+    page = tab.page
+    page.wait_for_selector("text=axis.toml")
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        if page.evaluate("() => document.activeElement.textContent") == "axis.toml":
+            break
+    page.keyboard.press("Enter")
+    page.wait_for_selector("[data-end=position_m]")
+    settled(tab)
+    before = at_end(tab, "pressure_b_pa")
+    for _ in range(20):
+        page.keyboard.press("Tab")
+        if page.evaluate("() => document.activeElement.id") == "slider-supply.pressure":
+            break
+    for _ in range(5):
+        page.keyboard.press("ArrowRight")
+    settled(tab)
+    assert at_end(tab, "pressure_b_pa") > before
+    assert "bar" in page.get_attribute("[id='slider-supply.pressure']", "aria-valuetext")
+    page.locator("summary >> nth=0").focus()
+    page.keyboard.press("Enter")
+    assert page.locator("figure.plot table[class='']").count() + page.locator("figure.plot td").count() > 0
+    tab.check()
+
+
+@pytest.mark.parametrize("look", ["light", "dark"])
+def test_no_view_has_a_violation_of_accessibility(server: Server, open_tab: Open, look: str) -> None:
+    tab = open_tab(server.address, look)
+    page = tab.page
+    page.wait_for_selector("text=axis.toml")
+    assert violations(tab) == []
+    page.click("text=axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    page.wait_for_selector("svg.circuit")
+    page.click("summary >> nth=0")
+    page.click("text=Copy as command or Python")
+    page.wait_for_selector("[data-copy=python]")
+    assert violations(tab) == []
+    page.click("nav >> text=Drive")
+    page.wait_for_selector(".cm-content")
+    page.wait_for_selector("g[data-key=cylinder]")
+    assert violations(tab) == []
+    tab.picture(f"drive-{look}")
+
+
+def test_the_server_is_killed_while_a_slider_is_dragged(server: Server, open_tab: Open) -> None:
+    tab = open_tab(server.address)
+    page = tab.page
+    page.click("text=axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    drag(tab, "friction.coulomb", 0.4)
+    os.kill(server.process.pid, signal.SIGKILL)
+    drag(tab, "friction.coulomb", 0.44)
+    page.wait_for_selector("[data-connection=lost]")
+    assert "does not answer" in page.inner_text("[data-connection]")
+    kept = page.input_value("input[aria-label='friction.coulomb, N']")
+    tab.picture("server-gone")
+
+    again = Server.start(server.folder, server.port)
+    try:
+        open_tab(again.address).page.wait_for_selector("text=axis.toml")
+        page.wait_for_selector("[data-connection=open]", state="attached")
+        settled(tab)
+        assert page.input_value("input[aria-label='friction.coulomb, N']") == kept
+        drive = pn.Drive.load(server.folder / "axis.toml").replace({"friction.coulomb": f"{kept} N"})
+        expected = pn.simulate(drive, "0 s: 1, 1 s: -1", "2 s")
+        assert at_end(tab, "pressure_a_pa") == expected.pressure_a[-1]
+    finally:
+        again.end()
+
+
+def test_text_of_files_stays_text(server: Server, open_tab: Open) -> None:
+    hostile = "<img src=x onerror=document.title=1><script>document.title=2</script>"
+    (server.folder / "evil.toml").write_text(DRIVE.replace("my axis", hostile))
+    (server.folder / "<img src=x onerror=document.title=3>.toml").write_text(DRIVE)
+    tab = open_tab(server.address)
+    page = tab.page
+    page.wait_for_selector("text=<img src=x onerror=document.title=3>.toml")
+    page.click("text=evil.toml")
+    page.wait_for_selector("svg.circuit")
+    assert page.inner_text("h2 >> nth=0") == hostile
+    assert hostile in page.locator("svg.circuit text").all_inner_texts() or hostile in page.text_content("svg.circuit")
+    assert page.locator("img").count() == 0
+    assert page.title() == "pneudrive"
+    tab.check()
+
+
+def test_the_first_page_is_small() -> None:
+    import gzip
+    import re
+
+    built = ROOT / "python" / "pneudrive" / "web" / "built"
+    index = (built / "index.html").read_text()
+    files = [built / "index.html", *(built / name for name in re.findall(r'(?:src|href)="/(assets/[^"]+)"', index))]
+    assert len(files) >= 3
+    sizes = [len(gzip.compress(path.read_bytes())) for path in files]
+    assert sum(sizes) < 100_000
+    assert np.all(sizes)
+    assert Path(AXE).is_file()

@@ -1,0 +1,223 @@
+"""What the views answer: the page's numbers are those of Python and of the command line, to the last bit."""
+
+from __future__ import annotations
+
+import json
+import shlex
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import pneudrive as pn
+from pneudrive.cli.main import run as run_command
+from pneudrive.web.asked_run import RunLimit
+from pneudrive.web.live import answer
+from pneudrive.web.messages import pack, unpack
+from pneudrive.web.workspace import Workspace
+from web.conftest import DRIVE, Served
+
+CHANGED = {"friction.coulomb": "31 N", "valve.critical_pressure_ratio": 0.35}
+ASKED = {
+    "path": "axis.toml",
+    "changes": CHANGED,
+    "command": "0 s: 1, 0.1 s: -0.5",
+    "duration": "0.2 s",
+    "initial": "position = 50 mm",
+}
+COLUMNS = {
+    "position_m": "position",
+    "velocity_m_s": "velocity",
+    "pressure_a_pa": "pressure_a",
+    "pressure_b_pa": "pressure_b",
+}
+
+
+def post(served: Served, path: str, body: object, status: int = 200) -> dict:
+    answered = served.client.post(path, json=body, headers=served.headers)
+    assert answered.status_code == status, answered.text
+    return answered.json()
+
+
+def test_page_command_and_python_give_the_same_bits(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    copied = post(served, "/api/copy", ASKED)
+    with served.client.websocket_connect("/api/live", **served.socket) as socket:
+        socket.send_text(json.dumps({"number": 7} | ASKED))
+        head, drawn = unpack(socket.receive_bytes())
+    assert head["number"] == 7
+    assert head["synthetic"]
+
+    monkeypatch.chdir(served.folder)
+    names: dict = {}
+    exec(copied["python"], names)
+    program, *words = shlex.split(copied["command"])
+    assert program == "pneudrive"
+    assert run_command(words) == 0
+    table = pl.read_parquet("axis.parquet")
+    assert head["hash"] == names["run"].attrs["description_hash"]
+    for column, name in COLUMNS.items():
+        assert np.array_equal(drawn[column], names["run"][name].to_numpy())
+        assert np.array_equal(drawn[column], table[column].to_numpy())
+    unchanged = pn.simulate(pn.Drive.load("axis.toml"), ASKED["command"], "0.2 s", initial=ASKED["initial"])
+    assert not np.array_equal(drawn["position_m"], unchanged.position.to_numpy())  # the sliders count
+
+
+def test_a_circuit_is_copied_too(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = pn.Drive.load(served.folder / "axis.toml")
+    (served.folder / "pair.toml").write_text(drive.circuit.to_toml())
+    changes = {"components.cylinder.moving_mass": "3 kg"}
+    asked = {"path": "pair.toml", "changes": changes, "command": ["valve: 0 s: 1"], "duration": "0.1 s"}
+    _, drawn = unpack(answer(Workspace.at(served.folder), json.dumps(asked)))
+    copied = post(served, "/api/copy", asked)
+    monkeypatch.chdir(served.folder)
+    names: dict = {}
+    exec(copied["python"], names)
+    assert run_command(shlex.split(copied["command"])[1:]) == 0
+    at_end = drawn["cylinder.position_m"][-1]
+    assert at_end == names["run"]["cylinder.position"].to_numpy()[-1]
+    assert at_end == pl.read_parquet("pair.parquet")["cylinder.position_m"][-1]
+
+
+def test_the_newest_of_waiting_requests_is_answered(served: Served) -> None:
+    with served.client.websocket_connect("/api/live", **served.socket) as socket:
+        for number in range(1, 41):
+            socket.send_text(json.dumps({"number": number} | ASKED | {"duration": "4 s", "command": "0 s: 1, 2 s: -1"}))
+        numbers = []
+        while not numbers or numbers[-1] != 40:
+            numbers.append(unpack(socket.receive_bytes())[0]["number"])
+    assert numbers == sorted(numbers)
+    assert len(numbers) < 40
+
+
+def test_a_run_too_long_for_the_page_is_refused_in_words(served: Served) -> None:
+    workspace = Workspace.at(served.folder)
+    head, _ = unpack(answer(workspace, json.dumps(ASKED | {"duration": "1001 s"})))
+    assert "samples are too many" in head["problems"][0]["what"]
+    chatter = ASKED | {"duration": "900 s", "command": ", ".join(f"{0.05 * k:g} s: {(-1) ** k}" for k in range(3000))}
+    head, _ = unpack(answer(workspace, json.dumps(chatter), RunLimit(0.02)))
+    assert "took longer than 2 s" in head["problems"][0]["what"]
+
+
+@pytest.mark.parametrize(
+    "command", ["secret.csv", "valve: /etc/passwd", "secret", "/etc/hostname", "../x", "valve:secret"]
+)
+def test_a_command_is_never_a_file(served: Served, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(served.folder)
+    for name in ("secret.csv", "secret"):
+        (served.folder / name).write_text("root:x:0:0")
+    head, _ = unpack(answer(Workspace.at(served.folder), json.dumps(ASKED | {"command": command})))
+    assert "is not one" in head["problems"][0]["what"]
+    assert "root" not in json.dumps(head)
+
+
+def test_a_long_run_is_drawn_without_losing_an_extreme(served: Served) -> None:
+    asked = ASKED | {"duration": "3 s", "rate": "10 kHz", "pixels": 300, "command": "0 s: 1, 1 s: -1"}
+    head, drawn = unpack(answer(Workspace.at(served.folder), json.dumps(asked)))
+    drive = pn.Drive.load(served.folder / "axis.toml").replace(CHANGED)
+    run = pn.simulate(drive, asked["command"], "3 s", initial=asked["initial"], sample_rate="10 kHz")
+    assert head["samples"] == 30001
+    assert all(len(values) == 600 for values in drawn.values())  # at most 4 x pixels
+    for column, name in COLUMNS.items():
+        assert drawn[column].max() == run[name].max()
+        assert drawn[column].min() == run[name].min()
+        assert head["ends"][column] == run[name][-1]
+
+
+def test_all_problems_come_with_their_lines(served: Served) -> None:
+    text = DRIVE.replace('"28 N"', '"28 bar"').replace("mass", "mas")
+    found = post(served, "/api/check", {"path": "axis.toml", "text": text})["problems"]
+    assert [one["line"] for one in found] == [5, 8]
+    assert "Did you mean 'mass'?" in found[1]["remedy"]
+    broken = post(served, "/api/check", {"path": "axis.toml", "text": "name = "})["problems"]
+    assert broken[0]["line"] == 1
+    assert "values" not in broken
+
+
+def test_values_say_where_they_come_from(served: Served) -> None:
+    found = post(served, "/api/check", {"path": "axis.toml", "text": DRIVE})
+    values = {one["key"]: one for one in found["values"]}
+    assert values["friction.coulomb"] | {"low": 0, "high": 0} == {
+        "key": "friction.coulomb",
+        "text": "28 N",
+        "number": 28.0,
+        "unit": "N",
+        "kind": "given",
+        "origin": "",
+        "low": 0,
+        "high": 0,
+    }
+    assert values["friction.breakaway"]["kind"] == "assumed"
+    assert values["load.force"]["kind"] == "default"
+    assert "friction.coulomb" in found["sliders"]
+
+
+def test_an_edit_keeps_comments_and_order(served: Served) -> None:
+    text = post(served, "/api/edit", {"text": DRIVE, "key": "friction.coulomb", "value": "31 N"})["text"]
+    assert text == DRIVE.replace("28 N", "31 N")
+    text = post(served, "/api/edit", {"text": text, "key": "valve.critical_pressure_ratio", "value": 0.4})["text"]
+    drive = pn.Drive.load(_written(served, text))
+    assert drive.valve.critical_pressure_ratio == 0.4
+    assert text.startswith('drive = "catalogue:reference"   # made up\n')
+    refused = post(served, "/api/edit", {"text": DRIVE, "key": "name.first", "value": "x"}, 400)
+    assert "not a table" in refused["problems"][0]["what"]
+
+
+def _written(served: Served, text: str) -> str:
+    path = served.folder / "edited.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def test_a_file_is_saved_by_whoever_knows_it(served: Served) -> None:
+    known = served.client.get("/api/file", params={"path": "axis.toml"}, headers=served.headers).json()
+    assert known["text"] == DRIVE
+    tag = served.headers | {"if-match": f'"{known["sha256"]}"'}
+    answered = served.client.put("/api/file?path=axis.toml", json={"text": DRIVE + "#\n"}, headers=tag)
+    assert answered.status_code == 200
+    late = served.client.put("/api/file?path=axis.toml", json={"text": "lost"}, headers=tag)
+    assert late.status_code == 412
+    assert late.json()["text"] == DRIVE + "#\n"
+    assert (served.folder / "axis.toml").read_text() == DRIVE + "#\n"
+    outside = served.client.get("/api/file", params={"path": "../axis.toml"}, headers=served.headers)
+    assert outside.status_code == 400
+
+
+def test_the_drawing_has_every_component_and_no_markup(served: Served) -> None:
+    hostile = DRIVE.replace("my axis", "<img src=x onerror=alert(1)>")
+    found = post(served, "/api/drawing", {"path": "axis.toml", "text": hostile})
+    assert {"supply", "valve", "cylinder"} <= {one["component"] for one in found["shapes"]}
+    assert "<img src=x onerror=alert(1)>" in [
+        one["text"] for one in found["shapes"]
+    ]  # text, which the page shows as text
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.dictionaries(st.text(max_size=8), st.lists(st.floats(width=32), max_size=9), max_size=4), st.text(max_size=9))
+def test_frames_are_read_back_and_aligned(arrays: dict[str, list[float]], said: str) -> None:
+    given_arrays = {name: np.array(values, "f4" if len(values) % 2 else "f8") for name, values in arrays.items()}
+    frame = pack({"said": said}, given_arrays)
+    assert len(frame) % 8 == 0
+    head, found = unpack(frame)
+    assert head == {"said": said}
+    assert found.keys() == given_arrays.keys()
+    for name, values in given_arrays.items():
+        assert found[name].dtype == values.dtype
+        assert np.array_equal(found[name], values, equal_nan=True)
+
+
+def test_what_is_no_request_is_answered_in_words(served: Served) -> None:
+    workspace = Workspace.at(served.folder)
+    for message in (
+        "",
+        "[]",
+        "{}",
+        '{"path": 3}',
+        "[" * 20000,
+        '{"path": "axis.toml", "changes": {"a": [1]}}',
+        "\ud800",
+    ):
+        head, arrays = unpack(answer(workspace, message))
+        assert head["problems"]
+        assert not arrays

