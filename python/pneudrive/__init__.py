@@ -23,6 +23,9 @@ require_processor()
 if TYPE_CHECKING:
     from pneudrive import control as control
     from pneudrive import report as report
+    from pneudrive.datasheet.equilibrium import equilibrium as equilibrium
+    from pneudrive.datasheet.linear import linearise as linearise
+    from pneudrive.datasheet.registry import characteristic as characteristic
     from pneudrive.describe import Ambient as Ambient
     from pneudrive.describe import Circuit as Circuit
     from pneudrive.describe import Cylinder as Cylinder
@@ -75,6 +78,9 @@ _HOME = {
     "save": "pneudrive.trajectory",
     **dict.fromkeys(["characterise", "characteristics"], "pneudrive.friction.campaign.characteristics"),
     "compare": "pneudrive.friction.campaign.compare.comparison",
+    "characteristic": "pneudrive.datasheet.registry",
+    "equilibrium": "pneudrive.datasheet.equilibrium",
+    "linearise": "pneudrive.datasheet.linear",
     "Differentiable": "pneudrive.gradients.differentiable",
     **dict.fromkeys(["fit_any_law", "fit_friction"], "pneudrive.identify"),
     "compare_laws": "pneudrive.identify.laws",

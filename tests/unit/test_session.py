@@ -291,3 +291,14 @@ def test_a_call_costs_two_microseconds_beside_the_integration():
 
     assert least(lambda: session.advance(0.01)) < 2e-6
     assert least(lambda: session.set("command", 0.0)) < 2e-6
+
+
+@pytest.mark.parametrize("valve", [{}, {"leakage": 0.01}, {"frequency": "100 Hz"}])
+def test_outputs_of_a_linearised_circuit_have_their_own_names(valve):
+    tables = REFERENCE.circuit.to_dict()
+    tables["components"]["valve"] |= valve
+    session = pn.Circuit.model_validate(tables).start()
+    for command in (0.0, 0.4):
+        session.set("valve.command", command)
+        linear = session.linearise()
+        assert [session.read(name) for name in linear.outputs] == pytest.approx(linear.output.tolist(), rel=1e-9)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from pneudrive.report.control import plot_control as plot_control
     from pneudrive.report.control import plot_reference as plot_reference
     from pneudrive.report.control_page import write_control_report as write_control_report
+    from pneudrive.report.datasheet_figures import plot_characteristic as plot_characteristic
     from pneudrive.report.layout_figure import write_layout_figure as write_layout_figure
     from pneudrive.report.lines_figure import plot_lines as plot_lines
     from pneudrive.report.pressure import plot_pressure as plot_pressure
@@ -24,6 +25,7 @@ _HOMES = {
     "circuit_drawing": ["draw_circuit"],
     "control": ["plot_control", "plot_reference"],
     "control_page": ["write_control_report"],
+    "datasheet_figures": ["plot_characteristic"],
     "layout_figure": ["write_layout_figure"],
     "lines_figure": ["plot_lines"],
     "pressure": ["plot_pressure"],
@@ -36,6 +38,7 @@ __all__ = [
     "Reproduction",  # pyright: ignore[reportUnsupportedDunderAll]
     "draw_circuit",
     "plot",
+    "plot_characteristic",
     "plot_control",
     "plot_lines",
     "plot_pressure",

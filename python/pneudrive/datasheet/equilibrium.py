@@ -1,0 +1,265 @@
+"""Steady states of a drive: gas at rest in itself, the piston pinned or at a constant velocity."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive import units
+from pneudrive.datasheet.plant import HeldDrive
+from pneudrive.errors import CommandError, DescriptionError, SimulationError
+from pneudrive.show import Card, Shown
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+
+    Array = NDArray[np.float64]
+
+SETTLED = 1e-9  # rates of pressures and temperatures over their values, 1/s; of the velocity, m/s2; last step of both
+STEP, MOST_STEPS = 1e-7, 200  # of difference quotients of the rates; of the search
+FIRST_S, GROWTH, LESS = 1e-2, 6.0, 1.0  # first time step of the search; its growth, and after a step cut short
+LONGEST = (0.5, 0.1, 1.0)  # steps of ln p, ln T and the velocity, m/s
+HELD = 1e-3  # change of ln p that must act on a rate
+DAMPED, SHORTER = 0.9, (1.0, 0.5, 0.2, 0.05)  # a step after which rates are not below this share is tried shorter
+LEAST = (
+    1e-13  # of a singular value: what does not act on the rates keeps its start (the temperature of gas that leaves)
+)
+SLOWEST = 1e-5  # m/s: a piston that does not get faster rests
+HIGHEST = 50.0  # times the supply: no steady state has such a pressure
+
+
+@dataclass(frozen=True, repr=False)
+class Equilibrium(Shown):
+    """A steady state: no pressure and no temperature changes.
+
+    Attributes
+    ----------
+    command, position_m, velocity_m_s : float
+    pressure_a_pa, pressure_b_pa : float
+        Absolute.
+    temperature_a_k, temperature_b_k : float
+    gas_force_n : float
+        On the piston in +x, of gas, weight and springs.
+    friction_n : float
+        Steady friction against the motion, with the sign of the velocity; 0 at rest.
+    load_n : float
+        External force in +x that balances the piston; at rest it holds it without friction.
+    """
+
+    command: float
+    position_m: float
+    velocity_m_s: float
+    pressure_a_pa: float
+    pressure_b_pa: float
+    temperature_a_k: float
+    temperature_b_k: float
+    gas_force_n: float
+    friction_n: float
+    load_n: float
+
+    def _card(self) -> Card:
+        rows = [
+            ("command", f"{self.command:g}"),
+            ("position, velocity", f"{1e3 * self.position_m:.5g} mm, {self.velocity_m_s:.5g} m/s"),
+            ("pressures", f"{1e-5 * self.pressure_a_pa:.5g}, {1e-5 * self.pressure_b_pa:.5g} bar abs"),
+            ("temperatures", f"{self.temperature_a_k:.5g}, {self.temperature_b_k:.5g} K"),
+            ("force of the gas", f"{self.gas_force_n:.5g} N"),
+            ("friction", f"{self.friction_n:.5g} N"),
+            ("load that balances it", f"{self.load_n:.5g} N"),
+        ]
+        return Card("equilibrium", rows=rows)
+
+
+def equilibrium(
+    drive: Drive | Circuit,
+    command: float,
+    *,
+    position: str | float | None = None,
+    velocity: str | float | None = None,
+    load: str | float | None = None,
+) -> Equilibrium:
+    """Return the steady state of a drive under a command.
+
+    The rates are those of the core at each state that is tried; a damped Newton method takes them to zero.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+        One piston on one commanded valve.
+    command : float
+        In [-1, 1].
+    position : str or float, optional
+        Where the piston is, ``"120 mm"`` or in m; by default mid stroke.
+    velocity : str or float, optional
+        Imposed, ``"0.2 m/s"`` or in m/s; the load that balances it follows. The default is 0, a pinned piston.
+    load : str or float, optional
+        Force in +x, ``"-100 N"`` or in N, in place of `velocity`: the velocity under it follows.
+
+    Returns
+    -------
+    Equilibrium
+
+    Raises
+    ------
+    CommandError
+        The command, the position, the velocity or the load is not valid.
+    SimulationError
+        There is no such state: under a shut valve without leaks, any pressure is one.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> drive = pn.Drive.load("catalogue:reference")
+    >>> round(pn.equilibrium(drive, 0.6, load=0.0).velocity_m_s, 4)
+    2.4249
+    """
+    plant = HeldDrive(drive)
+    x = 0.5 * plant.stroke_m if position is None else number_of(position, "m", "position")
+    if not 0.0 <= x <= plant.stroke_m:
+        raise CommandError(f"position = {x:g} m is out of bounds", rule=f"0 to the stroke, {plant.stroke_m:g} m")
+    if load is None:
+        return at_velocity(plant, command, x, 0.0 if velocity is None else number_of(velocity, "m/s", "velocity"))
+    if velocity is not None:
+        raise CommandError("velocity and load are both given", remedy="Give one; the other one follows.")
+    return under_load(plant, command, x, number_of(load, "N", "load"))
+
+
+def number_of(given: str | float, unit: str, what: str) -> float:
+    """Return a quantity in SI.
+
+    Raises
+    ------
+    CommandError
+        It cannot be read, or is not finite.
+    """
+    try:
+        value = units.parse(given, unit) if isinstance(given, str) else float(given)
+    except DescriptionError as error:
+        raise CommandError(f"{what}: {error.what}", rule=error.rule, remedy=error.remedy) from None
+    if not math.isfinite(value):
+        raise CommandError(f"{what} = {given} is not finite")
+    return value
+
+
+def at_velocity(
+    plant: HeldDrive, command: float, position: float, velocity: float, guess: Array | None = None
+) -> Equilibrium:
+    """Return the steady state at an imposed velocity; see `equilibrium`."""
+    gas = _SteadySearch(plant, command, position).settle(velocity, guess)
+    return state_at(plant, command, position, velocity, gas)
+
+
+def state_at(plant: HeldDrive, command: float, position: float, velocity: float, gas: Array) -> Equilibrium:
+    """Return a state with pressures and temperatures of shape (nodes, 2) as an equilibrium."""
+    force = plant.rates(plant.session(command, position, velocity, gas)).force
+    friction = plant.sliding(velocity, plant.pressures(gas), position) if velocity else 0.0
+    (p_a, t_a), (p_b, t_b) = plant.chamber(gas, "a"), plant.chamber(gas, "b")
+    return Equilibrium(command, position, velocity, p_a, p_b, t_a, t_b, force, friction, friction - force)
+
+
+def under_load(plant: HeldDrive, command: float, position: float, load: float) -> Equilibrium:
+    """Return the steady motion that a drive at rest reaches under a load in +x; its velocity is 0 if it stays."""
+    search = _SteadySearch(plant, command, position, load, free=True)
+    gas = search.settle(search.toward * SLOWEST)
+    velocity = 0.0 if search.rests else search.velocity
+    return state_at(plant, command, position, velocity, gas)
+
+
+class _SteadySearch:
+    """Search of a steady state: the drive's own rates with the position held, integrated with growing steps.
+
+    Unknowns are ln p and ln T of all nodes and, under a load, the velocity. A step is an implicit one of Euler; as it
+    grows, it becomes one of Newton. So the search follows what the drive does and ends where the drive would.
+    """
+
+    def __init__(
+        self, plant: HeldDrive, command: float, position: float, load: float = 0.0, *, free: bool = False
+    ) -> None:
+        self.plant, self.command, self.position, self.load, self.free = plant, command, position, load, free
+        self.toward = math.copysign(1.0, command)
+        self.velocity, self.rests = 0.0, False
+
+    def _rates(self, z: Array) -> Array:
+        gas = self._gas(z)
+        found = self.plant.rates(self.plant.session(self.command, self.position, z[-1], gas))
+        friction = self.plant.sliding(z[-1], self.plant.pressures(gas), self.position) if self.free else 0.0
+        return np.concatenate(
+            [found.pressure, found.temperature, [(found.force + self.load - friction) / self.plant.mass]]
+        )
+
+    def _gas(self, z: Array) -> Array:
+        return np.exp(z[:-1].reshape(2, -1).T)
+
+    def settle(self, velocity: float, gas: Array | None = None) -> Array:
+        """Return pressures and temperatures of all nodes, shape (nodes, 2).
+
+        Raises
+        ------
+        SimulationError
+            None was found.
+        """
+        supply, (ambient, temperature) = self.plant.supply_pa, self.plant.ambient
+        if gas is None:
+            gas = np.tile([0.5 * (supply + ambient), temperature], (len(self.plant.nodes), 1))
+        z = np.r_[np.log(gas).T.ravel(), velocity]
+        lasting, step = FIRST_S, np.inf
+        for _ in range(MOST_STEPS):
+            found = self._rates(z)
+            self.rests = self.free and self.toward * z[-1] <= SLOWEST and self.toward * found[-1] <= 0.0
+            own = z.size if self.free and not self.rests else z.size - 1
+            if np.max(np.abs(found[:own])) < SETTLED and np.max(np.abs(step)) < SETTLED:
+                self.velocity = float(z[-1])
+                self._check_held(z, found[:own])
+                return self._gas(z)
+            step, far = self._step(z, found, own, lasting)
+            share = self._damped(z, step, found, own)
+            lasting *= GROWTH if share == 1.0 and not far else LESS
+            z[:own] += share * step
+            if np.max(z[: len(self.plant.nodes)]) > math.log(HIGHEST * supply):
+                break
+            if self.free and self.toward * z[-1] < SLOWEST:
+                z[-1] = self.toward * SLOWEST
+        raise SimulationError(
+            f"there is no steady state at command = {self.command:g}, velocity = {float(z[-1]):.3g} m/s",
+            remedy="A shut valve holds any pressure. Gas that leaves at its speed of sound limits the velocity.",
+        )
+
+    def _check_held(self, z: Array, found: Array) -> None:
+        """Raise an error where a pressure acts on nothing: it is what it was."""
+        for k, node in enumerate(self.plant.nodes):
+            beside = z.copy()
+            beside[k] += HELD
+            if np.max(np.abs(self._rates(beside)[: found.size] - found)) < SETTLED:
+                raise SimulationError(
+                    f"{node} holds any pressure at command = {self.command:g}",
+                    remedy="Open the valve, or describe its leakage.",
+                )
+
+    def _damped(self, z: Array, step: Array, found: Array, own: int) -> float:
+        """Return the share of a step to take: flow near equal pressures turns sharply, and full steps jump across."""
+
+        def left(share: float) -> float:
+            return float(np.max(np.abs(self._rates(np.r_[z[:own] + share * step, z[own:]])[:own])))
+
+        if left(1.0) < DAMPED * np.max(np.abs(found[:own])):
+            return 1.0
+        return min(SHORTER, key=left)
+
+    def _step(self, z: Array, found: Array, own: int, lasting: float) -> tuple[Array, bool]:
+        """Return an implicit step over a time, and whether it was too long and is cut."""
+        slopes = np.empty((own, own))
+        for k in range(own):
+            beside = z.copy()
+            beside[k] += STEP
+            slopes[:, k] = (self._rates(beside)[:own] - found[:own]) / STEP
+        step = np.linalg.lstsq(np.eye(own) / lasting - slopes, found[:own], rcond=LEAST)[0]
+        count = len(self.plant.nodes)
+        longest = np.r_[np.repeat(LONGEST[:2], count), LONGEST[2]][:own]
+        over = float(np.max(np.abs(step) / longest))
+        return np.asarray(step / max(1.0, over), dtype=np.float64), over > 1.0

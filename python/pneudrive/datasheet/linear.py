@@ -1,0 +1,168 @@
+"""The drive as a linear model: exact derivatives of the core, with the caller's choice of friction and of opening."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from pneudrive.datasheet.equilibrium import number_of
+from pneudrive.datasheet.plant import HeldDrive
+from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.units import parse_pressure
+
+if TYPE_CHECKING:
+    from control import StateSpace
+    from numpy.typing import NDArray
+
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+    from pneudrive.session import Linear
+
+    Array = NDArray[np.float64]
+
+FRICTIONS = ("presliding", "sliding", "none")
+OPENINGS = {"+": 1.0, "-": -1.0}
+SIDE = 1e-9  # of the command: one side of a shut valve
+MOVING = 1e-9  # m/s: a contact that slips
+STEP = 1e-3  # share of a velocity over which the slope of sliding friction is taken
+
+
+def linearise(
+    drive: Drive | Circuit,
+    *,
+    position: str | float | None = None,
+    pressures: tuple[str | float, str | float] | str | float | None = None,
+    command: float = 0.0,
+    opening: Literal["+", "-"] = "+",
+    friction: Literal["presliding", "sliding", "none"] = "sliding",
+    velocity: str | float = 0.0,
+) -> StateSpace:
+    """Return the linear model of a drive about a state, as a `control.StateSpace` (extra ``linear``).
+
+    ``x' = A x + B u`` of deviations from the state; gas at ambient temperature. A comes from the core's duals.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+        One piston on one commanded valve.
+    position : str or float, optional
+        ``"120 mm"`` or in m; by default mid stroke.
+    pressures : pair of str or float, or one for both, optional
+        Absolute pressures of chambers a and b, ``"3 bar abs"`` or in Pa; by default those between supply and ambient.
+    command : float
+        At which the valve stands.
+    opening : {"+", "-"}
+        Side from which a shut valve is seen: its flow has another slope to each side. Only for ``command = 0``.
+    friction : {"presliding", "sliding", "none"}
+        ``"presliding"``: the contact at rest, bristles as springs (a contact that sticks does not move at all);
+        ``"sliding"``: the slope of the steady friction over velocity, at `velocity`, or at rest its viscous part far
+        above the Stribeck velocity; ``"none"``.
+    velocity : str or float
+        At which the piston moves.
+
+    Returns
+    -------
+    control.StateSpace
+        States, inputs (command, load_force, supply_pressure) and outputs (position, velocity, pressures) by name, with
+        units; in SI.
+
+    Raises
+    ------
+    CommandError
+        A value is not valid, or python-control is not installed.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> model = pn.linearise(pn.Drive.load("catalogue:reference"), pressures="3 bar abs", friction="none")
+    >>> model.input_labels
+    ['command', 'load_force_n', 'supply_pressure_pa']
+    """
+    try:
+        import control
+    except ImportError:
+        raise CommandError("python-control is not installed", remedy="pip install pneudrive[linear]") from None
+    plant = HeldDrive(drive)
+    x = 0.5 * plant.stroke_m if position is None else number_of(position, "m", "position")
+    v = number_of(velocity, "m/s", "velocity")
+    if opening not in OPENINGS:
+        raise CommandError(f'opening = "{opening}" is not known', remedy='"+" or "-"')
+    side = command if command else OPENINGS[opening] * SIDE
+    found = linear_model(plant, side, x, gas_at(plant, pressures), v, friction)
+    short = {name: _short(name, plant) for name in (*found.states, *found.inputs, *found.outputs)}
+    keep = [k for k, name in enumerate(found.outputs) if short[name] in _SHOWN or name.endswith("pressure_pa")]
+    return control.StateSpace(
+        *(found.A, found.B, found.C[keep], found.D[keep]),
+        states=[short[name] for name in found.states],
+        inputs=[short[name] for name in found.inputs],
+        outputs=[short[found.outputs[k]] for k in keep],
+        name=_label(plant.name),
+    )
+
+
+_SHOWN = ("position_m", "velocity_m_s")
+
+
+def _short(name: str, plant: HeldDrive) -> str:
+    """Return a drive's name, as python-control takes it: without dots."""
+    from pneudrive.session import short_name
+
+    return short_name(name, plant.piston).replace(f"{plant.valve}.command", "command").replace(".", "_")
+
+
+def _label(name: str) -> str:
+    return "".join(letter if letter.isalnum() else "_" for letter in name)
+
+
+def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - one or two quantities
+    """Return pressures of both chambers, and of what lies before them, at ambient temperature; shape (nodes, 2)."""
+    if pressures is None:
+        pressures = 0.5 * (plant.supply_pa + plant.ambient[0])
+    pair = (pressures, pressures) if isinstance(pressures, str | int | float) else tuple(pressures)
+    if len(pair) != 2:
+        raise CommandError(f"pressures = {pressures!r} are not two", remedy='("3 bar abs", "2 bar abs")')
+    a, b = (_pressure(one, plant) for one in pair)
+    sides = {f"{plant.piston}.a": a, f"{plant.piston}.b": b}
+    values = [sides.get(node, b if node.endswith((".2", "_b")) or "_b." in node else a) for node in plant.nodes]
+    return np.array([(value, plant.ambient[1]) for value in values])
+
+
+def _pressure(given: str | float, plant: HeldDrive) -> float:
+    if not isinstance(given, str):
+        value = float(given)
+    else:
+        try:
+            value = parse_pressure(given).absolute_pa(plant.ambient[0])
+        except PneudriveError as error:
+            raise CommandError(f"pressures: {error.what}", rule=error.rule, remedy=error.remedy) from None
+    if not (math.isfinite(value) and value > 0.0):
+        raise CommandError(f"pressures: {given} is out of bounds", rule="absolute, greater than 0")
+    return value
+
+
+def linear_model(
+    plant: HeldDrive, command: float, position: float, gas: Array, velocity: float = 0.0, friction: str = "none"
+) -> Linear:
+    """Return the linear model about a state, with the friction that is asked for; see `linearise`."""
+    if friction not in FRICTIONS:
+        raise CommandError(f'friction = "{friction}" is not known', remedy=" or ".join(f'"{one}"' for one in FRICTIONS))
+    inputs = (plant.command, plant.load, plant.supply)
+    if friction == "presliding":
+        return plant.session(command, position, velocity, gas).linearise(inputs)
+    bare = plant.frictionless.session(command, position, velocity or MOVING, gas).linearise(inputs)
+    if friction == "sliding":
+        row = bare.states.index(f"{plant.piston}.velocity_m_s")
+        bare.A[row, row] -= bare.B[row, 1] * friction_slope(plant, gas, position, velocity)
+    return bare
+
+
+def friction_slope(plant: HeldDrive, gas: Array, position: float, velocity: float) -> float:
+    """Return the slope of the steady friction over velocity, N s/m: at rest far above the Stribeck velocity."""
+    fast = abs(velocity) or FAST
+    low, high = (plant.sliding(fast * (1.0 + sign * STEP), plant.pressures(gas), position) for sign in (-1.0, 1.0))
+    return (high - low) / (2.0 * STEP * fast)
+
+
+FAST = 10.0  # m/s: where nothing but viscous friction depends on velocity

@@ -1,0 +1,105 @@
+"""All characteristics, by name: the list from which command line, documentation and datasheet come."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.datasheet.intervals import with_intervals
+from pneudrive.datasheet.plant import HeldDrive
+from pneudrive.errors import CommandError, nearest
+from pneudrive.watch import Watch
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import xarray as xr
+
+    from pneudrive.datasheet.characteristic import Characteristic
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+    from pneudrive.watch import Flag
+
+#: Modules with a tuple CHARACTERISTICS, in the order of the datasheet.
+MODULES = ("steady", "stiffness", "threshold", "response", "air", "stands")
+
+
+@cache
+def characteristics() -> dict[str, Characteristic]:
+    """Return all characteristics by name."""
+    found = (import_module(f"pneudrive.datasheet.{module}").CHARACTERISTICS for module in MODULES)
+    return {one.name: one for family in found for one in family}
+
+
+def characteristic(
+    drive: Drive | Circuit,
+    name: str,
+    *,
+    intervals: bool = True,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
+    **settings: Any,  # noqa: ANN401 - of each characteristic its own
+) -> xr.Dataset:
+    """Return a characteristic of a drive.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+        One piston on one commanded valve.
+    name : str
+        ``"velocity"``, ``"force-speed"``, ...; `pneudrive characteristic DRIVE` lists them.
+    intervals : bool
+        Whether intervals of identified values of the drive go through to the results.
+    progress, cancel : optional
+        See `pneudrive.watch.Watch`.
+    **settings
+        Of the characteristic, such as ``pressures=["3 bar abs"]``.
+
+    Returns
+    -------
+    xarray.Dataset
+        Results with ``units``, ``long_name`` and, where values of the drive have intervals, ``interval`` (the names of
+        two variables, lower and upper end). Its ``attrs`` hold definition, algorithm, standard, citations,
+        description_hash, assumed, and what the intervals come from.
+
+    Raises
+    ------
+    CommandError
+        There is no such characteristic or setting, or the drive does not have it.
+    SimulationError
+        A state or a run that it needs does not exist.
+    Cancelled
+        `cancel` was set.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> found = pn.characteristic(pn.Drive.load("catalogue:reference"), "force-speed", points=2)
+    >>> found.stall_force.attrs["units"], round(float(found.stall_force[0]), 1)
+    ('N', 248.9)
+    """
+    return found_under(drive, name, Watch(progress, cancel), intervals=intervals, **settings)
+
+
+def found_under(
+    drive: Drive | Circuit,
+    name: str,
+    watch: Watch,
+    *,
+    intervals: bool = True,
+    **settings: Any,  # noqa: ANN401
+) -> xr.Dataset:
+    """Return a characteristic as `characteristic` does, under a watch."""
+    known = characteristics()
+    if name not in known:
+        raise CommandError(f"there is no characteristic {name!r}", remedy=nearest(name, known))
+    one = known[name]
+    for setting in settings:
+        if setting not in one.settings:
+            raise CommandError(f"{name} has no setting {setting!r}", remedy=nearest(setting, one.settings))
+    watch.look()
+    plain = one.of(HeldDrive(drive), **settings)
+    if not intervals:
+        return plain
+    return with_intervals(drive, plain, lambda other: one.of(HeldDrive(other), **settings), watch)

@@ -1,0 +1,177 @@
+"""Virtual test stands: flow of the paths (C and b), leakage of shut chambers, times of a valve."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive import _core, units
+from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
+from pneudrive.datasheet.characteristic import Characteristic, ResultValue
+from pneudrive.datasheet.linear import gas_at
+from pneudrive.describe import Ambient
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.datasheet.plant import HeldDrive
+    from pneudrive.describe.circuit import Circuit
+
+    Array = NDArray[np.float64]
+    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
+
+RATIOS = (1e-4, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)  # of the pressures behind and before
+SETTLED_S = 5.0  # after that the flow through a line is steady
+ISOTHERMAL_S = 60.0
+
+
+def line_of(plant: HeldDrive, side: str) -> list[str]:
+    """Return the components between the valve and a chamber, from the valve on."""
+    return [name for name in (f"tube_{side}", f"flow_control_{side}") if name in plant.circuit.components]
+
+
+def flow_through(plant: HeldDrive, side: str, *, inward: bool, upstream: float, ratios: Array) -> Array:
+    """Return the steady mass flow of a path between supply or exhaust and a chamber, kg/s, over pressure ratios.
+
+    The edge of the valve is wide open; gas enters at the reference temperature.
+    """
+    return np.array([_flow(_stand(plant, side, inward, upstream, ratio * upstream)) for ratio in ratios])
+
+
+def _stand(plant: HeldDrive, side: str, inward: bool, before: float, behind: float) -> Circuit:
+    circuit = plant.circuit
+    valve = {k: v for k, v in circuit.components[plant.valve].plain().items() if k in _EDGE}
+    kelvin = units.UnitFloat(ANR_TEMPERATURE_K, "K", "K")
+    names = line_of(plant, side)
+    parts: dict[str, Any] = {
+        "upstream": {"kind": "reservoir", "pressure": f"{before!r} Pa abs", "temperature": kelvin},
+        "edge": {"kind": "fitting"} | valve,
+    } | {name: circuit.components[name] for name in names}
+    order = ["edge", *names] if inward else [*reversed(names), "edge"]
+    enters = [f"{name}.1" if name == "edge" or inward else f"{name}.2" for name in order]
+    leaves = [f"{name}.2" if name == "edge" or inward else f"{name}.1" for name in order]
+    joined = zip(["upstream", *leaves], [*enters, "ambient"], strict=True)
+    return type(circuit)(
+        gas=circuit.gas,
+        ambient=Ambient(pressure=units.Pressure(behind, gauge=False)),
+        components=parts,
+        connections=tuple(f"{one} -> {other}" for one, other in joined),
+    )
+
+
+_EDGE = ("conductance", "nominal_flow", "kv", "cv", "critical_pressure_ratio", "subsonic_index", "linear_above")
+
+
+def _flow(stand: Circuit) -> float:
+    run = stand.simulate(None, SETTLED_S, sample_rate=1.0 / SETTLED_S)
+    return abs(float(run["upstream.mass_flow"][-1]))
+
+
+def reduce_flow(upstream: float, ratios: Array, flows: Array, index: float) -> tuple[float, float, float]:
+    """Return sonic conductance, critical pressure ratio and largest relative misfit of measured flows.
+
+    The least flow ratio gives C; b and C are then fitted to all points by least squares on the core's flow function.
+    """
+    from scipy.optimize import least_squares
+
+    first = float(flows[np.argmin(ratios)]) / (ANR_DENSITY_KG_M3 * upstream)
+
+    def misfit(z: Array) -> Array:
+        model = [_core.flow_ratio(float(r), float(z[1]), index) for r in ratios]
+        return z[0] * np.array(model) * first * ANR_DENSITY_KG_M3 * upstream / flows - 1.0
+
+    found = least_squares(misfit, [1.0, 0.3], bounds=([0.1, 0.0], [10.0, 0.99]), xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    return float(found.x[0]) * first, float(found.x[1]), float(np.max(np.abs(found.fun)))
+
+
+def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
+    before = plant.supply_pa if upstream is None else upstream
+    ratios = np.array(RATIOS)
+    index = float(getattr(plant.circuit.components[plant.valve], "subsonic_index", 0.5))
+    named, flows, rows = [], [], []
+    for side in "ab":
+        for inward in (True, False):
+            named.append(f"{'supply to' if inward else 'exhaust of'} {side}")
+            flows.append(flow_through(plant, side, inward=inward, upstream=before, ratios=ratios))
+            rows.append(reduce_flow(before, ratios, flows[-1], index))
+    values = np.array(rows)
+    axes = {
+        "path": ResultValue(("path",), named, "1", "valve edge with the lines to the chamber"),
+        "ratio": ResultValue(("ratio",), ratios, "1", "absolute pressure behind over that before the path"),
+    }
+    return axes, {
+        "flow": ResultValue(
+            ("path", "ratio"),
+            np.array(flows) / ANR_DENSITY_KG_M3 * 6e4,
+            "l/min ANR",
+            f"steady flow, {1e-5 * before:g} bar abs before the path",
+        ),
+        "conductance": ResultValue(("path",), values[:, 0], "m3/(s Pa)", "sonic conductance C"),
+        "critical_ratio": ResultValue(("path",), values[:, 1], "1", "critical back-pressure ratio b"),
+        "misfit": ResultValue(
+            ("path",), values[:, 2], "1", "largest relative difference of a flow from the fitted function"
+        ),
+    }
+
+
+def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMAL_S) -> Found:  # noqa: ANN401
+    """Shut one chamber at pressure, the other at ambient, piston pinned by the core's own friction or the end."""
+    filled = plant.supply_pa if pressure is None else float(gas_at(plant, pressure)[0, 0])
+    ambient, kelvin = plant.ambient
+    times = np.linspace(0.0, duration, 61)
+    curves = []
+    for side in "ab":
+        level = [filled if node == f"{plant.piston}.{side}" else ambient for node in plant.nodes]
+        at = plant.stroke_m if side == "a" else 0.0  # pressed against its end
+        session = plant.session(0.0, at, 0.0, np.array([(p, kelvin) for p in level]))
+        found = [session.read(f"{plant.piston}.{side}.pressure_pa")]
+        for t in times[1:]:
+            session.advance(float(t))
+            found.append(session.read(f"{plant.piston}.{side}.pressure_pa"))
+        curves.append(found)
+    values = np.array(curves)
+    rate = -np.gradient(np.log(values), times, axis=1)[:, 1]
+    axes = {
+        "chamber": ResultValue(
+            ("chamber",), ["a", "b"], "1", "the filled chamber; the other one is at ambient pressure"
+        ),
+        "time": ResultValue(("time",), times, "s", "time from shutting the valve"),
+    }
+    return axes, {
+        "pressure": ResultValue(("chamber", "time"), values, "Pa", "absolute pressure of the shut chamber"),
+        "decay_rate": ResultValue(("chamber",), rate, "1/s", "relative fall of the pressure at the beginning"),
+        "fall": ResultValue(
+            ("chamber",), values[:, 0] - values[:, -1], "Pa", f"fall of the pressure in {duration:g} s"
+        ),
+    }
+
+
+CHARACTERISTICS = (
+    Characteristic(
+        name="flow",
+        title="Flow of the paths (C and b)",
+        definition="Sonic conductance and critical pressure ratio of each path between valve port and chamber, "
+        "lines included, from steady flows over the pressure ratio at constant pressure before the path.",
+        algorithm="virtual test stand: reservoirs before and behind the path; least squares by the core's flow law",
+        find=_flows,
+        standard="ISO 6358-1; with lines ISO 6358-3",
+        cites=("iso6358-2013",),
+        x="ratio",
+        y="flow",
+        settings={"upstream": (None, "absolute pressure before the path, Pa; default: that of the supply")},
+        slow=True,
+    ),
+    Characteristic(
+        name="leakage",
+        title="Leakage of shut chambers",
+        definition="Fall of the pressure of a chamber filled and shut, piston at its end, the other chamber at ambient "
+        "pressure; gas at ambient temperature at the beginning.",
+        algorithm="simulated with the valve shut",
+        find=_leakage,
+        standard="form of ISO 10099",
+        x="time",
+        y="pressure",
+        settings={"pressure": (None, "absolute; default: that of the supply"), "duration": (ISOTHERMAL_S, "s")},
+    ),
+)

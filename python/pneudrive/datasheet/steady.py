@@ -1,0 +1,181 @@
+"""Steady motion and blocked piston: velocity against command and load, force against velocity, pressure gain."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
+from pneudrive.datasheet.equilibrium import at_velocity, under_load
+from pneudrive.errors import SimulationError
+
+if TYPE_CHECKING:
+    from pneudrive.datasheet.plant import HeldDrive
+
+    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
+
+SMALL = (0.05, 0.1)  # commands between which the velocity gain is taken
+SHARES = (0.0, 0.25, 0.5)  # of the stall force: loads against the motion
+COMMANDS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)
+BLOCKED = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1)
+TINY = 1e-6  # command at whose both sides the slope of a leaking valve is taken
+LEAST_VELOCITY = 1e-5  # m/s: the contact just slides; its steady friction is the breakaway force
+
+
+def full_force(plant: HeldDrive, direction: float) -> tuple[float, float]:
+    """Return blocked and stall force at full command, N, positive in the direction.
+
+    Blocked: of the gas on a pinned piston. Stall: less breakaway, the load that the piston at rest just moves.
+    """
+    x = 0.5 * plant.stroke_m
+    rest = at_velocity(plant, direction, x, 0.0)
+    pressures = (rest.pressure_a_pa, rest.pressure_b_pa)
+    blocked = direction * rest.gas_force_n
+    return blocked, blocked - abs(plant.sliding(direction * LEAST_VELOCITY, pressures, x))
+
+
+def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a sequence of numbers
+    x = 0.5 * plant.stroke_m
+    commands = np.array([*(-u for u in reversed(COMMANDS)), *COMMANDS])
+    stall = max(min(full_force(plant, direction)[1] for direction in (1.0, -1.0)), 0.0)
+    against = np.array([share * stall for share in SHARES] if loads is None else list(loads), dtype=float)
+    found = np.array([[_moving(plant, u, x, -math.copysign(1.0, u) * load) for load in against] for u in commands])
+    gains = [_gain(plant, direction, x) for direction in (1.0, -1.0)]
+    axes = {
+        "command": ResultValue(("command",), commands, "1", "command of the valve"),
+        "load_force": ResultValue(("load_force",), against, "N", "constant force against the motion"),
+        "direction": ResultValue(("direction",), ["out", "back"], "1", "towards the end of chamber b, of chamber a"),
+    }
+    over = ("command", "load_force")
+    return axes, {
+        "velocity": ResultValue(over, found[:, :, 0], "m/s", "steady velocity of the piston"),
+        "pressure_a": ResultValue(over, found[:, :, 1], "Pa", "absolute pressure in chamber a"),
+        "pressure_b": ResultValue(over, found[:, :, 2], "Pa", "absolute pressure in chamber b"),
+        "velocity_gain": ResultValue(
+            ("direction",),
+            [gain for gain, _ in gains],
+            "m/s",
+            "slope of the velocity over the command, small commands, without load",
+        ),
+        "dead_zone": ResultValue(
+            ("direction",), [zone for _, zone in gains], "1", "command at which that line meets zero velocity"
+        ),
+    }
+
+
+def _moving(plant: HeldDrive, command: float, position: float, load: float) -> tuple[float, float, float]:
+    try:
+        found = under_load(plant, command, position, load)
+    except SimulationError:
+        return math.nan, math.nan, math.nan
+    return found.velocity_m_s, found.pressure_a_pa, found.pressure_b_pa
+
+
+def _gain(plant: HeldDrive, direction: float, position: float) -> tuple[float, float]:
+    """Return slope and dead zone of the line through two small commands at which the piston moves."""
+    (low, slow), (high, fast) = ((u, abs(_moving(plant, direction * u, position, 0.0)[0])) for u in SMALL)
+    if not slow > 0.0:
+        return math.nan, math.nan
+    slope = (fast - slow) / (high - low)
+    return slope, low - slow / slope
+
+
+def _force(plant: HeldDrive, points: int = 12) -> Found:
+    x = 0.5 * plant.stroke_m
+    directions = (1.0, -1.0)
+    blocked, stall = zip(*(full_force(plant, direction) for direction in directions), strict=True)
+    shares = np.linspace(0.0, 0.99, points)
+    loads = np.array([[share * max(most, 0.0) for share in shares] for most in stall])
+    speeds = np.array(
+        [
+            [abs(_moving(plant, direction, x, -direction * load)[0]) for load in row]
+            for direction, row in zip(directions, loads, strict=True)
+        ]
+    )
+    axes = {
+        "direction": ResultValue(("direction",), ["out", "back"], "1", "towards the end of chamber b, of chamber a"),
+        "share": ResultValue(("share",), shares, "1", "load as a share of the stall force"),
+    }
+    return axes, {
+        "load_force": ResultValue(("direction", "share"), loads, "N", "constant force against the motion"),
+        "speed": ResultValue(("direction", "share"), speeds, "m/s", "steady speed at full command"),
+        "blocked_force": ResultValue(
+            ("direction",), blocked, "N", "force of the gas on the pinned piston at full command"
+        ),
+        "stall_force": ResultValue(
+            ("direction",), stall, "N", "largest load that the resting piston moves: less breakaway"
+        ),
+    }
+
+
+def _blocked(plant: HeldDrive, command: float, position: float) -> float:
+    """Return the pressure difference with a blocked piston, Pa; NaN where none settles."""
+    try:
+        found = at_velocity(plant, command, position, 0.0)
+    except SimulationError:
+        return math.nan
+    return found.pressure_a_pa - found.pressure_b_pa
+
+
+def _pressure_gain(plant: HeldDrive, position: float | None = None) -> Found:
+    x = 0.5 * plant.stroke_m if position is None else position
+    commands = np.array([*(-u for u in reversed(BLOCKED)), *BLOCKED])
+    difference = np.array([_blocked(plant, u, x) for u in commands])
+    try:
+        rest = at_velocity(plant, 0.0, x, 0.0)
+        centre = (rest.pressure_a_pa, rest.pressure_b_pa)
+        slope = (_blocked(plant, TINY, x) - _blocked(plant, -TINY, x)) / (2.0 * TINY)
+    except SimulationError:  # no leak: any pressure holds at a shut valve
+        centre, slope = (math.nan, math.nan), math.inf
+    axes = {"command": ResultValue(("command",), commands, "1", "command of the valve")}
+    return axes, {
+        "pressure_difference": ResultValue(
+            ("command",), difference, "Pa", "pressure a less pressure b, piston blocked"
+        ),
+        "pressure_gain": number(slope, "Pa", "its slope at a small command; infinite for a valve without leakage"),
+        "centre_pressure_a": number(centre[0], "Pa", "absolute pressure in chamber a at the centre"),
+        "centre_pressure_b": number(centre[1], "Pa", "absolute pressure in chamber b at the centre"),
+    }
+
+
+CHARACTERISTICS = (
+    Characteristic(
+        name="velocity",
+        title="Steady velocity against command and load",
+        definition="Velocity at which no pressure, no temperature and no velocity changes, piston held at mid stroke; "
+        "load against the motion. Velocity gain and dead zone: line through commands 0.05 and 0.1 without load.",
+        algorithm="rates of the core brought to zero by implicit steps that grow to Newton's; its steady friction",
+        find=_velocity,
+        cites=("iso6358-2013",),
+        x="command",
+        y="velocity",
+        settings={"loads": (None, "forces against the motion, N; default: 0, 25 and 50 % of the stall force")},
+    ),
+    Characteristic(
+        name="force-speed",
+        title="Force against speed at full command",
+        definition="Load against which a steady speed is reached at command 1 and -1. Blocked force: of the gas on a "
+        "pinned piston. Stall force: blocked force less breakaway.",
+        algorithm="as for velocity",
+        find=_force,
+        cites=("iso6358-2013",),
+        x="load_force",
+        y="speed",
+        settings={"points": (12, "number of loads in each direction")},
+    ),
+    Characteristic(
+        name="pressure-gain",
+        title="Pressure gain",
+        definition="Pressure difference of the chambers against the command with a blocked piston, and its slope at "
+        "the centre.",
+        algorithm="pressures and temperatures at which the rates of the core are zero, piston pinned at mid stroke",
+        find=_pressure_gain,
+        standard="form of ISO 10041",
+        cites=("iso6358-2013",),
+        x="command",
+        y="pressure_difference",
+        settings={"position": (None, "of the blocked piston, m; default: mid stroke")},
+    ),
+)

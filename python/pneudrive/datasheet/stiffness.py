@@ -1,0 +1,153 @@
+"""Stiffness of the air spring, natural frequency and damping, from exact linearisations with the valve shut."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
+from pneudrive.datasheet.linear import SIDE, gas_at, linear_model
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.datasheet.plant import HeldDrive
+    from pneudrive.session import Linear
+
+    Array = NDArray[np.float64]
+    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
+
+FAST, SLOW = 1e6, 1e-5  # rad/s: heat does not follow, heat follows
+SHARES = (0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0)  # of the stroke
+LEVELS = (2.0, 3.0, 4.0, 5.0)  # bar absolute, as far as the supply reaches
+FREQUENCIES = tuple(float(f) for f in np.geomspace(0.01, 10.0, 61))  # Hz
+MASSES = (0.5, 1.0, 2.0, 4.0)  # times the moving mass
+
+
+def dynamic_stiffness(linear: Linear, piston: str, s: complex) -> complex:
+    """Return the force over displacement of the gas at a complex frequency s, 1/s; without the mass, N/m.
+
+    The rows and columns of the chambers are eliminated from A.
+    """
+    x, v = linear.states.index(f"{piston}.position_m"), linear.states.index(f"{piston}.velocity_m_s")
+    rest = [k for k in range(len(linear.states)) if k not in (x, v)]
+    a, by_force = linear.A, linear.B[v, 1]
+    moved = a[rest, x] + s * a[rest, v]
+    follows = np.linalg.solve(s * np.eye(len(rest)) - a[np.ix_(rest, rest)], moved)
+    return complex(-(a[v, x] + s * a[v, v] + a[v, rest] @ follows) / by_force)
+
+
+def _at(plant: HeldDrive, position: float, pressures: Any) -> Linear:  # noqa: ANN401 - one or two
+    return linear_model(plant, SIDE, position, gas_at(plant, pressures))
+
+
+def levels_of(plant: HeldDrive, pressures: Any) -> list[float]:  # noqa: ANN401 - a sequence, or None
+    """Return the pressures at which a map is made, Pa."""
+    if pressures is not None:
+        return [float(gas_at(plant, one)[0, 0]) for one in pressures]
+    low, high = plant.ambient[0], plant.supply_pa
+    return [1e5 * p for p in LEVELS if low < 1e5 * p < high] or [0.5 * (low + high)]
+
+
+def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN401
+    positions = [share * plant.stroke_m for share in SHARES]
+    levels = levels_of(plant, pressures)
+    models = [[_at(plant, x, p) for p in levels] for x in positions]
+    fast, slow = (
+        [[dynamic_stiffness(one, plant.piston, 1j * w).real for one in row] for row in models] for w in (FAST, SLOW)
+    )
+    middle = _at(plant, 0.5 * plant.stroke_m, levels[min(1, len(levels) - 1)])
+    over = np.asarray([dynamic_stiffness(middle, plant.piston, 2j * math.pi * f) for f in FREQUENCIES])
+    loss = np.imag(over) / np.real(over)
+    axes = {
+        "position": ResultValue(("position",), positions, "m", "position of the piston"),
+        "pressure": ResultValue(("pressure",), levels, "Pa", "absolute pressure in both chambers"),
+        "frequency": ResultValue(("frequency",), FREQUENCIES, "Hz", "frequency"),
+    }
+    grid = ("position", "pressure")
+    return axes, {
+        "adiabatic_stiffness": ResultValue(grid, fast, "N/m", "fast: gas without heat, valve shut"),
+        "isothermal_stiffness": ResultValue(grid, slow, "N/m", "slow: gas at the temperature of the wall, valve shut"),
+        "stiffness": ResultValue(
+            ("frequency",),
+            np.real(over),
+            "N/m",
+            f"real part at mid stroke, {1e-5 * levels[min(1, len(levels) - 1)]:g} bar",
+        ),
+        "loss_factor": ResultValue(("frequency",), loss, "1", "imaginary over real part, there"),
+        "largest_loss_factor": number(loss.max(), "1", "its largest value"),
+        "loss_frequency": number(FREQUENCIES[int(loss.argmax())], "Hz", "where it is largest"),
+    }
+
+
+def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN401
+    positions = [share * plant.stroke_m for share in SHARES]
+    levels = levels_of(plant, pressures)
+    bare = np.array(
+        [[dynamic_stiffness(_at(plant, x, p), plant.piston, 1j * FAST).real for p in levels] for x in positions]
+    )
+    modes = np.array(
+        [[_mode(linear_model(plant, SIDE, x, gas_at(plant, p), friction="sliding")) for p in levels] for x in positions]
+    )
+    axes = {
+        "position": ResultValue(("position",), positions, "m", "position of the piston"),
+        "pressure": ResultValue(("pressure",), levels, "Pa", "absolute pressure in both chambers"),
+        "mass": ResultValue(("mass",), [k * plant.mass for k in MASSES], "kg", "moving mass"),
+    }
+    grid = ("position", "pressure")
+    middle = bare[len(SHARES) // 2]
+    by_mass = [[math.sqrt(k / (m * plant.mass)) / (2.0 * math.pi) for k in middle] for m in MASSES]
+    return axes, {
+        "natural_frequency": ResultValue(
+            grid,
+            np.sqrt(bare / plant.mass) / (2.0 * math.pi),
+            "Hz",
+            "of the mass on the air spring without friction and heat, valve shut",
+        ),
+        "mode_frequency": ResultValue(
+            grid, modes[:, :, 0], "Hz", "size of the eigenvalue pair, with sliding friction and heat; 0 if overdamped"
+        ),
+        "damping_ratio": ResultValue(grid, modes[:, :, 1], "1", "of that pair"),
+        "frequency_by_mass": ResultValue(
+            ("mass", "pressure"), by_mass, "Hz", "natural frequency at mid stroke with other masses"
+        ),
+    }
+
+
+def _mode(linear: Linear) -> tuple[float, float]:
+    """Return frequency, Hz, and damping ratio of the slowest oscillating pair; zero and 1 if nothing oscillates."""
+    pairs = [one for one in np.linalg.eigvals(linear.A) if one.imag > 1e-6 * max(abs(one), 1e-12)]
+    if not pairs:
+        return 0.0, 1.0
+    slowest = min(pairs, key=abs)
+    return abs(slowest) / (2.0 * math.pi), -slowest.real / abs(slowest)
+
+
+_PRESSURES = {"pressures": (None, "absolute pressures; default: 2, 3, 4, 5 bar abs below the supply")}
+CHARACTERISTICS = (
+    Characteristic(
+        name="stiffness",
+        title="Stiffness of the air spring",
+        definition="Force over displacement of the piston with a shut valve, both chambers at one pressure and at wall "
+        "temperature; fast without heat, slow at the temperature of the wall.",
+        algorithm="exact linearisation by the core without friction; states of the chambers eliminated at a frequency",
+        find=_stiffness,
+        cites=("bejan2016",),
+        x="position",
+        y="adiabatic_stiffness",
+        settings=_PRESSURES,
+    ),
+    Characteristic(
+        name="natural-frequency",
+        title="Natural frequency and damping",
+        definition="Of the moving mass on the air spring, valve shut, both chambers at one pressure; damping with the "
+        "viscous part of the friction and the heat of the wall. Below breakaway the bristles add their stiffness.",
+        algorithm="square root of adiabatic stiffness over mass; eigenvalues of the exact linearisation",
+        find=_frequency,
+        x="position",
+        y="natural_frequency",
+        settings=_PRESSURES,
+    ),
+)

@@ -1,0 +1,40 @@
+"""Units and names of results as people read them."""
+
+from __future__ import annotations
+
+import math
+
+#: Unit in SI -> factor and unit in which it is shown.
+SHOWN_UNITS = {
+    "Pa": (1e-5, "bar"),
+    "m": (1e3, "mm"),
+    "m3/(s Pa)": (1e8, "dm3/(s bar)"),
+}
+
+
+def shown_unit(unit: str) -> tuple[float, str]:
+    """Return the factor to the unit in which a result is shown, and that unit."""
+    return SHOWN_UNITS.get(unit, (1.0, unit))
+
+
+def in_words(name: str) -> str:
+    """Return the name of a variable as words."""
+    return name.replace("_", " ")
+
+
+def written_value(value: float, unit: str, low: float | None = None, high: float | None = None) -> str:
+    """Write a value with its unit, and its interval if it has one.
+
+    Examples
+    --------
+    >>> written_value(5.3005e5, "Pa"), written_value(0.209, "s", 0.2, 0.215), written_value(math.nan, "s")
+    ('5.3005 bar', '0.209 s (0.2 .. 0.215)', 'none')
+    """
+    factor, shown = shown_unit(unit)
+    if math.isnan(value):
+        return "none"
+    if math.isinf(value):
+        return "infinite"
+    text = f"{factor * value:.5g}{'' if shown == '1' else f' {shown}'}"
+    has = low is not None and high is not None and math.isfinite(low) and math.isfinite(high) and high > low
+    return f"{text} ({factor * low:.4g} .. {factor * high:.4g})" if has else text  # type: ignore[operator]

@@ -1,0 +1,186 @@
+"""Characteristics of the reference drive: numbers that were derived by hand or found by other programs."""
+
+import csv
+import math
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive.datasheet.equilibrium import at_velocity
+from pneudrive.datasheet.plant import HeldDrive
+from pneudrive.datasheet.registry import characteristics
+from pneudrive.datasheet.stiffness import dynamic_stiffness
+from pneudrive.describe.circuit import Circuit
+
+DRIVE = pn.Drive.load("catalogue:reference")
+
+
+def with_leak(share):
+    tables = DRIVE.circuit.to_dict()
+    tables["components"]["valve"] |= {"leakage": share}
+    return Circuit.model_validate(tables)
+
+
+def test_steady_velocities_under_command_and_load():
+    found = {(u, load): pn.equilibrium(DRIVE, u, load=load) for u in (0.6, 1.0) for load in (0.0, -100.0)}
+    shown = [f"{found[key].velocity_m_s:.4f}" for key in ((0.6, 0.0), (1.0, 0.0), (0.6, -100.0), (1.0, -100.0))]
+    assert shown == ["2.4249", "3.7640", "2.0021", "2.7104"]
+    assert f"{1e-5 * found[0.6, 0.0].pressure_b_pa:.3f}" == "2.726"
+    back = pn.equilibrium(DRIVE, -1.0, load=100.0)
+    assert back.velocity_m_s == pytest.approx(-found[1.0, -100.0].velocity_m_s, rel=1e-8)
+    assert back.pressure_b_pa == pytest.approx(found[1.0, -100.0].pressure_a_pa, rel=1e-8)
+
+
+def test_velocity_gain_is_that_of_choked_exhaust():
+    found = pn.characteristic(DRIVE, "velocity", loads=[0.0])
+    assert f"{float(found.velocity_gain[0]):.4f}" == "4.0628"
+    assert np.abs(found.dead_zone).max() < 1e-9
+    small = pn.equilibrium(DRIVE, 0.2, load=0.0)
+    assert f"{1e-5 * small.pressure_a_pa:.4f}" == "5.3005"
+    # The exhaust chokes up to 94.4 N: friction of the reference drive and load together.
+    rest = 94.4 - abs(small.friction_n)
+    gain = 4.062804 * 0.2
+    assert pn.equilibrium(DRIVE, 0.2, load=-rest + 0.1).velocity_m_s == pytest.approx(gain, rel=1e-6)
+    assert pn.equilibrium(DRIVE, 0.2, load=-rest - 3.0).velocity_m_s < gain * (1.0 - 1e-5)
+
+
+def test_force_at_full_supply():
+    found = pn.characteristic(DRIVE, "force-speed", points=2)
+    assert f"{float(found.blocked_force[0]):.3f} {float(found.stall_force[0]):.1f}" == "293.886 248.9"
+
+
+def test_pressure_gain_with_four_equal_leaks():
+    leak = 0.01
+    found = pn.characteristic(with_leak(leak), "pressure-gain")
+    assert f"{1e-5 * float(found.centre_pressure_a):.4f}" == "5.3005"
+    assert float(found.pressure_gain) * 1e-5 * leak == pytest.approx(4.7488, rel=2e-3)
+    assert math.isinf(float(pn.characteristic(DRIVE, "pressure-gain").pressure_gain))
+
+
+def test_equilibrium_is_where_a_long_run_ends():
+    circuit = with_leak(0.02)
+    session = circuit.start({"cylinder.position": "250 mm"}, rtol=1e-10)
+    session.set("valve.command", 0.002)
+    session.advance(60.0)
+    x = session.read("cylinder.position_m")
+    found = at_velocity(HeldDrive(circuit), 0.002, x, 0.0)
+    assert abs(session.read("cylinder.velocity_m_s")) < 1e-9
+    assert found.pressure_a_pa == pytest.approx(session.read("cylinder.a.pressure_pa"), rel=1e-6)
+    assert found.pressure_b_pa == pytest.approx(session.read("cylinder.b.pressure_pa"), rel=1e-6)
+    assert found.temperature_a_k == pytest.approx(session.read("cylinder.a.temperature_k"), rel=1e-6)
+
+
+def test_a_shut_valve_holds_any_pressure():
+    with pytest.raises(pn.PneudriveError, match="holds any pressure"):
+        pn.equilibrium(DRIVE, 0.0)
+
+
+def test_stiffness_and_natural_frequency():
+    found = pn.characteristic(DRIVE, "stiffness", pressures=["3 bar abs"])
+    fast, slow = found.adiabatic_stiffness[:, 0], found.isothermal_stiffness[:, 0]
+    assert f"{float(fast[4]):.1f} {float(slow[4]):.1f} {float(fast[0]):.0f}" == "1525.1 1089.3 10516"
+    assert float(found.largest_loss_factor) == pytest.approx(0.4 / (2.0 * math.sqrt(1.4)), rel=1e-3)
+    assert f"{float(found.largest_loss_factor):.3f}" == "0.169"
+    frequency = pn.characteristic(DRIVE, "natural-frequency", pressures=["3 bar abs"]).natural_frequency[:, 0]
+    assert [f"{float(frequency[k]):.{n}f}" for k, n in ((4, 3), (2, 3), (8, 2))] == ["4.395", "4.956", "11.54"]
+
+
+def test_the_linear_model_follows_a_small_step():
+    drive = DRIVE.replace({"friction": {"law": "coulomb", "coulomb": "1e-6 N"}})
+    control = pytest.importorskip("control")
+    model = pn.linearise(drive, position="100 mm", pressures=("3 bar abs", "3 bar abs"), friction="none")
+    times = np.linspace(0.0, 0.5, 251)
+    force = 0.05
+    linear = control.step_response(model[["position_m"], ["load_force_n"]], times).outputs.ravel() * force
+    session = drive.start({"position": "100 mm", "pressure_a": "3 bar abs", "pressure_b": "3 bar abs"}, rtol=1e-9)
+    session.set("load_force_n", force)
+    full = []
+    for t in times:
+        session.advance(float(t))
+        full.append(session.read("position_m") - 0.1)
+    assert np.abs(np.array(full) - linear).max() < 0.01 * np.abs(linear).max()
+    assert linear[-1] > 0.0
+
+
+def test_a_shut_valve_has_two_slopes_and_friction_is_the_callers_choice():
+    pytest.importorskip("control")
+    slopes = [
+        pn.linearise(DRIVE, pressures="5 bar abs", friction="none", opening=side).B[2:6, 0] for side in ("+", "-")
+    ]
+    assert slopes[0][0] > 0.0 > slopes[0][2]  # fills a, empties b
+    assert slopes[1][0] > 0.0 > slopes[1][2]
+    assert abs(slopes[0][0] / slopes[1][0] - 1.0) > 0.05
+    pairs = {one: pn.linearise(DRIVE, pressures="3 bar abs", friction=one).poles() for one in ("presliding", "none")}
+    assert np.abs(pairs["none"]).max() / (2.0 * math.pi) == pytest.approx(4.395, rel=1e-3)
+    assert np.abs(pairs["presliding"]).max() > 200.0  # bristles: sqrt(1e5/2) rad/s
+
+
+def test_minimum_pressure_is_breakaway_over_area():
+    found = pn.characteristic(DRIVE, "minimum-pressure")
+    area = math.pi * 0.025**2 / 4.0
+    assert f"{1e-5 * float(found.breakaway_force[0]) / area:.3f}" == "0.917"
+    assert float(found.minimum_pressure[0]) == pytest.approx(0.917e5, rel=0.02)
+
+
+def test_a_step_has_the_known_numbers():
+    found = pn.characteristic(DRIVE, "step-response", command=0.6, position=0.05, pressures="3 bar abs")
+    shown = (float(found.end_speed), float(found.end_energy), 1e3 * float(found.overshoot))
+    assert "{:.2f} {:.1f} {:.2f}".format(*shown) == "2.39 5.7 1.59"
+
+
+def test_air_and_exergy_of_a_full_cycle():
+    stop = {"stiffness": "1e8 N/m", "damping": "2e4 N s/m", "damping_depth": "0.01 mm"}  # the usual one gives 0.05 %
+    stiff = DRIVE.replace({"cylinder.end_stop": stop})
+    found = pn.characteristic(stiff, "air", half_period=1.0)
+    assert f"{float(found.full):.3f} {float(found.full_normal):.3f}" == "3.566 3.268"
+    spent = pn.characteristic(stiff, "exergy")
+    assert f"{float(spent.drawn):.1f}" == "687.3"
+    assert abs(float(spent.open)) < 1e-6
+    assert float(spent.lost.sum()) + float(spent.exhausted) == pytest.approx(float(spent.drawn), rel=1e-6)
+
+
+def test_the_test_stand_finds_conductance_and_ratio_again():
+    found = pn.characteristic(DRIVE, "flow")
+    assert np.abs(found.conductance / 2e-8 - 1.0).max() < 1e-6
+    assert np.abs(found.critical_ratio / 0.3 - 1.0).max() < 1e-6
+
+
+def test_intervals_of_identified_values_go_through():
+    origin = {"interval": ["29 N", "31 N"], "source": "recording.csv"}
+    drive = DRIVE.replace({"provenance": {"friction.coulomb": origin}})
+    found = pn.characteristic(drive, "velocity", loads=[0.0])
+    low, high = (float(found[f"velocity_{end}"][-1, 0]) for end in ("low", "high"))
+    by_hand = [
+        pn.equilibrium(DRIVE.replace({"friction.coulomb": f"{n} N"}), 1.0, load=0.0).velocity_m_s for n in (31, 29)
+    ]
+    assert (low, high) == pytest.approx(tuple(by_hand), rel=1e-9)
+    assert found.velocity.attrs["confidence"] == 0.95
+    assert low < float(found.velocity[-1, 0]) < high
+
+
+def test_every_characteristic_says_what_it_is(tmp_path):
+    from pneudrive.cli.main import run
+    from pneudrive.references import entries
+
+    known = entries()
+    for one in characteristics().values():
+        assert one.definition.endswith(".")
+        assert set(one.cites) <= set(known), one.name
+    target = tmp_path / "stiffness.csv"
+    assert run(["characteristic", "catalogue:reference", "stiffness", "--out", str(target)]) == 0
+    with target.open() as stream:
+        rows = [row for row in csv.DictReader(stream) if row["result"] == "adiabatic_stiffness"]
+    assert {row["unit"] for row in rows} == {"N/m"}
+    assert len(rows) == 9 * 4
+    assert run(["characteristic", "catalogue:reference", "stifness"]) == 2
+
+
+def test_dynamic_stiffness_is_that_of_the_springs():
+    plant = HeldDrive(DRIVE)
+    from pneudrive.datasheet.linear import SIDE, gas_at, linear_model
+
+    linear = linear_model(plant, SIDE, 0.25, gas_at(plant, "3 bar abs"))
+    slow, fast = (dynamic_stiffness(linear, plant.piston, 1j * w) for w in (1e-3, 1e5))
+    assert slow.real < fast.real
+    assert slow.imag > 0.0
