@@ -93,6 +93,8 @@ $(VENV)/.core: $(RUST) pyproject.toml $(VENV)/.deps
 	@PYTHON=$(PYTHON) tools/check_toolchain.sh
 	@touch $@.new
 	$(BIN)/maturin develop --release --uv --quiet
+	cargo build --release --locked --quiet -p pneudrive-fmu
+	@tools/place_library.sh
 	@$(PY) -m compileall -q python/pneudrive
 	@mv $@.new $@
 

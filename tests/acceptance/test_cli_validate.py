@@ -94,7 +94,7 @@ def test_export_of_a_drive_goes_to_the_terminal_or_a_file(bench, capsys):
         (["validate", "DRIVE", "RUN", "--window", "5 mm"], "--window"),
         (["validate", "DRIVE", "RUN", "MAP"], "cannot be validated together"),
         (["export", "DRIVE", "--to", "simscape"], "has no range of measured speeds"),
-        (["export", "DRIVE", "--to", "fmu"], "the export of a drive as an FMU is not available yet"),
+        (["export", "DRIVE", "--to", "fmu"], "--out is missing: an FMU is a file"),
         (
             ["export", "DRIVE", "--to", "amesim", "--speeds", "1 mm/s .. 2 mm/s"],
             "the export to 'amesim' is not available",

@@ -3,6 +3,7 @@
 mod along;
 mod drive;
 pub(crate) mod end_stop;
+mod exchange;
 mod friction;
 mod gas;
 pub(crate) mod glances;

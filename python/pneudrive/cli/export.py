@@ -1,4 +1,4 @@
-"""``pneudrive export``: friction parameters in the form of another tool's law."""
+"""``pneudrive export``: friction in the form of another tool's law, or a whole drive for another tool."""
 
 from __future__ import annotations
 
@@ -10,10 +10,16 @@ import typer
 
 from pneudrive.cli.options import option
 
+#: Tools that take a whole drive.
+_WHOLE = ("fmu",)
+
 
 def export(
     source: Annotated[str, typer.Argument(help="Fit (fit.toml), or drive file.", metavar="FIT|DRIVE")],
-    to: Annotated[str, typer.Option(help="simscape, modelica or csv.", metavar="TOOL")],
+    to: Annotated[
+        str,
+        typer.Option(help="Friction: simscape, modelica or csv. A whole drive or circuit: fmu.", metavar="TOOL"),
+    ],
     out: Annotated[Path | None, typer.Option(help="File; default: standard output.")] = None,
     pressure_a: Annotated[
         str | None,
@@ -24,8 +30,18 @@ def export(
         str | None,
         typer.Option(help='Range of speeds for the law, "1 mm/s .. 500 mm/s"; default: the measured speeds.'),
     ] = None,
+    fmi: Annotated[str, typer.Option(help="Version of the interface of an FMU: 2.0 or 3.0.")] = "2.0",
+    actuator: Annotated[
+        bool, typer.Option("--actuator", help="FMU whose piston the other tool moves: its output is the force.")
+    ] = False,
+    initial: Annotated[
+        str | None, typer.Option(help='Start state of a drive, e.g. "position = 50 mm, pressure_a = 3 bar abs".')
+    ] = None,
 ) -> None:
-    """Write friction as another tool's law, with the error and the losses of the conversion."""
+    """Write friction as another tool's law, with its error and losses; or a drive as an FMU."""
+    if to in _WHOLE:
+        _export_whole(source, out, fmi, actuator, initial)
+        return
     from pneudrive.describe.drive import Drive
     from pneudrive.errors import CommandError
     from pneudrive.identify.export.convert import check_tool
@@ -60,3 +76,20 @@ def export(
     for remark in done.remarks():
         sys.stderr.write(f"- {remark}\n")
     typer.echo(str(done.write(out)))
+
+
+def _export_whole(source: str, out: Path | None, fmi: str, actuator: bool, initial: str | None) -> None:
+    """Write a drive or a circuit for another tool, and say what that tool sees of it."""
+    from pneudrive.describe.load import load_described
+    from pneudrive.errors import CommandError
+    from pneudrive.fmu.package import export_fmu
+
+    if out is None:
+        raise CommandError("--out is missing: an FMU is a file", remedy="Write --out drive.fmu.")
+    done = export_fmu(load_described(source), out, version=fmi, actuator=actuator, initial=initial)
+    for note in done.notes:
+        sys.stderr.write(f"- {note}\n")
+    typer.echo(f"{done.path}: FMI {done.version}, token {done.token}")
+    typer.echo("inputs: " + ", ".join(f"{one.name} [{one.unit}]" for one in done.inputs))
+    typer.echo("outputs: " + ", ".join(f"{one.name} [{one.unit}]" for one in done.outputs))
+    typer.echo(f"parameters: {len(done.parameters)}, by the keys of the drive file; pressures are absolute")

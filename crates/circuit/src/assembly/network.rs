@@ -300,6 +300,24 @@ impl Network {
         self.assembly.session(start, options)
     }
 
+    /// A session that begins at a time, s, with contacts of an age, s, where the inputs have these values; what takes time
+    /// after a command has passed.
+    pub fn session_at(
+        &self,
+        t: f64,
+        inputs: &[(usize, f64)],
+        start: &BTreeMap<String, f64>,
+        age: f64,
+        options: Options,
+    ) -> Result<Session, Error> {
+        let numbers = self.assembly.numbers(start)?;
+        let mut session =
+            Session::new(&self.assembly, t, self.assembly.stand(inputs, &numbers, age), options);
+        inputs.iter().try_for_each(|&(input, value)| session.set(input, value))?;
+        session.settle_schedule();
+        Ok(session)
+    }
+
     /// Runs from a start under plans: an input, times and the values from each of them on.
     pub fn simulate(
         &self,
@@ -356,6 +374,11 @@ impl Assembly {
         start: &BTreeMap<String, f64>,
         options: Options,
     ) -> Result<Session, Error> {
+        Ok(Session::new(self, 0.0, self.stand(first, &self.numbers(start)?, 0.0), options))
+    }
+
+    /// The numbers of a start given by name, in the order of [`Assembly::given_names`].
+    fn numbers(&self, start: &BTreeMap<String, f64>) -> Result<Vec<f64>, Error> {
         let names = self.given_names();
         if let Some(name) = start.keys().find(|name| !names.contains(&name.as_str())) {
             return refuse(format!("there is no start \"{name}\"; there are {}", names.join(", ")));
@@ -385,7 +408,7 @@ impl Assembly {
                 Starting::Inner(_) | Starting::Alike(_) => {}
             }
         }
-        Ok(Session::new(self, 0.0, self.stand(first, &numbers, 0.0), options))
+        Ok(numbers)
     }
 
     /// The equations and their state at a start, its numbers in the order of [`Assembly::given_names`], of contacts of

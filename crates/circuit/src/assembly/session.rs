@@ -2,7 +2,7 @@
 //! and linearised. Everything else that runs a circuit calls it.
 
 use super::timing::{Due, Timing, What};
-use super::variables::{Assembly, Quantity, Settable, Target, Variables};
+use super::variables::{Assembly, Quantity, Settable, Starting, Target, Variables};
 use crate::circuit::Circuit;
 use crate::net::Net;
 use crate::part::InputId;
@@ -29,6 +29,8 @@ pub struct Linear {
     pub c: Vec<f64>,
     /// D: derivatives of the outputs by the inputs.
     pub d: Vec<f64>,
+    /// Which of the columns the outputs are.
+    pub columns: Vec<usize>,
     /// The state there.
     pub state: Vec<f64>,
     /// Its rates.
@@ -41,13 +43,13 @@ pub struct Linear {
 #[derive(Clone)]
 pub struct Session<R: Lane = f64> {
     assembly: Assembly<R>,
-    stepper: Stepper<R, Circuit<R>>,
+    pub(super) stepper: Stepper<R, Circuit<R>>,
     /// (time, what is set, value), by time; what comes first is last.
-    schedule: Vec<(f64, What, f64)>,
-    net: Net<R>,
+    pub(super) schedule: Vec<(f64, What, f64)>,
+    pub(super) net: Net<R>,
     row: Vec<R>,
     /// `row` is of the present state and inputs.
-    is_read: bool,
+    pub(super) is_read: bool,
     failed: Option<String>,
     rtol: f64,
     /// Of the description and the tolerance.
@@ -255,6 +257,16 @@ impl Session {
     /// The inputs.
     pub fn inputs(&self) -> &[Settable] {
         &self.assembly.variables.inputs
+    }
+
+    /// The numbers of a start.
+    pub(super) fn starts(&self) -> &[(Starting, Vec<String>)] {
+        &self.assembly.variables.starts
+    }
+
+    /// Whether an input acts at once and has no history.
+    pub fn is_continuous(&self, input: usize) -> bool {
+        !matches!(self.inputs()[input].target, Target::Timed(_))
     }
 
     /// The outputs.
@@ -505,6 +517,7 @@ impl Session {
             state: y0[..n].to_vec(),
             rates: dy[..n].iter().map(|rate| rate.re).collect(),
             outputs: columns.iter().map(|&column| row[column].re).collect(),
+            columns,
         })
     }
 }

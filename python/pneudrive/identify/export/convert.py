@@ -267,13 +267,7 @@ def check_tool(to: str) -> None:
     """
     if to in TOOLS:
         return
-    if to == "fmu":
-        raise FitError(
-            "the export of a drive as an FMU is not available yet",
-            rule="its friction law can be exported for " + ", ".join(TOOLS),
-            remedy="Use --to modelica for a friction law that a Modelica tool can put into an FMU.",
-        )
-    raise FitError(f"the export to {to!r} is not available", remedy=nearest(to, TOOLS))
+    raise FitError(f"the export to {to!r} is not available", remedy=nearest(to, (*TOOLS, "fmu")))
 
 
 def export(curve: SlidingCurve, to: str) -> Exported:

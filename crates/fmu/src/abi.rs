@@ -1,0 +1,251 @@
+//! Pointers of a caller in C: checked, and turned into slices, texts and instances.
+#![allow(unsafe_code)]
+
+use crate::instance::{Instance, Kept, Listener, Logger, Phase, Status, c_text};
+use crate::model::{Refusal, refuse};
+use crate::processor;
+use std::ffi::{CStr, c_char, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::{ptr, slice};
+
+/// All phases.
+pub const ANY: &[Phase] = &[
+    Phase::Instantiated,
+    Phase::Initialization,
+    Phase::Event,
+    Phase::Continuous,
+    Phase::Step,
+    Phase::Terminated,
+];
+
+/// Does something with an instance in one of some phases.
+///
+/// # Safety
+/// `instance` is null, or comes from one of our functions that make one and was not freed.
+pub unsafe fn with(
+    instance: *mut Instance,
+    what: &str,
+    phases: &[Phase],
+    work: impl FnOnce(&mut Instance) -> Result<(), Refusal>,
+) -> Status {
+    // SAFETY: as the caller says.
+    match unsafe { instance.as_mut() } {
+        Some(instance) => instance.call(what, phases, work),
+        None => Status::Error,
+    }
+}
+
+/// `n` values to read.
+///
+/// # Safety
+/// `values` is null, or `n` of them are there for as long as they are used.
+pub unsafe fn given<'a, T>(values: *const T, n: usize) -> Result<&'a [T], Refusal> {
+    match (n, values.is_null()) {
+        (0, _) => Ok(&[]),
+        (_, true) => refuse("a null pointer was given for an array"),
+        // SAFETY: as the caller says.
+        _ => Ok(unsafe { slice::from_raw_parts(values, n) }),
+    }
+}
+
+/// Room for `n` values.
+///
+/// # Safety
+/// As for [`given`], and nobody else uses them.
+pub unsafe fn room<'a, T>(values: *mut T, n: usize) -> Result<&'a mut [T], Refusal> {
+    match (n, values.is_null()) {
+        (0, _) => Ok(&mut []),
+        (_, true) => refuse("a null pointer was given for an array"),
+        // SAFETY: as the caller says.
+        _ => Ok(unsafe { slice::from_raw_parts_mut(values, n) }),
+    }
+}
+
+/// Writes values into room for `n`.
+///
+/// # Safety
+/// As for [`room`].
+pub unsafe fn fill<T: Copy>(what: &str, target: *mut T, n: usize, values: &[T]) -> Result<(), Refusal> {
+    crate::model::check_length(what, n, values.len())?;
+    // SAFETY: as the caller says.
+    unsafe { room(target, n)? }.copy_from_slice(values);
+    Ok(())
+}
+
+/// Writes one value where somebody wants it.
+///
+/// # Safety
+/// `target` is null or has room for it.
+pub unsafe fn put<T>(target: *mut T, value: T) {
+    if !target.is_null() {
+        // SAFETY: as the caller says.
+        unsafe { target.write(value) }
+    }
+}
+
+/// A text; none for null and for what is not UTF-8.
+///
+/// # Safety
+/// `text` is null or ends with a zero.
+pub unsafe fn text<'a>(text: *const c_char) -> Option<&'a str> {
+    // SAFETY: as the caller says.
+    (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) }.to_str().ok())?
+}
+
+/// The folder of a resource location: a path, or a `file:` URI.
+fn folder(location: &str) -> PathBuf {
+    let Some(rest) = location.strip_prefix("file:") else { return PathBuf::from(location) };
+    let path = rest.strip_prefix("//").map_or(rest, |rest| rest.find('/').map_or("", |start| &rest[start..]));
+    let mut bytes = Vec::with_capacity(path.len());
+    let mut left = path.as_bytes();
+    while let [first, rest @ ..] = left {
+        let code = rest.get(..2).filter(|_| *first == b'%').and_then(|code| std::str::from_utf8(code).ok());
+        match code.and_then(|code| u8::from_str_radix(code, 16).ok()) {
+            Some(byte) => {
+                bytes.push(byte);
+                left = &rest[2..];
+            }
+            None => {
+                bytes.push(*first);
+                left = rest;
+            }
+        }
+    }
+    PathBuf::from(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// What a tool gives to make an instance.
+pub struct Order<'a> {
+    pub name: Option<&'a str>,
+    pub token: Option<&'a str>,
+    pub resources: Option<&'a str>,
+    pub outside: bool,
+    pub logger: Logger,
+    pub environment: *mut c_void,
+}
+
+/// Makes an instance; null, with a message, where that does not go.
+pub fn instantiate(order: Order<'_>) -> *mut Instance {
+    let Order { name, token, resources, outside, logger, environment } = order;
+    let made = catch_unwind(AssertUnwindSafe(|| {
+        let listener = || Listener { logger, environment, name: c_text(name.unwrap_or("pneudrive")) };
+        let Some(resources) = resources else {
+            return Err((listener(), "the folder of the resources is missing".to_string()));
+        };
+        let path: &Path = &folder(resources).join("drive.json");
+        let made = std::fs::read_to_string(path)
+            .or_else(|error| refuse(format!("{} cannot be read: {error}", path.display())))
+            .and_then(|text| Instance::new(&text, Some(token.unwrap_or_default()), outside, listener()));
+        made.map_err(|refusal| (listener(), refusal.message))
+    }));
+    match made {
+        Ok(Ok(instance)) => Box::into_raw(Box::new(instance)),
+        Ok(Err((listener, message))) => {
+            listener.tell(Status::Error, &message);
+            ptr::null_mut()
+        }
+        Err(_) => ptr::null_mut(),
+    }
+}
+
+/// Whether the processor can run what follows; else the tool is told why not.
+pub fn is_able(tell: impl FnOnce(*const c_char)) -> bool {
+    let lacks = processor::lacking().is_some();
+    if lacks {
+        tell(processor::MESSAGE.as_ptr());
+    }
+    !lacks
+}
+
+/// Frees an instance.
+///
+/// # Safety
+/// As for [`with`]; it is not used again.
+pub unsafe fn free(instance: *mut Instance) {
+    if !instance.is_null() {
+        // SAFETY: as the caller says.
+        let instance = unsafe { Box::from_raw(instance) };
+        let _ = catch_unwind(AssertUnwindSafe(|| drop(instance)));
+    }
+}
+
+/// Keeps the state of an instance, in the place of one that was kept before.
+///
+/// # Safety
+/// `target` is null or points to null or to a state of ours.
+pub unsafe fn keep(instance: &Instance, target: *mut *mut Kept) -> Result<(), Refusal> {
+    // SAFETY: as the caller says.
+    let Some(place) = (unsafe { target.as_mut() }) else {
+        return refuse("a null pointer was given for the state");
+    };
+    // SAFETY: as the caller says.
+    match unsafe { place.as_mut() } {
+        Some(kept) => kept.clone_from(&instance.kept),
+        None => *place = Box::into_raw(Box::new(instance.kept.clone())),
+    }
+    Ok(())
+}
+
+/// A state that was kept.
+///
+/// # Safety
+/// `kept` is null or a state of ours that was not freed.
+pub unsafe fn state<'a>(kept: *const Kept) -> Result<&'a Kept, Refusal> {
+    // SAFETY: as the caller says.
+    match unsafe { kept.as_ref() } {
+        Some(kept) => Ok(kept),
+        None => refuse("a null pointer was given for the state"),
+    }
+}
+
+/// Frees a state that was kept; the pointer to it becomes null.
+///
+/// # Safety
+/// As for [`keep`].
+pub unsafe fn free_state(target: *mut *mut Kept) {
+    // SAFETY: as the caller says.
+    if let Some(place) = unsafe { target.as_mut() }
+        && !place.is_null()
+    {
+        // SAFETY: as the caller says.
+        drop(unsafe { Box::from_raw(*place) });
+        *place = ptr::null_mut();
+    }
+}
+
+/// A state from bytes into the place of a pointer.
+///
+/// # Safety
+/// As for [`keep`] and [`given`].
+pub unsafe fn revive(
+    instance: &Instance,
+    bytes: *const u8,
+    size: usize,
+    target: *mut *mut Kept,
+) -> Result<(), Refusal> {
+    // SAFETY: as the caller says.
+    let (kept, place) = unsafe { (instance.kept(given(bytes, size)?)?, target.as_mut()) };
+    let Some(place) = place else { return refuse("a null pointer was given for the state") };
+    *place = Box::into_raw(Box::new(kept));
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::folder;
+    use std::path::PathBuf;
+
+    #[test]
+    fn resources_are_found_by_path_and_by_uri() {
+        let path = PathBuf::from("/tmp/a drive/ü");
+        for location in [
+            "/tmp/a drive/ü",
+            "file:///tmp/a%20drive/%C3%BC",
+            "file:/tmp/a drive/%c3%bc",
+            "file://localhost/tmp/a%20drive/ü",
+        ] {
+            assert_eq!(folder(location), path, "{location}");
+        }
+    }
+}

@@ -1,0 +1,219 @@
+//! FMI 2.0: co-simulation and model exchange. Functions as the standard names them.
+#![allow(unsafe_code, non_snake_case, clippy::missing_safety_doc)]
+
+use crate::abi::{
+    ANY, Order, fill, free, free_state, given, instantiate, is_able, keep, put, revive, room, state, text,
+    with,
+};
+use crate::instance::{ALIVE, Instance, Kept, Logger, Phase, RUNNING, Status};
+use crate::model::{What, check_length, refuse};
+use std::ffi::{c_char, c_int, c_uint, c_void};
+use std::ptr;
+
+type Component = *mut Instance;
+type Reference = c_uint;
+type Log = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
+
+/// Functions of the tool.
+#[repr(C)]
+pub struct Callbacks {
+    logger: Option<Log>,
+    allocate_memory: *const c_void,
+    free_memory: *const c_void,
+    step_finished: *const c_void,
+    environment: *mut c_void,
+}
+
+/// What an event brought.
+#[repr(C)]
+pub struct EventInfo {
+    new_discrete_states_needed: c_int,
+    terminate_simulation: c_int,
+    nominals_changed: c_int,
+    values_changed: c_int,
+    next_event_time_defined: c_int,
+    next_event_time: f64,
+}
+
+/// Functions of an instance: its phases, and what is done in them.
+macro_rules! functions {
+    ($($name:ident($instance:ident $(, $argument:ident: $kind:ty)*) in $phases:expr => $work:expr;)*) => {
+        $(
+            #[unsafe(no_mangle)]
+            pub unsafe extern "C" fn $name(component: Component $(, $argument: $kind)*) -> Status {
+                // SAFETY: pointers are as the standard demands of a tool.
+                unsafe { with(component, stringify!($name), $phases, |$instance| $work) }
+            }
+        )*
+    };
+}
+pub(crate) use functions;
+
+#[unsafe(no_mangle)]
+pub extern "C" fn fmi2GetTypesPlatform() -> *const c_char {
+    c"default".as_ptr()
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn fmi2GetVersion() -> *const c_char {
+    c"2.0".as_ptr()
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi2Instantiate(
+    name: *const c_char,
+    kind: c_int,
+    guid: *const c_char,
+    resources: *const c_char,
+    functions: *const Callbacks,
+    _visible: c_int,
+    _logging: c_int,
+) -> Component {
+    // SAFETY: pointers are as the standard demands of a tool.
+    unsafe {
+        let (log, environment) =
+            functions.as_ref().map_or((None, ptr::null_mut()), |own| (own.logger, own.environment));
+        let tell = |message| {
+            if let Some(log) = log {
+                log(environment, name, Status::Error as c_int, c"logStatusError".as_ptr(), message);
+            }
+        };
+        if !is_able(tell) {
+            return ptr::null_mut();
+        }
+        instantiate(Order {
+            name: text(name),
+            token: text(guid),
+            resources: text(resources),
+            outside: kind == 0,
+            logger: log.map_or(Logger::None, Logger::Two),
+            environment,
+        })
+    }
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi2FreeInstance(component: Component) {
+    // SAFETY: as the standard demands of a tool.
+    unsafe { free(component) }
+}
+
+functions! {
+    fmi2SetDebugLogging(_instance, _on: c_int, _n: usize, _categories: *const *const c_char) in ANY => Ok(());
+    fmi2SetupExperiment(instance, has_tolerance: c_int, tolerance: f64, start: f64, _has_stop: c_int, _stop: f64)
+        in &[Phase::Instantiated] => instance.kept.model.set_up(start, (has_tolerance != 0).then_some(tolerance));
+    fmi2EnterInitializationMode(instance) in &[Phase::Instantiated] => {
+        instance.kept.phase = Phase::Initialization;
+        Ok(())
+    };
+    fmi2ExitInitializationMode(instance) in &[Phase::Initialization] => instance.begin();
+    fmi2Terminate(instance) in RUNNING => {
+        instance.kept.phase = Phase::Terminated;
+        Ok(())
+    };
+    fmi2Reset(instance) in ANY => instance.reset();
+
+    fmi2GetReal(instance, references: *const Reference, n: usize, values: *mut f64) in ANY =>
+        instance.get(given(references, n)?, room(values, n)?);
+    fmi2SetReal(instance, references: *const Reference, n: usize, values: *const f64) in ALIVE =>
+        instance.set(given(references, n)?, given(values, n)?);
+    fmi2GetInteger(_instance, _references: *const Reference, n: usize, _values: *mut c_int) in ANY => no("Integer", n);
+    fmi2SetInteger(_instance, _references: *const Reference, n: usize, _values: *const c_int) in ANY => no("Integer", n);
+    fmi2GetBoolean(_instance, _references: *const Reference, n: usize, _values: *mut c_int) in ANY => no("Boolean", n);
+    fmi2SetBoolean(_instance, _references: *const Reference, n: usize, _values: *const c_int) in ANY => no("Boolean", n);
+    fmi2GetString(_instance, _references: *const Reference, n: usize, _values: *mut *const c_char) in ANY => no("String", n);
+    fmi2SetString(_instance, _references: *const Reference, n: usize, _values: *const *const c_char) in ANY => no("String", n);
+
+    fmi2GetFMUstate(instance, target: *mut *mut Kept) in ANY => keep(instance, target);
+    fmi2SetFMUstate(instance, kept: *mut Kept) in ANY => instance.restore(state(kept)?);
+    fmi2FreeFMUstate(_instance, target: *mut *mut Kept) in ANY => {
+        free_state(target);
+        Ok(())
+    };
+    fmi2SerializedFMUstateSize(_instance, kept: *mut Kept, size: *mut usize) in ANY => {
+        put(size, Instance::bytes(state(kept)?)?.len());
+        Ok(())
+    };
+    fmi2SerializeFMUstate(_instance, kept: *mut Kept, bytes: *mut u8, size: usize) in ANY =>
+        fill("bytes", bytes, size, &Instance::bytes(state(kept)?)?);
+    fmi2DeSerializeFMUstate(instance, bytes: *const u8, size: usize, target: *mut *mut Kept) in ANY =>
+        revive(instance, bytes, size, target);
+
+    fmi2GetDirectionalDerivative(
+        instance, unknowns: *const Reference, n_unknowns: usize, knowns: *const Reference, n_knowns: usize,
+        seed: *const f64, sensitivity: *mut f64
+    ) in &[Phase::Initialization, Phase::Event, Phase::Continuous, Phase::Step] => {
+        let (unknowns, knowns) = (given(unknowns, n_unknowns)?, given(knowns, n_knowns)?);
+        let found = instance.kept.model.directional(unknowns, knowns, given(seed, n_knowns)?, false)?;
+        fill("unknowns", sensitivity, n_unknowns, &found)
+    };
+
+    fmi2EnterEventMode(instance) in &[Phase::Event, Phase::Continuous] => instance.pass_to(Phase::Event);
+    fmi2EnterContinuousTimeMode(instance) in &[Phase::Event] => instance.pass_to(Phase::Continuous);
+    fmi2NewDiscreteStates(instance, info: *mut EventInfo) in &[Phase::Event] => {
+        let update = instance.kept.model.update()?;
+        put(info, EventInfo {
+            new_discrete_states_needed: 0,
+            terminate_simulation: 0,
+            nominals_changed: 0,
+            values_changed: c_int::from(update.states_changed),
+            next_event_time_defined: c_int::from(update.next.is_some()),
+            next_event_time: update.next.unwrap_or(0.0),
+        });
+        Ok(())
+    };
+    fmi2CompletedIntegratorStep(instance, _no_set: c_int, event: *mut c_int, terminate: *mut c_int)
+        in &[Phase::Continuous] => {
+        put(event, c_int::from(instance.kept.model.is_due()?));
+        put(terminate, 0);
+        Ok(())
+    };
+    fmi2SetTime(instance, t: f64) in &[Phase::Event, Phase::Continuous] => instance.kept.model.set_time(t);
+    fmi2SetContinuousStates(instance, x: *const f64, n: usize) in &[Phase::Continuous] =>
+        instance.kept.model.set_states(given(x, n)?);
+    fmi2GetContinuousStates(instance, x: *mut f64, n: usize) in EXCHANGE =>
+        fill("states", x, n, &instance.kept.model.states(What::Values)?);
+    fmi2GetDerivatives(instance, rates: *mut f64, n: usize) in EXCHANGE =>
+        fill("states", rates, n, &instance.kept.model.states(What::Rates)?);
+    fmi2GetNominalsOfContinuousStates(instance, nominals: *mut f64, n: usize) in EXCHANGE =>
+        fill("states", nominals, n, &instance.kept.model.states(What::Sizes)?);
+    fmi2GetEventIndicators(instance, indicators: *mut f64, n: usize) in EXCHANGE =>
+        fill("event indicators", indicators, n, &instance.kept.model.events()?);
+
+    fmi2SetRealInputDerivatives(_instance, _references: *const Reference, n: usize, _orders: *const c_int, _values: *const f64)
+        in ANY => check_length("derivatives of inputs", n, 0);
+    fmi2GetRealOutputDerivatives(_instance, _references: *const Reference, n: usize, _orders: *const c_int, _values: *mut f64)
+        in ANY => check_length("derivatives of outputs", n, 0);
+    fmi2DoStep(instance, from: f64, by: f64, _no_set: c_int) in &[Phase::Step] => instance.kept.model.step(from, by);
+    fmi2CancelStep(_instance) in ANY => refuse("no step is under way: steps end before they return");
+    fmi2GetStatus(_instance, _kind: c_int, _value: *mut c_int) in ANY => refuse("no step is under way");
+    fmi2GetRealStatus(instance, kind: c_int, value: *mut f64) in ANY => {
+        if kind != LAST_SUCCESSFUL_TIME {
+            return refuse("this status is not a real number");
+        }
+        put(value, instance.kept.model.time());
+        Ok(())
+    };
+    fmi2GetIntegerStatus(_instance, _kind: c_int, _value: *mut c_int) in ANY => refuse("there is no such status");
+    fmi2GetBooleanStatus(_instance, kind: c_int, value: *mut c_int) in ANY => {
+        if kind != TERMINATED {
+            return refuse("this status is not a truth value");
+        }
+        put(value, 0);
+        Ok(())
+    };
+    fmi2GetStringStatus(_instance, _kind: c_int, _value: *mut *const c_char) in ANY => refuse("there is no such status");
+}
+
+/// Kinds of status.
+const LAST_SUCCESSFUL_TIME: c_int = 2;
+const TERMINATED: c_int = 3;
+
+/// Phases in which the tool may ask for states and rates.
+pub(crate) const EXCHANGE: &[Phase] =
+    &[Phase::Initialization, Phase::Event, Phase::Continuous, Phase::Terminated];
+
+/// All variables are real numbers.
+pub(crate) fn no(kind: &str, n: usize) -> Result<(), crate::model::Refusal> {
+    if n == 0 { Ok(()) } else { refuse(format!("there is no variable of type {kind}")) }
+}

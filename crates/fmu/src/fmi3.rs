@@ -1,0 +1,277 @@
+//! FMI 3.0: co-simulation and model exchange. Functions as the standard names them.
+#![allow(unsafe_code, non_snake_case, clippy::missing_safety_doc)]
+
+use crate::abi::{
+    ANY, Order, fill, free, free_state, given, instantiate, is_able, keep, put, revive, room, state, text,
+    with,
+};
+use crate::fmi2::{EXCHANGE, functions, no};
+use crate::instance::{ALIVE, Instance, Kept, Logger, Phase, RUNNING, Status};
+use crate::model::{What, check_length, refuse};
+use std::ffi::{c_char, c_int, c_void};
+use std::ptr;
+
+type Component = *mut Instance;
+type References = *const u32;
+type Log = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
+
+#[unsafe(no_mangle)]
+pub extern "C" fn fmi3GetVersion() -> *const c_char {
+    c"3.0".as_ptr()
+}
+
+/// Makes an instance.
+unsafe fn made(
+    [name, token, resources]: [*const c_char; 3],
+    environment: *mut c_void,
+    log: Option<Log>,
+    outside: bool,
+) -> Component {
+    // SAFETY: pointers are as the standard demands of a tool.
+    unsafe {
+        let tell = |message| {
+            if let Some(log) = log {
+                log(environment, Status::Error as c_int, c"logStatusError".as_ptr(), message);
+            }
+        };
+        if !is_able(tell) {
+            return ptr::null_mut();
+        }
+        instantiate(Order {
+            name: text(name),
+            token: text(token),
+            resources: text(resources),
+            outside,
+            logger: log.map_or(Logger::None, Logger::Three),
+            environment,
+        })
+    }
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3InstantiateModelExchange(
+    name: *const c_char,
+    token: *const c_char,
+    resources: *const c_char,
+    _visible: bool,
+    _logging: bool,
+    environment: *mut c_void,
+    log: Option<Log>,
+) -> Component {
+    // SAFETY: pointers are as the standard demands of a tool.
+    unsafe { made([name, token, resources], environment, log, true) }
+}
+
+#[unsafe(no_mangle)]
+#[allow(clippy::too_many_arguments)]
+pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
+    name: *const c_char,
+    token: *const c_char,
+    resources: *const c_char,
+    _visible: bool,
+    _logging: bool,
+    _event_mode: bool,
+    _early_return: bool,
+    _intermediate: References,
+    _n_intermediate: usize,
+    environment: *mut c_void,
+    log: Option<Log>,
+    _update: *const c_void,
+) -> Component {
+    // SAFETY: pointers are as the standard demands of a tool.
+    unsafe { made([name, token, resources], environment, log, false) }
+}
+
+#[unsafe(no_mangle)]
+#[allow(clippy::too_many_arguments)]
+pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
+    _name: *const c_char,
+    _token: *const c_char,
+    _resources: *const c_char,
+    _visible: bool,
+    _logging: bool,
+    environment: *mut c_void,
+    log: Option<Log>,
+    _clock_update: *const c_void,
+    _lock: *const c_void,
+    _unlock: *const c_void,
+) -> Component {
+    if let Some(log) = log {
+        let message = c"scheduled execution is not possible: use co-simulation or model exchange".as_ptr();
+        // SAFETY: the tool's own function, with what the standard says of it.
+        unsafe { log(environment, Status::Error as c_int, c"logStatusError".as_ptr(), message) }
+    }
+    ptr::null_mut()
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3FreeInstance(instance: Component) {
+    // SAFETY: as the standard demands of a tool.
+    unsafe { free(instance) }
+}
+
+functions! {
+    fmi3SetDebugLogging(_instance, _on: bool, _n: usize, _categories: *const *const c_char) in ANY => Ok(());
+    fmi3EnterInitializationMode(instance, has_tolerance: bool, tolerance: f64, start: f64, _has_stop: bool, _stop: f64)
+        in &[Phase::Instantiated] => instance.initialise(start, has_tolerance.then_some(tolerance));
+    fmi3ExitInitializationMode(instance) in &[Phase::Initialization] => instance.begin();
+    fmi3EnterEventMode(instance) in &[Phase::Event, Phase::Continuous] => instance.pass_to(Phase::Event);
+    fmi3Terminate(instance) in RUNNING => {
+        instance.kept.phase = Phase::Terminated;
+        Ok(())
+    };
+    fmi3Reset(instance) in ANY => instance.reset();
+
+    fmi3GetFloat64(instance, references: References, n: usize, values: *mut f64, n_values: usize) in ANY => {
+        check_length("values", n_values, n)?;
+        instance.get(given(references, n)?, room(values, n)?)
+    };
+    fmi3SetFloat64(instance, references: References, n: usize, values: *const f64, n_values: usize) in ALIVE => {
+        check_length("values", n_values, n)?;
+        instance.set(given(references, n)?, given(values, n)?)
+    };
+
+    fmi3GetFMUState(instance, target: *mut *mut Kept) in ANY => keep(instance, target);
+    fmi3SetFMUState(instance, kept: *mut Kept) in ANY => instance.restore(state(kept)?);
+    fmi3FreeFMUState(_instance, target: *mut *mut Kept) in ANY => {
+        free_state(target);
+        Ok(())
+    };
+    fmi3SerializedFMUStateSize(_instance, kept: *mut Kept, size: *mut usize) in ANY => {
+        put(size, Instance::bytes(state(kept)?)?.len());
+        Ok(())
+    };
+    fmi3SerializeFMUState(_instance, kept: *mut Kept, bytes: *mut u8, size: usize) in ANY =>
+        fill("bytes", bytes, size, &Instance::bytes(state(kept)?)?);
+    fmi3DeserializeFMUState(instance, bytes: *const u8, size: usize, target: *mut *mut Kept) in ANY =>
+        revive(instance, bytes, size, target);
+
+    fmi3GetDirectionalDerivative(
+        instance, unknowns: References, n_unknowns: usize, knowns: References, n_knowns: usize,
+        seed: *const f64, n_seed: usize, sensitivity: *mut f64, n_sensitivity: usize
+    ) in DIFFERENTIABLE => {
+        let (unknowns, knowns) = (given(unknowns, n_unknowns)?, given(knowns, n_knowns)?);
+        let found = instance.kept.model.directional(unknowns, knowns, given(seed, n_seed)?, false)?;
+        fill("unknowns", sensitivity, n_sensitivity, &found)
+    };
+    fmi3GetAdjointDerivative(
+        instance, unknowns: References, n_unknowns: usize, knowns: References, n_knowns: usize,
+        seed: *const f64, n_seed: usize, sensitivity: *mut f64, n_sensitivity: usize
+    ) in DIFFERENTIABLE => {
+        let (unknowns, knowns) = (given(unknowns, n_unknowns)?, given(knowns, n_knowns)?);
+        let found = instance.kept.model.directional(unknowns, knowns, given(seed, n_seed)?, true)?;
+        fill("knowns", sensitivity, n_sensitivity, &found)
+    };
+
+    fmi3EvaluateDiscreteStates(_instance) in &[Phase::Initialization, Phase::Event] => Ok(());
+    fmi3UpdateDiscreteStates(
+        instance, needed: *mut bool, terminate: *mut bool, nominals: *mut bool, values: *mut bool,
+        has_next: *mut bool, next: *mut f64
+    ) in &[Phase::Event] => {
+        let update = instance.kept.model.update()?;
+        [needed, terminate, nominals].into_iter().for_each(|flag| put(flag, false));
+        put(values, update.states_changed);
+        put(has_next, update.next.is_some());
+        put(next, update.next.unwrap_or(0.0));
+        Ok(())
+    };
+    fmi3EnterContinuousTimeMode(instance) in &[Phase::Event] => instance.pass_to(Phase::Continuous);
+    fmi3CompletedIntegratorStep(instance, _no_set: bool, event: *mut bool, terminate: *mut bool)
+        in &[Phase::Continuous] => {
+        put(event, instance.kept.model.is_due()?);
+        put(terminate, false);
+        Ok(())
+    };
+    fmi3SetTime(instance, t: f64) in &[Phase::Event, Phase::Continuous] => instance.kept.model.set_time(t);
+    fmi3SetContinuousStates(instance, x: *const f64, n: usize) in &[Phase::Continuous] =>
+        instance.kept.model.set_states(given(x, n)?);
+    fmi3GetContinuousStateDerivatives(instance, rates: *mut f64, n: usize) in EXCHANGE =>
+        fill("states", rates, n, &instance.kept.model.states(What::Rates)?);
+    fmi3GetEventIndicators(instance, indicators: *mut f64, n: usize) in EXCHANGE =>
+        fill("event indicators", indicators, n, &instance.kept.model.events()?);
+    fmi3GetContinuousStates(instance, x: *mut f64, n: usize) in EXCHANGE =>
+        fill("states", x, n, &instance.kept.model.states(What::Values)?);
+    fmi3GetNominalsOfContinuousStates(instance, nominals: *mut f64, n: usize) in EXCHANGE =>
+        fill("states", nominals, n, &instance.kept.model.states(What::Sizes)?);
+    fmi3GetNumberOfEventIndicators(instance, n: *mut usize) in ANY => {
+        put(n, instance.kept.model.n_events()?);
+        Ok(())
+    };
+    fmi3GetNumberOfContinuousStates(instance, n: *mut usize) in ANY => {
+        put(n, instance.kept.model.n_states()?);
+        Ok(())
+    };
+
+    fmi3EnterStepMode(_instance) in &[Phase::Event] => refuse("a step of co-simulation needs no event mode");
+    fmi3GetOutputDerivatives(_instance, _references: References, n: usize, _orders: *const i32, _values: *mut f64, _n_values: usize)
+        in ANY => check_length("derivatives of outputs", n, 0);
+    fmi3DoStep(
+        instance, from: f64, by: f64, _no_set: bool, event: *mut bool, terminate: *mut bool, early: *mut bool,
+        last: *mut f64
+    ) in &[Phase::Step] => {
+        [event, terminate, early].into_iter().for_each(|flag| put(flag, false));
+        let done = instance.kept.model.step(from, by);
+        put(last, instance.kept.model.time());
+        done
+    };
+
+    fmi3GetNumberOfVariableDependencies(_instance, _reference: u32, _n: *mut usize) in ANY =>
+        refuse("dependencies are those of modelDescription.xml");
+    fmi3GetVariableDependencies(
+        _instance, _dependent: u32, _elements: *mut usize, _independents: *mut u32, _of: *mut usize,
+        _kinds: *mut c_int, _n: usize
+    ) in ANY => refuse("dependencies are those of modelDescription.xml");
+    fmi3EnterConfigurationMode(_instance) in ANY => refuse("there are no structural parameters");
+    fmi3ExitConfigurationMode(_instance) in ANY => refuse("there are no structural parameters");
+    fmi3GetClock(_instance, _references: References, n: usize, _values: *mut bool) in ANY => no("Clock", n);
+    fmi3SetClock(_instance, _references: References, n: usize, _values: *const bool) in ANY => no("Clock", n);
+    fmi3GetBinary(_instance, _references: References, n: usize, _sizes: *mut usize, _values: *mut *const u8, _n_values: usize)
+        in ANY => no("Binary", n);
+    fmi3SetBinary(_instance, _references: References, n: usize, _sizes: *const usize, _values: *const *const u8, _n_values: usize)
+        in ANY => no("Binary", n);
+    fmi3GetIntervalDecimal(_instance, _references: References, n: usize, _intervals: *mut f64, _qualifiers: *mut c_int)
+        in ANY => no("Clock", n);
+    fmi3GetIntervalFraction(_instance, _references: References, n: usize, _counters: *mut u64, _resolutions: *mut u64, _qualifiers: *mut c_int)
+        in ANY => no("Clock", n);
+    fmi3GetShiftDecimal(_instance, _references: References, n: usize, _shifts: *mut f64) in ANY => no("Clock", n);
+    fmi3GetShiftFraction(_instance, _references: References, n: usize, _counters: *mut u64, _resolutions: *mut u64)
+        in ANY => no("Clock", n);
+    fmi3SetIntervalDecimal(_instance, _references: References, n: usize, _intervals: *const f64) in ANY => no("Clock", n);
+    fmi3SetIntervalFraction(_instance, _references: References, n: usize, _counters: *const u64, _resolutions: *const u64)
+        in ANY => no("Clock", n);
+    fmi3SetShiftDecimal(_instance, _references: References, n: usize, _shifts: *const f64) in ANY => no("Clock", n);
+    fmi3SetShiftFraction(_instance, _references: References, n: usize, _counters: *const u64, _resolutions: *const u64)
+        in ANY => no("Clock", n);
+    fmi3ActivateModelPartition(_instance, _clock: u32, _t: f64) in ANY => refuse("there are no model partitions");
+}
+
+/// Variables of other types: there are none.
+macro_rules! absent {
+    ($($get:ident $set:ident $kind:ident: $value:ty;)*) => {
+        functions! {
+            $(
+                $get(_instance, _references: References, n: usize, _values: *mut $value, _n_values: usize)
+                    in ANY => no(stringify!($kind), n);
+                $set(_instance, _references: References, n: usize, _values: *const $value, _n_values: usize)
+                    in ANY => no(stringify!($kind), n);
+            )*
+        }
+    };
+}
+
+absent! {
+    fmi3GetFloat32 fmi3SetFloat32 Float32: f32;
+    fmi3GetInt8 fmi3SetInt8 Int8: i8;
+    fmi3GetUInt8 fmi3SetUInt8 UInt8: u8;
+    fmi3GetInt16 fmi3SetInt16 Int16: i16;
+    fmi3GetUInt16 fmi3SetUInt16 UInt16: u16;
+    fmi3GetInt32 fmi3SetInt32 Int32: i32;
+    fmi3GetUInt32 fmi3SetUInt32 UInt32: u32;
+    fmi3GetInt64 fmi3SetInt64 Int64: i64;
+    fmi3GetUInt64 fmi3SetUInt64 UInt64: u64;
+    fmi3GetBoolean fmi3SetBoolean Boolean: bool;
+    fmi3GetString fmi3SetString String: *const c_char;
+}
+
+/// Phases in which there are derivatives.
+const DIFFERENTIABLE: &[Phase] = &[Phase::Initialization, Phase::Event, Phase::Continuous, Phase::Step];

@@ -1,0 +1,221 @@
+//! An instance of an FMU: which calls are allowed when, what is told to the tool.
+
+use crate::model::{Model, Refusal, refuse};
+use crate::plan::Plan;
+use std::ffi::{CString, c_char, c_int, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+/// Result of a call, the same numbers in FMI 2.0 and 3.0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(C)]
+pub enum Status {
+    Ok,
+    Warning,
+    Discard,
+    Error,
+    Fatal,
+}
+
+/// What an instance is waiting for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    Instantiated,
+    Initialization,
+    Event,
+    Continuous,
+    Step,
+    Terminated,
+}
+
+/// Phases in which the run goes on.
+pub const RUNNING: &[Phase] = &[Phase::Event, Phase::Continuous, Phase::Step];
+/// All but the last one.
+pub const ALIVE: &[Phase] =
+    &[Phase::Instantiated, Phase::Initialization, Phase::Event, Phase::Continuous, Phase::Step];
+
+/// The tool's function for messages.
+#[derive(Clone, Copy)]
+pub enum Logger {
+    /// A caller that asks for the last message.
+    None,
+    Two(unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...)),
+    Three(unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char)),
+}
+
+/// Who is told of errors.
+pub struct Listener {
+    pub logger: Logger,
+    pub environment: *mut c_void,
+    pub name: CString,
+}
+
+/// Text as C has it; what comes after a zero is left out.
+pub fn c_text(text: &str) -> CString {
+    CString::new(text.split('\0').next().unwrap_or_default()).expect("there is no zero in it")
+}
+
+impl Listener {
+    /// Tells the tool.
+    pub fn tell(&self, status: Status, message: &str) {
+        let (category, status) = (c"logStatusError", status as c_int);
+        match self.logger {
+            Logger::None => {}
+            // The message is a format there.
+            Logger::Two(log) => {
+                let message = c_text(&message.replace('%', "%%"));
+                // SAFETY: the tool's own function with what FMI 2.0 says of it; all texts live until it returns.
+                #[allow(unsafe_code)]
+                unsafe {
+                    log(self.environment, self.name.as_ptr(), status, category.as_ptr(), message.as_ptr());
+                }
+            }
+            Logger::Three(log) => {
+                let message = c_text(message);
+                // SAFETY: as above, with what FMI 3.0 says of it.
+                #[allow(unsafe_code)]
+                unsafe {
+                    log(self.environment, status, category.as_ptr(), message.as_ptr());
+                }
+            }
+        }
+    }
+}
+
+/// The state of an instance that a tool keeps.
+#[derive(Clone)]
+pub struct Kept {
+    pub model: Model,
+    pub phase: Phase,
+}
+
+/// An instance.
+pub struct Instance {
+    pub kept: Kept,
+    /// Whether the tool integrates: model exchange.
+    pub outside: bool,
+    pub listener: Listener,
+    /// The last message.
+    pub message: CString,
+}
+
+impl Instance {
+    /// Of the text of a plan.
+    pub fn new(text: &str, token: Option<&str>, outside: bool, listener: Listener) -> Result<Self, Refusal> {
+        let plan: Plan = serde_json::from_str(text)
+            .or_else(|error| refuse(format!("the description cannot be read: {error}")))?;
+        if let Some(token) = token.filter(|token| *token != plan.token) {
+            return refuse(format!(
+                "the token \"{token}\" is not that of this FMU, \"{}\": modelDescription.xml and resources/drive.json \
+                 do not belong together. Export the drive again",
+                plan.token
+            ));
+        }
+        if plan.actuator.is_some() && !outside {
+            return refuse(
+                "an actuator is for model exchange: in co-simulation nobody moves it within a step",
+            );
+        }
+        let kept = Kept { model: Model::new(Arc::new(plan), outside), phase: Phase::Instantiated };
+        Ok(Instance { kept, outside, listener, message: CString::default() })
+    }
+
+    /// Does something in one of some phases; what goes wrong is told and becomes a status.
+    pub fn call(
+        &mut self,
+        what: &str,
+        phases: &[Phase],
+        work: impl FnOnce(&mut Self) -> Result<(), Refusal>,
+    ) -> Status {
+        let phase = self.kept.phase;
+        let done = if phases.contains(&phase) {
+            catch_unwind(AssertUnwindSafe(|| work(self)))
+        } else {
+            Ok(refuse(format!("this call is not allowed in phase {phase:?}")))
+        };
+        let (status, message) = match done {
+            Ok(Ok(())) => return Status::Ok,
+            Ok(Err(refusal)) if refusal.discard => (Status::Discard, refusal.message),
+            Ok(Err(refusal)) => (Status::Error, refusal.message),
+            Err(panic) => {
+                let why = panic.downcast_ref::<String>().map(String::as_str);
+                let why = why.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("unknown");
+                (Status::Fatal, format!("internal error: {why}"))
+            }
+        };
+        let message = if what.is_empty() { message } else { format!("{what}: {message}") };
+        self.listener.tell(status, &message);
+        self.message = c_text(&message);
+        status
+    }
+
+    /// Before the run, with a time and where asked for a tolerance.
+    pub fn initialise(&mut self, t0: f64, rtol: Option<f64>) -> Result<(), Refusal> {
+        self.kept.model.set_up(t0, rtol)?;
+        self.kept.phase = Phase::Initialization;
+        Ok(())
+    }
+
+    /// The run begins.
+    pub fn begin(&mut self) -> Result<(), Refusal> {
+        self.kept.model.begin()?;
+        self.kept.phase = if self.outside { Phase::Event } else { Phase::Step };
+        Ok(())
+    }
+
+    /// The tool goes on in another mode of model exchange.
+    pub fn pass_to(&mut self, phase: Phase) -> Result<(), Refusal> {
+        self.kept.phase = phase;
+        Ok(())
+    }
+
+    /// As when it was made.
+    pub fn reset(&mut self) -> Result<(), Refusal> {
+        self.kept.model.reset();
+        self.kept.phase = Phase::Instantiated;
+        Ok(())
+    }
+
+    /// What the tool has kept.
+    pub fn restore(&mut self, kept: &Kept) -> Result<(), Refusal> {
+        self.kept.clone_from(kept);
+        Ok(())
+    }
+
+    /// Sets variables; one with a history only where an event is handled.
+    pub fn set(&mut self, references: &[u32], values: &[f64]) -> Result<(), Refusal> {
+        for (&reference, &value) in references.iter().zip(values) {
+            let known = self.kept.model.get(reference);
+            if self.kept.phase == Phase::Continuous
+                && self.kept.model.is_discrete(reference)
+                && known.as_ref().is_ok_and(|known| *known != value)
+            {
+                return refuse("a discrete input can be set at an event only");
+            }
+            self.kept.model.set(reference, value)?;
+        }
+        Ok(())
+    }
+
+    /// Reads variables.
+    pub fn get(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), Refusal> {
+        for (&reference, value) in references.iter().zip(values) {
+            *value = self.kept.model.get(reference)?;
+        }
+        Ok(())
+    }
+
+    /// What a tool keeps, as bytes.
+    pub fn bytes(kept: &Kept) -> Result<Vec<u8>, Refusal> {
+        let mut bytes = kept.model.save()?;
+        bytes.push(ALIVE.iter().position(|phase| *phase == kept.phase).unwrap_or(ALIVE.len()) as u8);
+        Ok(bytes)
+    }
+
+    /// What a tool has kept as bytes.
+    pub fn kept(&self, bytes: &[u8]) -> Result<Kept, Refusal> {
+        let Some((phase, bytes)) = bytes.split_last() else { return refuse("there are no bytes of a state") };
+        let phase = ALIVE.get(usize::from(*phase)).copied().unwrap_or(Phase::Terminated);
+        Ok(Kept { model: self.kept.model.restored(bytes)?, phase })
+    }
+}

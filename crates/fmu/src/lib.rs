@@ -1,0 +1,13 @@
+//! A drive as a library for other tools: the C interfaces of FMI 2.0 and 3.0, and one of our own for C programs.
+//!
+//! Every function checks its pointers and the phase of its instance, and lets no panic out. What it means for the drive
+//! stands in [`model`], without `unsafe`.
+
+pub mod abi;
+mod c;
+mod fmi2;
+mod fmi3;
+pub mod instance;
+pub mod model;
+pub mod plan;
+mod processor;

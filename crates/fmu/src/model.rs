@@ -1,0 +1,530 @@
+//! A drive as a tool runs it: values before the run, one session during it.
+
+use crate::plan::{Plan, Role};
+use circuit::{AxisId, Error, Look, Network, Session, specification};
+use ode::Options;
+use std::sync::Arc;
+
+/// Tolerances that the solver keeps.
+const TOLERANCES: std::ops::RangeInclusive<f64> = 1e-13..=1e-1;
+/// Share of the time by which two tools may round one instant differently.
+const SAME_INSTANT: f64 = 1e-9;
+/// Bytes of a state begin with this.
+const MAGIC: &[u8; 8] = b"pnd-fmu\x01";
+
+/// Why something was not done, and how bad that is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refusal {
+    pub message: String,
+    /// Whether a shorter step or other values may go.
+    pub discard: bool,
+}
+
+impl From<Error> for Refusal {
+    fn from(error: Error) -> Self {
+        Refusal { message: error.to_string(), discard: false }
+    }
+}
+
+/// Refuses for a reason.
+pub fn refuse<T>(message: impl Into<String>) -> Result<T, Refusal> {
+    Err(Refusal { message: message.into(), discard: false })
+}
+
+/// Where the session has a variable.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    Time,
+    Input(usize),
+    Output(usize),
+    State(usize),
+    Rate(usize),
+    Event(usize),
+    Force,
+    /// Nowhere: the model keeps its value.
+    Kept,
+}
+
+/// A session and where it has the variables.
+#[derive(Clone)]
+struct Running {
+    session: Session,
+    places: Arc<[Place]>,
+    /// The axis of an actuator, and the place of its position among the states; its velocity comes next.
+    motion: Option<(AxisId, usize)>,
+}
+
+/// What a change of modes brought.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Update {
+    pub states_changed: bool,
+    /// The next instant at which modes have to be changed, s.
+    pub next: Option<f64>,
+}
+
+/// A drive as a tool runs it.
+#[derive(Clone)]
+pub struct Model {
+    plan: Arc<Plan>,
+    /// Of what can be set.
+    values: Vec<f64>,
+    t0: f64,
+    rtol: f64,
+    /// Whether the integrator is the tool's.
+    outside: bool,
+    begun: bool,
+    running: Option<Running>,
+}
+
+impl Model {
+    pub fn new(plan: Arc<Plan>, outside: bool) -> Self {
+        let values = plan.variables.iter().map(|own| own.start).collect();
+        Model { values, t0: 0.0, rtol: plan.rtol, plan, outside, begun: false, running: None }
+    }
+
+    /// As when it was made.
+    pub fn reset(&mut self) {
+        *self = Model::new(self.plan.clone(), self.outside);
+    }
+
+    /// The time and, where one is asked for, the tolerance with which it begins.
+    pub fn set_up(&mut self, t0: f64, rtol: Option<f64>) -> Result<(), Refusal> {
+        if !t0.is_finite() {
+            return refuse(format!("start time = {t0} s is not a time"));
+        }
+        if let Some(rtol) = rtol {
+            if !TOLERANCES.contains(&rtol) {
+                let (low, high) = (TOLERANCES.start(), TOLERANCES.end());
+                return refuse(format!(
+                    "tolerance = {rtol} is out of bounds: it must be between {low:e} and {high:e}"
+                ));
+            }
+            self.rtol = rtol;
+        }
+        self.t0 = t0;
+        self.running = None;
+        Ok(())
+    }
+
+    /// Values before the run are final from now on.
+    pub fn begin(&mut self) -> Result<(), Refusal> {
+        self.running()?;
+        self.begun = true;
+        Ok(())
+    }
+
+    fn variable(&self, reference: u32) -> Result<usize, Refusal> {
+        let place = reference as usize;
+        if place < self.values.len() {
+            return Ok(place);
+        }
+        refuse(format!(
+            "there is no variable with value reference {reference}; there are {}",
+            self.values.len()
+        ))
+    }
+
+    /// The value reference of a variable by its name.
+    pub fn named(&self, name: &str) -> Result<u32, Refusal> {
+        match self.plan.variables.iter().position(|own| own.name == name) {
+            Some(place) => Ok(place as u32),
+            None => refuse(format!("there is no variable \"{name}\"")),
+        }
+    }
+
+    /// Whether it changes at events only.
+    pub fn is_discrete(&self, reference: u32) -> bool {
+        let own = self.plan.variables.get(reference as usize);
+        matches!(own.map(|own| &own.role), Some(Role::Input { discrete: true, .. }))
+    }
+
+    /// Sets a variable.
+    pub fn set(&mut self, reference: u32, value: f64) -> Result<(), Refusal> {
+        let (at, plan) = (self.variable(reference)?, self.plan.clone());
+        let own = &plan.variables[at];
+        if !value.is_finite() {
+            return refuse(format!("{} = {value} is not a number", own.name));
+        }
+        if !(own.role.is_input() || own.role.is_fixed()) {
+            return refuse(format!("{} cannot be set: it follows from the others", own.name));
+        }
+        if !self.begun {
+            self.values[at] = value;
+            self.running = None;
+            return Ok(());
+        }
+        if own.role.is_fixed() {
+            return refuse(format!("{} is fixed: it can be set before the run only", own.name));
+        }
+        if self.values[at].to_bits() != value.to_bits() {
+            let (places, outside) = (self.running()?.places.clone(), self.outside);
+            if let Place::Input(input) = places[at] {
+                let session = &mut self.running()?.session;
+                session.set(input, value)?;
+                if !outside {
+                    session.settle_schedule();
+                }
+            }
+            self.values[at] = value;
+            self.follow()?;
+        }
+        Ok(())
+    }
+
+    /// Reads a variable at the present instant.
+    pub fn get(&mut self, reference: u32) -> Result<f64, Refusal> {
+        let at = self.variable(reference)?;
+        let role = &self.plan.variables[at].role;
+        let kept = self.values[at];
+        if role.is_fixed() || role.is_input() {
+            return Ok(kept);
+        }
+        let Running { session, places, motion } = self.running()?;
+        Ok(match places[at] {
+            Place::Time => session.time(),
+            Place::Output(column) => session.now(column),
+            Place::State(state) => session.state()[state],
+            Place::Rate(state) => session.rates()[state],
+            Place::Event(event) => session.events().get(event).copied().unwrap_or(1.0),
+            Place::Force => motion.map_or(0.0, |(axis, _)| session.force_on(axis)),
+            Place::Input(_) | Place::Kept => kept,
+        })
+    }
+
+    /// The present time, s.
+    pub fn time(&self) -> f64 {
+        self.running.as_ref().map_or(self.t0, |running| running.session.time())
+    }
+
+    fn running(&mut self) -> Result<&mut Running, Refusal> {
+        if self.running.is_none() {
+            self.running = Some(self.start()?);
+            self.follow()?;
+        }
+        Ok(self.running.as_mut().expect("just made"))
+    }
+
+    /// The description with the present values of the parameters, and the start with the present ones.
+    fn description(&self) -> Result<(String, specification::Circuit, Vec<f64>), Refusal> {
+        let mut table = self.plan.circuit.clone();
+        for (own, value) in self.plan.variables.iter().zip(&self.values) {
+            if let Role::Parameter { of } = &own.role {
+                let Some(place) = table.pointer_mut(of) else {
+                    return refuse(format!("{}: the description has no number {of}", own.name));
+                };
+                *place = (*value).into();
+            }
+        }
+        let json = table.to_string();
+        let spec = serde_json::from_value(table);
+        let spec = spec.or_else(|error| refuse(format!("the description cannot be read: {error}")))?;
+        Ok((json, spec, self.values.clone()))
+    }
+
+    fn start(&self) -> Result<Running, Refusal> {
+        let (json, spec, values) = self.description()?;
+        let network = Network::assemble(&spec, false)?;
+        let (mut start, mut age) = (self.plan.start.clone(), self.plan.contact_age_s);
+        let mut inputs = Vec::new();
+        for (own, &value) in self.plan.variables.iter().zip(&values) {
+            match &own.role {
+                Role::Start { of } => start.extend(of.iter().map(|name| (name.clone(), value))),
+                Role::Age => age = value,
+                Role::Input { of, .. } => {
+                    let known = &network.assembly().variables.inputs;
+                    match known.iter().position(|input| input.name == *of) {
+                        Some(input) => inputs.push((input, value)),
+                        None => return refuse(format!("the circuit has no input \"{of}\"")),
+                    }
+                }
+                _ => {}
+            }
+        }
+        let options = Options { rtol: self.rtol, ..Options::default() };
+        let session = network.session_at(self.t0, &inputs, &start, age, options)?.of_description(&json);
+        let places = self.places(&session)?;
+        let motion = match &self.plan.actuator {
+            None => None,
+            Some(start) => match session.axis(start) {
+                Some(axis) => Some(axis),
+                None => return refuse(format!("the circuit has no piston that starts at \"{start}\"")),
+            },
+        };
+        Ok(Running { session, places, motion })
+    }
+
+    fn places(&self, session: &Session) -> Result<Arc<[Place]>, Refusal> {
+        let column = |of: &str| session.columns().iter().position(|name| name == of);
+        let state = |of: &str| session.state_names().iter().position(|(name, _)| name == of);
+        let each = self.plan.variables.iter().map(|own| {
+            let place = match &own.role {
+                Role::Time => Some(Place::Time),
+                Role::Input { of, discrete } => {
+                    let input = session.inputs().iter().position(|input| input.name == *of);
+                    input.filter(|input| *discrete || session.is_continuous(*input)).map(Place::Input)
+                }
+                Role::Output { of } => column(of).map(Place::Output),
+                Role::State { of } => state(of).map(Place::State),
+                Role::Rate { of } => state(of).map(Place::Rate),
+                Role::Event { of } => Some(Place::Event(*of)),
+                Role::Force => Some(Place::Force),
+                _ => Some(Place::Kept),
+            };
+            place.ok_or_else(|| Refusal {
+                message: format!(
+                    "with these values the circuit has nothing for {}, or it has a history. Export the drive with them",
+                    own.name
+                ),
+                discard: false,
+            })
+        });
+        let places: Arc<[Place]> = each.collect::<Result<_, _>>()?;
+        let motion = if self.plan.actuator.is_some() { 2 } else { 0 };
+        let told = places.iter().filter(|place| matches!(place, Place::Rate(_))).count();
+        if told + motion != session.state_names().len() {
+            return refuse(format!(
+                "with these values the circuit has {} states, but {told} rates are described. Export the drive with them",
+                session.state_names().len() - motion
+            ));
+        }
+        Ok(places)
+    }
+
+    /// Puts the piston of an actuator where it is told to be; end stops act wherever the tool puts it.
+    fn follow(&mut self) -> Result<(), Refusal> {
+        if !self.outside {
+            return Ok(());
+        }
+        let told = |role: fn(&Role) -> bool| {
+            let place = self.plan.variables.iter().position(|own| role(&own.role));
+            place.map_or(0.0, |place| self.values[place])
+        };
+        let motion =
+            [told(|role| matches!(role, Role::Position)), told(|role| matches!(role, Role::Velocity))];
+        let Running { session, motion: axis, .. } = self.running()?;
+        let mut y = session.state().to_vec();
+        if let Some((_, first)) = axis {
+            y[*first..*first + 2].copy_from_slice(&motion);
+        }
+        session.place(session.time(), &y);
+        Ok(())
+    }
+
+    /// The places of the tool's continuous states among those of the session.
+    fn continuous(&mut self) -> Result<Vec<usize>, Refusal> {
+        let Running { session, motion, .. } = self.running()?;
+        let own = motion.map(|(_, first)| [first, first + 1]).unwrap_or([usize::MAX; 2]);
+        Ok((0..session.state().len()).filter(|state| !own.contains(state)).collect())
+    }
+
+    /// How many continuous states the tool integrates.
+    pub fn n_states(&mut self) -> Result<usize, Refusal> {
+        Ok(self.continuous()?.len())
+    }
+
+    /// How many event functions there are.
+    pub fn n_events(&mut self) -> Result<usize, Refusal> {
+        Ok(self.running()?.session.events().len())
+    }
+
+    /// Another time, s.
+    pub fn set_time(&mut self, t: f64) -> Result<(), Refusal> {
+        if !t.is_finite() {
+            return refuse(format!("t = {t} s is not a time"));
+        }
+        let session = &mut self.running()?.session;
+        let y = session.state().to_vec();
+        session.place(t, &y);
+        Ok(())
+    }
+
+    /// Other states.
+    pub fn set_states(&mut self, x: &[f64]) -> Result<(), Refusal> {
+        let places = self.continuous()?;
+        check_length("states", x.len(), places.len())?;
+        if x.iter().any(|value| !value.is_finite()) {
+            return Err(Refusal { message: "a state is not a number".into(), discard: true });
+        }
+        let session = &mut self.running()?.session;
+        let mut y = session.state().to_vec();
+        for (place, value) in places.into_iter().zip(x) {
+            y[place] = *value;
+        }
+        session.place(session.time(), &y);
+        Ok(())
+    }
+
+    /// The continuous states, their rates, or their sizes.
+    pub fn states(&mut self, what: What) -> Result<Vec<f64>, Refusal> {
+        let places = self.continuous()?;
+        let session = &mut self.running()?.session;
+        let all = match what {
+            What::Values => session.state().to_vec(),
+            What::Rates => session.rates(),
+            What::Sizes => session.scale().to_vec(),
+        };
+        let values: Vec<f64> = places.iter().map(|place| all[*place]).collect();
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(bad) => Err(Refusal {
+                message: format!(
+                    "the rate of {} is not finite at t = {} s. Try a shorter step, or a larger dead volume",
+                    session.state_names()[places[bad]].0,
+                    session.time()
+                ),
+                discard: true,
+            }),
+            None => Ok(values),
+        }
+    }
+
+    /// Event functions.
+    pub fn events(&mut self) -> Result<Vec<f64>, Refusal> {
+        Ok(self.running()?.session.events())
+    }
+
+    /// Whether a mode has to be changed now.
+    pub fn is_due(&mut self) -> Result<bool, Refusal> {
+        let session = &mut self.running()?.session;
+        let now = session.time();
+        Ok(session.events().iter().any(|value| *value <= 0.0)
+            || session.next_due().is_some_and(|due| due <= now))
+    }
+
+    /// Applies what is due and changes modes that hold no longer.
+    pub fn update(&mut self) -> Result<Update, Refusal> {
+        let session = &mut self.running()?.session;
+        let before = session.state().to_vec();
+        session.settle_schedule();
+        session.change_modes()?;
+        let states_changed = session.state() != before;
+        Ok(Update { states_changed, next: session.next_due() })
+    }
+
+    /// Goes on from a time by a step, s.
+    pub fn step(&mut self, from: f64, by: f64) -> Result<(), Refusal> {
+        let now = self.time();
+        if !(from.is_finite() && (from - now).abs() <= SAME_INSTANT * now.abs().max(1.0)) {
+            return refuse(format!("the step begins at {from} s, but the present time is {now} s"));
+        }
+        if !(by.is_finite() && by >= 0.0) {
+            return refuse(format!("the step of {by} s must be finite and not below zero"));
+        }
+        let session = &mut self.running()?.session;
+        session.go_on((from + by).max(now), &mut Look::new(&mut |_| false))?;
+        Ok(())
+    }
+
+    /// Derivatives of the unknowns in the direction `seed` of the knowns; or, with `adjoint`, of the knowns in the
+    /// direction `seed` of the unknowns.
+    pub fn directional(
+        &mut self,
+        unknowns: &[u32],
+        knowns: &[u32],
+        seed: &[f64],
+        adjoint: bool,
+    ) -> Result<Vec<f64>, Refusal> {
+        check_length("seeds", seed.len(), if adjoint { unknowns.len() } else { knowns.len() })?;
+        let all: Vec<usize> =
+            unknowns.iter().chain(knowns).map(|own| self.variable(*own)).collect::<Result<_, _>>()?;
+        let (unknowns, knowns) = all.split_at(unknowns.len());
+        let plan = self.plan.clone();
+        let Running { session, places, .. } = self.running()?;
+        let state_of = |at: usize| match &plan.variables[at].role {
+            Role::Output { of } | Role::State { of } => {
+                session.state_names().iter().position(|(name, _)| name == of)
+            }
+            _ => None,
+        };
+        let name = |at: usize| &plan.variables[at].name;
+        let inputs: Vec<usize> = knowns.iter().filter_map(|&at| input_of(places[at])).collect();
+        let linear = session.linearise(&inputs)?;
+        let (n, m) = (linear.state.len(), inputs.len());
+        let mut out = vec![0.0; if adjoint { knowns.len() } else { unknowns.len() }];
+        for (i, &unknown) in unknowns.iter().enumerate() {
+            let (by_states, by_inputs) = match places[unknown] {
+                Place::Rate(row) => (&linear.a[row * n..][..n], &linear.b[row * m..][..m]),
+                Place::Output(column) => match linear.columns.iter().position(|own| *own == column) {
+                    Some(row) => (&linear.c[row * n..][..n], &linear.d[row * m..][..m]),
+                    None => return refuse(format!("{} has no derivative", name(unknown))),
+                },
+                _ => {
+                    return refuse(format!(
+                        "{} is not an unknown: derivatives and outputs are",
+                        name(unknown)
+                    ));
+                }
+            };
+            let mut inputs = by_inputs.iter();
+            for (k, &known) in knowns.iter().enumerate() {
+                let slope = match (input_of(places[known]), state_of(known)) {
+                    (Some(_), _) => inputs.next().copied(),
+                    (None, Some(state)) => Some(by_states[state]),
+                    (None, None) => None,
+                };
+                let Some(slope) = slope else {
+                    return refuse(format!("{} is not a known: states and inputs are", name(known)));
+                };
+                let (to, from) = if adjoint { (k, i) } else { (i, k) };
+                out[to] += slope * seed[from];
+            }
+        }
+        Ok(out)
+    }
+
+    /// The whole model as bytes.
+    pub fn save(&self) -> Result<Vec<u8>, Refusal> {
+        let mut bytes = MAGIC.to_vec();
+        let flags = [self.begun, self.outside, self.running.is_some()];
+        let words = [self.t0, self.rtol, self.values.len() as f64].into_iter();
+        let words =
+            words.chain(flags.map(|flag| f64::from(u8::from(flag)))).chain(self.values.iter().copied());
+        bytes.extend(words.flat_map(f64::to_le_bytes));
+        if let Some(running) = &self.running {
+            bytes.extend(running.session.save()?);
+        }
+        Ok(bytes)
+    }
+
+    /// A model of the same plan from bytes.
+    pub fn restored(&self, bytes: &[u8]) -> Result<Self, Refusal> {
+        const HEAD: usize = 6;
+        let Some(rest) = bytes.strip_prefix(MAGIC) else {
+            return refuse("these bytes are not a state of this FMU");
+        };
+        let n = HEAD + self.values.len();
+        let damaged = || Refusal { message: "these bytes of a state are damaged".into(), discard: false };
+        let (words, session) = rest.split_at_checked(8 * n).ok_or_else(damaged)?;
+        let words: Vec<f64> = words.as_chunks().0.iter().map(|word| f64::from_le_bytes(*word)).collect();
+        if words[2] != self.values.len() as f64 || words[4] != f64::from(u8::from(self.outside)) {
+            return refuse("these bytes are of a state of another FMU");
+        }
+        let mut model = Model::new(self.plan.clone(), self.outside);
+        (model.t0, model.rtol, model.values) = (words[0], words[1], words[HEAD..].to_vec());
+        if words[5] != 0.0 {
+            model.running()?.session.restore(session)?;
+        }
+        model.begun = words[3] != 0.0;
+        Ok(model)
+    }
+}
+
+/// The input of the session at a place.
+fn input_of(place: Place) -> Option<usize> {
+    match place {
+        Place::Input(input) => Some(input),
+        _ => None,
+    }
+}
+
+/// What of the continuous states.
+#[derive(Clone, Copy, Debug)]
+pub enum What {
+    Values,
+    Rates,
+    Sizes,
+}
+
+/// Refuses arrays of another length.
+pub fn check_length(what: &str, given: usize, own: usize) -> Result<(), Refusal> {
+    if given == own { Ok(()) } else { refuse(format!("{given} {what} are given; there are {own}")) }
+}

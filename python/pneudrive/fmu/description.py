@@ -1,0 +1,133 @@
+"""modelDescription.xml of FMI 2.0 and 3.0."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+from pneudrive import __version__
+from pneudrive.fmu.dimensions import DISPLAYED, exponents
+
+if TYPE_CHECKING:
+    from pneudrive.fmu.variables import FmuPlan, FmuVariable
+
+#: Name of the library without its suffix, in every FMU.
+IDENTIFIER = "pneudrive"
+_STRUCTURED = re.compile(r"(der\()?[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+\])?\)?")
+_ABOUT = (
+    "Pressures are absolute. Positions and velocities grow towards the end of chamber b. In model exchange a step of "
+    "the command has to be an event of the input: a steep ramp in its place gives wrong results without a message."
+)
+
+
+def description(plan: FmuPlan, version: str) -> bytes:
+    """Return modelDescription.xml.
+
+    Parameters
+    ----------
+    plan : FmuPlan
+    version : str
+        ``"2.0"`` or ``"3.0"``.
+    """
+    is_two = version == "2.0"
+    states = [one for one in plan.variables if one.rate_of]
+    indicators = [one for one in plan.variables if one.role["role"] == "event"]
+    structured = all(_STRUCTURED.fullmatch(one.name) for one in plan.variables)
+    root = ElementTree.Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": version,
+            "modelName": plan.title,
+            "guid" if is_two else "instantiationToken": plan.token,
+            "description": _ABOUT,
+            "generationTool": f"pneudrive {__version__}",
+            "variableNamingConvention": "structured" if structured else "flat",
+            **({"numberOfEventIndicators": str(len(indicators))} if is_two else {}),
+        },
+    )
+    _interfaces(root, plan, is_two)
+    _units(root, plan)
+    categories = ElementTree.SubElement(root, "LogCategories")
+    ElementTree.SubElement(categories, "Category", name="logStatusError", description="What went wrong, and what to do")
+    ElementTree.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", tolerance=repr(plan.rtol))
+    variables = ElementTree.SubElement(root, "ModelVariables")
+    places = {one.name: i for i, one in enumerate(plan.variables)}
+    for one in plan.variables:
+        (_variable_two if is_two else _variable_three)(variables, one, places)
+    structure = ElementTree.SubElement(root, "ModelStructure")
+    outputs = [places[one.name] for one in plan.variables if one.causality == "output"]
+    rates = [places[one.name] for one in states]
+    unknown = sorted({*outputs, *rates, *(places[one.rate_of] for one in states)})
+    if is_two:
+        for tag, each in (("Outputs", outputs), ("Derivatives", rates), ("InitialUnknowns", unknown)):
+            within = ElementTree.SubElement(structure, tag) if each else structure
+            for place in each:
+                ElementTree.SubElement(within, "Unknown", index=str(place + 1))
+    else:
+        events = [places[one.name] for one in indicators]
+        each_kind = (
+            ("Output", outputs),
+            ("ContinuousStateDerivative", rates),
+            ("InitialUnknown", unknown),
+            ("EventIndicator", events),
+        )
+        for tag, each in each_kind:
+            for place in each:
+                ElementTree.SubElement(structure, tag, valueReference=str(place))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+
+
+def _interfaces(root: ElementTree.Element, plan: FmuPlan, is_two: bool) -> None:
+    state = "FMUstate" if is_two else "FMUState"
+    common = {"modelIdentifier": IDENTIFIER, f"canGetAndSet{state}": "true", f"canSerialize{state}": "true"}
+    derivatives = not plan.is_actuator  # of the force there are none
+    if derivatives:
+        names = ("providesDirectionalDerivative",)
+        if not is_two:
+            names = ("providesDirectionalDerivatives", "providesAdjointDerivatives")
+        common |= dict.fromkeys(names, "true")
+    step = {} if is_two else {"needsCompletedIntegratorStep": "true"}
+    ElementTree.SubElement(root, "ModelExchange", common | step)
+    if not plan.is_actuator:
+        ElementTree.SubElement(root, "CoSimulation", common | {"canHandleVariableCommunicationStepSize": "true"})
+
+
+def _units(root: ElementTree.Element, plan: FmuPlan) -> None:
+    units = ElementTree.SubElement(root, "UnitDefinitions")
+    for unit in dict.fromkeys(one.unit for one in plan.variables):
+        own = ElementTree.SubElement(units, "Unit", name=unit)
+        ElementTree.SubElement(own, "BaseUnit", {base: str(power) for base, power in exponents(unit).items()})
+        if unit in DISPLAYED:
+            name, factor, offset = DISPLAYED[unit]
+            shown = {"name": name, "factor": repr(factor), **({"offset": repr(offset)} if offset else {})}
+            ElementTree.SubElement(own, "DisplayUnit", shown)
+
+
+def _kind(one: FmuVariable) -> dict[str, str]:
+    """Return causality, variability and, of what follows from other variables, how it begins."""
+    if one.causality == "parameter":
+        return {"causality": "parameter", "variability": "fixed"}
+    variability = "discrete" if one.is_discrete else "continuous"
+    begins = {"initial": "calculated"} if one.causality in ("output", "local") else {}
+    return {"causality": one.causality, "variability": variability, **begins}
+
+
+def _shown(one: FmuVariable) -> dict[str, str]:
+    shown = {"displayUnit": DISPLAYED[one.unit][0]} if one.unit in DISPLAYED else {}
+    start = {} if one.start is None else {"start": repr(float(one.start))}
+    return {"unit": one.unit, **shown, **start}
+
+
+def _variable_two(variables: ElementTree.Element, one: FmuVariable, places: dict[str, int]) -> None:
+    about = {"name": one.name, "valueReference": str(places[one.name]), "description": one.meaning}
+    own = ElementTree.SubElement(variables, "ScalarVariable", about | _kind(one))
+    rate = {"derivative": str(places[one.rate_of] + 1)} if one.rate_of else {}
+    ElementTree.SubElement(own, "Real", _shown(one) | rate)
+
+
+def _variable_three(variables: ElementTree.Element, one: FmuVariable, places: dict[str, int]) -> None:
+    about = {"name": one.name, "valueReference": str(places[one.name]), "description": one.meaning}
+    rate = {"derivative": str(places[one.rate_of])} if one.rate_of else {}
+    ElementTree.SubElement(variables, "Float64", about | _kind(one) | _shown(one) | rate)

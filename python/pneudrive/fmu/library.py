@@ -1,0 +1,92 @@
+"""The library that every FMU and every C program of a drive carries."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+import tempfile
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from pneudrive.errors import CommandError, DescriptionError
+
+#: Platform -> suffix of a library, folder of FMI 2.0, folder of FMI 3.0.
+PLATFORMS = {
+    "linux": (".so", "linux64", "x86_64-linux"),
+    "darwin": (".dylib", "darwin64", "x86_64-darwin"),
+    "win32": (".dll", "win64", "x86_64-windows"),
+}
+_OK = 0
+
+
+def library_path() -> Path:
+    """Return the path of the library.
+
+    Raises
+    ------
+    CommandError
+        This installation lacks it.
+    """
+    suffix = PLATFORMS.get(sys.platform, PLATFORMS["linux"])[0]
+    found = Path(__file__).with_name(f"libpneudrive{suffix}")
+    if not found.is_file():
+        raise CommandError(
+            "this installation of pneudrive lacks the library for FMUs and C",
+            where=str(found),
+            remedy="Install a wheel of pneudrive; or, in a copy of its source, run `make setup`.",
+        )
+    return found
+
+
+@lru_cache(maxsize=1)
+def _loaded(path: Path) -> ctypes.CDLL:
+    library = ctypes.CDLL(str(path))
+    library.fmi3InstantiateModelExchange.restype = ctypes.c_void_p
+    return library
+
+
+_LOG = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
+
+
+def count_events(json: str, token: str) -> int:
+    """Return how many event indicators the library has for a plan, which it reads, checks and starts.
+
+    Parameters
+    ----------
+    json, token : str
+        Of a `pneudrive.fmu.variables.FmuPlan`.
+
+    Raises
+    ------
+    DescriptionError
+        The library refuses the plan.
+    CommandError
+        This installation lacks the library.
+    """
+    library, messages = _loaded(library_path()), []
+
+    def log(_environment: Any, _status: int, _category: bytes, message: bytes) -> None:  # noqa: ANN401
+        messages.append(message.decode())
+
+    callback = _LOG(log)
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "drive.json").write_text(json, encoding="utf-8")
+        text = [ctypes.c_char_p(one.encode()) for one in ("export", token, folder)]
+        instance = ctypes.c_void_p(library.fmi3InstantiateModelExchange(*text, False, False, None, callback))
+    count = ctypes.c_size_t()
+    try:
+        start = (instance, False, ctypes.c_double(0.0), ctypes.c_double(0.0), False, ctypes.c_double(0.0))
+        done = instance.value is not None and all(
+            status == _OK
+            for status in (
+                library.fmi3EnterInitializationMode(*start),
+                library.fmi3ExitInitializationMode(instance),
+                library.fmi3GetNumberOfEventIndicators(instance, ctypes.byref(count)),
+            )
+        )
+        if not done:
+            raise DescriptionError("the library refuses the drive: " + "; ".join(dict.fromkeys(messages)))
+    finally:
+        library.fmi3FreeInstance(instance)
+    return count.value

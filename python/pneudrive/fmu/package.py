@@ -1,0 +1,141 @@
+"""FMUs as files: the description, the plan and the library in one archive."""
+
+from __future__ import annotations
+
+import sys
+import zipfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pneudrive.errors import CommandError, nearest
+from pneudrive.fmu.description import IDENTIFIER, description
+from pneudrive.fmu.library import PLATFORMS, count_events, library_path
+from pneudrive.fmu.variables import RTOL, FmuVariable, plan_of
+from pneudrive.show import Shown
+from pneudrive.simulate import require
+from pneudrive.start import check_tolerance
+from pneudrive.trajectory import check_target, whole
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+    from pneudrive.describe.parts import Initial
+    from pneudrive.fmu.variables import FmuPlan
+
+VERSIONS = ("2.0", "3.0")
+#: Date in archives: equal drives give equal bytes.
+_DATE = (1980, 1, 1, 0, 0, 0)
+_EXECUTABLE = 0o755 << 16
+
+
+@dataclass(frozen=True, repr=False)
+class FmuFile(Shown):
+    """An FMU that was written.
+
+    Attributes
+    ----------
+    path : Path
+    version : str
+    inputs, outputs, parameters : tuple of FmuVariable
+    token : str
+        Token of the plan.
+    notes : tuple of str
+        Warnings and assumed values of the drive.
+    """
+
+    path: Path
+    version: str
+    inputs: tuple[FmuVariable, ...]
+    outputs: tuple[FmuVariable, ...]
+    parameters: tuple[FmuVariable, ...]
+    token: str
+    notes: tuple[str, ...]
+
+
+def complete_plan(
+    drive: Drive | Circuit,
+    initial: Initial | Mapping[str, object] | str | None,
+    rtol: float,
+    *,
+    actuator: bool = False,
+) -> FmuPlan:
+    """Return the plan of a drive with its event indicators, checked by the library."""
+    require(drive, "core_json" if not hasattr(drive, "si_form") else "si_form", "drive", 'pn.Drive.load("drive.toml")')
+    check_tolerance(rtol)
+    plan = plan_of(drive, initial, rtol=rtol, actuator=actuator)
+    events = [
+        FmuVariable(
+            f"event_indicator[{i + 1}]",
+            "1",
+            "above zero while the present mode of friction or of a valve holds",
+            "local",
+            {"role": "event", "of": i},
+        )
+        for i in range(count_events(plan.json(), plan.token))
+    ]
+    return replace(plan, variables=(*plan.variables, *events))
+
+
+def export_fmu(
+    drive: Drive | Circuit,
+    path: str | Path,
+    *,
+    version: str = "2.0",
+    actuator: bool = False,
+    initial: Initial | Mapping[str, object] | str | None = None,
+    rtol: float = RTOL,
+) -> FmuFile:
+    """Write a drive or a circuit as a Functional Mock-up Unit for co-simulation and model exchange.
+
+    Inputs are the command and the external force in N, outputs the variables of a trajectory in SI, parameters the
+    numbers of the drive file by their keys and ``start.position``, ``start.pressure_a``, ... Pressures are absolute.
+    Each number stands for itself: what a drive file derives from another number does not follow it in the FMU.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+    path : path-like
+        File ending in ``.fmu``.
+    version : str
+        ``"2.0"`` or ``"3.0"``, of the Functional Mock-up Interface.
+    actuator : bool
+        Whether the other tool moves the piston: position and velocity are inputs, the force on what it moves is an
+        output; for model exchange, and for friction laws with bristles.
+    initial : Initial, dict or str, optional
+        Start state, as for `pneudrive.simulate`.
+    rtol : float
+        Relative tolerance of co-simulation, unless the other tool gives one.
+
+    Returns
+    -------
+    FmuFile
+
+    Raises
+    ------
+    CommandError
+        The version or the path is not valid, the file cannot be written, or this installation lacks the library.
+    DescriptionError
+        The start state does not fit, or the drive cannot be an actuator.
+    """
+    if version not in VERSIONS:
+        raise CommandError(f'FMI "{version}" is not available', remedy=nearest(version, VERSIONS))
+    target = check_target(path, (".fmu",))
+    plan = complete_plan(drive, initial, rtol, actuator=actuator)
+    suffix, two, three = PLATFORMS.get(sys.platform, PLATFORMS["linux"])
+    place = f"binaries/{two if version == '2.0' else three}/{IDENTIFIER}{suffix}"
+    with whole(target) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content, rights in (
+            ("modelDescription.xml", description(plan, version), 0o644 << 16),
+            ("resources/drive.json", plan.json().encode(), 0o644 << 16),
+            (place, library_path().read_bytes(), _EXECUTABLE),
+        ):
+            entry = zipfile.ZipInfo(name, _DATE)
+            entry.external_attr, entry.compress_type = rights, zipfile.ZIP_DEFLATED
+            archive.writestr(entry, content)
+    by = {
+        kind: tuple(one for one in plan.variables if one.causality == kind) for kind in ("input", "output", "parameter")
+    }
+    return FmuFile(target, version, by["input"], by["output"], by["parameter"], plan.token, plan.notes)

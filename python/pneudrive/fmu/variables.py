@@ -1,0 +1,324 @@
+"""Variables of a drive or a circuit as another tool sees them, and the plan that the library runs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.describe.components import STATED, component_kinds, parameter_quantity
+from pneudrive.errors import DescriptionError
+from pneudrive.free.lines import beside, numbers
+from pneudrive.session import short_name
+from pneudrive.start import circuit_of, is_circuit, read_initial, start_values
+from pneudrive.trajectory import meaning
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from pneudrive._core import Session as CoreSession
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+    from pneudrive.describe.parts import Initial
+
+#: Numbers of a valve that give the command a history or the circuit other states: fixed in an FMU.
+_HISTORY = ("frequency", "delay", "hysteresis", "overlap", "leakage")
+_PISTON = "cylinder.position_m"
+#: Relative tolerance of co-simulation: a tenth of that of a run, since a tool's own steps cut those of the solver.
+RTOL = 1e-7
+
+
+@dataclass(frozen=True)
+class FmuVariable:
+    """Variable of an FMU.
+
+    Attributes
+    ----------
+    name : str
+        Name in the drive file, or of a trajectory's variable.
+    unit : str
+        SI unit; ``"1"`` for a pure number.
+    meaning : str
+    causality : str
+        ``independent``, ``parameter``, ``input``, ``output`` or ``local``.
+    role : dict
+        What the library has it for.
+    start : float or None
+        Start value of a parameter or an input.
+    is_discrete : bool
+        Whether it changes at events only.
+    rate_of : str
+        Name of the state of which it is the rate.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    causality: str
+    role: dict[str, Any]
+    start: float | None = None
+    is_discrete: bool = False
+    rate_of: str = ""
+
+
+@dataclass(frozen=True)
+class FmuPlan:
+    """What an FMU contains: a circuit, its start and its variables.
+
+    Attributes
+    ----------
+    title : str
+    form : dict
+        The circuit in the core's form.
+    start : dict
+        Start values by the core's names, SI.
+    rtol : float
+    variables : tuple of FmuVariable
+        The place of a variable is its value reference.
+    is_actuator : bool
+        Whether position and velocity of the piston are inputs.
+    notes : tuple of str
+        Warnings and assumed values of the description.
+    """
+
+    title: str
+    form: dict[str, Any]
+    start: dict[str, float]
+    rtol: float
+    variables: tuple[FmuVariable, ...]
+    is_actuator: bool = False
+    notes: tuple[str, ...] = field(default=())
+
+    def json(self) -> str:
+        """Return the plan as the library reads it, with its token."""
+        own = {
+            "circuit": self.form,
+            "start": self.start,
+            "rtol": self.rtol,
+            "actuator": _PISTON if self.is_actuator else None,
+            "variables": [
+                {"name": one.name, **one.role, **({} if one.start is None else {"start": one.start})}
+                for one in self.variables
+            ],
+        }
+        return json.dumps({"token": self.token, **own}, indent=1)
+
+    @property
+    def token(self) -> str:
+        """Token that binds the description of an FMU to its plan: a hash of all that is run."""
+        roles = [[one.name, one.role, one.start] for one in self.variables]
+        text = json.dumps([self.form, self.start, self.rtol, roles, self.is_actuator], sort_keys=True)
+        found = hashlib.sha256(text.encode()).hexdigest()
+        return "{" + "-".join((found[:8], found[8:12], found[12:16], found[16:20], found[20:32])) + "}"
+
+
+def plan_of(
+    described: Drive | Circuit,
+    initial: Initial | Mapping[str, object] | str | None = None,
+    *,
+    rtol: float = RTOL,
+    actuator: bool = False,
+) -> FmuPlan:
+    """Return the plan of an FMU.
+
+    Parameters
+    ----------
+    described : Drive or Circuit
+    initial : Initial, dict or str, optional
+        Start state, as for `pneudrive.simulate`; each of its values can be changed in the other tool.
+    rtol : float
+        Relative tolerance of co-simulation.
+    actuator : bool
+        Whether the other tool moves the piston: position and velocity are inputs, the force is an output.
+
+    Raises
+    ------
+    DescriptionError
+        The start does not fit; or the description cannot be an actuator.
+    """
+    from pneudrive.describe.circuit import compiled
+
+    circuit = circuit_of(described)
+    form = json.loads(circuit.core_json())
+    if actuator:
+        _check_actuator(described, form)
+    if is_circuit(described):
+        start = described.core_initial(start_values(initial))
+    else:
+        start = described.circuit_initial(read_initial(initial))
+    session = compiled(json.dumps(form, sort_keys=True)).start(start, rtol)
+    is_short = not is_circuit(described)
+    variables = [FmuVariable("time", "s", "time", "independent", {"role": "time"})]
+    variables += _inputs(session, form, is_short, actuator)
+    named = {one.name for one in variables}
+    variables += [one for one in _parameters(described, form) if one.name not in named | {"load.force"}]
+    variables += _starts(start, is_short, actuator)
+    variables += _results(session, described, actuator)
+    names = [one.name for one in variables]
+    assert len(set(names)) == len(names), "names of variables are unique"
+    notes = (*session_notes(described), *described.assumed())
+    return FmuPlan(described.name, form, start, rtol, tuple(variables), actuator, notes)
+
+
+def session_notes(described: Drive | Circuit) -> list[str]:
+    """Return the warnings of the core about a description."""
+    from pneudrive.describe.circuit import compiled
+
+    return list(compiled(circuit_of(described).core_json()).warnings)
+
+
+def _check_actuator(described: Drive | Circuit, form: dict[str, Any]) -> None:
+    """Check that the motion of the piston can come from outside, and take off what the other tool has itself."""
+    cylinder = next((one for one in form["components"] if one["name"] == "cylinder"), None)
+    if is_circuit(described) or cylinder is None:
+        raise DescriptionError("an actuator is made of a drive", remedy="Export a drive file.")
+    entry = described.friction.entry
+    if entry.get("sticks", not entry["bristles"]):
+        raise DescriptionError(
+            f"the law {described.friction.law} sticks by a mode of its own, which motion from outside does not have",
+            rule="an actuator needs a law whose force follows from the motion",
+            remedy='Choose one with bristles, such as friction.law = "lugre".',
+        )
+    cylinder["numbers"].pop("incline", None)
+
+
+def _named(core: str, is_short: bool) -> tuple[str, str, str]:
+    """Return name, unit and meaning of a variable of the core."""
+    return meaning(short_name(core) if is_short else core)
+
+
+def _inputs(session: CoreSession, form: dict[str, Any], is_short: bool, actuator: bool) -> Iterator[FmuVariable]:
+    components = {one["name"]: one for one in form["components"]}
+    for core, unit, bounds, what in session.inputs:
+        of, _, last = core.rpartition(".")
+        kind = component_kinds()[components[of]["kind"]]
+        given = {row["key"] for row in kind["parameters"]}
+        name = {"load_force_n": "force", "command": "command"}.get(last, meaning(last)[0])
+        if last != "load_force_n" and name in given:
+            continue  # a parameter, such as the pressure of a supply
+        if actuator and last == "load_force_n":
+            continue
+        own = components[of]
+        at_once = own["kind"] == "valve/proportional-5/3" and not own.get("points")
+        at_once = at_once and not any(own["numbers"].get(key) for key in _HISTORY)
+        discrete = last == "command" and not at_once
+        value = session.read(core)
+        yield FmuVariable(
+            name if is_short else f"{of}.{name}",
+            unit,
+            f"{what}, {bounds}" if last == "command" else what,
+            "input",
+            {"role": "input", "of": core, "discrete": discrete},
+            value if value == value else 0.0,
+            is_discrete=discrete,
+        )
+    if actuator:
+        for name, unit in (("position", "m"), ("velocity", "m/s")):
+            value = session.read(f"cylinder.{name}_{'m' if unit == 'm' else 'm_s'}")
+            yield FmuVariable(
+                name, unit, meaning(f"{name}_{unit.replace('/', '_')}")[2], "input", {"role": name}, value
+            )
+
+
+def _parameters(described: Drive | Circuit, form: dict[str, Any]) -> Iterator[FmuVariable]:
+    """Yield the numbers of the circuit, by their keys in the drive file."""
+    places = {one["name"]: i for i, one in enumerate(form["components"])}
+    if is_circuit(described):
+        names = {f"{own['name']}.{key}": f"{own['name']}.{key}" for own in form["components"] for key in own["numbers"]}
+    else:
+        names = {path: name for name, path, *_ in numbers(described)}
+    for path, name in names.items():
+        of, _, key = path.partition(".")
+        own = form["components"][places[of]]
+        kind = component_kinds()[own["kind"]]
+        row = next((row for row in kind["parameters"] if row["key"] == key), None)
+        if row is None or key in kind["discrete"] or (key in _HISTORY and own["kind"].startswith("valve/")):
+            continue
+        if key not in own["numbers"] or (row["only"] and not own["numbers"].get(row["only"])):
+            continue
+        is_pressure = row["unit"] == STATED
+        unit = "Pa" if is_pressure else parameter_quantity(row).si_unit or "1"
+        what = f"{row['meaning']}, absolute" if is_pressure else row["meaning"]
+        role = {"role": "parameter", "of": f"/components/{places[of]}/numbers/{key}"}
+        yield FmuVariable(name, unit, what, "parameter", role, float(own["numbers"][key]))
+    for i, own in enumerate(form["components"]):
+        if own.get("friction"):
+            prefix = "friction" if not is_circuit(described) else f"{own['name']}.friction"
+            of_whom: Any = described.components[own["name"]] if is_circuit(described) else described
+            yield from _friction(of_whom.friction.entry, own["friction"], prefix, f"/components/{i}/friction")
+    for key, unit, what in (
+        ("pressure", "Pa", "Ambient pressure, absolute"),
+        ("temperature", "K", "Ambient temperature"),
+    ):
+        place = f"{key}_{unit.lower()}"
+        role = {"role": "parameter", "of": f"/ambient/{place}"}
+        yield FmuVariable(f"ambient.{key}", unit, what, "parameter", role, float(form["ambient"][place]))
+
+
+def _friction(entry: dict[str, Any], own: dict[str, Any], prefix: str, path: str) -> Iterator[FmuVariable]:
+    rows = {row["key"]: row for row in entry["parameters"]}
+    for key, value in own["parameters"].items():
+        row = rows[key]
+        unit = "1" if row["unit"] in ("-", "") else row["unit"]
+        role = {"role": "parameter", "of": f"{path}/parameters/{key}"}
+        yield FmuVariable(f"{prefix}.{key}", unit, row["meaning"], "parameter", role, float(value))
+
+
+def _starts(start: dict[str, float], is_short: bool, actuator: bool) -> Iterator[FmuVariable]:
+    """Yield the numbers of the start; gas of a drive's tubes begins as that of their chamber."""
+    followers: dict[str, list[str]] = {}
+    for core in start:
+        last = core.rpartition(".")[2]
+        if is_short and not core.startswith("cylinder.") and last in ("pressure_pa", "temperature_k"):
+            followers.setdefault(f"cylinder.{beside(core)}.{last}", []).append(core)
+    follow = {core for each in followers.values() for core in each}
+    for core, value in start.items():
+        if core in follow or (actuator and core in (_PISTON, "cylinder.velocity_m_s")):
+            continue
+        name, unit, what = _named(core, is_short)
+        role = {"role": "start", "of": [core, *followers.get(core, ())]}
+        yield FmuVariable(f"start.{name}", unit, f"At the start: {what}", "parameter", role, value)
+
+
+def _results(session: CoreSession, described: Drive | Circuit, actuator: bool) -> Iterator[FmuVariable]:
+    is_short = not is_circuit(described)
+    has_lines = is_short and described.has_lines  # type: ignore[union-attr]
+    moved = (_PISTON, "cylinder.velocity_m_s") if actuator else ()
+    seen = set()
+    for core in session.columns:
+        last = core.rpartition(".")[2]
+        name, unit, what = _named(core, is_short)
+        foreign = is_short and not has_lines and "." in name
+        if last in ("time_s", "command") or core in moved or foreign:
+            continue
+        if actuator and last == "acceleration_m_s2":
+            continue
+        seen.add(core)
+        yield FmuVariable(name, unit, what, "output", {"role": "output", "of": core})
+    if actuator:
+        what = "force of the drive on what it moves, towards +x, its own mass left out"
+        yield FmuVariable("force", "N", what, "output", {"role": "force"})
+    for core, _ in session.states:
+        name, unit, what = _named(core, is_short)
+        if core in moved:
+            continue
+        if core not in seen:
+            yield FmuVariable(name, unit, what, "local", {"role": "state", "of": core})
+        rate = _per_second(unit)
+        role = {"role": "rate", "of": core}
+        yield FmuVariable(f"der({name})", rate, f"rate of {name}", "local", role, rate_of=name)
+
+
+def _per_second(unit: str) -> str:
+    """Return the unit of a rate.
+
+    Examples
+    --------
+    >>> [_per_second(unit) for unit in ("m", "m/s", "1", "J/(kg K)")]
+    ['m/s', 'm/s^2', '1/s', 'J/(s kg K)']
+    """
+    above, slash, below = unit.partition("/")
+    if not slash:
+        return f"{unit}/s"
+    return f"{above}/s^2" if below == "s" else f"{above}/(s {below.strip('()')})"

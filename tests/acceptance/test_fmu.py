@@ -1,0 +1,267 @@
+"""A drive as an FMU does in FMPy, with its CVode too, what `pn.simulate` does; and bears whatever a tool does."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy import extract, read_model_description, simulate_fmu
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.model_description import ModelDescription
+from fmpy.validation import validate_fmu
+
+import pneudrive as pn
+from oracle import fmu_calls
+from pneudrive.cli.main import run as command_line
+from pneudrive.errors import CommandError, DescriptionError
+
+SMOOTH = pn.Drive.load("catalogue:reference")  # bristles, no event
+STICKY = SMOOTH.replace({"friction": {"law": "coulomb", "coulomb": "30 N", "viscous": "40 N s/m"}})
+# The valve is slow behind a dead time: its command is a discrete input, and has events in time.
+LATE = SMOOTH.circuit.replace({"components.valve.delay": "4 ms", "components.valve.frequency": "80 Hz"})
+COMMAND = [(0.0, 0.03), (0.2, 0.0), (0.3, -0.05), (0.4, 0.3)]
+DURATION = 0.6
+
+
+def signal(name):
+    """Return the command as tools have it in a table: a step is two rows of one time."""
+    rows = [(0.0, COMMAND[0][1])]
+    for (_, before), (at, value) in pairwise(COMMAND):
+        rows += [(at, before), (at, value)]
+    return np.array([*rows, (DURATION, COMMAND[-1][1])], dtype=[("time", float), (name, float)])
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """FMUs by drive and version, as files."""
+    folder, files = tmp_path_factory.mktemp("fmu"), {}
+
+    def make(name, version="2.0"):
+        if (name, version) not in files:
+            drive = {"smooth": SMOOTH, "sticky": STICKY, "late": LATE}[name]
+            start = "cylinder.position = 100 mm" if name == "late" else "position = 100 mm"
+            path = folder / f"{name}{version}.fmu"
+            files[name, version] = pn.export_fmu(drive, path, version=version, initial=start).path
+        return str(files[name, version])
+
+    return make
+
+
+class Tool:
+    """An instance of an FMU by FMI 2.0 in co-simulation, with the messages that it gives."""
+
+    def __init__(self, path, token=None):
+        self.folder, self.about = extract(path), read_model_description(path)
+        self.messages = []
+        self.reference = {one.name: one.valueReference for one in self.about.modelVariables}
+        log = fmi2CallbackLoggerTYPE(lambda _env, _name, _status, _category, text: self.messages.append(text.decode()))
+        self.callbacks = fmi2CallbackFunctions()
+        self.callbacks.logger = log
+        self._kept = log
+        self.fmu = FMU2Slave(
+            guid=token or self.about.guid, unzipDirectory=self.folder, modelIdentifier="pneudrive", instanceName="one"
+        )
+        self.fmu.instantiate(callbacks=self.callbacks)
+
+    def begin(self, **values):
+        self.fmu.setupExperiment()
+        self.set(**values)
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+        return self
+
+    def set(self, **values):
+        names = [name.replace("__", ".") for name in values]
+        self.fmu.setReal([self.reference[name] for name in names], list(values.values()))
+
+    def get(self, *names):
+        return np.array(self.fmu.getReal([self.reference[name] for name in names]))
+
+    def refuses(self, act, message):
+        before = len(self.messages)
+        with pytest.raises(Exception, match="status"):
+            act()
+        assert message in " ".join(self.messages[before:])
+
+
+def test_fmus_are_valid_and_move_as_simulate_does(made):
+    for name, drive in {"smooth": SMOOTH, "sticky": STICKY, "late": LATE}.items():
+        of = "cylinder." if name == "late" else ""
+        command = {"valve": COMMAND} if name == "late" else COMMAND
+        truth = pn.simulate(drive, command, DURATION, initial={f"{of}position": "100 mm"}, rtol=1e-9)
+        position, pressure = truth[f"{of}position"].values, truth[f"{of}{'a.pressure' if of else 'pressure_a'}"].values
+        given = signal("valve.command" if of else "command")
+        for version in {"smooth": ("2.0", "3.0"), "sticky": ("2.0",), "late": ("3.0",)}[name]:
+            path = made(name, version)
+            assert validate_fmu(path) == []
+            for kind, tolerance in (("CoSimulation", None), ("ModelExchange", 1e-6)):
+                seen = simulate_fmu(
+                    path, fmi_type=kind, stop_time=DURATION, output_interval=1e-3, input=given,
+                    relative_tolerance=tolerance,
+                )  # fmt: skip
+                at = np.searchsorted(seen["time"], truth.time.values - 1e-9)
+                away = np.abs(seen[f"{of}position"][at] - position).max()
+                assert away < (0.02e-6 if kind == "CoSimulation" else 1e-6), (name, version, kind)
+                assert np.abs(seen[f"{of}{'a.pressure' if of else 'pressure_a'}"][at] - pressure).max() < 50.0
+
+
+def test_rollbacks_across_stick_and_slip_give_the_same_bits(made):
+    tool, rng = Tool(made("sticky")).begin(command=0.03), np.random.default_rng(1)
+    names = [one.name for one in tool.about.modelVariables if one.causality in ("output", "local")]
+    t, moved = 0.0, []
+    for _ in range(400):
+        step, command = rng.uniform(1e-4, 3e-3), rng.choice([-0.3, 0.0, 0.3])
+        state = tool.fmu.getFMUstate()
+        seen = []
+        for _ in range(2):
+            tool.fmu.setFMUstate(state)
+            tool.set(command=command)
+            tool.fmu.doStep(t, step)
+            seen.append(tool.get(*names))
+        assert seen[0].tobytes() == seen[1].tobytes()
+        tool.fmu.freeFMUstate(state)
+        t += step
+        moved.append(tool.get("velocity")[0] != 0.0)
+    assert np.count_nonzero(np.diff(moved)) > 5, "the piston sticks and slips on the way"
+
+
+def test_a_saved_state_goes_on_in_another_instance(made):
+    first, second = Tool(made("sticky")).begin(command=0.03), Tool(made("sticky")).begin(command=-0.4)
+    first.fmu.doStep(0.0, 0.05)
+    state = first.fmu.getFMUstate()
+    saved = first.fmu.serializeFMUstate(state)
+    first.fmu.doStep(0.05, 0.05)
+    other = second.fmu.deSerializeFMUstate(saved)
+    second.fmu.setFMUstate(other)
+    second.fmu.doStep(0.05, 0.05)
+    assert second.get("position", "pressure_b").tobytes() == first.get("position", "pressure_b").tobytes()
+    second.refuses(lambda: second.fmu.deSerializeFMUstate(saved[:-9]), "damaged")
+
+
+def test_parameters_and_starts_are_those_of_another_drive_file(made):
+    tool = Tool(made("smooth")).begin(
+        command=0.5, friction__coulomb=40.0, cylinder__bore=0.03, supply__pressure=6e5, start__pressure_a=3e5
+    )
+    tool.fmu.doStep(0.0, 0.1)
+    changes = {"friction.coulomb": "40 N", "cylinder.bore": "30 mm", "supply.pressure": "6 bar abs"}
+    session = SMOOTH.replace(changes).start({"position": "100 mm", "pressure_a": "3 bar abs"}, rtol=1e-7)
+    session.set("command", 0.5)
+    session.advance(0.1)
+    assert tool.get("position")[0] == session.read("position_m")
+
+
+def test_directional_derivatives_are_those_of_differences(made):
+    tool = Tool(made("smooth")).begin(command=0.5)
+    tool.fmu.doStep(0.0, 0.02)
+    unknown, known = tool.reference["der(velocity)"], tool.reference["force"]
+    found = tool.fmu.getDirectionalDerivative([unknown], [known], [1.0])[0]
+    ends = []
+    for force in (1.0, -1.0):
+        tool.set(force=force)
+        ends.append(tool.get("der(velocity)")[0])
+    assert found == pytest.approx((ends[0] - ends[1]) / 2.0, rel=1e-8)
+    assert found == pytest.approx(1.0 / 2.0, rel=1e-9)  # the mass is 2 kg
+
+
+def test_wrong_wishes_are_refused_with_a_message_in_every_phase(made):
+    path = made("smooth")
+    with pytest.raises(Exception, match="instantiate"):
+        Tool(path, token="{another}")
+    tool = Tool(path)
+    tool.refuses(lambda: tool.set(command=float("nan")), "command = NaN is not a number")
+    tool.refuses(lambda: tool.fmu.doStep(0.0, 1e-3), "not allowed in phase Instantiated")
+    tool.refuses(lambda: tool.fmu.getReal([9999]), "no variable with value reference 9999")
+    tool.refuses(lambda: tool.begin(cylinder__bore=-1.0), "cylinder.bore = -1 m is out of bounds")
+    tool.set(cylinder__bore=0.025)
+    tool.fmu.exitInitializationMode()
+    tool.refuses(lambda: tool.set(command=2.0), "valve.command = 2 is out of bounds")
+    tool.refuses(lambda: tool.set(cylinder__bore=0.03), "cylinder.bore is fixed")
+    tool.refuses(lambda: tool.set(position=0.03), "position cannot be set")
+    tool.refuses(lambda: tool.fmu.doStep(0.5, 1e-3), "the present time is 0 s")
+    tool.refuses(lambda: tool.fmu.getInteger([0]), "no variable of type Integer")
+    tool.fmu.doStep(0.0, 1e-3)  # and it goes on
+
+
+def test_instances_live_apart_in_threads_and_leave_no_memory(made):
+    path, seen = made("sticky"), {}
+
+    def live(key, command):
+        tool = Tool(path).begin(command=command)
+        for k in range(200):
+            tool.fmu.doStep(k * 1e-3, 1e-3)
+        seen[key] = tool.get("position")[0]
+
+    threads = [threading.Thread(target=live, args=(i, 0.6 if i % 2 else -0.6)) for i in range(4)]
+    for one in threads:
+        one.start()
+    for one in threads:
+        one.join()
+    assert seen[0] == seen[2]
+    assert seen[1] == seen[3] > seen[0]
+
+    tool = Tool(path)
+
+    def lives(n):
+        for _ in range(n):
+            tool.fmu.fmi2FreeInstance(tool.fmu.component)  # freeInstance would take the library away too
+            tool.fmu.instantiate(callbacks=tool.callbacks)
+            tool.begin(command=0.6)
+            tool.fmu.freeFMUstate(tool.fmu.getFMUstate())
+        return _resident()
+
+    before = lives(100)
+    assert lives(400) - before < 2_000_000, "bytes of 400 lives"
+
+
+def _resident():
+    """Bytes of memory of this process."""
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * 4096
+
+
+def test_calls_in_any_order_end_in_a_status(made):
+    folder, about = extract(made("sticky")), read_model_description(made("sticky"))
+    command = [sys.executable, fmu_calls.__file__, folder, about.guid]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+def test_an_actuator_gives_the_force_of_the_drive_on_what_moves_it(tmp_path):
+    drive, start = SMOOTH, {"position": "100 mm"}
+    run = pn.simulate(drive, 0.1, 0.06, initial=start, sample_rate="20 kHz", rtol=1e-9)
+    path = str(pn.export_fmu(drive, tmp_path / "actuator.fmu", version="3.0", actuator=True, initial=start).path)
+    assert validate_fmu(path) == []
+    about: ModelDescription = read_model_description(path)
+    assert about.coSimulation is None
+    given = np.rec.fromarrays(
+        [run.time.values, run.position.values, run.velocity.values], names=["time", "position", "velocity"]
+    )
+    # FMPy holds inputs from one output to the next.
+    seen = simulate_fmu(
+        path, start_values={"command": 0.1}, stop_time=0.06, output_interval=1e-4, input=given, relative_tolerance=1e-8
+    )
+    at = np.searchsorted(run.time.values, seen["time"] - 1e-9)
+    force = 2.0 * run.acceleration.values[at]  # the mass is 2 kg
+    assert np.abs(seen["force"] - force)[2:].max() < 0.02 * np.abs(force).max()
+    assert np.abs(seen["pressure_a"] - run.pressure_a.values[at]).max() < 100.0
+    with pytest.raises(DescriptionError, match="the law coulomb sticks"):
+        pn.export_fmu(STICKY, tmp_path / "no.fmu", actuator=True)
+
+
+def test_a_user_exports_a_drive_file_and_runs_it_in_fmpy(tmp_path, capsys):
+    file, target = tmp_path / "drive.toml", tmp_path / "drive.fmu"
+    file.write_text(SMOOTH.to_toml(), encoding="utf-8")
+    assert command_line(["export", str(file), "--to", "fmu", "--out", str(target), "--fmi", "3.0"]) == 0
+    said = capsys.readouterr().out
+    assert "inputs: command [1], force [N]" in said
+    assert f"token {read_model_description(str(target)).instantiationToken}" in said
+    first = target.read_bytes()
+    assert command_line(["export", str(file), "--to", "fmu", "--out", str(target), "--fmi", "3.0"]) == 0
+    assert target.read_bytes() == first, "one drive, one archive"
+    assert simulate_fmu(str(target), stop_time=0.1, start_values={"command": 0.6})["position"][-1] > 0.27
+    with pytest.raises(CommandError, match=r'FMI "1\.0" is not available'):
+        pn.export_fmu(SMOOTH, target, version="1.0")
