@@ -12,7 +12,7 @@ use std::{ptr, slice};
 /// All phases.
 pub const ANY: &[Phase] = &[
     Phase::Instantiated,
-    Phase::Initialization,
+    Phase::Initialisation,
     Phase::Event,
     Phase::Continuous,
     Phase::Step,

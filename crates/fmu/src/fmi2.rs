@@ -103,10 +103,10 @@ functions! {
     fmi2SetupExperiment(instance, has_tolerance: c_int, tolerance: f64, start: f64, _has_stop: c_int, _stop: f64)
         in &[Phase::Instantiated] => instance.kept.model.set_up(start, (has_tolerance != 0).then_some(tolerance));
     fmi2EnterInitializationMode(instance) in &[Phase::Instantiated] => {
-        instance.kept.phase = Phase::Initialization;
+        instance.kept.phase = Phase::Initialisation;
         Ok(())
     };
-    fmi2ExitInitializationMode(instance) in &[Phase::Initialization] => instance.begin();
+    fmi2ExitInitializationMode(instance) in &[Phase::Initialisation] => instance.begin();
     fmi2Terminate(instance) in RUNNING => {
         instance.kept.phase = Phase::Terminated;
         Ok(())
@@ -142,7 +142,7 @@ functions! {
     fmi2GetDirectionalDerivative(
         instance, unknowns: *const Reference, n_unknowns: usize, knowns: *const Reference, n_knowns: usize,
         seed: *const f64, sensitivity: *mut f64
-    ) in &[Phase::Initialization, Phase::Event, Phase::Continuous, Phase::Step] => {
+    ) in &[Phase::Initialisation, Phase::Event, Phase::Continuous, Phase::Step] => {
         let (unknowns, knowns) = (given(unknowns, n_unknowns)?, given(knowns, n_knowns)?);
         let found = instance.kept.model.directional(unknowns, knowns, given(seed, n_knowns)?, false)?;
         fill("unknowns", sensitivity, n_unknowns, &found)
@@ -211,7 +211,7 @@ const TERMINATED: c_int = 3;
 
 /// Phases in which the tool may ask for states and rates.
 pub(crate) const EXCHANGE: &[Phase] =
-    &[Phase::Initialization, Phase::Event, Phase::Continuous, Phase::Terminated];
+    &[Phase::Initialisation, Phase::Event, Phase::Continuous, Phase::Terminated];
 
 /// All variables are real numbers.
 pub(crate) fn no(kind: &str, n: usize) -> Result<(), crate::model::Refusal> {

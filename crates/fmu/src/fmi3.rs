@@ -114,7 +114,7 @@ functions! {
     fmi3SetDebugLogging(_instance, _on: bool, _n: usize, _categories: *const *const c_char) in ANY => Ok(());
     fmi3EnterInitializationMode(instance, has_tolerance: bool, tolerance: f64, start: f64, _has_stop: bool, _stop: f64)
         in &[Phase::Instantiated] => instance.initialise(start, has_tolerance.then_some(tolerance));
-    fmi3ExitInitializationMode(instance) in &[Phase::Initialization] => instance.begin();
+    fmi3ExitInitializationMode(instance) in &[Phase::Initialisation] => instance.begin();
     fmi3EnterEventMode(instance) in &[Phase::Event, Phase::Continuous] => instance.pass_to(Phase::Event);
     fmi3Terminate(instance) in RUNNING => {
         instance.kept.phase = Phase::Terminated;
@@ -163,7 +163,7 @@ functions! {
         fill("knowns", sensitivity, n_sensitivity, &found)
     };
 
-    fmi3EvaluateDiscreteStates(_instance) in &[Phase::Initialization, Phase::Event] => Ok(());
+    fmi3EvaluateDiscreteStates(_instance) in &[Phase::Initialisation, Phase::Event] => Ok(());
     fmi3UpdateDiscreteStates(
         instance, needed: *mut bool, terminate: *mut bool, nominals: *mut bool, values: *mut bool,
         has_next: *mut bool, next: *mut f64
@@ -274,4 +274,4 @@ absent! {
 }
 
 /// Phases in which there are derivatives.
-const DIFFERENTIABLE: &[Phase] = &[Phase::Initialization, Phase::Event, Phase::Continuous, Phase::Step];
+const DIFFERENTIABLE: &[Phase] = &[Phase::Initialisation, Phase::Event, Phase::Continuous, Phase::Step];

@@ -21,7 +21,7 @@ pub enum Status {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     Instantiated,
-    Initialization,
+    Initialisation,
     Event,
     Continuous,
     Step,
@@ -32,7 +32,7 @@ pub enum Phase {
 pub const RUNNING: &[Phase] = &[Phase::Event, Phase::Continuous, Phase::Step];
 /// All but the last one.
 pub const ALIVE: &[Phase] =
-    &[Phase::Instantiated, Phase::Initialization, Phase::Event, Phase::Continuous, Phase::Step];
+    &[Phase::Instantiated, Phase::Initialisation, Phase::Event, Phase::Continuous, Phase::Step];
 
 /// The tool's function for messages.
 #[derive(Clone, Copy)]
@@ -152,7 +152,7 @@ impl Instance {
     /// Before the run, with a time and where asked for a tolerance.
     pub fn initialise(&mut self, t0: f64, rtol: Option<f64>) -> Result<(), Refusal> {
         self.kept.model.set_up(t0, rtol)?;
-        self.kept.phase = Phase::Initialization;
+        self.kept.phase = Phase::Initialisation;
         Ok(())
     }
 
