@@ -25,7 +25,7 @@ PAGE = ROOT / "page"
 BROWSER = PAGE / "browser"
 BUILT = ROOT / "python" / "pneudrive" / "web" / "built"
 #: Here the browser lies, once unpacked; the package unpacks into the folder for temporary files.
-UNPACKED = ROOT / ".venv" / "chromium"
+UNPACKED = BROWSER / "unpacked"
 #: Makes the package unpack its own libraries too, which a machine without a browser may lack.
 WITH_LIBRARIES = {"AWS_EXECUTION_ENV": "AWS_Lambda_nodejs22.x"}
 

@@ -1,10 +1,11 @@
-import { effect } from "@preact/signals";
+import { effect, signal } from "@preact/signals";
 import { render } from "preact";
 import { DriveView } from "./drive";
 import { opened, open } from "./opened";
 import { ConnectionLine } from "./parts";
 import { follow, link, route, type View } from "./routes";
 import { connection, unlock } from "./server";
+import { RecordingView } from "./recording";
 import { SimulateView } from "./simulate";
 import { isOld, list, studies, StudiesView } from "./studies";
 import "./style.css";
@@ -13,11 +14,16 @@ const VIEWS: [View, string][] = [
   ["studies", "Studies"],
   ["drive", "Drive"],
   ["simulate", "Simulate"],
+  ["recording", "Recordings"],
 ];
+const OF_A_DESCRIPTION: View[] = ["drive", "simulate"];
+
+const recordedLast = signal("");
 
 function Page() {
   const { view } = route.value;
-  const path = route.value.path || opened.value?.path || "";
+  const described = opened.value?.path ?? "";
+  const recorded = view === "recording" ? route.value.path : recordedLast.value;
   return (
     <>
       <a class="skip" href="#main">Skip to the content</a>
@@ -25,7 +31,7 @@ function Page() {
         <h1>pneudrive</h1>
         <nav aria-label="Views">
           {VIEWS.map(([name, title]) => (
-            <a key={name} href={link(name, name === "studies" ? "" : path)} aria-current={view === name ? "page" : undefined}>
+            <a key={name} href={link(name, name === "recording" ? recorded : name === "studies" ? "" : described)} aria-current={view === name ? "page" : undefined}>
               {title}
             </a>
           ))}
@@ -38,6 +44,7 @@ function Page() {
         {connection.value !== "locked" && view === "studies" && <StudiesView />}
         {connection.value !== "locked" && view === "drive" && <DriveView />}
         {connection.value !== "locked" && view === "simulate" && <SimulateView />}
+        {connection.value !== "locked" && view === "recording" && <RecordingView />}
       </main>
       <footer>This page shows and simulates. It is no safety function.</footer>
     </>
@@ -50,7 +57,9 @@ async function start(): Promise<void> {
     addEventListener("hashchange", follow);
     follow();
     effect(() => {
-      if (route.value.path && route.value.view !== "recording") void open(route.value.path);
+      const { view, path } = route.value;
+      if (path && OF_A_DESCRIPTION.includes(view)) void open(path);
+      if (path && view === "recording") recordedLast.value = path;
     });
   }
   render(<Page />, document.getElementById("page")!);

@@ -10,6 +10,13 @@ export interface Curve {
   y: ArrayLike<number>;
 }
 
+/** A part of the time that is shaded: a stroke. */
+export interface Shade {
+  from: number;
+  to: number;
+  strong: boolean;
+}
+
 export interface PlotProps {
   title: string;
   unit: string;
@@ -17,9 +24,9 @@ export interface PlotProps {
   size: number; // of the unit, in SI
   curves: Curve[];
   height?: number;
-  onCursor?: (x: number | null) => void;
   onZoom?: (from: number, to: number) => void;
   range?: [number, number];
+  shades?: Shade[];
 }
 
 const ROWS = 11;
@@ -54,8 +61,8 @@ export function Plot(props: PlotProps) {
       {
         width: at.clientWidth || 400,
         height: props.height ?? 210,
-        cursor: { sync: { key: "time" }, drag: { x: true, y: false } },
-        scales: { x: { time: false } },
+        cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: !props.onZoom } },
+        scales: { x: { time: false, ...(props.range && { range: () => latest.current.range! }) } },
         legend: { live: true },
         axes: [
           { ...axis, size: 34, space: 70, label: props.xUnit ?? "s", labelSize: 16, labelFont: "12px system-ui" },
@@ -69,11 +76,13 @@ export function Plot(props: PlotProps) {
           }),
         ],
         hooks: {
-          setCursor: [(u) => latest.current.onCursor?.(u.cursor.idx == null ? null : (u.data[0]?.[u.cursor.idx] ?? null))],
+          drawClear: [(u) => shade(u, latest.current.shades ?? [])],
           setSelect: [
             (u) => {
-              if (latest.current.onZoom && u.select.width > 2)
-                latest.current.onZoom(u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x"));
+              if (!latest.current.onZoom || u.select.width <= 2) return;
+              const [from, to] = [u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")];
+              u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+              latest.current.onZoom(from, to);
             },
           ],
         },
@@ -93,7 +102,7 @@ export function Plot(props: PlotProps) {
 
   useEffect(() => {
     plot.current?.setData(aligned(props.curves, props.size));
-  }, [props.curves]);
+  }, [props.curves, props.shades]);
 
   const label = props.unit ? `${props.title}, ${props.unit}` : props.title;
   return (
@@ -108,6 +117,22 @@ export function Plot(props: PlotProps) {
   );
 }
 
+/** Draw the shaded parts below the curves; of many that are too thin to see, none. */
+function shade(u: uPlot, parts: Shade[]): void {
+  const { left, top, width, height } = u.bbox;
+  const [low, high] = [u.scales["x"]!.min!, u.scales["x"]!.max!];
+  const seen = parts.filter((one) => one.to >= low && one.from <= high);
+  if (seen.length > width / 4) return;
+  u.ctx.save();
+  for (const one of seen) {
+    const from = Math.max(u.valToPos(one.from, "x", true), left);
+    const to = Math.min(u.valToPos(one.to, "x", true), left + width);
+    u.ctx.fillStyle = isDark() ? (one.strong ? "#39424d" : "#262c34") : one.strong ? "#d8e0ea" : "#eef2f6";
+    u.ctx.fillRect(from, top, to - from, height);
+  }
+  u.ctx.restore();
+}
+
 function Values({ curves, size, unit, xUnit, title }: PlotProps) {
   const first = curves[0];
   if (!first) return <p>No curve.</p>;
@@ -117,7 +142,7 @@ function Values({ curves, size, unit, xUnit, title }: PlotProps) {
       <table>
         <thead>
           <tr>
-            <th scope="col">time, {xUnit ?? "s"}</th>
+            <th scope="col">{xUnit === "samples" ? "sample" : `time, ${xUnit ?? "s"}`}</th>
             {curves.map((one) => (
               <th scope="col" key={one.label}>
                 {one.label}, {unit}

@@ -2,7 +2,7 @@
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { connection, read, Refused, type Listed, type Studies } from "./server";
-import { link } from "./routes";
+import { link, type View } from "./routes";
 
 declare const __BUILD__: string;
 
@@ -30,6 +30,7 @@ const TITLES: Record<string, string> = {
   setup: "Setups",
   controller: "Controllers",
 };
+const VIEW: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording" };
 const MOST = 200; // rows of a kind on the page; the filter finds the others
 
 function size(bytes: number): string {
@@ -78,7 +79,7 @@ function Kind({ title, files }: { title: string; files: Listed[] }) {
       <ul class="files">
         {files.slice(0, MOST).map((one) => (
           <li key={one.path}>
-            {one.kind === "drive" || one.kind === "circuit" ? <a href={link("simulate", one.path)}>{one.path}</a> : <span>{one.path}</span>}
+            {VIEW[one.kind] ? <a href={link(VIEW[one.kind]!, one.path)}>{one.path}</a> : <span>{one.path}</span>}
             <span>
               {size(one.size)}, {new Date(1000 * one.changed).toLocaleString()}
             </span>

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 
 import pneudrive as pn
 from page.conftest import DRIVE, ROOT, Server, Tab
+from pneudrive.trajectory import save_columns
 
 AXE = ROOT / "page" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
 Open = Callable[..., Tab]
@@ -122,6 +124,75 @@ def test_drive_by_text_and_by_form(server: Server, open_tab: Open) -> None:
     assert len(tab.complaints) == 1  # the browser's own line on the refused request
     assert "412" in tab.complaints.pop()
     tab.check()
+
+
+def test_own_recording(server: Server, open_tab: Open) -> None:
+    name = "O-ring_1bar.csv.xz"
+    measured = ROOT / "data" / "measurements" / "zillen-2021-pneumatic-piston"
+    shutil.copy(measured / "friction" / name, server.folder)
+    tab = open_tab(server.address)
+    page = tab.page
+    page.click(f"text={name}")
+    page.wait_for_selector("[data-from]")
+    page.click("text=Propose a layout")
+    page.wait_for_selector("td:has-text('mm')")
+    assert "guess" in page.input_value("textarea.text")
+    assert violations(tab) == []
+    page.fill("textarea.text", (measured / "layout.toml").read_text())
+    page.click("text=Accept: write layout.toml")
+    page.wait_for_selector("text=darker: towards +x")
+    assert (server.folder / "layout.toml").read_text() == (measured / "layout.toml").read_text()
+    assert page.locator("figure.plot[data-plot^=force]").count() == 1
+    tab.picture("recording")
+
+    whole = page.get_attribute("[data-from]", "data-to")
+    box = page.locator("figure.plot .u-over >> nth=0").bounding_box()
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 50)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 60, steps=5)
+    page.mouse.up()
+    page.wait_for_selector(f"[data-to]:not([data-to='{whole}'])")
+    span = [float(page.get_attribute("[data-from]", f"data-{end}")) for end in ("from", "to")]
+    assert span[1] - span[0] == pytest.approx(0.2 * float(whole), rel=0.1)
+    page.click("text=Later")
+    page.wait_for_timeout(200)
+    assert int(page.evaluate("() => document.documentElement.dataset.points")) <= 4 * 1400
+    assert violations(tab) == []
+    tab.check()
+
+
+def test_a_spike_of_one_sample_is_a_pixel(server: Server, open_tab: Open) -> None:
+    force = np.zeros(400_000)
+    force[123_456] = 90.0
+    save_columns({"time_s": np.arange(400_000) / 1e3, "force_n": force}, {}, server.folder / "long.parquet")
+    tab = open_tab(server.address)
+    page = tab.page
+    page.click("text=long.parquet")
+    page.wait_for_selector("[data-from]")
+    page.wait_for_selector("figure.plot canvas")
+    page.wait_for_timeout(100)
+    line = page.evaluate(COLUMN_OF_DARK_PIXELS, 123_456 / 400_000)
+    assert line > 60  # of the some hundred pixels of height
+    tab.picture("spike")
+    tab.check()
+
+
+#: How many pixels of the column of a plot where a share of the time lies are dark, within three columns.
+COLUMN_OF_DARK_PIXELS = """(share) => {
+  const canvas = document.querySelector("figure.plot canvas");
+  const over = document.querySelector("figure.plot .u-over");
+  const ratio = canvas.width / canvas.clientWidth;
+  const left = over.offsetLeft * ratio, width = over.clientWidth * ratio;
+  const x = Math.round(left + share * width) - 1;
+  const data = canvas.getContext("2d").getImageData(x, 0, 3, canvas.height).data;
+  let dark = 0;
+  for (let row = 0; row < canvas.height; row++) {
+    let found = false;
+    for (let k = 0; k < 3; k++) found ||= data[4 * (3 * row + k)] < 110 && data[4 * (3 * row + k) + 3] > 128;
+    dark += found;
+  }
+  return dark;
+}"""
 
 
 def test_everything_by_keyboard(server: Server, open_tab: Open) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import os
 from functools import partial
 from mimetypes import guess_type
@@ -17,11 +18,12 @@ from starlette.routing import Route, WebSocketRoute
 from pneudrive import __version__
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.web import description
-from pneudrive.web.asked_run import AskedRun, described_at
+from pneudrive.web.asked_run import MOST_PIXELS, AskedRun, described_at
 from pneudrive.web.guard import Guard
 from pneudrive.web.live import live
-from pneudrive.web.messages import problems_of
-from pneudrive.web.workspace import ChangedError, Workspace, fingerprint
+from pneudrive.web.messages import pack, problems_of
+from pneudrive.web.recordings import Recordings, proposed
+from pneudrive.web.workspace import TABLES, ChangedError, Workspace, fingerprint
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -68,6 +70,10 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT) -
         Route("/api/edit", _answered(views.edit), methods=["POST"]),
         Route("/api/drawing", _answered(views.drawing), methods=["POST"]),
         Route("/api/copy", _answered(views.copy), methods=["POST"]),
+        Route("/api/recording", _answered(views.recording)),
+        Route("/api/window", _answered(views.window)),
+        Route("/api/strokes", _answered(views.strokes)),
+        Route("/api/propose", _answered(views.propose)),
         WebSocketRoute("/api/live", socket),
     ]
     for name, data in page.items():
@@ -98,7 +104,9 @@ def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Aske
         given = {**asked.query_params, "if-match": asked.headers.get("if-match", "")}
         body = await asked.body()
         try:
-            return JSONResponse(await asyncio.to_thread(view, given, body))
+            found = await asyncio.to_thread(view, given, body)
+            is_frame = isinstance(found, bytes)
+            return Response(found, media_type="application/octet-stream") if is_frame else JSONResponse(found)
         except ChangedError as changed:
             there = {"text": changed.text, "sha256": fingerprint(changed.text)}
             return JSONResponse({"problems": [{"what": str(changed)}], **there}, status_code=412)
@@ -113,6 +121,7 @@ class _Views:
 
     def __init__(self, workspace: Workspace, build: str) -> None:
         self.workspace, self.build = workspace, build
+        self.recordings = Recordings(workspace)
 
     def studies(self, _given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """List the workspace and the drives of the catalogue."""
@@ -158,6 +167,47 @@ class _Views:
         asked = AskedRun.of(_table(body, "path"))
         described = described_at(self.workspace, asked.path, asked.text)
         return {"command": asked.as_command(), "python": asked.as_python(circuit=hasattr(described, "components"))}
+
+    def recording(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Open a recording, or say how far its first reading is."""
+        name = given.get("path", "")
+        reading = self.recordings.opened(name)
+        if reading.done is None and reading.error is None:
+            return {"share": reading.share}
+        found = self.recordings.need(name)
+        layout = self.recordings.layout_of(self.workspace.path(name, TABLES))
+        return {
+            "channels": [vars(one) for one in found.channels],
+            "span": found.span,
+            "samples": found.pyramid.count,
+            "time": found.time is not None,
+            "layout": None if layout is None else layout.kind,
+            "notes": found.notes,
+        }
+
+    def window(self, given: Mapping[str, str], _body: bytes) -> bytes:
+        """Return a view of a recording as a frame."""
+        found = self.recordings.need(given.get("path", ""))
+        known = [one.column for one in found.channels]
+        columns = [name for name in given.get("columns", "").split("\n") if name in known]
+        try:
+            span = float(given["from"]), float(given["to"])
+            pixels = int(given["pixels"])
+        except (KeyError, ValueError):
+            raise CommandError("the request is not one of this page", remedy="Reload the page.") from None
+        if not (math.isfinite(span[0]) and math.isfinite(span[1]) and span[0] < span[1] and 1 <= pixels <= MOST_PIXELS):
+            raise CommandError("the view is out of bounds", rule=f"from < to, 1 to {MOST_PIXELS} pixels")
+        view = found.window(span, pixels, columns)
+        head = {"missing": view.missing, "samples": view.samples, "raw": view.raw, "from": span[0], "to": span[1]}
+        return pack(head, {"time": view.time_s, **view.channels})
+
+    def strokes(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return the strokes of a recording."""
+        return {"strokes": self.recordings.strokes(given.get("path", ""))}
+
+    def propose(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Propose a layout."""
+        return proposed(self.workspace.path(given.get("path", ""), TABLES))
 
 
 def _table(body: bytes, *texts: str) -> dict[str, Any]:

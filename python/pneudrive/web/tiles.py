@@ -1,15 +1,58 @@
-"""Lowest and highest value of every column of pixels, so that no sample of a recording is lost on the screen."""
+"""Lowest and highest value of every column of pixels, so that no sample of a recording is lost on the screen.
+
+One pass over a recording keeps, for every block of 256 samples, the lowest and the highest value of each channel, the
+times of its first and last sample, and how many values are no number. A view that has a block or more for each pixel
+needs nothing else; a closer one reads its samples.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from pneudrive.watch import Watch
+
+    Array = NDArray[Any]
+    #: Values of columns between two rows, by name.
+    Reader = Callable[[Sequence[str], tuple[int, int]], dict[str, Array]]
+
+BLOCK = 256  # samples
+READ = BLOCK << 12  # samples of one pass, about a million
+#: A pause is drawn as a gap: so many times the width of a pixel without a sample.
+PAUSE = 2.0
+_FILES = ("time", "low", "high", "missing")
+
+
+class TileWindow(NamedTuple):
+    """A view: times, and for each channel values to be joined by a line; NaN is a gap.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (n,)
+    channels : dict
+        Values by name, shape (n,).
+    missing : int
+        Values in the view that are no number.
+    samples : int
+        Samples of the recording in the view.
+    raw : bool
+        Whether the values are the samples themselves.
+    """
+
+    time_s: Array
+    channels: dict[str, Array]
+    missing: int
+    samples: int
+    raw: bool
 
 
 def low_high(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
@@ -19,7 +62,203 @@ def low_high(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
     ----------
     values : ndarray, shape (n,)
     edges : ndarray, shape (m + 1,)
-        Rising indices from 0 to n.
+        Rising indices from 0 to n, no two alike.
     """
     starts = edges[:-1]
     return np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
+
+
+@dataclass(frozen=True)
+class Pyramid:
+    """Blocks of a recording.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Channels.
+    count : int
+        Samples.
+    time : ndarray, shape (blocks, 2)
+        First and last time of each block, s.
+    low, high : ndarray, shape (channels, blocks)
+        32-bit, rounded outward; NaN where no value is a number.
+    missing : ndarray, shape (channels, blocks)
+        Values that are no number.
+    """
+
+    names: tuple[str, ...]
+    count: int
+    time: Array
+    low: Array
+    high: Array
+    missing: Array
+
+    @classmethod
+    def build(
+        cls, names: Sequence[str], count: int, times: Callable[[tuple[int, int]], Array], read: Reader, watch: Watch
+    ) -> Pyramid:
+        """Make the blocks in one pass over the samples.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Channels.
+        count : int
+            Samples.
+        times : callable
+            Times between two rows, s.
+        read : callable
+            Values of channels between two rows.
+        watch : Watch
+            Progress, in samples.
+        """
+        blocks = -(-count // BLOCK)
+        time = np.empty((blocks, 2))
+        low, high = (np.empty((len(names), blocks), "f4") for _ in range(2))
+        missing = np.zeros((len(names), blocks), "u2")
+        for begin in range(0, count, READ):
+            watch.tell(begin, count, "samples")
+            rows = (begin, min(begin + READ, count))
+            starts = np.arange(0, rows[1] - begin, BLOCK)
+            at = slice(begin // BLOCK, begin // BLOCK + len(starts))
+            seconds = times(rows)
+            time[at, 0] = seconds[starts]
+            time[at, 1] = seconds[np.minimum(starts + BLOCK, len(seconds)) - 1]
+            values = read(names, rows)
+            for channel, name in enumerate(names):
+                own = np.asarray(values[name], np.float64)
+                is_none = ~np.isfinite(own)
+                if is_none.any():
+                    missing[channel, at] = np.add.reduceat(is_none, starts)
+                    own = np.where(is_none, np.nan, own)
+                low[channel, at] = _outward(np.fmin.reduceat(own, starts), -np.inf)
+                high[channel, at] = _outward(np.fmax.reduceat(own, starts), np.inf)
+        watch.tell(count, count, "samples")
+        return cls(tuple(names), count, time, low, high, missing)
+
+    def save(self, folder: Path) -> None:
+        """Write the blocks into a folder; its last file makes it valid."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in _FILES:
+            np.save(folder / f"{name}.npy", getattr(self, name))
+        about = folder / "pyramid.json.part"
+        about.write_text(json.dumps({"names": self.names, "count": self.count}), encoding="utf-8")
+        about.replace(folder / "pyramid.json")
+
+    @classmethod
+    def open(cls, folder: Path) -> Pyramid | None:
+        """Open what `save` wrote, without reading it; None if it is not there or not whole."""
+        try:
+            about = json.loads((folder / "pyramid.json").read_text(encoding="utf-8"))
+            arrays = [np.load(folder / f"{name}.npy", mmap_mode="r") for name in _FILES]
+            return cls(tuple(about["names"]), int(about["count"]), *arrays)
+        except (OSError, EOFError, ValueError, KeyError):
+            return None
+
+    @property
+    def rises(self) -> bool:
+        """Whether the times of the blocks rise; else the clock was set back, or a time is no number."""
+        return bool(np.all(np.diff(np.asarray(self.time).ravel()) >= 0.0))
+
+    def window(
+        self,
+        span: tuple[float, float],
+        pixels: int,
+        channels: Sequence[str],
+        times: Callable[[tuple[int, int]], Array],
+        read: Reader,
+    ) -> TileWindow:
+        """Return a view of at most two values a pixel for each channel, or of the samples where there are fewer.
+
+        Parameters
+        ----------
+        span : (float, float)
+            First and last time, s.
+        pixels : int
+        channels : sequence of str
+            Some of `names`.
+        times, read : callable
+            As for `build`.
+        """
+        starts = self.time[:, 0]
+        first = max(int(np.searchsorted(starts, span[0], "right")) - 1, 0)
+        last = max(int(np.searchsorted(starts, span[1], "right")), first + 1)
+        if last - first >= pixels:
+            return self._of_blocks(span, pixels, channels, first, last)
+        rows = (first * BLOCK, min(last * BLOCK, self.count))
+        seconds = times(rows)
+        # One sample beyond each end, so that the line leaves the view.
+        begin = max(int(np.searchsorted(seconds, span[0], "left")) - 1, 0)
+        end = min(int(np.searchsorted(seconds, span[1], "right")) + 1, len(seconds))
+        seconds = seconds[begin:end]
+        values = {name: np.asarray(own, float)[begin:end] for name, own in read(channels, rows).items()}
+        values = {name: np.where(np.isfinite(own), own, np.nan) for name, own in values.items()}
+        missing = sum(int(np.isnan(own).sum()) for own in values.values())
+        if len(seconds) <= 2 * pixels:
+            return TileWindow(seconds, values, missing, len(seconds), raw=True)
+        edges = _edges(seconds, span, pixels)
+        width = (span[1] - span[0]) / pixels
+        columns = _Pixels(seconds[edges[:-1]], seconds[edges[1:] - 1], width, missing, len(seconds))
+        return columns.filled({name: low_high(own, edges) for name, own in values.items()})
+
+    def _of_blocks(
+        self, span: tuple[float, float], pixels: int, channels: Sequence[str], first: int, last: int
+    ) -> TileWindow:
+        time = self.time[first:last]
+        edges = _edges(time[:, 0], span, pixels)
+        places = [self.names.index(name) for name in channels]
+        missing = int(sum(self.missing[place, first:last].sum(dtype=np.int64) for place in places))
+        samples = min(last * BLOCK, self.count) - first * BLOCK
+        found = {}
+        for name, place in zip(channels, places, strict=True):
+            low, _ = low_high(self.low[place, first:last], edges)
+            _, high = low_high(self.high[place, first:last], edges)
+            found[name] = (low, high)
+        width = (span[1] - span[0]) / pixels
+        return _Pixels(time[edges[:-1], 0], time[edges[1:] - 1, 1], width, missing, samples).filled(found)
+
+
+class _Pixels(NamedTuple):
+    """Columns of pixels: first and last time of each, and the width of a pixel, s."""
+
+    begins: Array
+    ends: Array
+    width: float
+    missing: int
+    samples: int
+
+    def filled(self, found: dict[str, tuple[Array, Array]]) -> TileWindow:
+        """Return the view: lowest and highest value of each column side by side, NaN where the clock paused.
+
+        A column whose samples lie on both sides of a pause is drawn on both sides.
+        """
+        nothing = np.float32(np.nan)
+        across = np.flatnonzero(self.ends - self.begins > PAUSE * self.width)
+        before = np.flatnonzero(self.begins[1:] - self.ends[:-1] > PAUSE * self.width) + 1
+        # Behind which value of the line something is put in: a gap, and for a pause inside the column again.
+        at = np.concatenate([2 * before, np.repeat(2 * across + 2, 3)])
+        middles = self.begins + 0.5 * np.minimum(self.ends - self.begins, self.width)
+        again = np.column_stack([middles[across], self.ends[across], self.ends[across]]).ravel()
+        time = np.column_stack([self.begins, middles]).ravel()
+        time = np.insert(time, at, np.concatenate([self.ends[before - 1], again]))
+        channels = {}
+        for name, pair in found.items():
+            line, own = np.column_stack(pair).ravel(), [one[across] for one in pair]
+            gaps = np.full(len(across), nothing)
+            put = np.concatenate([np.full(len(before), nothing), np.column_stack([gaps, *own]).ravel()])
+            channels[name] = np.insert(line, at, put)
+        return TileWindow(time, channels, self.missing, self.samples, raw=False)
+
+
+def _edges(seconds: Array, span: tuple[float, float], pixels: int) -> NDArray[np.int64]:
+    """Return where the columns of pixels begin among rising times; columns without a sample are left out."""
+    wanted = np.searchsorted(seconds, np.linspace(*span, pixels + 1)[1:-1], "left")
+    return np.unique(np.concatenate([[0], wanted, [len(seconds)]]))
+
+
+def _outward(values: Array, towards: float) -> Array:
+    """Round to 32 bits, never inward."""
+    with np.errstate(over="ignore"):
+        short = values.astype("f4")
+    inward = short > values if towards < 0 else short < values
+    return np.where(inward, np.nextafter(short, np.float32(towards)), short)

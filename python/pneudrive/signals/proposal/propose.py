@@ -16,9 +16,7 @@ from pneudrive.signals.load import load_recording
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.proposal.guesses import Guess, guess_columns
 from pneudrive.signals.proposal.propose_text import layout_text
-from pneudrive.signals.tables.formats import read_all
-from pneudrive.signals.tables.sniff import FileForm, sniff_format, sniff_text
-from pneudrive.signals.tables.text_table import TextForm, read_bytes, read_text
+from pneudrive.signals.tables.raw_table import read_raw_table
 from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
@@ -26,6 +24,7 @@ if TYPE_CHECKING:
 
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
+    from pneudrive.signals.tables.sniff import FileForm
     from pneudrive.watch import Watch
 
 STAGES = 3
@@ -73,15 +72,8 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
         a drive or a fixed volume.
     """
     path = Path(path)
-    form = sniff_format(path)
     watch.tell(0, STAGES, "reading the file")
-    if form == "csv":
-        reading = sniff_text(path)
-        wanted: list[int | str] = list(range(reading.columns))
-        columns = read_text(path, read_bytes(path), reading.form, wanted, {**reading.dates}).columns
-    else:
-        names, columns, dates, units = read_all(form, path)
-        reading = FileForm(form, TextForm(), names, units, len(names), dates)
+    reading, columns = read_raw_table(path)
     if max((column.size for column in columns), default=0) < 2:
         raise RecordingError("the file holds no samples", where=str(path), value=f"columns: {', '.join(reading.names)}")
     watch.tell(1, STAGES, "looking at the columns")

@@ -1,0 +1,298 @@
+/** Recordings: any view of any length, strokes shaded, and the wizard for a layout. */
+import { computed, signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import type { Numbers } from "./frame";
+import { digits } from "./looks";
+import { Problems } from "./parts";
+import { Plot, type Curve, type Shade } from "./plot";
+import { route } from "./routes";
+import { frame, read, Refused, write, type Problem } from "./server";
+
+interface Channel {
+  column: string;
+  label: string;
+  unit: string;
+}
+
+interface Opened {
+  share?: number;
+  channels?: Channel[];
+  span?: [number, number];
+  samples?: number;
+  time?: boolean;
+  layout?: string | null;
+  notes?: string[];
+}
+
+interface Head {
+  missing: number;
+  samples: number;
+  raw: boolean;
+  from: number;
+  to: number;
+}
+
+interface Stroke {
+  from: number;
+  to: number;
+  direction: number;
+  speed: number;
+}
+
+interface Proposal {
+  text: string;
+  problem: string;
+  kind: string;
+  strokes: number;
+  guesses: { role: string; column: string; unit: string; why: string }[];
+}
+
+const MOST_PLOTS = 4; // to begin with
+
+const about = signal<Opened | null>(null);
+const shown = signal<string[]>([]);
+const span = signal<[number, number]>([0, 1]);
+const views = signal<{ head: Head; time: Numbers; channels: Map<string, Numbers> } | null>(null);
+const strokes = signal<Stroke[]>([]);
+const wrong = signal<Problem[]>([]);
+const proposal = signal<Proposal | null>(null);
+const said = signal("");
+
+const shades = computed<Shade[]>(() =>
+  strokes.value.map((one) => ({ from: one.from, to: one.to, strong: one.direction > 0 })),
+);
+
+const pause = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
+let generation = 0;
+
+async function open(path: string): Promise<void> {
+  const mine = ++generation;
+  about.value = views.value = proposal.value = null;
+  strokes.value = [];
+  wrong.value = [];
+  try {
+    for (;;) {
+      const found = await read<Opened>("/api/recording", { path });
+      if (mine !== generation) return;
+      about.value = found;
+      if (found.channels) break;
+      await pause(150);
+    }
+    shown.value = about.value!.channels!.slice(0, MOST_PLOTS).map((one) => one.column);
+    look(about.value!.span!);
+    if (about.value!.layout !== null || about.value!.time)
+      strokes.value = (await read<{ strokes: Stroke[] }>("/api/strokes", { path })).strokes;
+  } catch (error) {
+    if (mine === generation && error instanceof Refused) wrong.value = error.problems;
+  }
+}
+
+let isAsking = false;
+let isWaiting = false;
+
+/** Show another part of the recording: one request on its way, the newest waits. */
+function look(next: [number, number]): void {
+  const [low, high] = about.value!.span!;
+  const width = Math.min(next[1] - next[0], high - low);
+  const from = Math.min(Math.max(next[0], low), high - width);
+  span.value = [from, from + width];
+  void fetchView();
+}
+
+async function fetchView(): Promise<void> {
+  isWaiting = isAsking;
+  if (isAsking) return;
+  isAsking = true;
+  const [from, to] = span.value;
+  const pixels = Math.min(Math.max(document.querySelector(".recording .plot")?.clientWidth ?? 1000, 200), 4000);
+  const given = { path: route.value.path, from: String(from), to: String(to), pixels: String(pixels), columns: shown.value.join("\n") };
+  try {
+    const found = await frame<Head>("/api/window", given);
+    const time = found.arrays.get("time")!;
+    found.arrays.delete("time");
+    views.value = { head: found.head, time, channels: found.arrays };
+    document.documentElement.dataset["points"] = String(time.length);
+  } catch (error) {
+    if (error instanceof Refused) wrong.value = error.problems;
+  }
+  isAsking = false;
+  if (isWaiting) void fetchView();
+}
+
+function zoom(factor: number): void {
+  const [from, to] = span.value;
+  const middle = 0.5 * (from + to);
+  look([middle - 0.5 * factor * (to - from), middle + 0.5 * factor * (to - from)]);
+}
+
+function pan(share: number): void {
+  const [from, to] = span.value;
+  look([from + share * (to - from), to + share * (to - from)]);
+}
+
+export function RecordingView() {
+  const { path } = route.value;
+  useEffect(() => {
+    if (path) void open(path);
+  }, [path]);
+  if (!path) return <p>Choose a recording under Studies.</p>;
+  const found = about.value;
+  return (
+    <div class="recording">
+      <h2>{path}</h2>
+      <Problems of={wrong.value} />
+      {!found?.channels && !wrong.value.length && (
+        <p role="status">
+          The file is read for the first time. <progress aria-label="Read so far" value={found?.share ?? 0} max={1} />
+        </p>
+      )}
+      {found?.channels && (
+        <>
+          <Controls found={found} />
+          <Plots found={found} />
+        </>
+      )}
+      {!wrong.value.length || proposal.value ? null : <Wizard path={path} />}
+      {found?.channels && <Wizard path={path} />}
+    </div>
+  );
+}
+
+function Controls({ found }: { found: Opened }) {
+  const [from, to] = span.value;
+  const head = views.value?.head;
+  return (
+    <>
+      <p class="row" role="group" aria-label="View">
+        <button type="button" onClick={() => look(found.span!)}>Whole recording</button>
+        <button type="button" onClick={() => zoom(0.5)}>Closer</button>
+        <button type="button" onClick={() => zoom(2)}>Wider</button>
+        <button type="button" onClick={() => pan(-0.5)}>Earlier</button>
+        <button type="button" onClick={() => pan(0.5)}>Later</button>
+        <span role="status" data-from={from} data-to={to}>
+          {found.time ? `${digits(from, 7)} s to ${digits(to, 7)} s` : `sample ${Math.round(from)} to ${Math.round(to)}`}
+          {head && `, ${head.samples.toLocaleString("en")} of ${found.samples!.toLocaleString("en")} samples`}
+          {head && !head.raw && ", lowest and highest of each pixel"}
+          {head && head.missing > 0 && `, ${head.missing} values are no number`}
+          {strokes.value.length > 0 && `, ${strokes.value.length} strokes (darker: towards +x)`}
+        </span>
+      </p>
+      {found.notes?.map((note) => <p class="note" key={note}>{note}</p>)}
+      <fieldset class="row">
+        <legend>Channels</legend>
+        {found.channels!.map((one) => (
+          <label key={one.column}>
+            <input
+              type="checkbox"
+              checked={shown.value.includes(one.column)}
+              onChange={(event) => {
+                const others = shown.value.filter((name) => name !== one.column);
+                shown.value = event.currentTarget.checked ? [...others, one.column] : others;
+                void fetchView();
+              }}
+            />{" "}
+            {one.label}
+          </label>
+        ))}
+      </fieldset>
+    </>
+  );
+}
+
+function Plots({ found }: { found: Opened }) {
+  const now = views.value;
+  if (!now) return null;
+  return (
+    <div>
+      {found.channels!.filter((one) => now.channels.has(one.column) && shown.value.includes(one.column)).map((one) => {
+        const curves: Curve[] = [{ label: one.label, x: now.time, y: now.channels.get(one.column)! }];
+        return (
+          <Plot
+            key={one.column}
+            title={one.label}
+            unit={one.unit}
+            xUnit={found.time ? "s" : "samples"}
+            size={1}
+            curves={curves}
+            height={190}
+            range={[now.head.from, now.head.to]}
+            shades={shades.value}
+            onZoom={(from, to) => look([from, to])}
+          />
+        );
+      })}
+    </div>
+  );
+}
+
+/** Propose a layout, let it be corrected, and write it beside the recording. */
+function Wizard({ path }: { path: string }) {
+  const place = path.includes("/") ? `${path.slice(0, path.lastIndexOf("/"))}/layout.toml` : "layout.toml";
+  const now = proposal.value;
+  if (about.value?.layout) return <p class="note">Read by {about.value.layout === "rig" ? "the" : `the ${about.value.layout}`} layout beside it.</p>;
+  const propose = async () => {
+    try {
+      proposal.value = await read<Proposal>("/api/propose", { path });
+    } catch (error) {
+      if (error instanceof Refused) wrong.value = error.problems;
+    }
+  };
+  const accept = async () => {
+    try {
+      await write(place, now!.text, "");
+      said.value = `Wrote ${place}.`;
+      await open(path);
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      said.value = error.status === 412 ? `${place} is there already; nothing was written.` : "";
+      wrong.value = error.status === 412 ? [] : error.problems;
+    }
+  };
+  return (
+    <section aria-label="Layout">
+      <p class="row">
+        <button type="button" onClick={() => void propose()}>Propose a layout</button>
+        <span role="status">{said.value || "A layout says which column is what, with unit and sign; then strokes are found and friction can be characterised."}</span>
+      </p>
+      {now && (
+        <>
+          <p>
+            {now.problem ? `Not read yet: ${now.problem}. Correct the lines marked guess.` : `A recording of a ${now.kind}: ${now.strokes} strokes.`}
+          </p>
+          <table>
+            <thead>
+              <tr>
+                <th scope="col">Channel</th>
+                <th scope="col">Column</th>
+                <th scope="col">Unit</th>
+                <th scope="col">Why</th>
+              </tr>
+            </thead>
+            <tbody>
+              {now.guesses.map((one) => (
+                <tr key={one.role}>
+                  <th scope="row">{one.role}</th>
+                  <td>{one.column}</td>
+                  <td>{one.unit}</td>
+                  <td>{one.why}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+          <label>
+            Text of the layout; lines marked guess are to be checked
+            <textarea
+              class="text"
+              rows={16}
+              value={now.text}
+              onInput={(event) => (proposal.value = { ...now, text: event.currentTarget.value })}
+            />
+          </label>
+          <p>
+            <button type="button" onClick={() => void accept()}>Accept: write {place}</button>
+          </p>
+        </>
+      )}
+    </section>
+  );
+}

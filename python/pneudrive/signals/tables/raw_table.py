@@ -1,0 +1,32 @@
+"""Every column of numbers of a foreign file, as it stands there, before any layout."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pneudrive.signals.tables.formats import read_all
+from pneudrive.signals.tables.sniff import FileForm, sniff_format, sniff_text
+from pneudrive.signals.tables.text_table import TextForm, read_bytes, read_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+def read_raw_table(path: Path) -> tuple[FileForm, list[NDArray[np.float64]]]:
+    """Return the form of a file and its columns of numbers.
+
+    Raises
+    ------
+    RecordingError
+        The file does not exist, is empty or of an unknown format, or has no table of numbers.
+    """
+    form = sniff_format(path)
+    if form == "csv":
+        reading = sniff_text(path)
+        wanted: list[int | str] = list(range(reading.columns))
+        return reading, read_text(path, read_bytes(path), reading.form, wanted, {**reading.dates}).columns
+    names, columns, dates, units = read_all(form, path)
+    return FileForm(form, TextForm(), names, units, len(names), dates), columns
