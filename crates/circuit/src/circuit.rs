@@ -331,6 +331,11 @@ impl<R: Lane> Circuit<R> {
         self.fused.is_some()
     }
 
+    /// Whether it is evaluated without nodes, and keeps no accounts: any numbers serve it.
+    pub(crate) fn serves_all(&self) -> bool {
+        self.fused.is_some() && self.topology.channels.is_empty()
+    }
+
     /// Whether its equations were analysed once for both.
     pub fn shares_analysis<Q>(&self, other: &Circuit<Q>) -> bool {
         Arc::ptr_eq(&self.topology, &other.topology)

@@ -4,9 +4,9 @@ use crate::circuit::{AxisId, GasId};
 use math::Real;
 use physics::chamber::GasState;
 use physics::flow::End;
-use std::ops::Index;
+use std::ops::{Deref, Index};
 
-/// A point where gas is: a volume or a reservoir.
+/// A point where gas is: a volume or a reservoir. It reads as the [`GasState`] of its gas.
 #[derive(Clone, Copy, Debug)]
 pub struct GasNode<S> {
     /// Volume, m3.
@@ -15,14 +15,9 @@ pub struct GasNode<S> {
     pub volume_rate: S,
     /// Wetted wall, m2.
     pub wall: S,
-    /// Pressure, Pa absolute.
-    pub p: S,
-    /// Temperature, K.
-    pub t: S,
-    /// 1/sqrt(T), shared by all restrictions of the node.
-    pub inverse_sqrt_t: S,
-    /// 1/p, shared as well.
-    pub inverse_p: S,
+    /// Pressure and temperature, with the reciprocals that all restrictions of the node share. It is set as a whole:
+    /// one that follows the pressure no longer would be noticed by nobody but the step size.
+    state: GasState<S>,
     /// Net mass flow into the node, kg/s.
     pub m_dot: S,
     /// Net enthalpy flow into the node, W.
@@ -101,6 +96,14 @@ impl<S> Index<AxisId> for Net<S> {
     }
 }
 
+impl<S> Deref for GasNode<S> {
+    type Target = GasState<S>;
+    #[inline(always)]
+    fn deref(&self) -> &GasState<S> {
+        &self.state
+    }
+}
+
 impl<S: Real> GasNode<S> {
     /// The node as the end of a flow path.
     #[inline(always)]
@@ -117,8 +120,14 @@ impl<S: Real> GasNode<S> {
 
     /// Takes over the state of its gas.
     #[inline(always)]
-    pub(crate) fn fill(&mut self, GasState { p, t, inverse_p, inverse_sqrt_t }: GasState<S>) {
-        (self.p, self.t, self.inverse_p, self.inverse_sqrt_t) = (p, t, inverse_p, inverse_sqrt_t);
+    pub(crate) fn fill(&mut self, state: GasState<S>) {
+        self.state = state;
+    }
+
+    /// Sets the pressure, Pa absolute, at the temperature that it has.
+    #[inline(always)]
+    pub fn set_pressure(&mut self, p: S) {
+        self.state = GasState { p, inverse_p: S::one() / p, ..self.state };
     }
 
     /// No volume and no flow; pressure and temperature one, so that nothing divides by zero.
@@ -129,10 +138,7 @@ impl<S: Real> GasNode<S> {
             volume: o,
             volume_rate: o,
             wall: o,
-            p: one,
-            t: one,
-            inverse_sqrt_t: one,
-            inverse_p: one,
+            state: GasState { p: one, t: one, inverse_p: one, inverse_sqrt_t: one },
             m_dot: o,
             h_dot: o,
             heat: o,

@@ -196,11 +196,15 @@ impl<R: Real, const N: usize> Over<R> for Dual<R, N> {
     }
 }
 
+/// Numbers of so many derivatives serve systems of any kind.
+const OF_ANY_KIND: usize = 8;
+
 /// Step control and events look at the value alone.
 impl<const N: usize> Lane for Dual<f64, N> {
     type Plain = f64;
     const L: usize = 1;
     const DIRECTIONS: usize = N;
+    const GENERAL: bool = N == OF_ANY_KIND;
     #[inline(always)]
     fn plain(&self) -> f64 {
         self.re

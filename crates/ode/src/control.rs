@@ -228,11 +228,13 @@ impl Control {
             return false;
         }
         let smooth = if self.after_rejection { factor.min(1.0) } else { factor };
+        let before_obstacle = self.cutting && self.after_rejection;
         self.after_rejection = false;
-        // A step cut short by the target or an event says nothing against the longer one planned.
+        // A step cut short by the target or an event says nothing against the longer one planned; one that ends before
+        // an obstacle does.
         self.wish = if self.last || self.cutting {
             self.approach.end();
-            (h * smooth).max(self.wish)
+            if before_obstacle { self.wish } else { (h * smooth).max(self.wish) }
         } else {
             self.approach.kept(h, error).map_or(h * smooth, |most| most.min(h * factor))
         };

@@ -4,6 +4,7 @@ mod arrow;
 mod sensitive;
 
 pub use arrow::Dense;
+pub(crate) use arrow::V as VELOCITY;
 
 use crate::stages::{BLOCK, Block, zeros};
 use crate::structure::{Entry, Structure};
@@ -63,19 +64,15 @@ impl<R: Lane> Linear<R> {
         }
     }
 
+    /// Above zero where friction falls with the speed, once the deflection follows: of a Jacobian that is an arrow.
+    #[inline(always)]
+    pub fn growth(&self) -> R::Plain {
+        arrow::growth(&self.dense)
+    }
+
     #[inline(never)]
     fn invert_arrow(&mut self, h_gamma: R::Plain) {
         R::within(Invert(self, h_gamma));
-    }
-
-    /// Puts the Jacobian in the shape of an arrow into its slots.
-    pub fn store(&mut self, structure: &Structure) {
-        let diagonal = (0..structure.n_coupled as u16).map(|k| Entry { row: k, column: k });
-        let inner = structure.lower.iter().chain(&structure.upper).copied();
-        let first_diagonal = self.jacobian.len() - structure.n_coupled;
-        for (slot, entry) in inner.enumerate().chain((first_diagonal..).zip(diagonal)) {
-            self.jacobian[slot] = self.dense[entry.row as usize][entry.column as usize];
-        }
     }
 
     /// Factorises W in the fixed order; the values below the diagonal and, divided by their pivot,

@@ -263,8 +263,6 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         linear.is_arrow = self.system.linearise(y, f0, &mut linear.dense);
         if R::GENERAL && (!linear.is_arrow || n > self.structure.n_coupled) {
             self.differentiate();
-        } else if R::DIRECTIONS > 0 {
-            linear.store(&self.structure);
         }
         if !self.g0.is_empty() {
             let t = R::from_lanes(|lane| self.t[lane]);

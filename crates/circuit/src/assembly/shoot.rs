@@ -103,12 +103,31 @@ impl Drive {
         asked: &Shooting,
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Shot, Error> {
-        let lift = || {
-            let seeds = seeds::<specification::Drive>(json, "", &asked.parameters)?;
-            let like = Some(self.circuit()).filter(|circuit| circuit.channels().is_empty());
-            Ok(move |first| Ok(Wired::lifted(&Lifted::new(&seeds, first), false, like)?.assembly))
-        };
-        shoot(self.assembly(), lift, asked, interrupted)
+        let all = All::of(asked, self.assembly())?;
+        if all.directions == 0 {
+            return all.run(std::slice::from_ref(self.assembly()), interrupted);
+        }
+        let seeds = seeds::<specification::Drive>(json, "", &asked.parameters)?;
+        let like = Some(self.circuit()).filter(|circuit| circuit.channels().is_empty());
+        macro_rules! few {
+            ($number:ty) => {{
+                let own = Wired::<$number>::lifted(&Lifted::new(&seeds, 0), false, like);
+                // Numbers that the drive does not have, and refusals, are for those of any kind.
+                if let Some(own) = own.ok().filter(|own| own.assembly.circuit.serves_all()) {
+                    return all.run(&[own.assembly], interrupted);
+                }
+            }};
+        }
+        if self.circuit().serves_all() {
+            match all.directions {
+                1 => few!(Dual<f64, 1>),
+                2 => few!(Dual<f64, 2>),
+                3 | 4 => few!(Dual<f64, 4>),
+                _ => {}
+            }
+        }
+        let lift = |first| Ok(Wired::lifted(&Lifted::new(&seeds, first), false, like)?.assembly);
+        all.shoot(self.assembly(), || Ok(lift), interrupted)
     }
 }
 
@@ -119,18 +138,7 @@ pub(super) fn shoot<F: Fn(usize) -> Result<Assembly<Sensitive>, Error>>(
     asked: &Shooting,
     interrupted: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Shot, Error> {
-    let states = check(asked, plain)?;
-    let columns = asked.outputs.iter().map(|name| column(plain.columns(), name));
-    let columns = columns.collect::<Result<Vec<_>, _>>()?;
-    let n_parameters = asked.parameters.len();
-    let by_start = asked.with_initial.places(states)?;
-    let directions = n_parameters + by_start.len();
-    let all = All { asked, columns: &columns, states, by_start: &by_start, n_parameters, directions };
-    if directions == 0 {
-        return all.run(std::slice::from_ref(plain), interrupted);
-    }
-    let passes = (0..directions).step_by(DIRECTIONS).map(lift()?).collect::<Result<Vec<_>, _>>()?;
-    all.run(&passes, interrupted)
+    All::of(asked, plain)?.shoot(plain, lift, interrupted)
 }
 
 fn refuse<T>(message: String) -> Result<T, Error> {
@@ -187,9 +195,9 @@ fn check(asked: &Shooting, of: &Assembly) -> Result<usize, Error> {
 /// All runs of a request.
 struct All<'a> {
     asked: &'a Shooting,
-    columns: &'a [usize],
+    columns: Vec<usize>,
     states: usize,
-    by_start: &'a [usize],
+    by_start: Vec<usize>,
     n_parameters: usize,
     directions: usize,
 }
@@ -201,7 +209,31 @@ struct Done<P> {
     failure: Option<String>,
 }
 
-impl All<'_> {
+impl<'a> All<'a> {
+    /// What is asked of an assembly.
+    fn of(asked: &'a Shooting, plain: &Assembly) -> Result<Self, Error> {
+        let states = check(asked, plain)?;
+        let columns = asked.outputs.iter().map(|name| column(plain.columns(), name));
+        let columns = columns.collect::<Result<Vec<_>, _>>()?;
+        let n_parameters = asked.parameters.len();
+        let by_start = asked.with_initial.places(states)?;
+        let directions = n_parameters + by_start.len();
+        Ok(All { asked, columns, states, by_start, n_parameters, directions })
+    }
+
+    fn shoot<F: Fn(usize) -> Result<Assembly<Sensitive>, Error>>(
+        &self,
+        plain: &Assembly,
+        lift: impl FnOnce() -> Result<F, Error>,
+        interrupted: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Shot, Error> {
+        if self.directions == 0 {
+            return self.run(std::slice::from_ref(plain), interrupted);
+        }
+        let passes = (0..self.directions).step_by(DIRECTIONS).map(lift()?).collect::<Result<Vec<_>, _>>()?;
+        self.run(&passes, interrupted)
+    }
+
     /// Runs every segment with the assembly of each pass.
     fn run<P: Lane>(
         &self,
@@ -270,7 +302,7 @@ impl All<'_> {
         let begun = drive.begin(&start, P::c(asked.commands[at]));
         let mut tracker = Tracker {
             drive,
-            columns: self.columns,
+            columns: &self.columns,
             times: &asked.sample_times[samples],
             next: 0,
             net: begun.0.work(),

@@ -325,6 +325,9 @@ where
             });
         }
     }
+    if !P::GENERAL {
+        return Err(Error::Specification("these numbers are for a circuit like another".into()));
+    }
     let Joined { build, nodes, joint_volumes } = join(gas, is_air, ambient, (each, joints), false)?;
     check_size(&build.circuit.count_states())?;
     let Build { circuit, open, pistons, inputs, columns, starts, .. } = build;

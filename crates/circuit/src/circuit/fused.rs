@@ -79,9 +79,10 @@ impl<R: Lane> Work for Linearised<'_, R> {
     }
 }
 
-/// Directions in which the axis is differentiated: by x, v, both pressures and an inner state. The three more fill whole
-/// registers of a processor and are zero.
-const AXIS: usize = 8;
+/// Directions in which the axis is differentiated: by x, v, both pressures and an inner state. Of plain numbers three
+/// more, which are zero, fill whole registers of a processor.
+const AXIS: usize = 5;
+const AXIS_OF_PLAIN: usize = 8;
 
 /// What follows from the states of both chambers.
 struct Chambers<S> {
@@ -190,7 +191,8 @@ impl<P: Real> Fused<P> {
             let End { p, inverse_p, choked } = ports.reservoir;
             let reservoir = End { p: S::from(p), inverse_p: S::from(inverse_p), choked: S::from(choked) };
             let out = S::from(ports.limit).lt(node.p);
-            let m_dot = passing(ports.law.driven(out, &reservoir, &own).times(ports.gain), ports.gain);
+            let choked = ports.law.choked(out, &reservoir, &own).times(ports.gain);
+            let m_dot = passing(choked * ports.law.share(out, &reservoir, &own), ports.gain);
             node.m_dot += m_dot;
             node.h_dot += m_dot * (cp * S::select(out, node.t, S::from(ports.temperature)));
         }
@@ -217,14 +219,50 @@ impl<P: Real> Cylinder<P> {
     ) -> AxisNode<S> {
         let mut axis = AxisNode::at_rest();
         self.axis.stand([x, v], &mut axis);
-        let mut node = GasNode::empty();
-        node.p = a;
-        self.faces[0].push(&node, &mut axis, common);
-        node.p = b;
-        self.faces[1].push(&node, &mut axis, common);
+        self.faces[0].push(a, &mut axis, common);
+        self.faces[1].push(b, &mut axis, common);
         self.stops.push(&mut axis);
         self.axis.accelerate::<S, true>(z, dz, &mut axis);
         axis
+    }
+}
+
+impl<R: Real> Cylinder<R> {
+    /// The rates of the velocity and of an inner state, where there is one, and their rows of the Jacobian, from (x, v) and
+    /// both pressures, of which the slopes by x and by U are given.
+    #[inline(always)]
+    fn differentiate<const D: usize>(
+        &self,
+        values: [R; 4],
+        z: &[R],
+        common: &Common<R>,
+        [by_x, by_u]: [[R; 2]; 2],
+        f: &mut [R],
+        jacobian: &mut Dense<R>,
+    ) {
+        let seeded: [Dual<R, D>; 4] = std::array::from_fn(|i| Dual::variable(values[i], i));
+        let inner = z.first().map_or(Dual::from(R::zero()), |z| Dual::variable(*z, 4));
+        let mut d_inner = [Dual::from(R::zero())];
+        let n = z.len().min(1);
+        let acceleration = self.accelerates(seeded, &[inner][..n], &mut d_inner[..n], common);
+        let mut row = |row: usize, rate: &Dual<R, D>| {
+            let [x, v, a, b, z] = std::array::from_fn(|i| rate.eps[i]);
+            f[row] = rate.re;
+            jacobian[row] = [
+                a.fma(by_x[0], b.fma(by_x[1], x)),
+                v,
+                R::zero(),
+                a * by_u[0],
+                R::zero(),
+                b * by_u[1],
+                z,
+                R::zero(),
+            ];
+        };
+        row(1, &acceleration);
+        if n > 0 {
+            row(6, &d_inner[0]);
+        }
     }
 }
 
@@ -299,30 +337,12 @@ impl<R: Lane> Circuit<R> {
         }
         let [a, b] = pressure.re.0;
         let values = [x, v, a, b];
-        let seeded: [Dual<R, AXIS>; 4] = std::array::from_fn(|i| Dual::variable(values[i], i));
-        let inner = z.first().map_or(Dual::from(R::zero()), |z| Dual::variable(*z, 4));
-        let mut d_inner = [Dual::from(R::zero())];
-        let n = z.len().min(1);
-        let acceleration = cylinder.accelerates(seeded, &[inner][..n], &mut d_inner[..n], &self.common);
         // dp/dx and dp/dU of both chambers: a pressure depends on neither v nor m.
-        let (by_x, by_u) = (pressure.eps[0].0, pressure.eps[3].0);
-        let mut row = |row: usize, slopes: &Dual<R, AXIS>| {
-            let [x, v, a, b, z, ..] = slopes.eps;
-            f[row] = slopes.re;
-            jacobian[row] = [
-                a.fma(by_x[0], b.fma(by_x[1], x)),
-                v,
-                R::zero(),
-                a * by_u[0],
-                R::zero(),
-                b * by_u[1],
-                z,
-                R::zero(),
-            ];
-        };
-        row(1, &acceleration);
-        if n > 0 {
-            row(6, &d_inner[0]);
+        let by = [pressure.eps[0].0, pressure.eps[3].0];
+        if const { R::DIRECTIONS > 0 } {
+            cylinder.differentiate::<AXIS>(values, z, &self.common, by, f, jacobian);
+        } else {
+            cylinder.differentiate::<AXIS_OF_PLAIN>(values, z, &self.common, by, f, jacobian);
         }
         (f[0], jacobian[0][1]) = (v, R::one());
     }

@@ -182,7 +182,7 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
             if !USUAL {
                 volume.fill_real(states, node, &mut net.enthalpy, common);
             }
-            face.push(node, axis, common);
+            face.push(node.p, axis, common);
         }
         self.stops.push(axis);
     }

@@ -50,10 +50,10 @@ impl<P: Real> Face<P> {
         node.wall = length.times_plus(self.perimeter, node.wall + S::from(self.end_wall));
     }
 
-    /// Adds the force of the gas to the axis.
+    /// Adds the force of gas at `p`, Pa absolute, to the axis.
     #[inline(always)]
-    pub(crate) fn push<S: Over<P>>(&self, node: &GasNode<S>, axis: &mut AxisNode<S>, common: &Common<P>) {
-        let gauge = node.p - S::from(common.ambient_pressure);
+    pub(crate) fn push<S: Over<P>>(&self, p: S, axis: &mut AxisNode<S>, common: &Common<P>) {
+        let gauge = p - S::from(common.ambient_pressure);
         axis.force += self.signed(gauge.times(self.area));
         if self.grows {
             axis.gauge_a = gauge;
@@ -85,7 +85,7 @@ impl<P: Real> Part<P> for Face<P> {
 
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, net: &mut Net<S>, common: &Common<P>) {
-        self.push(&net.gas[self.gas], &mut net.axis[self.axis], common);
+        self.push(net.gas[self.gas].p, &mut net.axis[self.axis], common);
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {

@@ -37,9 +37,7 @@ impl<P: Real> Part<P> for Pulsation<P> {
     #[inline(always)]
     fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
         let [sine] = y.first();
-        let node = &mut net.gas[self.node.0];
-        node.p = S::from(self.mean) + S::from(self.amplitude) * sine;
-        node.inverse_p = S::one() / node.p;
+        net.gas[self.node.0].set_pressure(S::from(self.mean) + S::from(self.amplitude) * sine);
     }
 
     #[inline(always)]

@@ -73,7 +73,8 @@ impl<P: Real> Part<P> for Restriction<P> {
         let (one, two) = (&net[self.path.from], &net[self.path.to]);
         let (one, two) = (one.end(), two.end());
         let backward = one.p.lt(two.p);
-        let m_dot = self.law.driven(backward, &one, &two).times(self.gain());
+        let choked = self.law.choked(backward, &one, &two).times(self.gain());
+        let m_dot = choked * self.law.share(backward, &one, &two);
         (passing(m_dot, self.gain()), backward)
     }
 

@@ -339,3 +339,33 @@ fn what_cannot_be_free_is_refused() {
     let refused = drive.shoot(&json, &late, &mut |_| false).expect_err("refused").to_string();
     assert_eq!(refused, "starts must be increasing samples from 0 to below 100");
 }
+
+#[test]
+fn few_derivatives_have_the_bits_of_many() {
+    let paths = [
+        "friction.parameters.coulomb",
+        "valve.conductance_m3_s_pa",
+        "cylinder.moving_mass_kg",
+        "supply.pressure_pa",
+        "cylinder.bore_m",
+    ];
+    let dry = serde_json::json!({
+        "law": "stribeck",
+        "parameters": { "coulomb": 30.0, "breakaway": 45.0, "stribeck_velocity": 0.02, "viscous": 40.0 },
+    });
+    for (description, inner) in [(case_a(), &[1e-6][..]), (with_friction(dry), &[])] {
+        let run = |paths: &[&str]| {
+            let asked = asked(0.25, inner, paths, false);
+            let options = crate::support::options(1e-6);
+            shoot(&description, &Shooting { options, ..asked })
+        };
+        let many = run(&paths);
+        for n in 1..=4 {
+            let few = run(&paths[..n]);
+            assert_eq!(crate::support::bits(&few.values), crate::support::bits(&many.values));
+            for (few, many) in few.sensitivities.chunks(n).zip(many.sensitivities.chunks(paths.len())) {
+                assert_eq!(crate::support::bits(few), crate::support::bits(&many[..n]));
+            }
+        }
+    }
+}

@@ -22,9 +22,20 @@ use math::{Lane, Real};
 pub type Dense<R> = [[R; SMALL]; SMALL];
 
 const X: usize = 0;
-const V: usize = 1;
+/// The place of the velocity.
+pub(crate) const V: usize = 1;
 const PAIRS: [usize; 2] = [2, 4];
 const Z: usize = 6;
+
+/// Rows of an arrow that may change with what is differentiated, and the columns where they may.
+pub(super) const CHANGING: [(usize, &[usize]); 6] = [
+    (V, &[0, 1, 3, 5, 6]),
+    (2, &[0, 1, 2, 3]),
+    (3, &[0, 1, 2, 3]),
+    (4, &[0, 1, 4, 5]),
+    (5, &[0, 1, 4, 5]),
+    (Z, &[0, 1, 3, 5, 6]),
+];
 
 /// What becomes of a pair (m, U): by x, by v with the x that it brings, by m and by U.
 struct Pair<R> {
@@ -80,6 +91,14 @@ fn fill<R: Real>(column: &mut [R; SMALL], made_by_v: &[R; SMALL], by_v: R, held:
     for i in 0..SMALL {
         column[i] = made_by_v[i].fma(by_v, held[i]);
     }
+}
+
+/// Above zero where v alone, or with z, runs away from a balance: v' grows with v, or the determinant of both is negative,
+/// so that one of their rates of growth is real and positive.
+#[inline(always)]
+pub(super) fn growth<R: Lane>(jacobian: &Dense<R>) -> R::Plain {
+    let j = |row: usize, column: usize| jacobian[row][column].plain();
+    (j(V, Z) * j(Z, V) - j(V, V) * j(Z, Z)).max(j(V, V))
 }
 
 /// The columns of (I/(h gamma) - J)^-1. What it is made of is in line always: no closure is sure to be.
@@ -144,6 +163,26 @@ mod tests {
                 let unit = f64::from(u8::from(i == l));
                 assert!((product - unit).abs() < 1e-12, "{i}, {l}: {product}");
             }
+        }
+    }
+
+    /// Bristles in steady sliding at v, friction g(v) + viscous v: what matters is the slope of that, whatever the bristles
+    /// do at first.
+    #[test]
+    fn friction_that_falls_with_the_speed_lets_an_error_grow() {
+        let (mass, stiffness, damping, viscous, v, g) = (2.0, 1e5, 300.0, 40.0, 0.003, 42.0);
+        let growth = |slope: f64| {
+            let mut j = [[0.0; SMALL]; SMALL];
+            (j[Z][V], j[Z][Z]) = (slope * v / g, -stiffness * v / g);
+            j[V][V] = -(damping * j[Z][V] + viscous) / mass;
+            j[V][Z] = -(stiffness + damping * j[Z][Z]) / mass;
+            super::growth(&j)
+        };
+        assert!(growth(-41.0) > 0.0 && growth(-39.0) < 0.0, "{} {}", growth(-41.0), growth(-39.0));
+        let mut dry = [[0.0; SMALL]; SMALL];
+        for (slope, grows) in [(-41.0, true), (-39.0, false)] {
+            dry[V][V] = -(slope + viscous) / mass;
+            assert_eq!(super::growth(&dry) > 0.0, grows);
         }
     }
 }

@@ -4,7 +4,9 @@
 //!
 //! The value takes the very operations that it takes without derivatives.
 
+use super::arrow::CHANGING;
 use super::{Linear, SMALL, product};
+use crate::stages::BLOCK;
 use crate::structure::{Entry, Structure};
 use math::Lane;
 use std::array::from_fn;
@@ -14,16 +16,26 @@ impl<R: Lane> Linear<R> {
     #[inline(never)]
     pub(super) fn solve_sensitive(&self, structure: &Structure, x: &mut [R]) {
         assert_eq!(structure.n, structure.n_coupled, "accounts have no derivatives");
-        if structure.n <= SMALL {
-            let values = product(&self.inverse, &from_fn(|l| x[l].plain()));
-            self.add_change_of_matrix(structure, x, &values);
-            let known: [R; SMALL] = from_fn(|l| x[l]);
-            for (l, (x, value)) in x[..structure.n].iter_mut().zip(values).enumerate() {
-                let mut sum = R::zero();
-                for (known, column) in known[..structure.n].iter().zip(&self.inverse) {
-                    sum = known.fma_plain(column[l], sum);
+        if !R::GENERAL || structure.n <= SMALL {
+            let (first, _) = x.split_first_chunk_mut::<SMALL>().expect("two blocks are stored");
+            let values = product(&self.inverse, &from_fn(|l| first[l].plain()));
+            if !R::GENERAL || self.is_arrow {
+                self.add_change_of_arrow(first, &values);
+            } else {
+                self.add_change_of_matrix(structure, first, &values);
+            }
+            // Whole blocks, whatever the system, and a block side by side: no sum waits for another.
+            let known = *first;
+            for (k, rows) in first.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
+                let mut sums = [R::zero(); BLOCK];
+                for (known, column) in known.iter().zip(&self.inverse) {
+                    for (l, sum) in sums.iter_mut().enumerate() {
+                        *sum = known.fma_plain(column[BLOCK * k + l], *sum);
+                    }
                 }
-                *x = sum.with_value(value);
+                for (l, (row, sum)) in rows.iter_mut().zip(sums).enumerate() {
+                    *row = sum.with_value(values[BLOCK * k + l]);
+                }
             }
         } else {
             let mut values: Vec<R::Plain> = x.iter().map(R::plain).collect();
@@ -32,6 +44,16 @@ impl<R: Lane> Linear<R> {
             self.eliminate(structure, x);
             for (x, value) in x.iter_mut().zip(values) {
                 *x = x.with_value(value);
+            }
+        }
+    }
+
+    /// The same for a Jacobian in the shape of an arrow.
+    #[inline(always)]
+    fn add_change_of_arrow(&self, x: &mut [R; SMALL], values: &[R::Plain; SMALL]) {
+        for (row, columns) in CHANGING {
+            for &column in columns {
+                x[row] = self.dense[row][column].fma_plain(values[column], x[row]);
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::Stepper;
 use crate::control::{LEAST_ERROR, inverse_cube_root};
-use crate::linear::Pair;
+use crate::linear::{Pair, VELOCITY};
 use crate::stages::{BLOCK, Block, Fifth, MOST_STAGES, Method, Tableau, Third, combine, stands};
 use crate::system::System;
 use math::{Lane, Real, Work};
@@ -17,6 +17,11 @@ impl<R: Lane, Sys: System<R>> Work for Attempt<'_, R, Sys> {
         self.0.take_stages(self.1);
     }
 }
+
+/// What errors of one sign may use up of a share.
+const ONE_SIGN: f64 = 0.5;
+/// Least share of the tolerance of a mass that speeds up slowly: the law of friction ends that phase (assumed).
+const LEAST_SHARE: f64 = 0.02;
 
 /// sum = one + other.
 #[inline(always)]
@@ -36,7 +41,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     #[inline(always)]
     fn take_stages(&mut self, h: R::Plain) {
-        let is_small = !R::GENERAL || (self.structure.is_small() && R::DIRECTIONS == 0);
+        let is_small = R::DIRECTIONS == 0 && (!R::GENERAL || self.structure.is_small());
         let inverse_h = R::Plain::one() / h;
         macro_rules! stages {
             ($method:ident $count:literal: $($i:literal)*) => {{
@@ -135,6 +140,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     #[inline(always)]
     pub(super) fn error(&self) -> R::Plain {
         let rtol = R::Plain::from_lanes(|lane| self.lanes[lane].share * self.options.rtol);
+        let rtol = rtol * self.share_of_slow();
         let (zero, infinite) = (R::Plain::zero(), R::Plain::c(f64::INFINITY));
         let (mut worst, mut poison) = ([zero; BLOCK], [zero; BLOCK]);
         for (b, error) in self.errors().iter().enumerate() {
@@ -153,6 +159,22 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             p += poison[l];
         }
         self.of_fifth_order(w + p)
+    }
+
+    /// The share of the tolerance that an attempt may use up from where a mass speeds up because friction falls with
+    /// its speed. What is wrong there is a shift in time, which stays, and grows with the speed to come: up to the scale
+    /// of the speed and more. Half of that, as errors have one sign there.
+    #[inline(always)]
+    fn share_of_slow(&self) -> R::Plain {
+        let (zero, one) = (R::Plain::zero(), R::Plain::one());
+        if !self.linear.is_arrow {
+            return one;
+        }
+        let of = |blocks: &[Block<R>]| blocks.as_flattened()[VELOCITY].plain();
+        let (v, rate, scale) = (of(&self.y), of(&self.f0), self.scale.as_flattened()[VELOCITY]);
+        let share = (v.abs() / (scale + v.abs()) * R::Plain::c(ONE_SIGN)).max(R::Plain::c(LEAST_SHARE));
+        let faster = R::Plain::select(zero.lt(v * rate), share, one);
+        R::Plain::select(zero.lt(self.linear.growth()), faster, one)
     }
 
     /// Step control takes the error of a step as one of order h^5: that of another method is raised to the power that

@@ -7,6 +7,8 @@ use math::Lane;
 
 /// How near an obstacle the next attempt ends, as a share of the way.
 const SHORT_OF_OBSTACLE: f64 = 0.999;
+/// The one after that, as a share of its length: it goes into what is of another kind (assumed).
+const BEYOND_OBSTACLE: f64 = 0.005;
 /// Near t = 0 a step counts as too small against this time, s.
 const LEAST_TIME: f64 = 1e-3;
 
@@ -32,6 +34,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let cut = SHORT_OF_OBSTACLE * first * h;
         if first < 1.0 && cut > self.lanes[lane].wish {
             self.lanes[lane].cut = Some(cut);
+            self.lanes[lane].wish = BEYOND_OBSTACLE * cut;
         }
     }
 

@@ -29,12 +29,11 @@ impl EnergyBalance {
     pub fn state<P: Real, S: Over<P>>(gas: &IdealGas<P>, [m, u]: [S; 2], volume: S) -> GasState<S> {
         let energy = u.times(gas.heat_capacity_ratio - P::one());
         let inverse = S::one() / (volume * energy);
-        let per_energy = volume * inverse;
         GasState {
             p: energy * energy * inverse,
             t: u / m.times(gas.cv),
-            inverse_p: volume * per_energy,
-            inverse_sqrt_t: (m.times(gas.gas_constant) * per_energy).sqrt(),
+            inverse_p: volume * volume * inverse,
+            inverse_sqrt_t: (m.times(gas.gas_constant) * volume * inverse).sqrt(),
         }
     }
 

@@ -178,13 +178,19 @@ impl<P: Real> Iso6358<P> {
     #[inline(always)]
     pub fn flow<S: Over<P>>(&self, opening: S, one: &End<S>, two: &End<S>) -> (S, S::Mask) {
         let backward = one.p.lt(two.p);
-        (opening.times(self.gain) * self.driven(backward, one, two), backward)
+        let choked = opening.times(self.gain) * self.choked(backward, one, two);
+        (choked * self.share(backward, one, two), backward)
     }
 
-    /// Mass flow from end 1 to end 2 for a gain of one, backward or not, Pa/K^0.5.
+    /// Choked flow from end 1 to end 2 for a gain of one, backward or not, Pa/K^0.5.
     #[inline(always)]
-    pub fn driven<S: Over<P>>(&self, backward: S::Mask, one: &End<S>, two: &End<S>) -> S {
-        let ratio = S::select(backward, one.p * two.inverse_p, two.p * one.inverse_p);
-        S::select(backward, -two.choked, one.choked) * self.phi(ratio)
+    pub fn choked<S: Over<P>>(&self, backward: S::Mask, one: &End<S>, two: &End<S>) -> S {
+        S::select(backward, -two.choked, one.choked)
+    }
+
+    /// The share of it that passes, phi of the pressure ratio.
+    #[inline(always)]
+    pub fn share<S: Over<P>>(&self, backward: S::Mask, one: &End<S>, two: &End<S>) -> S {
+        self.phi(S::select(backward, one.p * two.inverse_p, two.p * one.inverse_p))
     }
 }
