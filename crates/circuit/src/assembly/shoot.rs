@@ -109,21 +109,11 @@ impl Drive {
         }
         let seeds = seeds::<specification::Drive>(json, "", &asked.parameters)?;
         let like = Some(self.circuit()).filter(|circuit| circuit.channels().is_empty());
-        macro_rules! few {
-            ($number:ty) => {{
-                let own = Wired::<$number>::lifted(&Lifted::new(&seeds, 0), false, like);
-                // Numbers that the drive does not have, and refusals, are for those of any kind.
-                if let Some(own) = own.ok().filter(|own| own.assembly.circuit.serves_all()) {
-                    return all.run(&[own.assembly], interrupted);
-                }
-            }};
-        }
-        if self.circuit().serves_all() {
-            match all.directions {
-                1 => few!(Dual<f64, 1>),
-                2 => few!(Dual<f64, 2>),
-                3 | 4 => few!(Dual<f64, 4>),
-                _ => {}
+        if all.directions == 1 && self.circuit().serves_all() {
+            let own = Wired::<Dual<f64, 1>>::lifted(&Lifted::new(&seeds, 0), false, like);
+            // A number that the drive does not have, and refusals, are for numbers of any kind.
+            if let Some(own) = own.ok().filter(|own| own.assembly.circuit.serves_all()) {
+                return all.run(&[own.assembly], interrupted);
             }
         }
         let lift = |first| Ok(Wired::lifted(&Lifted::new(&seeds, first), false, like)?.assembly);

@@ -341,7 +341,7 @@ fn what_cannot_be_free_is_refused() {
 }
 
 #[test]
-fn few_derivatives_have_the_bits_of_many() {
+fn one_derivative_has_the_bits_of_many() {
     let paths = [
         "friction.parameters.coulomb",
         "valve.conductance_m3_s_pa",
@@ -360,12 +360,11 @@ fn few_derivatives_have_the_bits_of_many() {
             shoot(&description, &Shooting { options, ..asked })
         };
         let many = run(&paths);
-        for n in 1..=4 {
-            let few = run(&paths[..n]);
-            assert_eq!(crate::support::bits(&few.values), crate::support::bits(&many.values));
-            for (few, many) in few.sensitivities.chunks(n).zip(many.sensitivities.chunks(paths.len())) {
-                assert_eq!(crate::support::bits(few), crate::support::bits(&many[..n]));
-            }
+        for (k, path) in paths.iter().enumerate() {
+            let one = run(&[path]);
+            assert_eq!(crate::support::bits(&one.values), crate::support::bits(&many.values));
+            let among_many: Vec<f64> = many.sensitivities.chunks(paths.len()).map(|all| all[k]).collect();
+            assert_eq!(crate::support::bits(&one.sensitivities), crate::support::bits(&among_many));
         }
     }
 }
