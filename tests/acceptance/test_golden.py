@@ -49,7 +49,7 @@ def test_a_tighter_tolerance_comes_nearer_to_the_truth(name):
 
 
 def test_what_creeps_is_timed_as_well_as_it_is_placed():
-    """An error of time in slow motion grows into one of place when the piston slips, tenfold and more: at 1e-5 too it is small."""
+    """An error of time in slow motion becomes one of place when the piston slips: at 1e-5 too it is small."""
     case = CASES["creeps"]
     states, work = simulated(case, 1e-5)
     assert difference(case, states, golden("creeps")).position_um < 2.0
