@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 __all__ = [
     "Circuit",
     "Column",
+    "ControlLoop",
+    "ControlReference",
     "Drive",
     "Ensemble",
     "Members",
@@ -22,6 +24,7 @@ __all__ = [
     "constants",
     "control_laws",
     "control_run",
+    "control_signals",
     "control_tune",
     "dwell_growth",
     "flow_ratio",
@@ -130,6 +133,30 @@ class Ensemble:
 class Tank:
     def __new__(cls, json: str) -> Tank: ...
     def shoot(self, asked: Shooting, look: Callable[[float], object] | None = None) -> Shot: ...
+
+@final
+class ControlReference:
+    def __new__(cls, motion: str) -> ControlReference: ...
+    def at(self, t: float) -> tuple[float, float, float, float]: ...
+
+@final
+class ControlLoop:
+    def __new__(
+        cls,
+        circuit: Circuit,
+        start: Mapping[str, float],
+        spec: str,
+        motion: str,
+        setup: str,
+        duration: float,
+        rtol: float,
+        signals: Sequence[str],
+    ) -> ControlLoop: ...
+    def observe(self) -> tuple[float, ...] | None: ...
+    def give(self, command: float) -> None: ...
+    @property
+    def truth(self) -> tuple[float, float, float, float] | None: ...
+    def columns(self) -> dict[str, NDArray[float64]]: ...
 
 @final
 class Drive:
@@ -398,7 +425,9 @@ def control_run(
     duration: float,
     rtol: float,
     look: Callable[[float], object] | None = None,
+    own: tuple[Callable[[tuple[float, ...]], float], list[str]] | None = None,
 ) -> dict[str, NDArray[float64]]: ...
+def control_signals() -> list[tuple[str, str, str]]: ...
 def dwell_growth(growth: str, age: NDArray[float64], time: float, exponent: float) -> NDArray[float64]: ...
 def friction_laws() -> list[dict[str, Any]]: ...
 def formula_component(kind: str, json: str) -> dict[str, Any]: ...

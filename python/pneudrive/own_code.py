@@ -1,4 +1,4 @@
-"""Python code of users: one rule for when it may run.
+"""Code of users: one rule for when it may run.
 
 Code runs only if the command or call of this run names it. A file that is read (a campaign folder, a description) may
 name the code that was used, but that alone never runs it: the user names the code again, or allows it by the SHA-256
@@ -27,11 +27,15 @@ def split(source: str) -> tuple[str, str] | None:
     return (module, name) if module and name.isidentifier() else None
 
 
+#: Endings of the names of compiled libraries.
+COMPILED = (".so", ".dylib", ".dll")
+
+
 def sha256(source: str) -> str:
     """Return the SHA-256 of the file that holds the code; empty for a module name or an unreadable file."""
     module, _ = split(source) or ("", "")
     try:
-        return hashlib.sha256(Path(module).read_bytes()).hexdigest() if module.endswith(".py") else ""
+        return hashlib.sha256(Path(module).read_bytes()).hexdigest() if module.endswith((".py", *COMPILED)) else ""
     except OSError:
         return ""
 
@@ -83,6 +87,17 @@ def load_allowed(
         imported: their hash was not given.
     """
     module, name = split(source) or (source, "")
+    there = check_allowed(source, allowed, found_in, option, kind)
+    found = guarded(source, kind, lambda: _from_file(module, there, kind))
+    return _named(found, source, name, kind)
+
+
+def check_allowed(source: str, allowed: str | None, found_in: str, option: str, kind: type[PneudriveError]) -> str:
+    """Refuse code that a file has named, unless the user of this run has allowed it; return the hash of its file.
+
+    Parameters and errors are those of `load_allowed`.
+    """
+    module, _ = split(source) or (source, "")
     there = sha256(source)
     remedy = f"Look at the code. Then name it: {option} {source}"
     if allowed is None or not there:
@@ -101,8 +116,7 @@ def load_allowed(
             rule=f"--allow-code {allowed}",
             remedy=f"The file has changed. {remedy}",
         )
-    found = guarded(source, kind, lambda: _from_file(module, there, kind))
-    return _named(found, source, name, kind)
+    return there
 
 
 def guarded(source: str, kind: type[PneudriveError], work: Callable[[], Any]) -> Any:  # noqa: ANN401 - result of `work`
@@ -112,7 +126,7 @@ def guarded(source: str, kind: type[PneudriveError], work: Callable[[], Any]) ->
     except PneudriveError:
         raise
     except Exception as error:
-        raise kind(f"{source} fails: {type(error).__name__}: {error}", where=_place(error)) from error
+        raise kind(f"{source} fails: {type(error).__name__}: {error}", where=place_of(error)) from error
 
 
 def _named(found: ModuleType, source: str, name: str, kind: type[PneudriveError]) -> Callable[..., Any]:
@@ -141,7 +155,8 @@ def _from_file(file: str, expected: str | None, kind: type[PneudriveError]) -> M
     return module
 
 
-def _place(error: Exception) -> str | None:
+def place_of(error: BaseException) -> str | None:
+    """Return file and line at which an exception was raised."""
     if isinstance(error, SyntaxError):
         return f"{error.filename}:{error.lineno}"
     frames = traceback.extract_tb(error.__traceback__)

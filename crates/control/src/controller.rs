@@ -4,7 +4,8 @@ use crate::adaptation::Adaptation;
 use crate::gains::{Gain, Gains};
 use crate::law::{Fuzzy, Inversion, Law, Nmpc, Pid, Plant, Pva, Sliding, SuperTwisting, Tick};
 use crate::model::Model;
-use crate::observer::{Noise, Observer, Sample};
+use crate::observer::{Noise, Observer, Sample, State};
+use crate::own::{Own, Seen};
 use crate::reference::{Reference, Wanted};
 
 macro_rules! laws {
@@ -13,6 +14,8 @@ macro_rules! laws {
         #[derive(Clone, Debug)]
         pub enum AnyLaw {
             $(#[doc = concat!("See [`", stringify!($name), "`].")] $name($name),)*
+            /// One of a user.
+            Own(Own),
         }
 
         /// The words of all laws.
@@ -24,33 +27,36 @@ macro_rules! laws {
                 $(if key == <$name as Law>::KEY {
                     return Some(AnyLaw::$name($name::tuned(model, plant)));
                 })*
-                None
+                (key == Own::KEY).then(|| AnyLaw::Own(Own::default()))
             }
 
             /// Its word in a controller file.
             pub fn key(&self) -> &'static str {
-                match self { $(AnyLaw::$name(_) => <$name as Law>::KEY,)* }
+                match self { $(AnyLaw::$name(_) => <$name as Law>::KEY,)* AnyLaw::Own(_) => Own::KEY }
             }
 
             /// Its gains with their values.
             pub fn gains(&mut self) -> impl Iterator<Item = (&'static Gain, &mut f64)> {
-                match self { $(AnyLaw::$name(law) => $name::GAINS.iter().zip(law.gains_mut()),)* }
+                match self {
+                    $(AnyLaw::$name(law) => $name::GAINS.iter().zip(law.gains_mut()),)*
+                    AnyLaw::Own(_) => [].iter().zip(vec![]),
+                }
             }
 
             fn predicts(&self) -> bool {
-                match self { $(AnyLaw::$name(_) => <$name as Law>::PREDICTS,)* }
+                match self { $(AnyLaw::$name(_) => <$name as Law>::PREDICTS,)* AnyLaw::Own(_) => false }
             }
 
             fn push(&self) -> f64 {
-                match self { $(AnyLaw::$name(_) => <$name as Law>::PUSH,)* }
+                match self { $(AnyLaw::$name(_) => <$name as Law>::PUSH,)* AnyLaw::Own(_) => 0.0 }
             }
 
             fn step(&mut self, tick: &Tick) -> f64 {
-                match self { $(AnyLaw::$name(law) => law.step(tick),)* }
+                match self { $(AnyLaw::$name(law) => law.step(tick),)* AnyLaw::Own(_) => 0.0 }
             }
 
             fn given(&mut self, asked: f64, given: f64, tick: &Tick) {
-                match self { $(AnyLaw::$name(law) => law.given(asked, given, tick),)* }
+                match self { $(AnyLaw::$name(law) => law.given(asked, given, tick),)* AnyLaw::Own(_) => () }
             }
         }
     };
@@ -170,8 +176,27 @@ impl Controller {
         })
     }
 
-    /// The command for a sample, on the way along a reference.
+    /// The command for a sample, on the way along a reference, given to the valve as it is.
     pub fn step(&mut self, sample: &Sample, reference: &Reference) -> Answer {
+        let answer = self.decide(sample, reference);
+        self.told(sample.time, answer.command);
+        answer
+    }
+
+    /// Takes over the command that was given at a sample.
+    pub fn told(&mut self, time: f64, command: f64) {
+        if let Some(observer) = &mut self.observer {
+            observer.spool.command(time + self.model.valve.delay, command);
+        }
+    }
+
+    /// What sensors and the observer say at the last sample.
+    pub fn seen(&self, sample: &Sample) -> Seen {
+        self.observer.as_ref().map(|observer| Seen::of(&self.model, sample, observer)).unwrap_or_default()
+    }
+
+    /// The command for a sample, on the way along a reference; [`Controller::told`] comes next.
+    pub fn decide(&mut self, sample: &Sample, reference: &Reference) -> Answer {
         let period = self.period;
         let observer =
             self.observer.get_or_insert_with(|| Observer::new(&self.model, sample, period, self.noise));
@@ -180,6 +205,11 @@ impl Controller {
             adaptation.learn(&mut self.model, &observer.state, observer.spool.state(), period);
         }
         let model = &self.model;
+        if let AnyLaw::Own(own) = &self.law {
+            let State { velocity, disturbance, .. } = observer.state;
+            let command = own.step(&Seen::of(model, sample, observer), reference);
+            return Answer { command, wanted: reference.at(sample.time), velocity, disturbance, holds: false };
+        }
         let lag = if self.law.predicts() { model.valve.delay } else { self.plant.lag };
         let acts = sample.time + lag;
         let (mut state, spool) = observer.predict(model, acts, period);
@@ -234,14 +264,12 @@ impl Controller {
         };
         let overlap = model.valve.overlap;
         let command = (share * (1.0 - overlap) + overlap * (share / OVERLAP_WIDTH).tanh()).clamp(-1.0, 1.0);
-        let answer = Answer {
+        Answer {
             command,
             wanted: tick.now.1,
             velocity: observer.state.velocity,
             disturbance: observer.state.disturbance,
             holds: held.is_some(),
-        };
-        observer.spool.command(sample.time + model.valve.delay, command);
-        answer
+        }
     }
 }

@@ -10,6 +10,7 @@ pub mod gains;
 pub mod law;
 pub mod model;
 pub mod observer;
+pub mod own;
 pub mod reference;
 pub mod spool;
 
@@ -19,4 +20,5 @@ pub use gains::{Gain, Gains};
 pub use law::{Law, Plant, Tick, sugeno};
 pub use model::{Held, Model, Side, Valve};
 pub use observer::{Noise, Observer, Sample, State};
+pub use own::{Own, OwnLaw, SIGNALS, Seen, Signal};
 pub use reference::{Move, Reference, Wanted, blend};

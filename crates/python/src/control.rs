@@ -3,13 +3,14 @@
 use crate::convert::{Table, Teller, parse, to_python, watched};
 use crate::network::PyCircuit;
 use circuit::Look;
-use control::{AnyLaw, Gain, LAWS, Reference};
+use control::{AnyLaw, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use ode::Options;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::exceptions::PyValueError;
+use pyo3::types::{PyDict, PyTuple};
 use servo::specification::{Controller, Motion, Setup};
-use servo::{COLUMNS, Encoder, Loop, controller};
+use servo::{COLUMNS, Encoder, Loop, Turn, controller};
 use std::collections::BTreeMap;
 
 /// Words of the laws of control.
@@ -70,9 +71,147 @@ pub fn reference_at<'py>(
     PyArray1::from_iter(py, rows).reshape([times.len(), 4])
 }
 
-/// Runs a circuit from a start under a controller along a reference: columns by name, SI units.
+/// Key, unit and meaning of each number that a law of one's own may be given.
 #[pyfunction]
-#[pyo3(signature = (circuit, start, spec, motion, setup, duration, rtol, look = None))]
+pub fn control_signals() -> Vec<(&'static str, &'static str, &'static str)> {
+    SIGNALS.iter().map(|own| (own.key, own.unit, own.meaning)).collect()
+}
+
+/// Places of numbers among the signals.
+fn places(names: &[String]) -> PyResult<Vec<usize>> {
+    let place = |name: &String| {
+        let found = SIGNALS.iter().position(|own| own.key == name);
+        found.ok_or_else(|| PyValueError::new_err(format!("there is no signal \"{name}\"")))
+    };
+    names.iter().map(place).collect()
+}
+
+fn chosen<'py>(py: Python<'py>, places: &[usize], seen: &Seen) -> PyResult<Bound<'py, PyTuple>> {
+    let values = seen.values();
+    PyTuple::new(py, places.iter().map(|&place| values[place]))
+}
+
+/// A law that is a Python callable of a tuple of numbers; what it raises is no number.
+struct Called {
+    call: Py<PyAny>,
+    places: Vec<usize>,
+}
+
+impl OwnLaw for Called {
+    fn step(&mut self, seen: &Seen, _reference: &Reference) -> f64 {
+        Python::attach(|py| -> PyResult<f64> {
+            self.call.bind(py).call1((chosen(py, &self.places, seen)?,))?.extract()
+        })
+        .unwrap_or(f64::NAN)
+    }
+}
+
+/// Where a drive is to go.
+#[pyclass(name = "ControlReference")]
+pub struct PyReference(Reference);
+
+#[pymethods]
+impl PyReference {
+    #[new]
+    fn new(motion: &str) -> PyResult<Self> {
+        Ok(PyReference(Reference::from(&parse::<Motion>(motion)?)))
+    }
+
+    /// Position, velocity, acceleration and jerk at a time, SI units.
+    fn at(&self, t: f64) -> (f64, f64, f64, f64) {
+        let at = self.0.at(t);
+        (at.position, at.velocity, at.acceleration, at.jerk)
+    }
+}
+
+fn columns<'py>(py: Python<'py>, rows: &[[f64; COLUMNS.len()]]) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    for (i, name) in COLUMNS.into_iter().enumerate() {
+        out.set_item(name, PyArray1::from_iter(py, rows.iter().map(|row| row[i])))?;
+    }
+    Ok(out)
+}
+
+/// A circuit under a controller, whose caller gives each command.
+#[pyclass(name = "ControlLoop")]
+pub struct PyLoop {
+    under: Loop,
+    controller: control::Controller,
+    reference: Reference,
+    places: Vec<usize>,
+    ticks: u64,
+    next: u64,
+    turn: Option<Turn>,
+    rows: Vec<[f64; COLUMNS.len()]>,
+}
+
+#[pymethods]
+impl PyLoop {
+    #[new]
+    #[pyo3(signature = (circuit, start, spec, motion, setup, duration, rtol, signals))]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        circuit: &PyCircuit,
+        start: BTreeMap<String, f64>,
+        spec: &str,
+        motion: &str,
+        setup: &str,
+        duration: f64,
+        rtol: f64,
+        signals: Vec<String>,
+    ) -> PyResult<Self> {
+        let (spec, setup): (Controller, Setup) = (parse(spec)?, parse(setup)?);
+        let reference = Reference::from(&parse::<Motion>(motion)?);
+        let deviation = Encoder::from(setup.position).deviation();
+        let (controller, axis) = controller(&spec, deviation).map_err(to_python)?;
+        let options = Options { rtol, ..Options::default() };
+        let session = circuit.network().session(&start, options).map_err(to_python)?;
+        let under = Loop::new(session, &axis, &setup).map_err(to_python)?;
+        let ticks = under.check(&controller, &reference, duration).map_err(to_python)?;
+        let (places, rows) = (places(&signals)?, Vec::new());
+        Ok(PyLoop { under, controller, reference, places, ticks, next: 0, turn: None, rows })
+    }
+
+    /// Goes on to the next sample: the signals, and the law's command last; none after the last sample.
+    fn observe<'py>(&mut self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyTuple>>> {
+        if self.next > self.ticks {
+            return Ok(None);
+        }
+        let Self { under, controller, reference, next, .. } = self;
+        let turn = under.observe(*next, controller, reference, &mut Look::new(&mut |_| false));
+        let turn = turn.map_err(to_python)?;
+        *next += 1;
+        self.turn = Some(turn);
+        let values = self.controller.seen(&turn.sample).values();
+        let own = self.places.iter().map(|&place| values[place]);
+        Ok(Some(PyTuple::new(py, own.chain([turn.answer.command]).collect::<Vec<_>>())?))
+    }
+
+    /// Gives the command for that sample; the next one is observed then.
+    fn give(&mut self, command: f64) -> PyResult<()> {
+        let Some(turn) = self.turn.take() else {
+            return Err(PyValueError::new_err("there is no sample that waits for a command"));
+        };
+        self.rows.push(self.under.give(&mut self.controller, &turn, command).map_err(to_python)?);
+        Ok(())
+    }
+
+    /// Position, m, velocity, m/s, and pressures, Pa, as they are at the sample that waits.
+    #[getter]
+    fn truth(&self) -> Option<[f64; 4]> {
+        self.turn.map(|turn| turn.truth)
+    }
+
+    /// Columns of what has run.
+    fn columns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        columns(py, &self.rows)
+    }
+}
+
+/// Runs a circuit from a start under a controller along a reference: columns by name, SI units. `own` is a law of one's own:
+/// a callable of a tuple of the signals that are named beside it.
+#[pyfunction]
+#[pyo3(signature = (circuit, start, spec, motion, setup, duration, rtol, look = None, own = None))]
 #[allow(clippy::too_many_arguments)]
 pub fn control_run<'py>(
     py: Python<'py>,
@@ -84,19 +223,20 @@ pub fn control_run<'py>(
     duration: f64,
     rtol: f64,
     look: Teller<'py>,
+    own: Option<(Py<PyAny>, Vec<String>)>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (spec, setup): (Controller, Setup) = (parse(spec)?, parse(setup)?);
     let reference = Reference::from(&parse::<Motion>(motion)?);
     let network = circuit.network();
+    let own = own.map(|(call, names)| places(&names).map(|places| Called { call, places })).transpose()?;
     let rows = watched(py, look, move |interrupted| {
         let (mut controller, axis) = controller(&spec, Encoder::from(setup.position).deviation())?;
-        let mut session = network.session(&start, Options { rtol, ..Options::default() })?;
-        let mut under = Loop::new(&mut session, &axis, &setup)?;
+        if let Some(own) = own {
+            controller.law = AnyLaw::Own(Own::new(own));
+        }
+        let session = network.session(&start, Options { rtol, ..Options::default() })?;
+        let mut under = Loop::new(session, &axis, &setup)?;
         under.run(&mut controller, &reference, duration, &mut Look::new(interrupted))
     })?;
-    let out = PyDict::new(py);
-    for (i, name) in COLUMNS.into_iter().enumerate() {
-        out.set_item(name, PyArray1::from_iter(py, rows.iter().map(|row| row[i])))?;
-    }
-    Ok(out)
+    columns(py, &rows)
 }

@@ -80,7 +80,10 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(friction::steady_friction_sensitivity, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_laws, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_run, m)?)?;
+    m.add_function(wrap_pyfunction!(control::control_signals, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_tune, m)?)?;
+    m.add_class::<control::PyLoop>()?;
+    m.add_class::<control::PyReference>()?;
     m.add_function(wrap_pyfunction!(control::reference_at, m)?)?;
     m.add_function(wrap_pyfunction!(flow_ratio, m)?)?;
     m.add_function(wrap_pyfunction!(choked_flow_factor, m)?)?;

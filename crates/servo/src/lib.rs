@@ -10,7 +10,7 @@ pub mod specification;
 
 pub use belief::{Axis, belief};
 pub use noise::{Noise, philox};
-pub use run::{COLUMNS, Loop, controller};
+pub use run::{COLUMNS, Loop, Turn, controller};
 pub use sensor::{Encoder, Sensor};
 
 fn refuse<T>(message: impl Into<String>) -> Result<T, circuit::Error> {

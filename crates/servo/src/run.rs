@@ -6,7 +6,7 @@ use crate::refuse;
 use crate::sensor::{Encoder, Sensor};
 use crate::specification;
 use circuit::{Error, Look, Session};
-use control::{Controller, Gain, LAWS, Reference, Sample};
+use control::{Answer, Controller, Gain, LAWS, Reference, Sample};
 use std::time::Instant;
 
 /// A controller as it is described, with the axis that it commands. Position sensors have this deviation, m.
@@ -63,8 +63,8 @@ pub const COLUMNS: [&str; 11] = [
 ];
 
 /// A session under a controller.
-pub struct Loop<'s> {
-    session: &'s mut Session,
+pub struct Loop {
+    session: Session,
     encoder: Encoder,
     pressures: Option<[Sensor; 2]>,
     command_bits: u32,
@@ -77,9 +77,22 @@ pub struct Loop<'s> {
     last: Option<[[f64; 2]; 2]>,
 }
 
-impl<'s> Loop<'s> {
+/// A sample whose command has not been given yet.
+#[derive(Clone, Copy, Debug)]
+pub struct Turn {
+    /// What the sensors say.
+    pub sample: Sample,
+    /// Position, m, velocity, m/s, and pressures, Pa, as they are.
+    pub truth: [f64; 4],
+    /// What the law says.
+    pub answer: Answer,
+    /// How long the law took, s.
+    pub took: f64,
+}
+
+impl Loop {
     /// A session that has these components.
-    pub fn new(session: &'s mut Session, axis: &Axis, setup: &specification::Setup) -> Result<Self, Error> {
+    pub fn new(mut session: Session, axis: &Axis, setup: &specification::Setup) -> Result<Self, Error> {
         let input = |session: &Session, name: String| match session
             .inputs()
             .iter()
@@ -100,12 +113,12 @@ impl<'s> Loop<'s> {
             *column = found;
         }
         if !setup.forces.is_empty() {
-            let force = input(session, format!("{}.load_force_n", axis.cylinder))?;
+            let force = input(&session, format!("{}.load_force_n", axis.cylinder))?;
             let (times, values): (Vec<f64>, Vec<f64>) = setup.forces.iter().map(|&[t, f]| (t, f)).unzip();
             session.schedule(force, &times, &values)?;
         }
         Ok(Loop {
-            command: input(session, format!("{}.command", axis.valve))?,
+            command: input(&session, format!("{}.command", axis.valve))?,
             session,
             encoder: setup.position.into(),
             pressures: setup.pressures.map(|own| own.map(Sensor::from)),
@@ -130,14 +143,13 @@ impl<'s> Loop<'s> {
         Sample { time: self.session.time(), position, pressures }
     }
 
-    /// Runs for a time, s: the [`COLUMNS`], sample by sample. What stops the drive ends the run with an error.
-    pub fn run(
-        &mut self,
-        controller: &mut Controller,
+    /// Checks what a run for a time, s, would ask for; the number of its last sample.
+    pub fn check(
+        &self,
+        controller: &Controller,
         reference: &Reference,
         duration: f64,
-        look: &mut Look<'_>,
-    ) -> Result<Vec<[f64; COLUMNS.len()]>, Error> {
+    ) -> Result<u64, Error> {
         let period = controller.period;
         if !(0.0..period).contains(&self.computing_time) {
             return refuse(format!(
@@ -146,8 +158,8 @@ impl<'s> Loop<'s> {
             ));
         }
         let stroke = controller.model.stroke;
-        let ticks = 0..=(duration / period).round() as u64;
-        let leaves = ticks.clone().map(|tick| tick as f64 * period).find_map(|t| {
+        let ticks = (duration / period).round() as u64;
+        let leaves = (0..=ticks).map(|tick| tick as f64 * period).find_map(|t| {
             let x = reference.at(t).position;
             (!(0.0..=stroke).contains(&x)).then_some((t, x))
         });
@@ -156,41 +168,66 @@ impl<'s> Loop<'s> {
                 "the reference asks for {x} m at t = {t} s: it must stay within the stroke, 0 to {stroke} m"
             ));
         }
+        Ok(ticks)
+    }
+
+    /// Runs for a time, s: the [`COLUMNS`], sample by sample. What stops the drive ends the run with an error.
+    pub fn run(
+        &mut self,
+        controller: &mut Controller,
+        reference: &Reference,
+        duration: f64,
+        look: &mut Look<'_>,
+    ) -> Result<Vec<[f64; COLUMNS.len()]>, Error> {
+        let ticks = 0..=self.check(controller, reference, duration)?;
         let mut rows = Vec::with_capacity(ticks.clone().count());
         for tick in ticks {
-            let t = tick as f64 * period;
-            self.session.go_on(t, look)?;
-            let seen = self.columns.map(|column| self.session.now(column));
-            let sample = self.sample(tick, period, seen);
-            let begin = Instant::now();
-            let answer = controller.step(&sample, reference);
-            let took = begin.elapsed().as_secs_f64();
-            let mut command = answer.command;
-            if self.command_bits > 0 {
-                let half = ((1_u64 << self.command_bits) - 1) as f64 / 2.0;
-                command = ((command + 1.0) * half).round_ties_even() / half - 1.0;
-            }
-            let [x, v, a, b] = seen;
-            let holds = f64::from(u8::from(answer.holds));
-            rows.push([
-                t,
-                x,
-                v,
-                a,
-                b,
-                answer.wanted.position,
-                command,
-                answer.velocity,
-                answer.disturbance,
-                holds,
-                took,
-            ]);
-            if self.computing_time > 0.0 {
-                self.session.schedule(self.command, &[t + self.computing_time], &[command])?;
-            } else {
-                self.session.set(self.command, command)?;
-            }
+            let turn = self.observe(tick, controller, reference, look)?;
+            rows.push(self.give(controller, &turn, turn.answer.command)?);
         }
         Ok(rows)
+    }
+
+    /// Goes on to a sample, by its number, and asks the law; [`Loop::give`] comes next.
+    pub fn observe(
+        &mut self,
+        tick: u64,
+        controller: &mut Controller,
+        reference: &Reference,
+        look: &mut Look<'_>,
+    ) -> Result<Turn, Error> {
+        let period = controller.period;
+        self.session.go_on(tick as f64 * period, look)?;
+        let truth = self.columns.map(|column| self.session.now(column));
+        let sample = self.sample(tick, period, truth);
+        let begin = Instant::now();
+        let answer = controller.decide(&sample, reference);
+        Ok(Turn { sample, truth, answer, took: begin.elapsed().as_secs_f64() })
+    }
+
+    /// Gives a command, which may be another one than the law's: the [`COLUMNS`] of this sample.
+    pub fn give(
+        &mut self,
+        controller: &mut Controller,
+        turn: &Turn,
+        mut command: f64,
+    ) -> Result<[f64; COLUMNS.len()], Error> {
+        let t = turn.sample.time;
+        if !command.is_finite() {
+            return Err(Error::Stopped(format!("the law gives no command at t = {t} s: {command}")));
+        }
+        controller.told(t, command);
+        if self.command_bits > 0 {
+            let half = ((1_u64 << self.command_bits) - 1) as f64 / 2.0;
+            command = ((command + 1.0) * half).round_ties_even() / half - 1.0;
+        }
+        if self.computing_time > 0.0 {
+            self.session.schedule(self.command, &[t + self.computing_time], &[command])?;
+        } else {
+            self.session.set(self.command, command)?;
+        }
+        let Answer { wanted, velocity, disturbance, holds, .. } = turn.answer;
+        let ([x, v, a, b], holds) = (turn.truth, f64::from(u8::from(holds)));
+        Ok([t, x, v, a, b, wanted.position, command, velocity, disturbance, holds, turn.took])
     }
 }

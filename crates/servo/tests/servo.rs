@@ -68,8 +68,8 @@ fn run(
     let setup = setup(seed);
     let deviation = Encoder::from(setup.position).deviation();
     let (mut controller, axis) = controller(&spec, deviation).expect("a controller");
-    let mut session = session(plant, reference.at(0.0).position);
-    let mut under = Loop::new(&mut session, &axis, &setup).expect("the axis is there");
+    let session = session(plant, reference.at(0.0).position);
+    let mut under = Loop::new(session, &axis, &setup).expect("the axis is there");
     let mut never = |_| false;
     let rows = under.run(&mut controller, reference, duration, &mut Look::new(&mut never));
     (rows.expect("it runs"), controller)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pneudrive.control.references import Reference
     from pneudrive.control.tuning import Plant, Tuning
 
-control = group(dict.fromkeys(("tune", "run", "compare", "reference"), "pneudrive.cli.control"))
+control = group(dict.fromkeys(("tune", "run", "compare", "reference", "header"), "pneudrive.cli.control"))
 
 SetupOption = Annotated[
     str, typer.Option("--setup", help="What stands between drive and law: ideal, real, cheap, or a TOML file.")
@@ -29,6 +29,10 @@ Along = Annotated[
         help='Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", or a TOML file.',
         metavar="REF",
     ),
+]
+AllowCode = Annotated[
+    str | None,
+    typer.Option(help="Allow the law that a controller file names, if its file has this SHA-256.", metavar="SHA256"),
 ]
 TOLD = ("max_error_m", "rmse_m", "settling_100_um_s", "rest_error_m", "hunting_m")
 
@@ -73,6 +77,10 @@ def run(
     controller: Annotated[
         str, typer.Option(help="Controller file (TOML), or the name of a law.", metavar="FILE|LAW")
     ] = "nmpc",
+    law: Annotated[
+        str | None,
+        typer.Option(help="A law, or one of your own: mine.py:Law or mine.so:law. Its code runs.", metavar="LAW"),
+    ] = None,
     setup: SetupOption = "real",
     duration: Annotated[str | None, typer.Option(help='Duration, e.g. "12 s"; default: from the reference.')] = None,
     seed: Annotated[int, typer.Option(help="Seed of all noise.", min=0)] = 1,
@@ -82,6 +90,7 @@ def run(
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-5,
     out: Annotated[Path | None, typer.Option(help="Run: .parquet, .csv or .nc.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
+    allow_code: AllowCode = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Run a drive under control along a reference, and score it."""
@@ -99,13 +108,14 @@ def run(
     is_file = controller.endswith(".toml")
     prepared = prepare(
         load_described(drive),
-        None if is_file else controller,
+        law if is_file or law else controller,
         reference,
         setup=setup,
         duration=duration,
         controller=controller if is_file else None,
         initial=initial,
         rtol=rtol,
+        allow_code=allow_code,
     )
     found = run_prepared(prepared, seed, on_terminal())
     title = f"{prepared.tuning.law} on {prepared.circuit.name} along {prepared.reference.text}"
@@ -132,7 +142,11 @@ def compare(
     drive: Described,
     out: Annotated[Path, typer.Option(help="Folder for scores, runs and report; one that is begun is resumed.")],
     laws: Annotated[
-        str, typer.Option(help="all, or laws and controller files separated by commas.", metavar="all|A,B")
+        str,
+        typer.Option(
+            help="all, or laws, controller files and laws of your own (mine.py:Law) separated by commas.",
+            metavar="all|A,B",
+        ),
     ] = "all",
     references: Annotated[
         str,
@@ -143,6 +157,7 @@ def compare(
     ] = "standard",
     seeds: Annotated[int, typer.Option(help="Number of seeds.")] = 5,
     setup: SetupOption = "real",
+    allow_code: AllowCode = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Compare laws along references, each with several seeds: score.csv, the runs, and report.html."""
@@ -154,7 +169,8 @@ def compare(
     described = load_described(drive)
     words = laws if laws == "all" else names_in(laws)
     along = references if references == "standard" else names_in(references)
-    found = compare_watched(described, words, along, out=out, seeds=seeds, setup=setup, watch=on_terminal())
+    told = {"setup": setup, "allow_code": allow_code}
+    found = compare_watched(described, words, along, out=out, seeds=seeds, watch=on_terminal(), **told)
     _show_comparison(found)
     tell([out / SCORES, write_control_report(found, out)])
 
@@ -207,3 +223,18 @@ def _show_reference(found: Reference, plant: Plant) -> None:
         ("largest speed", f"{reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s, {share:.0f} % of the drive's"),
     ]
     typer.echo(f"{found.text}\n{aligned(rows)}")
+
+
+def header(
+    out: Annotated[Path | None, typer.Option(help="File to write, for instance pneudrive_law.h.")] = None,
+) -> None:
+    """Write the C header of compiled laws."""
+    from pneudrive.control.own_law import c_header
+    from pneudrive.trajectory import whole
+
+    if out is None:
+        typer.echo(c_header(), nl=False)
+        return
+    with whole(out) as temporary:
+        temporary.write_text(c_header(), encoding="utf-8")
+    tell([out])

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pneudrive.control.controller import Controller
     from pneudrive.control.loop import run
     from pneudrive.control.measures import Score, score
+    from pneudrive.control.own_law import LawModel, c_header, signals
     from pneudrive.control.references import Reference, reference
     from pneudrive.control.setup import Setup, read_setup
     from pneudrive.control.tuning import Plant, TunedGain, Tuning, laws, tune
@@ -27,18 +28,21 @@ if TYPE_CHECKING:
 __all__ = [
     "ControlComparison",
     "Controller",
+    "LawModel",
     "Plant",
     "Reference",
     "Score",
     "Setup",
     "TunedGain",
     "Tuning",
+    "c_header",
     "compare",
     "laws",
     "read_setup",
     "reference",
     "run",
     "score",
+    "signals",
     "standard",
     "tune",
 ]
@@ -50,6 +54,7 @@ __getattr__ = lazy(
         "controller": ["Controller"],
         "loop": ["run"],
         "measures": ["Score", "score"],
+        "own_law": ["LawModel", "c_header", "signals"],
         "references": ["Reference", "reference"],
         "setup": ["Setup", "read_setup"],
         "tuning": ["Plant", "TunedGain", "Tuning", "laws", "tune"],

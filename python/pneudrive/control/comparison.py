@@ -8,13 +8,14 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pneudrive import __version__
 from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
 from pneudrive.control.measures import SHOWN, Score, written
+from pneudrive.control.own_law import is_own
 from pneudrive.control.references import Reference, reference, standard_references
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.tuning import Tuning, laws, tune
@@ -164,7 +165,7 @@ def standard(drive: Drive | Circuit) -> dict[str, Reference]:
 
 def compare(
     drive: Drive | Circuit,
-    laws: str | Sequence[str | Path | Tuning] = "all",
+    laws: str | object | Sequence[str | Path | Tuning | object] = "all",
     references: str | Sequence[str | Path | Reference] | Mapping[str, Reference] = "standard",
     *,
     out: str | Path,
@@ -172,6 +173,7 @@ def compare(
     setup: Setup | str | Path = "real",
     believes: Drive | Circuit | None = None,
     rtol: float = RTOL,
+    allow_code: str | None = None,
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
 ) -> ControlComparison:
@@ -184,7 +186,7 @@ def compare(
     ----------
     drive : Drive or Circuit
     laws : str or sequence
-        ``"all"``, or words, controller files and tunings.
+        ``"all"``, or words, controller files, tunings and laws of one's own, as for `pneudrive.control.run`.
     references : str, sequence or mapping
         ``"standard"``, names of standard references, or references as `pneudrive.control.reference` reads them.
     out : path-like
@@ -195,6 +197,8 @@ def compare(
     believes : Drive or Circuit, optional
         What the laws believe of the drive.
     rtol : float
+    allow_code : str, optional
+        SHA-256 of the file of a law of one's own that only a controller's file names.
     progress, cancel : optional
         See `pneudrive.watch.Watch`.
 
@@ -206,14 +210,13 @@ def compare(
         `cancel` was set; finished runs are kept.
     """
     watch = Watch(progress, cancel)
-    return compare_watched(
-        drive, laws, references, out=out, seeds=seeds, setup=setup, believes=believes, rtol=rtol, watch=watch
-    )
+    told: dict[str, Any] = {"setup": setup, "believes": believes, "rtol": rtol, "allow_code": allow_code}
+    return compare_watched(drive, laws, references, out=out, seeds=seeds, watch=watch, **told)
 
 
 def compare_watched(
     drive: Drive | Circuit,
-    asked_laws: str | Sequence[str | Path | Tuning],
+    asked_laws: str | object | Sequence[str | Path | Tuning | object],
     references: str | Sequence[str | Path | Reference] | Mapping[str, Reference],
     *,
     out: str | Path,
@@ -221,13 +224,14 @@ def compare_watched(
     setup: Setup | str | Path = "real",
     believes: Drive | Circuit | None = None,
     rtol: float = RTOL,
+    allow_code: str | None = None,
     watch: Watch = UNWATCHED,
 ) -> ControlComparison:
     """Compare, and report progress to a watch. Arguments and errors are those of `compare`."""
     if isinstance(seeds, bool) or not 1 <= seeds <= MOST_SEEDS:
         raise CommandError(f"seeds = {seeds} is out of bounds", rule=f"1 to {MOST_SEEDS}")
     read, name = read_setup(setup)
-    tunings = _tunings(drive, asked_laws, read, believes)
+    tunings = _tunings(drive, asked_laws, {"setup": read, "believes": believes, "allow_code": allow_code})
     to_follow = _references(drive if believes is None else believes, references)
     prepared = {
         (law, along): prepare(drive, None, one, setup=read, controller=tuning, rtol=rtol)._replace(setup_name=name)
@@ -247,17 +251,20 @@ def compare_watched(
 
 
 def _tunings(
-    drive: Drive | Circuit, asked: str | Sequence[str | Path | Tuning], setup: Setup, believes: Drive | Circuit | None
+    drive: Drive | Circuit, asked: str | object | Sequence[str | Path | Tuning | object], told: dict[str, Any]
 ) -> dict[str, Tuning]:
-    each = laws() if asked == "all" else [asked] if isinstance(asked, str) else list(asked)
+    each = laws() if asked == "all" else list(asked) if isinstance(asked, list | tuple) else [asked]
     out: dict[str, Tuning] = {}
     for one in each:
         if isinstance(one, Tuning):
             name, tuning = one.law, one
+        elif is_own(one):
+            tuning = tune(drive, one, **told)
+            name = tuning.law
         elif str(one).endswith(".toml"):
-            name, tuning = Path(one).stem, tune(drive, setup=setup, controller=one, believes=believes)
+            name, tuning = Path(str(one)).stem, tune(drive, controller=str(one), **told)
         else:
-            name, tuning = str(one), tune(drive, str(one), setup=setup, believes=believes)
+            name, tuning = str(one), tune(drive, str(one), **told)
         if name in out:
             raise CommandError(f"two laws are called {name}", remedy="Keep one of them, or rename its file.")
         out[name] = tuning
@@ -295,6 +302,8 @@ def _key(prepared: Prepared, seed: int) -> str:
         "duration_s": prepared.duration_s,
         "rtol": prepared.rtol,
     }
+    if prepared.tuning.own is not None:
+        decides["code"] = prepared.tuning.own.digest
     return hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()
 
 

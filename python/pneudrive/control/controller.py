@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from pneudrive import _core, units
+from pneudrive import _core, own_code, units
 from pneudrive.describe.base import Bounds, Described, Length, Quantity, WrongValueError
 from pneudrive.describe.marks import Choice, Reads
 
@@ -44,6 +44,16 @@ def _gains(given: Any) -> dict[str, Any]:  # noqa: ANN401 - of any type
     return dict(given)
 
 
+class LawWord(Choice):
+    """Annotation of a field for a law: a word, or the name of code, ``mine.py:Law``."""
+
+    def read(self, given: object) -> str:
+        """Check the word."""
+        if isinstance(given, str) and (given == "own" or own_code.split(given) is not None):
+            return given
+        return super().read(given)
+
+
 class Controller(Described):
     """A controller as its file describes it.
 
@@ -58,7 +68,7 @@ class Controller(Described):
     """
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
-    law: Annotated[str, Choice(tuple(_core.control_laws()))]
+    law: Annotated[str, LawWord(tuple(_core.control_laws()))] = Field(description="a law, or code: mine.py:Law")
     period_s: Annotated[float, Quantity("s", "ms", Bounds(above=0.0))] = Field(
         default=PERIOD_S, description="time between two samples"
     )

@@ -58,7 +58,7 @@ class Prepared(NamedTuple):
 
 def run(
     drive: Drive | Circuit,
-    law: str | None = None,
+    law: str | object | None = None,
     *,
     reference: Reference | str | Path,
     setup: Setup | str | Path = "real",
@@ -68,6 +68,7 @@ def run(
     believes: Drive | Circuit | None = None,
     initial: Initial | Mapping[str, object] | str | None = None,
     rtol: float = RTOL,
+    allow_code: str | None = None,
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
@@ -77,8 +78,11 @@ def run(
     ----------
     drive : Drive or Circuit
         What is run.
-    law : str, optional
-        Of `pneudrive.control.laws`, with gains that follow from the drive; the default is ``"nmpc"``.
+    law : str or object, optional
+        Of `pneudrive.control.laws`, with gains that follow from the drive; the default is ``"nmpc"``. Or one of one's
+        own: a class or an object of one with ``inputs``, names of `pneudrive.control.signals`, and
+        ``step(t, sample, preview)``, which returns the command; ``start(model, period)`` is called before a run, if it is
+        there. ``"mine.py:Law"`` names such a class, ``"mine.so:law"`` a compiled function.
     reference : Reference, str or path-like
         See `pneudrive.control.reference`.
     setup : Setup, str or path-like
@@ -96,6 +100,8 @@ def run(
         ambient pressure.
     rtol : float
         Relative tolerance of the solver.
+    allow_code : str, optional
+        SHA-256 of the file of a law of one's own that only the controller's file names.
     progress, cancel : optional
         See `pneudrive.watch.Watch`.
 
@@ -114,7 +120,7 @@ def run(
     DescriptionError
         A file is not valid, or the drive is none that the law can command.
     SimulationError
-        The drive cannot go on; the message gives time and state.
+        The drive cannot go on, or a law of one's own fails; the message gives time and state.
     Cancelled
         `cancel` was set.
 
@@ -127,13 +133,14 @@ def run(
     (501, 'N', False)
     """
     told: dict[str, Any] = {"setup": setup, "duration": duration, "controller": controller, "believes": believes}
+    told["allow_code"] = allow_code
     prepared = prepare(drive, law, reference, **told, initial=initial, rtol=rtol)
     return run_prepared(prepared, seed, Watch(progress, cancel)).dataset()
 
 
 def prepare(
     drive: Drive | Circuit,
-    law: str | None,
+    law: str | object | None,
     along: Reference | str | Path,
     *,
     setup: Setup | str | Path = "real",
@@ -142,6 +149,7 @@ def prepare(
     believes: Drive | Circuit | None = None,
     initial: Initial | Mapping[str, object] | str | None = None,
     rtol: float = RTOL,
+    allow_code: str | None = None,
 ) -> Prepared:
     """Read and check all that decides a run but its seed. Arguments and errors are those of `run`."""
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
@@ -150,7 +158,7 @@ def prepare(
     if isinstance(controller, Tuning):
         tuning = controller
     else:
-        tuning = tune(drive, law, setup=read, controller=controller, believes=believes)
+        tuning = tune(drive, law, setup=read, controller=controller, believes=believes, allow_code=allow_code)
     to_follow = reference(along)
     check_reach(to_follow, tuning.plant.stroke_m, tuning.plant.speed_m_s)
     seconds = to_follow.duration_s if duration is None else positive(duration, "s", "duration")
@@ -171,6 +179,7 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     ambient_pa, seconds = circuit.ambient.pressure_pa, prepared.duration_s
     setup = prepared.setup.core(seed, ambient_pa)
     watch.look()
+    own = None if tuning.own is None else tuning.own.begin(tuning.model, motion, tuning.period_s, seconds)
     try:
         columns = _core.control_run(
             compiled(circuit.core_json()),
@@ -181,10 +190,13 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
             seconds,
             prepared.rtol,
             lambda t: watch.tell(t, seconds, "seconds simulated"),
+            None if own is None else (own.call, own.signals),
         )
     except ValueError as error:
         raise CommandError(f"the run cannot begin: {error}") from None
     except RuntimeError as error:
+        if own is not None:
+            own.raise_failure()
         raise SimulationError(str(error)) from None
     named = {meaning(column)[0]: values for column, values in columns.items()}
     found = score_of(named["time"], named, motion)

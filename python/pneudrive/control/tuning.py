@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import _core, units
 from pneudrive.control.controller import AFTER_S, BAND_M, Controller, HoldBand, gain_quantity
+from pneudrive.control.own_law import OWN, LawModel, OwnLaw, is_own, own_law
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.describe import toml
 from pneudrive.describe.base import wrong
 from pneudrive.errors import CommandError, DescriptionError, nearest
+from pneudrive.own_code import COMPILED, split
 from pneudrive.show import Card, Shown
 from pneudrive.start import circuit_of
 from pneudrive.trajectory import whole
@@ -127,6 +129,8 @@ class Tuning(Shown):
         File of that drive, where a controller file names one.
     limits : tuple of str
         What limits the law, in words.
+    own : OwnLaw or None
+        The law, where it is one of one's own: it has no gains here.
     """
 
     law: str
@@ -138,15 +142,23 @@ class Tuning(Shown):
     belief: Circuit
     source: str = ""
     limits: tuple[str, ...] = ()
+    own: OwnLaw | None = None
+
+    @property
+    def model(self) -> LawModel:
+        """What a law of one's own is told of its drive."""
+        return LawModel(self.plant, self.belief)
 
     def core(self) -> dict[str, Any]:
         """Return it in the core's form, SI."""
         gains = {gain.key: gain.value for gain in self.gains}
-        return _core_form(self.law, self.period_s, (self.hold, self.adaptation), self.belief, gains)
+        word = self.law if self.own is None else OWN
+        return _core_form(word, self.period_s, (self.hold, self.adaptation), self.belief, gains)
 
     def to_toml(self) -> str:
         """Write it as a controller file, with meaning and rule beside each gain."""
-        lines = ["schema = 1", f'law = "{self.law}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
+        word = self.law if self.own is None or split(self.law) else OWN
+        lines = ["schema = 1", f'law = "{word}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
         if self.source:
             lines.append(f"drive = {toml.value_text(self.source)}")
         lines += ["", "[gains]"]
@@ -196,11 +208,12 @@ def laws() -> list[str]:
 
 def tune(
     drive: Drive | Circuit,
-    law: str | None = None,
+    law: str | object | None = None,
     *,
     setup: Setup | str | Path = "real",
     controller: Controller | str | Path | None = None,
     believes: Drive | Circuit | None = None,
+    allow_code: str | None = None,
 ) -> Tuning:
     """Return a law with gains that follow from the description of a drive.
 
@@ -208,8 +221,8 @@ def tune(
     ----------
     drive : Drive or Circuit
         With one cylinder on one proportional 5/3 valve and one reservoir.
-    law : str, optional
-        Of `laws`; the default is that of the controller, or ``"nmpc"``.
+    law : str or object, optional
+        Of `laws`; the default is that of the controller, or ``"nmpc"``. One's own: see `pneudrive.control.run`.
     setup : Setup, str or path-like
         What the law is run in; it decides what is said about limits, not the gains.
     controller : Controller, str or path-like, optional
@@ -217,6 +230,8 @@ def tune(
         the law believes in.
     believes : Drive or Circuit, optional
         What the law believes of the drive, in place of `drive` and of the controller's.
+    allow_code : str, optional
+        SHA-256 of the file of a law of one's own that only the controller's file names.
 
     Raises
     ------
@@ -233,19 +248,26 @@ def tune(
     ['bandwidth', 'move_penalty']
     """
     read, _ = read_setup(setup)
-    table, folder, path, text = _table(law, controller)
+    own = own_law(law) if is_own(law) else None
+    table, folder, path, text = _table(law if own is None else own, controller)
+    if own is None and is_own(table.law):
+        own = own_law(_beside(table.law, folder), allow_code=allow_code, found_in=path)
     with toml.locating(path, text) if path else nullcontext():
-        tuning = _tuned(table, drive if believes is None else believes, folder, is_told=believes is not None)
+        word = table.law if own is None else OWN
+        believed = drive if believes is None else believes
+        tuning = _tuned(table, word, believed, folder, is_told=believes is not None)
+    if own is not None:
+        tuning = replace(tuning, own=own, law=own.name)
     return _limited(tuning, read)
 
 
-def _table(law: str | None, controller: Controller | str | Path | None) -> tuple[Controller, Path, str, str]:
+def _table(law: object, controller: Controller | str | Path | None) -> tuple[Controller, Path, str, str]:
     """Return a controller, its folder, and path and text of its file."""
     if controller is None:
-        word = law or DEFAULT_LAW
-        if word not in laws():
-            raise CommandError(f'there is no law "{word}"', remedy=nearest(word, laws()))
-        return Controller(law=word), Path(), "", ""
+        word = OWN if isinstance(law, OwnLaw) else law or DEFAULT_LAW
+        if word != OWN and word not in laws():
+            raise CommandError(f'there is no law "{word}"', remedy=nearest(str(word), laws()))
+        return Controller(law=str(word)), Path(), "", ""
     if isinstance(controller, Controller):
         table, path, text = controller, "", ""
     else:
@@ -254,12 +276,21 @@ def _table(law: str | None, controller: Controller | str | Path | None) -> tuple
         with toml.locating(path, text):
             table = Controller.model_validate(tables)
     assert isinstance(table, Controller)
-    if law is not None and law != table.law:
-        where = path or None
-        raise CommandError(
-            f'law "{law}" and a controller of law "{table.law}" are given', where=where, remedy="Give one."
-        )
-    return table, Path(path).parent, path, text
+    folder, where = Path(path).parent, path or None
+    named = law.name if isinstance(law, OwnLaw) else law
+    fits = {table.law, _beside(table.law, folder)} | ({named} if table.law == OWN and isinstance(law, OwnLaw) else set())
+    if named is not None and named not in fits:
+        what = f'law "{named}" and a controller of law "{table.law}" are given'
+        raise CommandError(what, where=where, remedy="Give one.")
+    if table.law == OWN and named is None:
+        raise CommandError(f'law = "{OWN}" is a law that is not given', where=where, remedy="Give it as law.")
+    return table, folder, path, text
+
+
+def _beside(law: str, folder: Path) -> str:
+    """Return the name of code whose file lies beside a controller's; other words as they are."""
+    module, name = split(law) or ("", "")
+    return f"{folder / module}:{name}" if module.endswith((".py", *COMPILED)) else law
 
 
 def _core_form(
@@ -273,7 +304,7 @@ def _core_form(
     return core | {"belief": drive}
 
 
-def _tuned(table: Controller, drive: Drive | Circuit, folder: Path, *, is_told: bool) -> Tuning:
+def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *, is_told: bool) -> Tuning:
     """Read the gains of a controller and let the others follow from what the law believes."""
     source = ""
     if table.drive is not None and not is_told:
@@ -281,7 +312,7 @@ def _tuned(table: Controller, drive: Drive | Circuit, folder: Path, *, is_told: 
     belief = circuit_of(drive)
 
     def asked(gains: dict[str, float]) -> tuple[dict[str, Any], list[tuple[str, str, float, str, str]]]:
-        form = _core_form(table.law, table.period_s, (table.hold, table.adaptation), belief, gains)
+        form = _core_form(word, table.period_s, (table.hold, table.adaptation), belief, gains)
         return _core.control_tune(json.dumps(form), 0.0)
 
     try:

@@ -1,0 +1,116 @@
+//! Laws of one's own: they are given what sensors and the observer say, and return a command.
+
+use crate::model::Model;
+use crate::observer::{Observer, Sample};
+use crate::reference::Reference;
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A number that a law of one's own is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Signal {
+    /// Its name.
+    pub key: &'static str,
+    /// Its unit in SI; `1` for a pure number.
+    pub unit: &'static str,
+    /// Its meaning, in words.
+    pub meaning: &'static str,
+}
+
+macro_rules! signals {
+    ($($name:ident: $unit:literal, $meaning:literal;)*) => {
+        /// What sensors and the observer say at a sample.
+        #[derive(Clone, Copy, Debug, Default, PartialEq)]
+        pub struct Seen {
+            $(#[doc = $meaning] pub $name: f64,)*
+        }
+
+        /// Names, units and meaning of these numbers, in their order: that of a compiled law's sample.
+        pub const SIGNALS: &[Signal] =
+            &[$(Signal { key: stringify!($name), unit: $unit, meaning: $meaning },)*];
+
+        impl Seen {
+            /// The numbers in their order.
+            pub fn values(&self) -> [f64; SIGNALS.len()] {
+                [$(self.$name),*]
+            }
+        }
+    };
+}
+
+// A compiled law has this order in it: what is new comes last.
+signals! {
+    time: "s", "time of the sample";
+    position: "m", "position, as it is measured";
+    velocity: "m/s", "velocity, estimated";
+    acceleration: "m/s2", "acceleration, estimated";
+    pressure_a: "Pa", "absolute pressure of chamber a, as it is measured; by the model where it is not";
+    pressure_b: "Pa", "absolute pressure of chamber b, as it is measured; by the model where it is not";
+    temperature_a: "K", "temperature of the gas in chamber a, estimated";
+    temperature_b: "K", "temperature of the gas in chamber b, estimated";
+    gas_force: "N", "force of the gas on the piston, in +x";
+    friction: "N", "friction force beside its viscous part, against +x, estimated";
+    disturbance: "N", "force that the model knows nothing of, in +x, estimated";
+    spool: "1", "position of the valve's spool, by the model";
+}
+
+impl Seen {
+    /// Of a sample that an observer has taken over.
+    pub fn of(model: &Model, sample: &Sample, observer: &Observer) -> Self {
+        let state = &observer.state;
+        let ([pressure_a, pressure_b], [temperature_a, temperature_b]) = (state.pressures, state.temperatures);
+        Seen {
+            time: sample.time,
+            position: sample.position,
+            velocity: state.velocity,
+            acceleration: state.acceleration(model),
+            pressure_a,
+            pressure_b,
+            temperature_a,
+            temperature_b,
+            gas_force: model.gas_force(state.pressures),
+            friction: state.friction,
+            disturbance: state.disturbance,
+            spool: observer.spool.position(),
+        }
+    }
+}
+
+/// A law of one's own.
+pub trait OwnLaw: Send {
+    /// The command of the valve, -1 .. 1, for a sample on the way along a reference. Beyond these it is cut; one that is
+    /// no number is a failure of the law.
+    fn step(&mut self, seen: &Seen, reference: &Reference) -> f64;
+}
+
+impl<F: FnMut(&Seen, &Reference) -> f64 + Send> OwnLaw for F {
+    fn step(&mut self, seen: &Seen, reference: &Reference) -> f64 {
+        self(seen, reference)
+    }
+}
+
+/// A law of one's own, or the place for one that is not there yet. Clones share it, with its memory.
+#[derive(Clone, Default)]
+pub struct Own(Option<Arc<Mutex<dyn OwnLaw>>>);
+
+impl Own {
+    /// Its word.
+    pub const KEY: &'static str = "own";
+
+    /// Of a law.
+    pub fn new(law: impl OwnLaw + 'static) -> Self {
+        Own(Some(Arc::new(Mutex::new(law))))
+    }
+
+    /// Its command; no number where there is no law.
+    pub fn step(&self, seen: &Seen, reference: &Reference) -> f64 {
+        let Some(law) = &self.0 else { return f64::NAN };
+        law.lock().unwrap_or_else(PoisonError::into_inner).step(seen, reference).clamp(-1.0, 1.0)
+    }
+}
+
+impl fmt::Debug for Own {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Own({})", if self.0.is_some() { "a law" } else { "no law" })
+    }
+}

@@ -1,0 +1,322 @@
+"""Laws of one's own: a Python class or a compiled C function, given what sensors and the observer say, sample by sample."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import math
+import shutil
+import tempfile
+import uuid
+from collections import namedtuple
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+
+from pneudrive import _core, own_code
+from pneudrive.errors import CommandError, SimulationError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from pneudrive.control.tuning import Plant
+    from pneudrive.describe.circuit import Circuit
+
+#: The word of the core for a law that it does not have.
+OWN = "own"
+#: Periods that a compiled law can look ahead, and bytes that it may remember.
+AHEAD, MEMORY = 200, 65536
+_RULE = "one is inputs, a tuple of names, and step(t, sample, preview), which returns the command"
+
+
+class LawModel(NamedTuple):
+    """What a law of one's own is told of its drive before a run.
+
+    Attributes
+    ----------
+    plant : Plant
+        What the drive is to a law: natural frequency, speed at full opening, lag, and so on.
+    drive : Circuit
+        The drive as the law may believe it to be.
+    """
+
+    plant: Plant
+    drive: Circuit
+
+
+class Preview(Protocol):
+    """Where the drive is to go."""
+
+    def at(self, t: float, /) -> tuple[float, float, float, float]:
+        """Return position, velocity, acceleration and jerk at a time, s, in SI units."""
+        ...
+
+
+@dataclass
+class Running:
+    """A law of one's own in a run.
+
+    Attributes
+    ----------
+    call : callable
+        The command for a tuple of numbers; not a number where the law fails.
+    signals : list of str
+        The numbers.
+    failure : SimulationError or None
+        The first failure of the law.
+    """
+
+    name: str
+    step: Callable[[tuple[float, ...]], float]
+    signals: list[str]
+    failure: SimulationError | None = None
+    stopped: BaseException | None = None
+
+    def call(self, values: tuple[float, ...]) -> float:
+        """Return the command."""
+        try:
+            command = self.step(values)
+        except Exception as error:  # noqa: BLE001 - any, of a user's code
+            self._fails(values[0], f"{type(error).__name__}: {error}", own_code.place_of(error), error)
+            return math.nan
+        except BaseException as error:  # noqa: BLE001 - Ctrl-C: raised again behind the run
+            self.stopped = error
+            return math.nan
+        if not math.isfinite(command):
+            self._fails(values[0], f"it returns {command}", None, None)
+            return math.nan
+        return command
+
+    def raise_failure(self) -> None:
+        """Raise what the law has raised."""
+        if self.stopped is not None:
+            raise self.stopped
+        if self.failure is not None:
+            raise self.failure
+
+    def _fails(self, t: float, what: str, where: str | None, cause: Exception | None) -> None:
+        if self.failure is None:
+            self.failure = SimulationError(
+                f"the law {self.name} fails at t = {t:g} s: {what}", where=where, rule="a command is a finite number"
+            )
+            self.failure.__cause__ = cause
+
+
+@dataclass(frozen=True)
+class OwnLaw:
+    """A law of one's own that can be run.
+
+    Attributes
+    ----------
+    name : str
+        ``"mine.py:Law"``, or the name of its class.
+    digest : str
+        What tells it from others: the hash of its file. Of an object, which nobody can hash, it is new each time.
+    """
+
+    name: str
+    digest: str
+    begin: Callable[[LawModel, Mapping[str, Any], float, float], Running] = field(repr=False, compare=False)
+
+
+def signals() -> dict[str, tuple[str, str]]:
+    """Return what a law of one's own may ask for in its inputs: name -> unit and meaning.
+
+    Examples
+    --------
+    >>> signals()["velocity"]
+    ('m/s', 'velocity, estimated')
+    """
+    return {key: (unit, what) for key, unit, what in _core.control_signals() if key != "time"}
+
+
+def is_own(given: object) -> bool:
+    """Return whether a law is one of one's own: an object, a class, or the name of code."""
+    if isinstance(given, str):
+        return given not in _core.control_laws() and own_code.split(given) is not None
+    return hasattr(given, "step")
+
+
+def own_law(given: object, *, allow_code: str | None = None, found_in: str = "") -> OwnLaw:
+    """Return a law of one's own.
+
+    Parameters
+    ----------
+    given : object or str
+        A class, an object of one, ``"mine.py:Law"``, ``"package.module:Law"``, or ``"mine.so:law"`` of a compiled
+        library.
+    allow_code : str, optional
+        SHA-256 of a file of code that may run although only a file names it.
+    found_in : str
+        File that names the code; empty where the user of this run has.
+
+    Raises
+    ------
+    CommandError
+        The code does not exist, must not run, or is no law.
+    """
+    if not isinstance(given, str):
+        kind = given if isinstance(given, type) else type(given)
+        return OwnLaw(kind.__name__, uuid.uuid4().hex, _python(kind.__name__, given))
+    module, _ = own_code.split(given) or (given, "")
+    is_compiled = module.endswith(own_code.COMPILED)
+    expected = None
+    if found_in:
+        expected = own_code.check_allowed(given, allow_code, found_in, "--law", CommandError)
+    if is_compiled:
+        return OwnLaw(given, *_compiled(given, expected))
+    if found_in:
+        law = own_code.load_allowed(given, allow_code, found_in, "--law", CommandError)
+    else:
+        law = own_code.load(given, CommandError)
+    return OwnLaw(given, own_code.sha256(given) or uuid.uuid4().hex, _python(given, law))
+
+
+def _inputs(name: str, law: object) -> list[str]:
+    known = list(signals())
+    inputs = getattr(law, "inputs", None)
+    if not isinstance(inputs, (tuple, list)) or not callable(getattr(law, "step", None)):
+        lacks = "step" if isinstance(inputs, (tuple, list)) else "inputs"
+        remedy = f"The names of inputs: {', '.join(known)}."
+        raise CommandError(f"{name} has no {lacks}: it is no law", rule=_RULE, remedy=remedy)
+    for one in inputs:
+        if one not in known:
+            raise CommandError(f"{name}: there is no input {one!r}", remedy=nearest(str(one), known))
+    return list(inputs)
+
+
+def _python(name: str, given: object) -> Callable[..., Running]:
+    """Return what begins a run of a Python law."""
+
+    def begin(model: LawModel, motion: Mapping[str, Any], period_s: float, _duration_s: float) -> Running:
+        law = own_code.guarded(name, CommandError, given) if callable(given) else given
+        inputs = _inputs(name, law)
+        if hasattr(law, "start"):
+            own_code.guarded(name, CommandError, lambda: law.start(model, period_s))
+        make = namedtuple("Sample", inputs)._make  # noqa: PYI024 - its names are known only now
+        step, preview = law.step, preview_of(motion)
+
+        def call(values: tuple[float, ...]) -> float:
+            return float(step(values[0], make(values[1:]), preview))
+
+        return Running(name, call, ["time", *inputs])
+
+    return begin
+
+
+def preview_of(motion: Mapping[str, Any]) -> Preview:
+    """Return where a motion in the core's form goes."""
+    return _core.ControlReference(_json(motion))
+
+
+def _json(motion: Mapping[str, Any]) -> str:
+    import json
+
+    return json.dumps(motion)
+
+
+class _CPreview(ctypes.Structure):
+    _fields_ = (("period", ctypes.c_double), ("count", ctypes.c_int64), ("wanted", ctypes.c_void_p))
+
+
+def _compiled(source: str, expected: str | None) -> tuple[str, Callable[..., Running]]:
+    """Return the hash of a compiled law's file, and what begins a run of it."""
+    path, name = own_code.split(source) or (source, "")
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise CommandError(f"there is no file {path}", value=error.strerror) from None
+    digest = hashlib.sha256(data).hexdigest()
+    if expected is not None and digest != expected:
+        raise CommandError(f"{path} changed while it was read")
+    # A copy: a loader that knows the path would go on with a file that is no longer there.
+    folder = tempfile.mkdtemp(prefix="pneudrive-law-")
+    copy = Path(folder) / Path(path).name
+    try:
+        copy.write_bytes(data)
+        library = ctypes.CDLL(str(copy))
+    except OSError as error:
+        raise CommandError(f"{path} cannot be loaded", value=str(error).replace(str(copy), path)) from None
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)  # what is loaded stays loaded; where it cannot be removed, it stays
+    try:
+        function = library[name]
+    except AttributeError:
+        remedy = f"Export it: void {name}(const pneudrive_sample *, const pneudrive_preview *, double *, void *)"
+        raise CommandError(f"{path} has no function {name}", remedy=remedy) from None
+    function.argtypes = [ctypes.c_void_p] * 4
+    function.restype = None
+    every = [key for key, *_ in _core.control_signals()]
+
+    def begin(_model: LawModel, motion: Mapping[str, Any], period_s: float, duration_s: float) -> Running:
+        count = round(duration_s / period_s) + 1 + AHEAD
+        rows = np.ascontiguousarray(_core.reference_at(_json(motion), period_s * np.arange(count)))
+        sample = (ctypes.c_double * len(every))()
+        command, memory = ctypes.c_double(), ctypes.create_string_buffer(MEMORY + 16)
+        preview = _CPreview(period_s, AHEAD, rows.ctypes.data)
+        aligned = ctypes.addressof(memory) + -ctypes.addressof(memory) % 16
+        given = (ctypes.byref(sample), ctypes.byref(preview), ctypes.byref(command), aligned)
+        keep = [rows, memory]
+
+        def call(values: tuple[float, ...]) -> float:
+            sample[:] = values
+            command.value = math.nan
+            function(*given)
+            preview.wanted += rows.strides[0] if keep else 0
+            return command.value
+
+        return Running(source, call, every)
+
+    return digest, begin
+
+
+def c_header() -> str:
+    """Return the header of compiled laws, which is made of the core's list of signals.
+
+    Examples
+    --------
+    >>> "double pressure_a;" in c_header()
+    True
+    """
+
+    def struct(rows: Sequence[tuple[str, str, str]]) -> list[str]:
+        return [f"    double {name};  /* {unit if unit != '1' else '-'}: {what} */" for name, unit, what in rows]
+
+    wanted = [
+        ("position", "m", "where the drive is to be"),
+        ("velocity", "m/s", "its derivative"),
+        ("acceleration", "m/s2", "its derivative"),
+        ("jerk", "m/s3", "its derivative"),
+    ]
+    lines = [
+        "/* Laws of control for pneudrive, compiled: pneudrive control run DRIVE --law mine.so:law ... */",
+        "#ifndef PNEUDRIVE_LAW_H",
+        "#define PNEUDRIVE_LAW_H",
+        "#include <stdint.h>",
+        "",
+        "/* What sensors and the observer say at a sample; SI units, pressures absolute. */",
+        "typedef struct {",
+        *struct(_core.control_signals()),
+        "} pneudrive_sample;",
+        "",
+        "typedef struct {",
+        *struct(wanted),
+        "} pneudrive_wanted;",
+        "",
+        "/* Where the drive is to go: wanted[0] now, wanted[k] after k periods, k <= count. */",
+        "typedef struct {",
+        "    double period;  /* s */",
+        "    int64_t count;",
+        "    const pneudrive_wanted *wanted;",
+        "} pneudrive_preview;",
+        "",
+        f"/* Sets the command of the valve, -1 .. 1. `memory` is {MEMORY} bytes, zero before the first sample of a run.",
+        "   void law(const pneudrive_sample *sample, const pneudrive_preview *preview, double *command, void *memory); */",
+        "typedef void pneudrive_law(const pneudrive_sample *, const pneudrive_preview *, double *, void *);",
+        "",
+        "#endif",
+        "",
+    ]
+    return "\n".join(lines)
