@@ -2,8 +2,9 @@
 
 use crate::adaptation::Adaptation;
 use crate::gains::{Gain, Gains};
-use crate::law::{Fuzzy, Inversion, Law, Nmpc, Pid, Plant, Pva, Sliding, SuperTwisting, Tick};
+use crate::law::{Fuzzy, Inversion, Law, Nmpc, Pid, Plant, Pva, Sliding, SuperTwisting, Tick, Tuned};
 use crate::model::Model;
+use crate::number::{Memory, Number};
 use crate::observer::{Noise, Observer, Sample, State};
 use crate::own::{Own, Seen};
 use crate::reference::{Reference, Wanted};
@@ -19,20 +20,20 @@ macro_rules! laws {
         }
 
         /// The words of all laws.
-        pub const LAWS: &[&str] = &[$(<$name as Law>::KEY),*];
+        pub const LAWS: &[&str] = &[$(<$name as Tuned>::KEY),*];
 
         impl AnyLaw {
             /// The law called so, with gains that follow from the drive.
             pub fn tuned(key: &str, model: &Model, plant: &Plant) -> Option<Self> {
-                $(if key == <$name as Law>::KEY {
-                    return Some(AnyLaw::$name($name::tuned(model, plant)));
+                $(if key == <$name as Tuned>::KEY {
+                    return Some(AnyLaw::$name(<$name as Tuned>::tuned(model, plant)));
                 })*
                 (key == Own::KEY).then(|| AnyLaw::Own(Own::default()))
             }
 
             /// Its word in a controller file.
             pub fn key(&self) -> &'static str {
-                match self { $(AnyLaw::$name(_) => <$name as Law>::KEY,)* AnyLaw::Own(_) => Own::KEY }
+                match self { $(AnyLaw::$name(_) => <$name as Tuned>::KEY,)* AnyLaw::Own(_) => Own::KEY }
             }
 
             /// Its gains with their values.
@@ -42,21 +43,29 @@ macro_rules! laws {
                     AnyLaw::Own(_) => [].iter().zip(vec![]),
                 }
             }
+        }
 
+        impl Memory<f64> for AnyLaw {
+            fn each(&mut self, see: &mut dyn FnMut(&mut f64)) {
+                match self { $(AnyLaw::$name(law) => law.each(see),)* AnyLaw::Own(_) => () }
+            }
+        }
+
+        impl Law for AnyLaw {
             fn predicts(&self) -> bool {
-                match self { $(AnyLaw::$name(_) => <$name as Law>::PREDICTS,)* AnyLaw::Own(_) => false }
+                match self { $(AnyLaw::$name(law) => law.predicts(),)* AnyLaw::Own(_) => false }
             }
 
             fn push(&self) -> f64 {
-                match self { $(AnyLaw::$name(_) => <$name as Law>::PUSH,)* AnyLaw::Own(_) => 0.0 }
+                match self { $(AnyLaw::$name(law) => law.push(),)* AnyLaw::Own(_) => 0.0 }
             }
 
             fn step(&mut self, tick: &Tick) -> f64 {
                 match self { $(AnyLaw::$name(law) => law.step(tick),)* AnyLaw::Own(_) => 0.0 }
             }
 
-            fn given(&mut self, asked: f64, given: f64, tick: &Tick) {
-                match self { $(AnyLaw::$name(law) => law.given(asked, given, tick),)* AnyLaw::Own(_) => () }
+            fn given(&mut self, asked: f64, tick: &Tick) {
+                match self { $(AnyLaw::$name(law) => law.given(asked, tick),)* AnyLaw::Own(_) => () }
             }
         }
     };
@@ -69,13 +78,15 @@ const OVERLAP_WIDTH: f64 = 0.004;
 
 /// Standing still: the force at which the seal rests is kept.
 #[derive(Clone, Debug)]
-pub struct Hold {
+pub struct Hold<S = f64> {
     /// Error below which it is entered, m.
     pub band: f64,
     /// For how long before, s.
     pub after: f64,
-    waited: f64,
-    force: Option<f64>,
+    waited: S,
+    /// Whether it holds, 0 or 1, and the force that it keeps, N.
+    holds: S,
+    force: S,
 }
 
 /// Speed below which a drive may hold, m/s.
@@ -87,55 +98,68 @@ const SETTLE: f64 = 4.0;
 /// Bands at which it is left.
 const LEAVE: f64 = 2.5;
 
-impl Hold {
+impl<S: Number> Hold<S> {
     /// With a band, m, entered after a time, s.
     pub fn new(band: f64, after: f64) -> Self {
-        Hold { band, after, waited: 0.0, force: None }
+        Hold { band, after, waited: S::zero(), holds: S::zero(), force: S::zero() }
     }
 
-    /// It holds no more.
-    fn leave(&mut self) -> Option<f64> {
-        (self.force, self.waited) = (None, 0.0);
-        None
-    }
-
-    /// The rate of the force of the gas while it holds, N/s: a contact of this stiffness, N/m, gives way by what is missing.
-    fn rate(&mut self, [e, v]: [f64; 2], gas: f64, (stiffness, period): (f64, f64)) -> Option<f64> {
-        let limit = if self.force.is_some() { LEAVE * self.band } else { self.band };
-        if e.abs() > limit || (self.force.is_none() && v.abs() > REST) {
-            return self.leave();
-        }
-        self.waited += period;
-        if self.waited < self.after {
-            return None;
-        }
-        let force = self.force.get_or_insert(gas);
-        let creep = CREEP * stiffness * e;
-        *force += creep * period;
-        Some(creep + SETTLE * (*force - gas))
+    /// Whether it holds, and the rate of the force of the gas then, N/s: a contact of this stiffness, N/m, gives way by
+    /// what is missing. `stands` is 1 while the reference stands, else 0.
+    fn rate(&mut self, stands: S, [e, v]: [S; 2], gas: S, (stiffness, period): (f64, f64)) -> (S::Mask, S) {
+        let zero = S::zero();
+        let held = zero.lt(self.holds);
+        let limit = S::select(held, S::c(LEAVE * self.band), S::c(self.band));
+        let near = S::select(limit.lt(e.abs()), zero, stands);
+        let near = S::select(S::c(REST).lt(v.abs()), near * self.holds, near);
+        self.waited = S::select(zero.lt(near), self.waited + S::c(period), zero);
+        let force = S::select(held, self.force, gas);
+        let creep = e.times(CREEP * stiffness);
+        self.force = force + creep.times(period);
+        self.holds = S::select(self.waited.lt(S::c(self.after)), zero, near);
+        (zero.lt(self.holds), creep + (self.force - gas).times(SETTLE))
     }
 }
 
 /// A law, what it believes, and what it remembers.
 #[derive(Clone, Debug)]
-pub struct Controller {
+pub struct Controller<L = AnyLaw, S = f64> {
     /// What it believes.
     pub model: Model,
     /// What the drive is about mid-stroke.
     pub plant: Plant,
     /// The law.
-    pub law: AnyLaw,
+    pub law: L,
     /// Standing still, if it may.
-    pub hold: Option<Hold>,
+    pub hold: Option<Hold<S>>,
     /// What it learns of its drive, if it does.
     pub adaptation: Option<Adaptation>,
     /// The period, s.
     pub period: f64,
-    noise: Noise,
-    observer: Option<Observer>,
-    friction: Option<f64>,
+    pub(crate) noise: Noise,
+    pub(crate) observer: Option<Observer<S>>,
+    pub(crate) friction: Option<S>,
     /// The force that breaks a resting drive away, N.
-    push: f64,
+    pub(crate) push: S,
+}
+
+/// Where a drive is to be now and when a command of now will act, whether it stands between them, and the reference.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ahead<'r, S> {
+    pub now: Wanted<S>,
+    pub then: Wanted<S>,
+    /// 1 while the reference stands, else 0.
+    pub stands: S,
+    pub preview: &'r Reference,
+}
+
+/// What a law with its observer makes of a sample.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Decided<S: Number> {
+    pub command: S,
+    pub velocity: S,
+    pub disturbance: S,
+    pub holds: S::Mask,
 }
 
 /// Bound of that force as a share of the Coulomb friction (assumed).
@@ -183,13 +207,6 @@ impl Controller {
         answer
     }
 
-    /// Takes over the command that was given at a sample.
-    pub fn told(&mut self, time: f64, command: f64) {
-        if let Some(observer) = &mut self.observer {
-            observer.spool.command(time + self.model.valve.delay, command);
-        }
-    }
-
     /// What sensors and the observer say at the last sample.
     pub fn seen(&self, sample: &Sample) -> Seen {
         self.observer.as_ref().map(|observer| Seen::of(&self.model, sample, observer)).unwrap_or_default()
@@ -197,46 +214,65 @@ impl Controller {
 
     /// The command for a sample, on the way along a reference; [`Controller::told`] comes next.
     pub fn decide(&mut self, sample: &Sample, reference: &Reference) -> Answer {
-        let period = self.period;
-        let observer =
-            self.observer.get_or_insert_with(|| Observer::new(&self.model, sample, period, self.noise));
-        observer.update(&self.model, sample);
+        self.observe(sample);
+        let (Some(observer), period) = (&self.observer, self.period) else { unreachable!("it has just been made") };
         if let (Some(adaptation), true) = (&mut self.adaptation, sample.pressures.is_some()) {
             adaptation.learn(&mut self.model, &observer.state, observer.spool.state(), period);
         }
-        let model = &self.model;
+        let now = reference.at(sample.time);
         if let AnyLaw::Own(own) = &self.law {
             let State { velocity, disturbance, .. } = observer.state;
-            let command = own.step(&Seen::of(model, sample, observer), reference);
-            return Answer { command, wanted: reference.at(sample.time), velocity, disturbance, holds: false };
+            let command = own.step(&Seen::of(&self.model, sample, observer), reference);
+            return Answer { command, wanted: now, velocity, disturbance, holds: false };
         }
-        let lag = if self.law.predicts() { model.valve.delay } else { self.plant.lag };
-        let acts = sample.time + lag;
+        let stands = f64::from(u8::from(reference.stands(sample.time, self.plant.lag)));
+        let then = reference.at(sample.time + self.ahead());
+        let ahead = Ahead { now, then, stands, preview: reference };
+        let Decided { command, velocity, disturbance, holds } = self.command(sample, &ahead);
+        Answer { command, wanted: now, velocity, disturbance, holds }
+    }
+}
+
+impl<S: Number, L: Law<S>> Controller<L, S> {
+    /// Takes over a sample.
+    pub(crate) fn observe(&mut self, sample: &Sample<S>) {
+        let Controller { model, period, noise, .. } = self;
+        let observer = self.observer.get_or_insert_with(|| Observer::new(model, sample, *period, *noise));
+        observer.update(model, sample);
+    }
+
+    /// Time after which a command acts as far as the law is concerned, s.
+    pub(crate) fn ahead(&self) -> f64 {
+        if self.law.predicts() { self.model.valve.delay } else { self.plant.lag }
+    }
+
+    /// The command for a sample that was taken over.
+    pub(crate) fn command(&mut self, sample: &Sample<S>, ahead: &Ahead<'_, S>) -> Decided<S> {
+        let acts = sample.time + self.ahead();
+        let period = self.period;
+        let (Some(observer), model) = (&self.observer, &self.model) else { unreachable!("a sample comes first") };
         let (mut state, spool) = observer.predict(model, acts, period);
-        let wanted = reference.at(acts);
+        let wanted = ahead.then;
         let place = [wanted.position, wanted.velocity];
         let [level, viscous] = model.friction_levels(place, state.pressures);
         let along = self.friction.get_or_insert(observer.state.friction);
         let rate = model.stick_rate(wanted.velocity, *along, level, period);
-        *along += period * rate;
-        let stands = reference.stands(sample.time, self.plant.lag);
-        let now = reference.at(sample.time);
-        let e = now.position - observer.state.position;
+        *along += rate.times(period);
+        let e = ahead.now.position - observer.state.position;
         let gas = model.gas_force(state.pressures);
-        let held = self.hold.as_mut().and_then(|hold| {
-            let seen = [e, observer.state.velocity];
-            if stands { hold.rate(seen, gas, (model.stick_stiffness, period)) } else { hold.leave() }
+        let seen = [e, observer.state.velocity];
+        let never = (S::zero().lt(S::zero()), S::zero());
+        let (holds, held) = self.hold.as_mut().map_or(never, |hold| {
+            hold.rate(ahead.stands, seen, gas, (model.stick_stiffness, period))
         });
         let bandwidth = self.plant.bandwidth();
         let rate_of_push = self.law.push() * bandwidth * period;
-        if stands && held.is_none() {
-            let bound = PUSH_BOUND * self.plant.coulomb;
-            let grown = self.push + rate_of_push * model.mass * bandwidth * bandwidth * e;
-            self.push = grown.clamp(-bound, bound);
-        } else {
-            self.push *= 1.0 - rate_of_push;
-        }
-        state.disturbance -= self.push;
+        let bound = PUSH_BOUND * self.plant.coulomb;
+        let grown = (self.push + e.times(rate_of_push * model.mass * bandwidth * bandwidth)).within(-bound, bound);
+        let fallen = self.push.times(1.0 - rate_of_push);
+        let stands = S::select(S::zero().lt(ahead.stands), grown, fallen);
+        self.push = S::select(holds, fallen, stands);
+        state.disturbance = state.disturbance - self.push;
         let tick = Tick {
             model,
             plant: &self.plant,
@@ -245,31 +281,31 @@ impl Controller {
             state,
             wanted,
             friction: [
-                *along + model.stick_damping_time * rate + viscous * wanted.velocity,
+                *along + rate.times(model.stick_damping_time) + viscous * wanted.velocity,
                 rate + viscous * wanted.acceleration,
             ],
-            now: (sample.position, now),
+            now: (sample.position, ahead.now),
             acts,
             spool: &spool,
-            preview: reference,
+            preview: ahead.preview,
         };
-        let share = match held {
-            Some(rate) => tick.opening_for(rate),
-            None => {
-                let asked = self.law.step(&tick);
-                let given = asked.clamp(-1.0, 1.0);
-                self.law.given(asked, given, &tick);
-                given
-            }
+        let of_law = |law: &mut L| {
+            let asked = law.step(&tick);
+            law.given(asked, &tick);
+            asked.limited()
         };
+        let share = S::either(holds, &mut self.law, |_| tick.opening_for(held), of_law);
         let overlap = model.valve.overlap;
-        let command = (share * (1.0 - overlap) + overlap * (share / OVERLAP_WIDTH).tanh()).clamp(-1.0, 1.0);
-        Answer {
-            command,
-            wanted: tick.now.1,
-            velocity: observer.state.velocity,
-            disturbance: observer.state.disturbance,
-            holds: held.is_some(),
+        let inverse = (share / S::c(OVERLAP_WIDTH)).tanh().times(overlap);
+        let command = (share.times(1.0 - overlap) + inverse).limited();
+        let State { velocity, disturbance, .. } = observer.state;
+        Decided { command, velocity, disturbance, holds }
+    }
+
+    /// Takes over the command that was given at a sample.
+    pub fn told(&mut self, time: f64, command: S) {
+        if let Some(observer) = &mut self.observer {
+            observer.spool.command(time + self.model.valve.delay, command);
         }
     }
 }

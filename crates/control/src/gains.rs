@@ -30,19 +30,35 @@ pub trait Gains {
 macro_rules! law {
     ($(#[$attribute:meta])* pub struct $name:ident {
         $($gain:ident: $unit:literal, $bounds:expr, $meaning:literal, rule $rule:literal;)*
-    } memory { $($memory:ident: $type:ty = $begins:expr),* $(,)? }) => {
+    } memory<$number:ident> { $($memory:ident: $type:ty = $begins:expr),* $(,)? }) => {
         $(#[$attribute])*
         #[derive(Clone, Debug)]
-        pub struct $name {
-            $(#[doc = $meaning] pub $gain: f64,)*
+        pub struct $name<$number = f64> {
+            $(#[doc = $meaning] pub $gain: $number,)*
             $($memory: $type,)*
         }
 
-        impl $name {
+        impl<$number: $crate::number::Number> $name<$number> {
             /// With gains, and nothing remembered.
             #[allow(clippy::too_many_arguments)]
-            pub fn new($($gain: f64),*) -> Self {
+            pub fn new($($gain: $number),*) -> Self {
                 $name { $($gain,)* $($memory: $begins,)* }
+            }
+        }
+
+        impl $name {
+            /// The same law in other numbers, of which it is told key and value of each gain; nothing is remembered.
+            pub fn in_numbers<$number: $crate::number::Number>(
+                &self,
+                mut gain: impl FnMut(&'static str, f64) -> $number,
+            ) -> $name<$number> {
+                $name::new($(gain(stringify!($gain), self.$gain)),*)
+            }
+        }
+
+        impl<$number: $crate::number::Number> $crate::number::Memory<$number> for $name<$number> {
+            fn each(&mut self, _see: &mut dyn FnMut(&mut $number)) {
+                $($crate::number::Memory::each(&mut self.$memory, _see);)*
             }
         }
 

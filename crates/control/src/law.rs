@@ -9,6 +9,7 @@ mod sliding;
 
 use crate::gains::Gains;
 use crate::model::Model;
+use crate::number::{Memory, Number};
 use crate::observer::State;
 use crate::reference::{Reference, Wanted};
 use crate::spool::Spool;
@@ -72,7 +73,7 @@ impl Plant {
 
 /// What a law is given at a sample.
 #[derive(Clone, Copy, Debug)]
-pub struct Tick<'a> {
+pub struct Tick<'a, S = f64> {
     /// The belief.
     pub model: &'a Model,
     /// What the drive is about mid-stroke.
@@ -80,71 +81,86 @@ pub struct Tick<'a> {
     /// The period, s.
     pub period: f64,
     /// The state when a command of now will act.
-    pub state: State,
+    pub state: State<S>,
     /// Its acceleration, m/s2.
-    pub acceleration: f64,
+    pub acceleration: S,
     /// Where the drive is to be then.
-    pub wanted: Wanted,
+    pub wanted: Wanted<S>,
     /// Friction force along the reference, N, and its rate, N/s.
-    pub friction: [f64; 2],
+    pub friction: [S; 2],
     /// Position as it is measured now, m, and where the drive is to be now.
-    pub now: (f64, Wanted),
+    pub now: (S, Wanted<S>),
     /// When a command of now will act, s: then the state is that of `state`.
     pub acts: f64,
     /// The spool then.
-    pub spool: &'a Spool,
+    pub spool: &'a Spool<S>,
     /// Where the drive is to go.
     pub preview: &'a Reference,
 }
 
-impl Tick<'_> {
+impl<S: Number> Tick<'_, S> {
     /// Error of position, m, velocity and acceleration: wanted minus what will be.
-    pub fn errors(&self) -> [f64; 3] {
+    pub fn errors(&self) -> [S; 3] {
         let Wanted { position, velocity, acceleration, .. } = self.wanted;
         [position - self.state.position, velocity - self.state.velocity, acceleration - self.acceleration]
     }
 
     /// The share of opening under which the force of the gas changes at a rate, N/s: flow is linear in it on each side.
-    pub fn opening_for(&self, rate: f64) -> f64 {
+    pub fn opening_for(&self, rate: S) -> S {
         let state = &self.state;
         let contents = self.model.contents(state.position, state.pressures, state.temperatures);
-        let at = |openings: [f64; 2]| {
+        let at = |openings: [S; 2]| {
             let [a, b] =
                 self.model.chambers([state.position, state.velocity], contents, openings).pressure_rates;
-            self.model.sides[0].area * a - self.model.sides[1].area * b
+            a.times(self.model.sides[0].area) - b.times(self.model.sides[1].area)
         };
-        let shut = at(self.model.openings(0.0));
-        let way = if rate < shut { -1.0 } else { 1.0 };
-        let full = at(if way > 0.0 { [1.0, 0.0] } else { [0.0, 1.0] });
-        way * ((rate - shut) / (full - shut)).clamp(0.0, 1.0)
+        let shut = at(self.model.openings(S::zero()));
+        let is_back = rate.lt(shut);
+        let [to, fro] = [[0.0, 1.0], [1.0, 0.0]].map(|[back, on]| S::select(is_back, S::c(back), S::c(on)));
+        let full = at([to, fro]);
+        S::select(is_back, S::c(-1.0), S::one()) * ((rate - shut) / (full - shut)).within(0.0, 1.0)
     }
 }
 
 /// The share of opening that makes a mass on its air follow a motion, with a share of the friction along it,
 ///
 ///   (v_d + 2 zeta a_d/omega + (j_d + share F_fr'/M)/omega^2)/K_v
-fn fed_forward(tick: &Tick, wanted: &Wanted, share: f64) -> f64 {
+fn fed_forward<S: Number>(tick: &Tick<S>, wanted: &Wanted<S>, share: S) -> S {
     let (w, zeta) = (tick.plant.natural_frequency, tick.plant.damping_ratio);
-    let jerk = wanted.jerk + share * tick.friction[1] / tick.model.mass;
-    (wanted.velocity + 2.0 * zeta / w * wanted.acceleration + jerk / (w * w)) / tick.plant.speed
+    let jerk = wanted.jerk + share * tick.friction[1] / S::c(tick.model.mass);
+    (wanted.velocity + wanted.acceleration.times(2.0 * zeta / w) + jerk / S::c(w * w)) / S::c(tick.plant.speed)
 }
 
-/// A law. Its memory is numbers; it has no clock.
-pub trait Law: Gains {
+/// Whether a share of opening can be given as it is asked for.
+fn is_free<S: Number>(asked: S) -> S::Mask {
+    asked.abs().lt(S::c(1.0 + f64::EPSILON))
+}
+
+/// A law whose gains follow from the drive.
+pub trait Tuned: Gains + Sized {
     /// Its word in a controller file.
     const KEY: &'static str;
-    /// It predicts the spool by itself: its state is that behind the dead time, not behind all of the lag.
-    const PREDICTS: bool = false;
-    /// Rate at which a force grows that breaks a resting drive away, as a share of the bandwidth; zero: the law has
-    /// a way of its own, or none.
-    const PUSH: f64 = 0.0;
 
     /// With gains that follow from the drive.
     fn tuned(model: &Model, plant: &Plant) -> Self;
+}
+
+/// A law. Its memory is numbers; it has no clock.
+pub trait Law<S: Number = f64>: Memory<S> {
+    /// It predicts the spool by itself: its state is that behind the dead time, not behind all of the lag.
+    fn predicts(&self) -> bool {
+        false
+    }
+
+    /// Rate at which a force grows that breaks a resting drive away, as a share of the bandwidth; zero: the law has
+    /// a way of its own, or none.
+    fn push(&self) -> f64 {
+        0.0
+    }
 
     /// The share of opening, -1 .. 1, before the overlap is taken into account; it may lie beyond.
-    fn step(&mut self, tick: &Tick) -> f64;
+    fn step(&mut self, tick: &Tick<S>) -> S;
 
-    /// Told what came of the share that it asked for, after limits.
-    fn given(&mut self, _asked: f64, _given: f64, _tick: &Tick) {}
+    /// Told that the share that it asked for was given, within limits.
+    fn given(&mut self, _asked: S, _tick: &Tick<S>) {}
 }

@@ -3,18 +3,19 @@
 #![allow(clippy::needless_range_loop)] // rows and columns of matrices, and sides of the piston
 
 use crate::model::Model;
+use crate::number::Number;
 use crate::spool::Spool;
 use math::Over;
 
 /// What sensors say at a sample.
 #[derive(Clone, Copy, Debug)]
-pub struct Sample {
+pub struct Sample<S = f64> {
     /// s.
     pub time: f64,
     /// m.
-    pub position: f64,
+    pub position: S,
     /// Pa absolute in chambers a and b; none: they run by the model alone.
-    pub pressures: Option<[f64; 2]>,
+    pub pressures: Option<[S; 2]>,
 }
 
 /// The state of a drive as a law sees it.
@@ -109,11 +110,11 @@ const LEAST_PRESSURE: f64 = 1e3;
 
 /// A steady Kalman filter of position, velocity and disturbance over the model's motion; gas and spool run beside it.
 #[derive(Clone, Debug)]
-pub struct Observer {
+pub struct Observer<S = f64> {
     /// The state at the last sample.
-    pub state: State,
+    pub state: State<S>,
     /// The spool.
-    pub spool: Spool,
+    pub spool: Spool<S>,
     gain: [f64; 3],
     time: f64,
 }
@@ -176,26 +177,26 @@ fn steady_gain(mass: f64, period: f64, noise: Noise) -> [f64; 3] {
     gain
 }
 
-impl Observer {
+impl<S: Number> Observer<S> {
     /// Of a drive at rest at a first sample.
-    pub fn new(model: &Model, sample: &Sample, period: f64, noise: Noise) -> Self {
+    pub fn new(model: &Model, sample: &Sample<S>, period: f64, noise: Noise) -> Self {
         // Nobody measures them: a usual start is the mean of supply and ambient.
         let mean = 0.5 * (model.supply.pressure + model.ambient.pressure);
-        let pressures = sample.pressures.unwrap_or([mean; 2]);
+        let pressures = sample.pressures.unwrap_or([S::c(mean); 2]);
         let state = State {
             position: sample.position,
-            velocity: 0.0,
-            disturbance: 0.0,
-            friction: model.gas_force(pressures) + model.load,
+            velocity: S::zero(),
+            disturbance: S::zero(),
+            friction: model.gas_force(pressures) + S::c(model.load),
             pressures,
-            temperatures: [model.wall_temperature; 2],
+            temperatures: [S::c(model.wall_temperature); 2],
         };
         let gain = steady_gain(model.mass, period, noise);
         Observer { state, spool: Spool::new(&model.valve), gain, time: sample.time }
     }
 
     /// Takes over a sample.
-    pub fn update(&mut self, model: &Model, sample: &Sample) {
+    pub fn update(&mut self, model: &Model, sample: &Sample<S>) {
         let (from, to) = (self.time, sample.time);
         if to > from {
             let spool = self.spool.halfway(from, to);
@@ -203,20 +204,21 @@ impl Observer {
         }
         self.time = to;
         let miss = sample.position - self.state.position;
-        self.state.position += self.gain[0] * miss;
-        self.state.velocity += self.gain[1] * miss;
-        let force = self.gain[2] * miss;
+        self.state.position += miss.times(self.gain[0]);
+        self.state.velocity += miss.times(self.gain[1]);
+        let force = miss.times(self.gain[2]);
         // At rest a force that is missing is friction's, as long as that can bear it: nobody could tell them apart.
         let state = &mut self.state;
-        let [level, _] = model.friction_levels([state.position, 0.0], state.pressures);
-        let rests = 1.0 / (1.0 + (state.velocity / REST).powi(2));
+        let [level, _] = model.friction_levels([state.position, S::zero()], state.pressures);
+        let slides = state.velocity / S::c(REST);
+        let rests = S::one() / (S::one() + slides * slides);
         let before = state.friction;
-        state.friction = (before - rests * force).clamp(-level, level);
+        state.friction = (before - rests * force).max(-level).min(level);
         state.disturbance += force + (state.friction - before);
     }
 
     /// State and spool at a later time, s, under the commands given so far.
-    pub fn predict(&self, model: &Model, to: f64, step: f64) -> (State, Spool) {
+    pub fn predict(&self, model: &Model, to: f64, step: f64) -> (State<S>, Spool<S>) {
         let n = ((to - self.time) / step).ceil().max(1.0);
         let h = (to - self.time) / n;
         let (mut state, mut spool) = (self.state, self.spool.clone());
@@ -226,5 +228,15 @@ impl Observer {
             state.advance(model, model.openings(position), h, None);
         }
         (state, spool)
+    }
+
+    /// Shows each of its numbers.
+    pub(crate) fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
+        let State { position, velocity, disturbance, friction, pressures, temperatures } = &mut self.state;
+        for own in [position, velocity, disturbance, friction] {
+            see(own);
+        }
+        pressures.iter_mut().chain(temperatures).for_each(&mut *see);
+        self.spool.each(see);
     }
 }

@@ -4,15 +4,15 @@ use std::f64::consts::TAU;
 
 /// Where a drive is to be at a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Wanted {
+pub struct Wanted<S = f64> {
     /// m.
-    pub position: f64,
+    pub position: S,
     /// m/s.
-    pub velocity: f64,
+    pub velocity: S,
     /// m/s2.
-    pub acceleration: f64,
+    pub acceleration: S,
     /// m/s3.
-    pub jerk: f64,
+    pub jerk: S,
 }
 
 /// A blend from 0 to 1 with three continuous derivatives, and those, over the time 0 .. 1:

@@ -1,32 +1,33 @@
 //! A twin of the valve's spool: where it is and will be under the commands given so far.
 
 use crate::model::Valve;
+use crate::number::Number;
 use std::collections::VecDeque;
 
 /// A spool of second order behind a dead time, advanced exactly for commands that hold from tick to tick.
 #[derive(Clone, Debug)]
-pub struct Spool {
+pub struct Spool<S = f64> {
     /// Position and speed.
-    state: [f64; 2],
+    state: [S; 2],
     /// Commands under way: the times at which they act, s, and their values; the first one acts now.
-    acts: VecDeque<(f64, f64)>,
+    acts: VecDeque<(f64, S)>,
     angular_frequency: f64,
     damping_ratio: f64,
 }
 
-impl Spool {
+impl<S: Number> Spool<S> {
     /// At rest in the centre.
     pub fn new(valve: &Valve) -> Self {
         Spool {
-            state: [0.0; 2],
-            acts: VecDeque::from([(f64::NEG_INFINITY, 0.0)]),
+            state: [S::zero(); 2],
+            acts: VecDeque::from([(f64::NEG_INFINITY, S::zero())]),
             angular_frequency: valve.angular_frequency,
             damping_ratio: valve.damping_ratio,
         }
     }
 
     /// Takes over a command that acts from a time on, s.
-    pub fn command(&mut self, acts: f64, value: f64) {
+    pub fn command(&mut self, acts: f64, value: S) {
         self.acts.push_back((acts, value));
     }
 
@@ -46,7 +47,7 @@ impl Spool {
     }
 
     /// Goes on likewise; where it was halfway.
-    pub fn halfway(&mut self, from: f64, to: f64) -> f64 {
+    pub fn halfway(&mut self, from: f64, to: f64) -> S {
         let middle = 0.5 * (from + to);
         self.advance(from, middle);
         let position = self.position();
@@ -55,20 +56,20 @@ impl Spool {
     }
 
     /// Position and speed now.
-    pub fn state(&self) -> [f64; 2] {
+    pub fn state(&self) -> [S; 2] {
         self.state
     }
 
     /// Where it is now.
-    pub fn position(&self) -> f64 {
-        self.state[0].clamp(-1.0, 1.0)
+    pub fn position(&self) -> S {
+        self.state[0].limited()
     }
 
     /// The exact solution for a command that holds.
-    fn step(&self, [x, v]: [f64; 2], command: f64, h: f64) -> [f64; 2] {
+    fn step(&self, [x, v]: [S; 2], command: S, h: f64) -> [S; 2] {
         let [by_x, by_v, rate_x, rate_v] = self.transition(h);
         let e = x - command;
-        [command + by_x * e + by_v * v, rate_x * e + rate_v * v]
+        [command + e.times(by_x) + v.times(by_v), e.times(rate_x) + v.times(rate_v)]
     }
 
     /// What becomes of a distance from the command and of a speed within `h` s: rows of the distance, then of the speed.
@@ -90,6 +91,14 @@ impl Spool {
         [decay * (c + d * w * s), decay * s, -decay * w * w * s, decay * (c - d * w * s)]
     }
 
+    /// Shows each of its numbers.
+    pub(crate) fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
+        self.state.iter_mut().for_each(&mut *see);
+        self.acts.iter_mut().for_each(|(_, value)| see(value));
+    }
+}
+
+impl Spool {
     /// Position and speed as shares of opening, behind an overlap.
     pub fn share(&self, overlap: f64) -> [f64; 2] {
         let [x, v] = self.state;

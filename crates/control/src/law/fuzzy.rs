@@ -1,8 +1,9 @@
 use super::pid::Errors;
-use super::{Law, Plant, Tick, fed_forward};
+use super::{Law, Plant, Tick, Tuned, fed_forward, is_free};
 use crate::gains::law;
 use crate::law::Pid;
 use crate::model::Model;
+use crate::number::Number;
 use physics::{above, at_least};
 
 /// Sets on each side of zero: negative and positive big, medium, small.
@@ -24,33 +25,40 @@ law! {
         filter_time: "s", at_least(0.0), "time constant of the slope of the error", rule "0.1/omega";
         friction_share: "1", at_least(0.0), "share of the friction that is fed forward", rule "0.5, assumed";
         error_range: "m", above(0.0), "e_max", rule "30 mm, assumed";
-    } memory { errors: Errors = Errors::default() }
+    } memory<S> { errors: Errors<S> = Errors::none() }
 }
 
 /// What the rules give for an error and its slope, each as a share of its range: a number of -1 .. 1.
-pub fn sugeno(e: f64, de: f64) -> f64 {
-    // Of the seven sets the two that a number belongs to, and how much to the upper one.
-    let sets = |share: f64| {
-        let place = share.clamp(-1.0, 1.0) * SETS;
-        let lower = place.floor().min(SETS - 1.0);
+pub fn sugeno<S: Number>(e: S, de: S) -> S {
+    let one = S::one();
+    // Of the seven sets the two that a number belongs to, and how much to the upper one: the lower one is counted up from
+    // the first.
+    let sets = |share: S| {
+        let place = share.limited().times(SETS);
+        let lower = [-2.0, -1.0, 0.0, 1.0, 2.0]
+            .iter()
+            .fold(S::c(-SETS), |lower, &set| lower + S::select(place.lt(S::c(set)), S::zero(), one));
         (lower, place - lower)
     };
     let ((i, by_i), (j, by_j)) = (sets(e), sets(de));
-    let rule = |i: f64, j: f64| (i + j).clamp(-SETS, SETS) / SETS;
-    let row = |i: f64| (1.0 - by_j) * rule(i, j) + by_j * rule(i, j + 1.0);
-    (1.0 - by_i) * row(i) + by_i * row(i + 1.0)
+    let rule = |i: S, j: S| (i + j).within(-SETS, SETS) / S::c(SETS);
+    let row = |i: S| (one - by_j) * rule(i, j) + by_j * rule(i, j + one);
+    (one - by_i) * row(i) + by_i * row(i + one)
 }
 
-impl Law for Fuzzy {
+impl Tuned for Fuzzy {
     const KEY: &'static str = "fuzzy";
 
     fn tuned(model: &Model, plant: &Plant) -> Self {
         let Pid { gain, derivative_time, integral_time, filter_time, friction_share, .. } =
-            Pid::tuned(model, plant);
+            <Pid as Tuned>::tuned(model, plant);
         Fuzzy::new(gain, derivative_time, integral_time, filter_time, friction_share, 0.03)
     }
 
-    fn step(&mut self, tick: &Tick) -> f64 {
+}
+
+impl<S: Number> Law<S> for Fuzzy<S> {
+    fn step(&mut self, tick: &Tick<S>) -> S {
         let [e, slope] = self.errors.seen(tick, self.filter_time);
         let range = self.error_range;
         fed_forward(tick, &tick.now.1, self.friction_share)
@@ -58,7 +66,7 @@ impl Law for Fuzzy {
             + self.errors.integral
     }
 
-    fn given(&mut self, asked: f64, given: f64, tick: &Tick) {
-        self.errors.add_up(asked == given, self.gain / self.integral_time, tick);
+    fn given(&mut self, asked: S, tick: &Tick<S>) {
+        self.errors.add_up(is_free(asked), self.gain / self.integral_time, tick);
     }
 }

@@ -1,6 +1,7 @@
-use super::{Law, Plant, Tick};
+use super::{Law, Plant, Tick, Tuned};
 use crate::gains::law;
 use crate::model::Model;
+use crate::number::Number;
 use physics::{above, at_least};
 
 law! {
@@ -14,28 +15,34 @@ law! {
     pub struct Inversion {
         bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, of a lag of 3 ms at least";
         force_gain: "1/s", at_least(0.0), "k_f", rule "1.5 lambda";
-    } memory {}
+    } memory<S> {}
 }
 
-impl Law for Inversion {
+impl Tuned for Inversion {
     const KEY: &'static str = "inversion";
-    const PUSH: f64 = 0.6;
 
     fn tuned(_model: &Model, plant: &Plant) -> Self {
         let bandwidth = plant.bandwidth();
         Inversion::new(bandwidth, 1.5 * bandwidth)
     }
 
-    fn step(&mut self, tick: &Tick) -> f64 {
+}
+
+impl<S: Number> Law<S> for Inversion<S> {
+    fn push(&self) -> f64 {
+        0.6
+    }
+
+    fn step(&mut self, tick: &Tick<S>) -> S {
         let [e, e1, e2] = tick.errors();
         let (l, model) = (self.bandwidth, tick.model);
         let [friction, friction_rate] = tick.friction;
         let wanted = &tick.wanted;
-        let force = model.mass * (wanted.acceleration + 2.0 * l * e1 + l * l * e)
-            - model.load
+        let force = (wanted.acceleration + l.times(2.0) * e1 + l * l * e).times(model.mass)
+            - S::c(model.load)
             - tick.state.disturbance
             + friction;
-        let rate = model.mass * (wanted.jerk + 2.0 * l * e2 + l * l * e1) + friction_rate;
+        let rate = (wanted.jerk + l.times(2.0) * e2 + l * l * e1).times(model.mass) + friction_rate;
         let gas = model.gas_force(tick.state.pressures);
         tick.opening_for(rate + self.force_gain * (force - gas))
     }

@@ -1,8 +1,9 @@
 #![allow(clippy::needless_range_loop)] // rows and columns of matrices
 
-use super::{Law, Plant, Tick};
+use super::{Law, Plant, Tick, Tuned};
 use crate::gains::law;
 use crate::model::Model;
+use crate::number::Number;
 use crate::observer::State;
 use math::{Dual, Over, Real};
 use physics::above;
@@ -31,7 +32,7 @@ law! {
     pub struct Nmpc {
         bandwidth: "rad/s", above(0.0), "lambda", rule "90 rad/s, assumed";
         move_penalty: "1", above(0.0), "r", rule "0.1, assumed";
-    } memory { plan: [f64; MOVES] = [0.0; MOVES], last: f64 = 0.0 }
+    } memory<S> { plan: [S; MOVES] = [S::zero(); MOVES], last: S = S::zero() }
 }
 
 /// min x' H x/2 + g' x within bounds: those at a bound are fixed there, the others solved for, until none would leave its
@@ -131,13 +132,22 @@ impl Nmpc {
     }
 }
 
-impl Law for Nmpc {
+impl Tuned for Nmpc {
     const KEY: &'static str = "nmpc";
-    const PUSH: f64 = 0.6;
-    const PREDICTS: bool = true;
 
     fn tuned(_model: &Model, _plant: &Plant) -> Self {
         Nmpc::new(90.0, 0.1)
+    }
+
+}
+
+impl Law for Nmpc {
+    fn push(&self) -> f64 {
+        0.6
+    }
+
+    fn predicts(&self) -> bool {
+        true
     }
 
     fn step(&mut self, tick: &Tick) -> f64 {
@@ -198,7 +208,7 @@ impl Law for Nmpc {
         self.plan[0]
     }
 
-    fn given(&mut self, _asked: f64, given: f64, _tick: &Tick) {
-        self.last = given;
+    fn given(&mut self, asked: f64, _tick: &Tick) {
+        self.last = asked.limited();
     }
 }

@@ -1,33 +1,48 @@
-use super::{Law, Plant, Tick, fed_forward};
+use super::{Law, Plant, Tick, Tuned, fed_forward, is_free};
 use crate::gains::law;
 use crate::model::Model;
+use crate::number::{Memory, Number};
 use physics::{above, at_least};
 
 /// An error with its slope behind a filter, and its integral, from the position as it is measured.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Errors {
-    last: Option<f64>,
-    slope: f64,
+#[derive(Clone, Debug)]
+pub(super) struct Errors<S> {
+    /// The last error, and whether there is one: 0 or 1.
+    last: [S; 2],
+    slope: S,
     /// Of the error, as a share of opening.
-    pub integral: f64,
+    pub integral: S,
 }
 
-impl Errors {
+impl<S: Number> Memory<S> for Errors<S> {
+    fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
+        let Errors { last: [last, is_there], slope, integral } = self;
+        [last, is_there, slope, integral].into_iter().for_each(see);
+    }
+}
+
+impl<S: Number> Errors<S> {
+    /// None yet.
+    pub fn none() -> Self {
+        Errors { last: [S::zero(); 2], slope: S::zero(), integral: S::zero() }
+    }
+
     /// The error and its slope.
-    pub fn seen(&mut self, tick: &Tick, filter_time: f64) -> [f64; 2] {
+    pub fn seen(&mut self, tick: &Tick<S>, filter_time: S) -> [S; 2] {
         let (position, wanted) = tick.now;
         let e = wanted.position - position;
-        let slope = self.last.map_or(0.0, |last| (e - last) / tick.period);
-        self.slope += (slope - self.slope) * tick.period / (tick.period + filter_time);
-        self.last = Some(e);
+        let period = S::c(tick.period);
+        let [last, is_there] = self.last;
+        let slope = S::select(S::zero().lt(is_there), (e - last) / period, S::zero());
+        self.slope += (slope - self.slope) * period / (period + filter_time);
+        self.last = [e, S::one()];
         [e, self.slope]
     }
 
     /// The integral goes on at a rate for each metre, 1/(m s), where the command was not at its limit.
-    pub fn add_up(&mut self, is_free: bool, rate: f64, tick: &Tick) {
-        if is_free {
-            self.integral += rate * (tick.now.1.position - tick.now.0) * tick.period;
-        }
+    pub fn add_up(&mut self, is_free: S::Mask, rate: S, tick: &Tick<S>) {
+        let grown = self.integral + rate * (tick.now.1.position - tick.now.0) * S::c(tick.period);
+        self.integral = S::select(is_free, grown, self.integral);
     }
 }
 
@@ -44,10 +59,10 @@ law! {
         integral_time: "s", above(0.0), "T_i", rule "4/omega";
         filter_time: "s", at_least(0.0), "time constant of the slope of the error", rule "0.1/omega";
         friction_share: "1", at_least(0.0), "share of the friction that is fed forward", rule "0.5, assumed";
-    } memory { errors: Errors = Errors::default() }
+    } memory<S> { errors: Errors<S> = Errors::none() }
 }
 
-impl Law for Pid {
+impl Tuned for Pid {
     const KEY: &'static str = "pid";
 
     fn tuned(_model: &Model, plant: &Plant) -> Self {
@@ -55,14 +70,17 @@ impl Law for Pid {
         Pid::new(plant.damping_ratio * w / plant.speed, 0.5 / w, 4.0 / w, 0.1 / w, 0.5)
     }
 
-    fn step(&mut self, tick: &Tick) -> f64 {
+}
+
+impl<S: Number> Law<S> for Pid<S> {
+    fn step(&mut self, tick: &Tick<S>) -> S {
         let [e, slope] = self.errors.seen(tick, self.filter_time);
         fed_forward(tick, &tick.now.1, self.friction_share)
             + self.gain * (e + self.derivative_time * slope)
             + self.errors.integral
     }
 
-    fn given(&mut self, asked: f64, given: f64, tick: &Tick) {
-        self.errors.add_up(asked == given, self.gain / self.integral_time, tick);
+    fn given(&mut self, asked: S, tick: &Tick<S>) {
+        self.errors.add_up(is_free(asked), self.gain / self.integral_time, tick);
     }
 }

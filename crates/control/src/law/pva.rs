@@ -1,6 +1,7 @@
-use super::{Law, Plant, Tick, fed_forward};
+use super::{Law, Plant, Tick, Tuned, fed_forward};
 use crate::gains::law;
 use crate::model::Model;
+use crate::number::Number;
 use physics::above;
 
 law! {
@@ -12,21 +13,25 @@ law! {
     /// Accelerations come from pressures.
     pub struct Pva {
         bandwidth: "rad/s", above(0.0), "lambda", rule "40 rad/s, assumed";
-    } memory {}
+    } memory<S> {}
 }
 
-impl Law for Pva {
+impl Tuned for Pva {
     const KEY: &'static str = "pva";
 
     fn tuned(_model: &Model, _plant: &Plant) -> Self {
         Pva::new(40.0)
     }
 
-    fn step(&mut self, tick: &Tick) -> f64 {
+}
+
+impl<S: Number> Law<S> for Pva<S> {
+    fn step(&mut self, tick: &Tick<S>) -> S {
         let [e, e1, e2] = tick.errors();
         let (w, zeta, l) = (tick.plant.natural_frequency, tick.plant.damping_ratio, self.bandwidth);
         let c = 1.0 / (tick.plant.speed * w * w);
-        fed_forward(tick, &tick.wanted, 1.0)
-            + c * ((3.0 * l - 2.0 * zeta * w) * e2 + (3.0 * l * l - w * w) * e1 + l.powi(3) * e)
+        let gains = [l * l * l, (l.times(3.0) * l - S::c(w * w)), l.times(3.0) - S::c(2.0 * zeta * w)];
+        fed_forward(tick, &tick.wanted, S::one())
+            + (gains[2] * e2 + gains[1] * e1 + gains[0] * e).times(c)
     }
 }

@@ -1,6 +1,7 @@
-use super::{Law, Plant, Tick};
+use super::{Law, Plant, Tick, Tuned, is_free};
 use crate::gains::law;
 use crate::model::Model;
+use crate::number::Number;
 use physics::{above, at_least};
 
 /// lambda of the surface, rad/s (assumed).
@@ -9,14 +10,15 @@ const BANDWIDTH: f64 = 48.0;
 const SHARE: f64 = 0.1;
 
 /// The surface s = e'' + 2 lambda e' + lambda^2 e, and the jerk that holds the drive on it.
-fn surface(tick: &Tick, l: f64) -> [f64; 2] {
+fn surface<S: Number>(tick: &Tick<S>, l: S) -> [S; 2] {
     let [e, e1, e2] = tick.errors();
-    [e2 + 2.0 * l * e1 + l * l * e, tick.wanted.jerk + 2.0 * l * e2 + l * l * e1]
+    let twice = l.times(2.0);
+    [e2 + twice * e1 + l * l * e, tick.wanted.jerk + twice * e2 + l * l * e1]
 }
 
 /// The opening that gives a jerk, m/s3.
-fn opening(tick: &Tick, jerk: f64) -> f64 {
-    tick.opening_for(tick.model.mass * jerk + tick.friction[1])
+fn opening<S: Number>(tick: &Tick<S>, jerk: S) -> S {
+    tick.opening_for(jerk.times(tick.model.mass) + tick.friction[1])
 }
 
 law! {
@@ -25,10 +27,10 @@ law! {
         bandwidth: "rad/s", above(0.0), "lambda of the surface", rule "48 rad/s, assumed";
         gain: "m/s3", at_least(0.0), "K_s", rule "a tenth of the rate of the force over the mass";
         width: "m/s2", above(0.0), "phi", rule "K_s/72";
-    } memory {}
+    } memory<S> {}
 }
 
-impl Law for Sliding {
+impl Tuned for Sliding {
     const KEY: &'static str = "sliding-mode";
 
     fn tuned(model: &Model, plant: &Plant) -> Self {
@@ -36,9 +38,12 @@ impl Law for Sliding {
         Sliding::new(BANDWIDTH, gain, gain / 72.0)
     }
 
-    fn step(&mut self, tick: &Tick) -> f64 {
+}
+
+impl<S: Number> Law<S> for Sliding<S> {
+    fn step(&mut self, tick: &Tick<S>) -> S {
         let [s, jerk] = surface(tick, self.bandwidth);
-        opening(tick, jerk + self.gain * (s / self.width).clamp(-1.0, 1.0))
+        opening(tick, jerk + self.gain * (s / self.width).limited())
     }
 }
 
@@ -50,28 +55,33 @@ law! {
         root_gain: "m^0.5/s2", at_least(0.0), "k_1", rule "K_s/phi^0.5 of the sliding mode";
         integral_gain: "m/s4", at_least(0.0), "k_2", rule "0.3 K_s^2/phi";
         band: "m/s2", above(0.0), "half width of the band", rule "0.2 phi";
-    } memory { integral: f64 = 0.0 }
+    } memory<S> { integral: S = S::zero() }
 }
 
-impl Law for SuperTwisting {
+impl Tuned for SuperTwisting {
     const KEY: &'static str = "super-twisting";
-    const PUSH: f64 = 0.1;
 
     fn tuned(model: &Model, plant: &Plant) -> Self {
-        let Sliding { bandwidth, gain, width } = Sliding::tuned(model, plant);
+        let Sliding { bandwidth, gain, width } = <Sliding as Tuned>::tuned(model, plant);
         SuperTwisting::new(bandwidth, gain / width.sqrt(), 0.3 * gain * gain / width, 0.2 * width)
     }
 
-    fn step(&mut self, tick: &Tick) -> f64 {
+}
+
+impl<S: Number> Law<S> for SuperTwisting<S> {
+    fn push(&self) -> f64 {
+        0.1
+    }
+
+    fn step(&mut self, tick: &Tick<S>) -> S {
         let [s, jerk] = surface(tick, self.bandwidth);
         let root = self.root_gain * s / s.abs().max(self.band).sqrt();
         opening(tick, jerk + root + self.integral)
     }
 
-    fn given(&mut self, asked: f64, given: f64, tick: &Tick) {
-        if asked == given {
-            let [s, _] = surface(tick, self.bandwidth);
-            self.integral += self.integral_gain * (s / self.band).clamp(-1.0, 1.0) * tick.period;
-        }
+    fn given(&mut self, asked: S, tick: &Tick<S>) {
+        let [s, _] = surface(tick, self.bandwidth);
+        let grown = self.integral + self.integral_gain * (s / self.band).limited() * S::c(tick.period);
+        self.integral = S::select(is_free(asked), grown, self.integral);
     }
 }
