@@ -215,7 +215,9 @@ impl Controller {
     /// The command for a sample, on the way along a reference; [`Controller::told`] comes next.
     pub fn decide(&mut self, sample: &Sample, reference: &Reference) -> Answer {
         self.observe(sample);
-        let (Some(observer), period) = (&self.observer, self.period) else { unreachable!("it has just been made") };
+        let (Some(observer), period) = (&self.observer, self.period) else {
+            unreachable!("it has just been made")
+        };
         if let (Some(adaptation), true) = (&mut self.adaptation, sample.pressures.is_some()) {
             adaptation.learn(&mut self.model, &observer.state, observer.spool.state(), period);
         }
@@ -250,7 +252,9 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
     pub(crate) fn command(&mut self, sample: &Sample<S>, ahead: &Ahead<'_, S>) -> Decided<S> {
         let acts = sample.time + self.ahead();
         let period = self.period;
-        let (Some(observer), model) = (&self.observer, &self.model) else { unreachable!("a sample comes first") };
+        let (Some(observer), model) = (&self.observer, &self.model) else {
+            unreachable!("a sample comes first")
+        };
         let (mut state, spool) = observer.predict(model, acts, period);
         let wanted = ahead.then;
         let place = [wanted.position, wanted.velocity];
@@ -262,17 +266,19 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
         let gas = model.gas_force(state.pressures);
         let seen = [e, observer.state.velocity];
         let never = (S::zero().lt(S::zero()), S::zero());
-        let (holds, held) = self.hold.as_mut().map_or(never, |hold| {
-            hold.rate(ahead.stands, seen, gas, (model.stick_stiffness, period))
-        });
+        let (holds, held) = self
+            .hold
+            .as_mut()
+            .map_or(never, |hold| hold.rate(ahead.stands, seen, gas, (model.stick_stiffness, period)));
         let bandwidth = self.plant.bandwidth();
         let rate_of_push = self.law.push() * bandwidth * period;
         let bound = PUSH_BOUND * self.plant.coulomb;
-        let grown = (self.push + e.times(rate_of_push * model.mass * bandwidth * bandwidth)).within(-bound, bound);
+        let grown =
+            (self.push + e.times(rate_of_push * model.mass * bandwidth * bandwidth)).within(-bound, bound);
         let fallen = self.push.times(1.0 - rate_of_push);
         let stands = S::select(S::zero().lt(ahead.stands), grown, fallen);
         self.push = S::select(holds, fallen, stands);
-        state.disturbance = state.disturbance - self.push;
+        state.disturbance -= self.push;
         let tick = Tick {
             model,
             plant: &self.plant,

@@ -128,7 +128,8 @@ impl<S: Number> Tick<'_, S> {
 fn fed_forward<S: Number>(tick: &Tick<S>, wanted: &Wanted<S>, share: S) -> S {
     let (w, zeta) = (tick.plant.natural_frequency, tick.plant.damping_ratio);
     let jerk = wanted.jerk + share * tick.friction[1] / S::c(tick.model.mass);
-    (wanted.velocity + wanted.acceleration.times(2.0 * zeta / w) + jerk / S::c(w * w)) / S::c(tick.plant.speed)
+    (wanted.velocity + wanted.acceleration.times(2.0 * zeta / w) + jerk / S::c(w * w))
+        / S::c(tick.plant.speed)
 }
 
 /// Whether a share of opening can be given as it is asked for.

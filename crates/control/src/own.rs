@@ -58,7 +58,8 @@ impl Seen {
     /// Of a sample that an observer has taken over.
     pub fn of(model: &Model, sample: &Sample, observer: &Observer) -> Self {
         let state = &observer.state;
-        let ([pressure_a, pressure_b], [temperature_a, temperature_b]) = (state.pressures, state.temperatures);
+        let ([pressure_a, pressure_b], [temperature_a, temperature_b]) =
+            (state.pressures, state.temperatures);
         Seen {
             time: sample.time,
             position: sample.position,

@@ -144,12 +144,7 @@ impl Loop {
     }
 
     /// Checks what a run for a time, s, would ask for; the number of its last sample.
-    pub fn check(
-        &self,
-        controller: &Controller,
-        reference: &Reference,
-        duration: f64,
-    ) -> Result<u64, Error> {
+    pub fn check(&self, controller: &Controller, reference: &Reference, duration: f64) -> Result<u64, Error> {
         let period = controller.period;
         if !(0.0..period).contains(&self.computing_time) {
             return refuse(format!(

@@ -54,7 +54,6 @@ impl Tuned for Fuzzy {
             <Pid as Tuned>::tuned(model, plant);
         Fuzzy::new(gain, derivative_time, integral_time, filter_time, friction_share, 0.03)
     }
-
 }
 
 impl<S: Number> Law<S> for Fuzzy<S> {

@@ -25,7 +25,6 @@ impl Tuned for Inversion {
         let bandwidth = plant.bandwidth();
         Inversion::new(bandwidth, 1.5 * bandwidth)
     }
-
 }
 
 impl<S: Number> Law<S> for Inversion<S> {

@@ -138,7 +138,6 @@ impl Tuned for Nmpc {
     fn tuned(_model: &Model, _plant: &Plant) -> Self {
         Nmpc::new(90.0, 0.1)
     }
-
 }
 
 impl Law for Nmpc {

@@ -69,7 +69,6 @@ impl Tuned for Pid {
         let w = plant.natural_frequency;
         Pid::new(plant.damping_ratio * w / plant.speed, 0.5 / w, 4.0 / w, 0.1 / w, 0.5)
     }
-
 }
 
 impl<S: Number> Law<S> for Pid<S> {

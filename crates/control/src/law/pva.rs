@@ -22,7 +22,6 @@ impl Tuned for Pva {
     fn tuned(_model: &Model, _plant: &Plant) -> Self {
         Pva::new(40.0)
     }
-
 }
 
 impl<S: Number> Law<S> for Pva<S> {
@@ -31,7 +30,6 @@ impl<S: Number> Law<S> for Pva<S> {
         let (w, zeta, l) = (tick.plant.natural_frequency, tick.plant.damping_ratio, self.bandwidth);
         let c = 1.0 / (tick.plant.speed * w * w);
         let gains = [l * l * l, (l.times(3.0) * l - S::c(w * w)), l.times(3.0) - S::c(2.0 * zeta * w)];
-        fed_forward(tick, &tick.wanted, S::one())
-            + (gains[2] * e2 + gains[1] * e1 + gains[0] * e).times(c)
+        fed_forward(tick, &tick.wanted, S::one()) + (gains[2] * e2 + gains[1] * e1 + gains[0] * e).times(c)
     }
 }

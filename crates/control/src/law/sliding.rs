@@ -37,7 +37,6 @@ impl Tuned for Sliding {
         let gain = SHARE * plant.force_rate / model.mass;
         Sliding::new(BANDWIDTH, gain, gain / 72.0)
     }
-
 }
 
 impl<S: Number> Law<S> for Sliding<S> {
@@ -65,7 +64,6 @@ impl Tuned for SuperTwisting {
         let Sliding { bandwidth, gain, width } = <Sliding as Tuned>::tuned(model, plant);
         SuperTwisting::new(bandwidth, gain / width.sqrt(), 0.3 * gain * gain / width, 0.2 * width)
     }
-
 }
 
 impl<S: Number> Law<S> for SuperTwisting<S> {
