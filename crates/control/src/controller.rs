@@ -241,6 +241,19 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
         let Controller { model, period, noise, .. } = self;
         let observer = self.observer.get_or_insert_with(|| Observer::new(model, sample, *period, *noise));
         observer.update(model, sample);
+        self.friction.get_or_insert(observer.state.friction);
+    }
+
+    /// Shows each number of what it remembers.
+    pub(crate) fn numbers(&mut self, see: &mut dyn FnMut(&mut S)) {
+        if let Some(observer) = &mut self.observer {
+            observer.numbers(see);
+        }
+        self.friction.iter_mut().chain([&mut self.push]).for_each(&mut *see);
+        if let Some(Hold { waited, holds, force, .. }) = &mut self.hold {
+            [waited, holds, force].into_iter().for_each(&mut *see);
+        }
+        self.law.each(see);
     }
 
     /// Time after which a command acts as far as the law is concerned, s.
@@ -252,14 +265,13 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
     pub(crate) fn command(&mut self, sample: &Sample<S>, ahead: &Ahead<'_, S>) -> Decided<S> {
         let acts = sample.time + self.ahead();
         let period = self.period;
-        let (Some(observer), model) = (&self.observer, &self.model) else {
+        let (Some(observer), Some(along), model) = (&self.observer, &mut self.friction, &self.model) else {
             unreachable!("a sample comes first")
         };
         let (mut state, spool) = observer.predict(model, acts, period);
         let wanted = ahead.then;
         let place = [wanted.position, wanted.velocity];
         let [level, viscous] = model.friction_levels(place, state.pressures);
-        let along = self.friction.get_or_insert(observer.state.friction);
         let rate = model.stick_rate(wanted.velocity, *along, level, period);
         *along += rate.times(period);
         let e = ahead.now.position - observer.state.position;

@@ -6,6 +6,7 @@
 
 pub mod adaptation;
 pub mod controller;
+pub mod export;
 pub mod gains;
 pub mod law;
 pub mod model;

@@ -177,6 +177,23 @@ fn steady_gain(mass: f64, period: f64, noise: Noise) -> [f64; 3] {
     gain
 }
 
+impl Observer {
+    /// The same in other numbers: a drive of which nothing is known yet, at the same time.
+    pub(crate) fn at_rest<S: Number>(&self) -> Observer<S> {
+        let zero = S::zero();
+        let (pair, gain, time) = ([zero; 2], self.gain, self.time);
+        let state = State {
+            position: zero,
+            velocity: zero,
+            disturbance: zero,
+            friction: zero,
+            pressures: pair,
+            temperatures: pair,
+        };
+        Observer { state, spool: self.spool.at_rest(), gain, time }
+    }
+}
+
 impl<S: Number> Observer<S> {
     /// Of a drive at rest at a first sample.
     pub fn new(model: &Model, sample: &Sample<S>, period: f64, noise: Noise) -> Self {
@@ -219,7 +236,8 @@ impl<S: Number> Observer<S> {
 
     /// State and spool at a later time, s, under the commands given so far.
     pub fn predict(&self, model: &Model, to: f64, step: f64) -> (State<S>, Spool<S>) {
-        let n = ((to - self.time) / step).ceil().max(1.0);
+        // A whole number of steps stays one, however times are rounded.
+        let n = ((to - self.time) / step - 1e-6).ceil().max(1.0);
         let h = (to - self.time) / n;
         let (mut state, mut spool) = (self.state, self.spool.clone());
         for k in 0..n as usize {
@@ -231,12 +249,12 @@ impl<S: Number> Observer<S> {
     }
 
     /// Shows each of its numbers.
-    pub(crate) fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
+    pub(crate) fn numbers(&mut self, see: &mut dyn FnMut(&mut S)) {
         let State { position, velocity, disturbance, friction, pressures, temperatures } = &mut self.state;
         for own in [position, velocity, disturbance, friction] {
             see(own);
         }
         pressures.iter_mut().chain(temperatures).for_each(&mut *see);
-        self.spool.each(see);
+        self.spool.numbers(see);
     }
 }

@@ -92,13 +92,23 @@ impl<S: Number> Spool<S> {
     }
 
     /// Shows each of its numbers.
-    pub(crate) fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
+    pub(crate) fn numbers(&mut self, see: &mut dyn FnMut(&mut S)) {
         self.state.iter_mut().for_each(&mut *see);
         self.acts.iter_mut().for_each(|(_, value)| see(value));
     }
 }
 
 impl Spool {
+    /// The same in other numbers, at rest in the centre under commands of zero.
+    pub(crate) fn at_rest<S: Number>(&self) -> Spool<S> {
+        Spool {
+            state: [S::zero(); 2],
+            acts: self.acts.iter().map(|&(acts, _)| (acts, S::zero())).collect(),
+            angular_frequency: self.angular_frequency,
+            damping_ratio: self.damping_ratio,
+        }
+    }
+
     /// Position and speed as shares of opening, behind an overlap.
     pub fn share(&self, overlap: f64) -> [f64; 2] {
         let [x, v] = self.state;

@@ -3,6 +3,7 @@
 use crate::convert::{Table, Teller, parse, to_python, watched};
 use crate::network::PyCircuit;
 use circuit::Look;
+use control::export::program;
 use control::{AnyLaw, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use ode::Options;
@@ -53,6 +54,29 @@ pub fn control_tune<'py>(
         (key, unit, *value, meaning, rule)
     });
     Ok((plant, gains.collect()))
+}
+
+/// Files with the source of a law and its observer in a language, `"c"` or `"st"`: names and texts. Their head says `about`, too.
+#[pyfunction]
+pub fn control_export(
+    spec: &str,
+    setup: &str,
+    language: &str,
+    about: &str,
+) -> PyResult<Vec<(String, String)>> {
+    let (spec, setup): (Controller, Setup) = (parse(spec)?, parse(setup)?);
+    let deviation = Encoder::from(setup.position).deviation();
+    let (controller, _) = controller(&spec, deviation).map_err(to_python)?;
+    let program = program(&controller, setup.pressures.is_some()).map_err(PyValueError::new_err)?;
+    let name = program.name();
+    match language {
+        "c" => {
+            let [header, source] = program.c(about);
+            Ok(vec![(format!("{name}.h"), header), (format!("{name}.c"), source)])
+        }
+        "st" => Ok(vec![(format!("{name}.st"), program.st(about))]),
+        _ => Err(PyValueError::new_err(format!("there is no language \"{language}\""))),
+    }
 }
 
 /// Position, velocity, acceleration and jerk of a reference at times, shape (n, 4), SI units.

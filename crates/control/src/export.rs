@@ -1,0 +1,262 @@
+//! A law with its observer as source code of other languages: the equations are recorded once on numbers that say what is
+//! done with them, and printed.
+
+mod print;
+mod traced;
+
+pub use print::Language;
+pub use traced::{Function, Graph, Node, Operator, Traced, record};
+
+use crate::controller::{Ahead, AnyLaw, Controller, Decided, Hold};
+use crate::gains::Gain;
+use crate::law::Law;
+use crate::observer::{Observer, Sample};
+use crate::reference::{Reference, Wanted};
+use math::Real;
+
+/// A number that code is given.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Given {
+    /// Its name.
+    pub name: String,
+    /// Its unit in SI; `1` for a pure number.
+    pub unit: &'static str,
+    /// Its meaning, in words.
+    pub meaning: String,
+}
+
+/// A law with its observer as graphs. All three are given [`Program::inputs`], gains and what is remembered, in that order.
+#[derive(Clone, Debug)]
+pub struct Program {
+    /// The word of the law.
+    pub law: &'static str,
+    /// The period, s.
+    pub period: f64,
+    /// Time after which a command of now acts, s: what [`Program::inputs`] ask for then.
+    pub ahead: f64,
+    /// Numbers that it is given at a sample.
+    pub inputs: Vec<Given>,
+    /// Gains with their values.
+    pub gains: Vec<(Gain, f64)>,
+    /// Numbers that it remembers from one sample to the next, and while it works on one.
+    pub memory: [usize; 2],
+    /// What it has in mind at the first sample.
+    pub begin: Graph,
+    /// What it has in mind at a later one.
+    pub observe: Graph,
+    /// [`RESULTS`], then what it remembers.
+    pub command: Graph,
+}
+
+/// What [`Program::command`] gives before the memory.
+pub const RESULTS: [(&str, &str, &str); 4] = [
+    ("command", "1", "command of the valve, -1 .. 1"),
+    ("velocity", "m/s", "velocity, estimated"),
+    ("disturbance", "N", "force that the model knows nothing of, estimated"),
+    ("holds", "1", "1 while it stands still and keeps the force, else 0"),
+];
+
+/// Samples after which the number of commands under way no longer changes.
+const SETTLED: u32 = 200;
+
+fn inputs(with_pressures: bool) -> Vec<Given> {
+    let given = |name: &str, unit, meaning: &str| Given { name: name.into(), unit, meaning: meaning.into() };
+    let mut all = vec![given("position", "m", "position, as it is measured")];
+    if with_pressures {
+        for side in ["a", "b"] {
+            all.push(given(
+                &format!("pressure_{side}"),
+                "Pa",
+                &format!("absolute pressure of chamber {side}"),
+            ));
+        }
+    }
+    for (at, when) in [("now", "now"), ("then", "when a command of now acts")] {
+        for (name, unit) in
+            [("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s2"), ("jerk", "m/s3")]
+        {
+            all.push(given(&format!("{name}_{at}"), unit, &format!("{name} of the reference {when}")));
+        }
+    }
+    all.push(given("stands", "1", "1 while the reference stands from now until then, else 0"));
+    all
+}
+
+/// Source of a law and of its observer; without pressures they run by the model alone. Nothing is learned: the code has the
+/// friction and the valve of the model.
+pub fn program(controller: &Controller, with_pressures: bool) -> Result<Program, String> {
+    macro_rules! any {
+        ($($law:ident),*) => {
+            match &controller.law {
+                $(AnyLaw::$law(law) => Ok(Recorder { controller, with_pressures }.program(|gain| law.in_numbers(gain)),),)*
+                AnyLaw::Nmpc(_) => Err(
+                    "nmpc cannot be exported: its search for limits of the moves depends on numbers. Export inversion or \
+                     super-twisting, or call the compiled core".into(),
+                ),
+                AnyLaw::Own(_) => Err("a law of one's own cannot be exported: it is code already".into()),
+            }
+        };
+    }
+    any!(Pid, Pva, Fuzzy, Sliding, SuperTwisting, Inversion)
+}
+
+struct Recorder<'c> {
+    controller: &'c Controller,
+    with_pressures: bool,
+}
+
+/// The pieces of a step.
+#[derive(Clone, Copy, PartialEq)]
+enum Piece {
+    Begin,
+    Observe,
+    Command,
+}
+
+/// What the code is given, in its order.
+struct Inputs {
+    position: Traced,
+    pressures: Option<[Traced; 2]>,
+    now: Wanted<Traced>,
+    then: Wanted<Traced>,
+    stands: Traced,
+}
+
+impl Inputs {
+    fn of(all: &[Traced], with_pressures: bool) -> Self {
+        let (first, rest) = all.split_at(if with_pressures { 3 } else { 1 });
+        let wanted = |own: &[Traced]| Wanted {
+            position: own[0],
+            velocity: own[1],
+            acceleration: own[2],
+            jerk: own[3],
+        };
+        Inputs {
+            position: first[0],
+            pressures: with_pressures.then(|| [first[1], first[2]]),
+            now: wanted(&rest[..4]),
+            then: wanted(&rest[4..8]),
+            stands: rest[8],
+        }
+    }
+
+    fn sample(&self, time: f64) -> Sample<Traced> {
+        Sample { time, position: self.position, pressures: self.pressures }
+    }
+}
+
+impl Recorder<'_> {
+    /// Observers of a controller that has run for long: at time zero, its last command given, and at the next sample.
+    fn settled(&self) -> [Observer; 2] {
+        let Controller { model, period, noise, .. } = self.controller;
+        let sample =
+            |k: u32| Sample { time: -f64::from(k) * period, position: 0.5 * model.stroke, pressures: None };
+        let mut own = Observer::new(model, &sample(SETTLED), *period, *noise);
+        for k in (0..=SETTLED).rev() {
+            own.update(model, &sample(k));
+            own.spool.command(sample(k).time + model.valve.delay, 0.0);
+        }
+        let mut next = own.clone();
+        next.update(model, &Sample { time: *period, ..sample(0) });
+        [own, next]
+    }
+
+    fn traced<L: Law<Traced>>(&self, law: L, observer: &Observer) -> Controller<L, Traced> {
+        let Controller { model, plant, hold, period, noise, .. } = self.controller;
+        Controller {
+            model: model.clone(),
+            plant: *plant,
+            law,
+            hold: hold.as_ref().map(|own| Hold::new(own.band, own.after)),
+            adaptation: None,
+            period: *period,
+            noise: *noise,
+            observer: Some(observer.at_rest()),
+            friction: Some(Traced::zero()),
+            push: Traced::zero(),
+        }
+    }
+
+    fn program<L: Law<Traced>>(
+        &self,
+        law: impl Fn(&mut dyn FnMut(&'static str, f64) -> Traced) -> L,
+    ) -> Program {
+        let (mut any, inputs) = (self.controller.law.clone(), inputs(self.with_pressures));
+        let gains: Vec<(Gain, f64)> = any.gains().map(|(gain, value)| (*gain, *value)).collect();
+        let settled = self.settled();
+        let memory = settled.each_ref().map(|observer| {
+            let mut own = self.traced(law(&mut |_, value| Traced::c(value)), observer);
+            let mut count = 0;
+            own.numbers(&mut |_| count += 1);
+            count
+        });
+        let piece = |piece: Piece| {
+            let (observer, remembers) = match piece {
+                Piece::Begin => (&settled[1], 0),
+                Piece::Observe => (&settled[0], memory[0]),
+                Piece::Command => (&settled[1], memory[1]),
+            };
+            record(inputs.len() + gains.len() + remembers, |given| {
+                let (sample, rest) = given.split_at(inputs.len());
+                let (of_gains, remembered) = rest.split_at(gains.len());
+                let mut of_gain = |key: &'static str, _| {
+                    let place = gains.iter().position(|(gain, _)| gain.key == key);
+                    of_gains[place.expect("a gain of the law")]
+                };
+                let mut own = self.traced(law(&mut of_gain), observer);
+                let mut place = 0;
+                own.numbers(&mut |number| {
+                    if let Some(known) = remembered.get(place) {
+                        *number = *known;
+                    }
+                    place += 1;
+                });
+                self.step(piece, &mut own, &Inputs::of(sample, self.with_pressures))
+            })
+        };
+        Program {
+            law: self.controller.law.key(),
+            period: self.controller.period,
+            ahead: self.controller.ahead(),
+            begin: piece(Piece::Begin),
+            observe: piece(Piece::Observe),
+            command: piece(Piece::Command),
+            inputs,
+            gains,
+            memory,
+        }
+    }
+
+    /// A piece of a step, and what comes of it.
+    fn step<L: Law<Traced>>(
+        &self,
+        piece: Piece,
+        own: &mut Controller<L, Traced>,
+        given: &Inputs,
+    ) -> Vec<Traced> {
+        let at = given.sample(self.controller.period);
+        let mut results = Vec::new();
+        match piece {
+            Piece::Begin => {
+                let mut first = Observer::new(&own.model, &at, own.period, own.noise);
+                first.update(&own.model, &at);
+                own.friction = Some(first.state.friction);
+                if let Some(observer) = &mut own.observer {
+                    observer.state = first.state;
+                }
+            }
+            Piece::Observe => own.observe(&at),
+            Piece::Command => {
+                let nowhere = Reference::Moves { start: 0.0, moves: vec![] };
+                let Inputs { now, then, stands, .. } = *given;
+                let ahead = Ahead { now, then, stands, preview: &nowhere };
+                let Decided { command, velocity, disturbance, holds } = own.command(&at, &ahead);
+                own.told(at.time, command);
+                let holds = Traced::select(holds, Traced::one(), Traced::zero());
+                results = vec![command, velocity, disturbance, holds];
+            }
+        }
+        own.numbers(&mut |number| results.push(*number));
+        results
+    }
+}
