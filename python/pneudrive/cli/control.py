@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pneudrive.control.references import Reference
     from pneudrive.control.tuning import Plant, Tuning
 
-control = group(dict.fromkeys(("tune", "run", "compare", "reference", "header"), "pneudrive.cli.control"))
+control = group(dict.fromkeys(("tune", "run", "compare", "reference", "export", "header"), "pneudrive.cli.control"))
 
 SetupOption = Annotated[
     str, typer.Option("--setup", help="What stands between drive and law: ideal, real, cheap, or a TOML file.")
@@ -223,6 +223,36 @@ def _show_reference(found: Reference, plant: Plant) -> None:
         ("largest speed", f"{reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s, {share:.0f} % of the drive's"),
     ]
     typer.echo(f"{found.text}\n{aligned(rows)}")
+
+
+def export(
+    controller: Annotated[
+        str, typer.Argument(help="Controller file (TOML), or the name of a law.", metavar="FILE|LAW")
+    ],
+    to: Annotated[
+        Literal["c", "st"], typer.Option(help="Language: c, or st, structured text of IEC 61131-3.", metavar="c|st")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of the files.")],
+    drive: Annotated[
+        str | None,
+        typer.Option(help="Drive or circuit file (TOML), or catalogue:NAME; may be left out where the file names it."),
+    ] = None,
+    setup: SetupOption = "real",
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Write the source code of a law with its observer."""
+    from pneudrive.control.source_code import export as exported
+    from pneudrive.control.tuning import believed_by
+    from pneudrive.control.tuning import tune as tuned
+    from pneudrive.describe.load import load_described
+
+    file = controller if controller.endswith(".toml") else None
+    described = believed_by(file) if drive is None else load_described(drive)
+    found = tuned(described, None if file else controller, setup=setup, controller=file)
+    written = exported(found, to, out, setup=setup)
+    if found.adaptation:
+        typer.echo("What is written learns nothing: friction and valve are those of the description.")
+    tell(written)
 
 
 def header(

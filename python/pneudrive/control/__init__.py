@@ -20,10 +20,11 @@ if TYPE_CHECKING:
     from pneudrive.control.controller import Controller
     from pneudrive.control.loop import run
     from pneudrive.control.measures import Score, score
-    from pneudrive.control.own_law import LawModel, c_header, signals
+    from pneudrive.control.own_law import c_header, signals
     from pneudrive.control.references import Reference, reference
     from pneudrive.control.setup import Setup, read_setup
-    from pneudrive.control.tuning import Plant, TunedGain, Tuning, laws, tune
+    from pneudrive.control.source_code import export
+    from pneudrive.control.tuning import LawModel, Plant, TunedGain, Tuning, laws, tune
 
 __all__ = [
     "ControlComparison",
@@ -37,6 +38,7 @@ __all__ = [
     "Tuning",
     "c_header",
     "compare",
+    "export",
     "laws",
     "read_setup",
     "reference",
@@ -52,11 +54,12 @@ __getattr__ = lazy(
     {
         "comparison": ["ControlComparison", "compare", "standard"],
         "controller": ["Controller"],
+        "source_code": ["export"],
         "loop": ["run"],
         "measures": ["Score", "score"],
-        "own_law": ["LawModel", "c_header", "signals"],
+        "own_law": ["c_header", "signals"],
         "references": ["Reference", "reference"],
         "setup": ["Setup", "read_setup"],
-        "tuning": ["Plant", "TunedGain", "Tuning", "laws", "tune"],
+        "tuning": ["LawModel", "Plant", "TunedGain", "Tuning", "laws", "tune"],
     },
 )

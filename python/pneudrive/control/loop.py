@@ -81,8 +81,8 @@ def run(
     law : str or object, optional
         Of `pneudrive.control.laws`, with gains that follow from the drive; the default is ``"nmpc"``. Or one of one's
         own: a class or an object of one with ``inputs``, names of `pneudrive.control.signals`, and
-        ``step(t, sample, preview)``, which returns the command; ``start(model, period)`` is called before a run, if it is
-        there. ``"mine.py:Law"`` names such a class, ``"mine.so:law"`` a compiled function.
+        ``step(t, sample, preview)``, which returns the command; ``start(model, period)`` is called before a run, if it
+        is there. ``"mine.py:Law"`` names such a class, ``"mine.so:law"`` a compiled function.
     reference : Reference, str or path-like
         See `pneudrive.control.reference`.
     setup : Setup, str or path-like

@@ -1,4 +1,4 @@
-"""Laws of one's own: a Python class or a compiled C function, given what sensors and the observer say, sample by sample."""
+"""Laws of one's own: a Python class or a compiled C function, given what sensors and the observer say."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import uuid
 from collections import namedtuple
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -21,29 +21,11 @@ from pneudrive.errors import CommandError, SimulationError, nearest
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from pneudrive.control.tuning import Plant
-    from pneudrive.describe.circuit import Circuit
-
 #: The word of the core for a law that it does not have.
 OWN = "own"
 #: Periods that a compiled law can look ahead, and bytes that it may remember.
 AHEAD, MEMORY = 200, 65536
 _RULE = "one is inputs, a tuple of names, and step(t, sample, preview), which returns the command"
-
-
-class LawModel(NamedTuple):
-    """What a law of one's own is told of its drive before a run.
-
-    Attributes
-    ----------
-    plant : Plant
-        What the drive is to a law: natural frequency, speed at full opening, lag, and so on.
-    drive : Circuit
-        The drive as the law may believe it to be.
-    """
-
-    plant: Plant
-    drive: Circuit
 
 
 class Preview(Protocol):
@@ -55,7 +37,7 @@ class Preview(Protocol):
 
 
 @dataclass
-class Running:
+class RunningLaw:
     """A law of one's own in a run.
 
     Attributes
@@ -78,10 +60,10 @@ class Running:
         """Return the command."""
         try:
             command = self.step(values)
-        except Exception as error:  # noqa: BLE001 - any, of a user's code
+        except Exception as error:
             self._fails(values[0], f"{type(error).__name__}: {error}", own_code.place_of(error), error)
             return math.nan
-        except BaseException as error:  # noqa: BLE001 - Ctrl-C: raised again behind the run
+        except BaseException as error:
             self.stopped = error
             return math.nan
         if not math.isfinite(command):
@@ -118,7 +100,7 @@ class OwnLaw:
 
     name: str
     digest: str
-    begin: Callable[[LawModel, Mapping[str, Any], float, float], Running] = field(repr=False, compare=False)
+    begin: Callable[[object, Mapping[str, Any], float, float], RunningLaw] = field(repr=False, compare=False)
 
 
 def signals() -> dict[str, tuple[str, str]]:
@@ -187,21 +169,21 @@ def _inputs(name: str, law: object) -> list[str]:
     return list(inputs)
 
 
-def _python(name: str, given: object) -> Callable[..., Running]:
+def _python(name: str, given: object) -> Callable[..., RunningLaw]:
     """Return what begins a run of a Python law."""
 
-    def begin(model: LawModel, motion: Mapping[str, Any], period_s: float, _duration_s: float) -> Running:
-        law = own_code.guarded(name, CommandError, given) if callable(given) else given
+    def begin(model: object, motion: Mapping[str, Any], period_s: float, _duration_s: float) -> RunningLaw:
+        law: Any = own_code.guarded(name, CommandError, given) if callable(given) else given
         inputs = _inputs(name, law)
         if hasattr(law, "start"):
             own_code.guarded(name, CommandError, lambda: law.start(model, period_s))
-        make = namedtuple("Sample", inputs)._make  # noqa: PYI024 - its names are known only now
+        make = namedtuple("Sample", inputs)._make
         step, preview = law.step, preview_of(motion)
 
         def call(values: tuple[float, ...]) -> float:
             return float(step(values[0], make(values[1:]), preview))
 
-        return Running(name, call, ["time", *inputs])
+        return RunningLaw(name, call, ["time", *inputs])
 
     return begin
 
@@ -221,7 +203,7 @@ class _CPreview(ctypes.Structure):
     _fields_ = (("period", ctypes.c_double), ("count", ctypes.c_int64), ("wanted", ctypes.c_void_p))
 
 
-def _compiled(source: str, expected: str | None) -> tuple[str, Callable[..., Running]]:
+def _compiled(source: str, expected: str | None) -> tuple[str, Callable[..., RunningLaw]]:
     """Return the hash of a compiled law's file, and what begins a run of it."""
     path, name = own_code.split(source) or (source, "")
     try:
@@ -250,9 +232,9 @@ def _compiled(source: str, expected: str | None) -> tuple[str, Callable[..., Run
     function.restype = None
     every = [key for key, *_ in _core.control_signals()]
 
-    def begin(_model: LawModel, motion: Mapping[str, Any], period_s: float, duration_s: float) -> Running:
+    def begin(_model: object, motion: Mapping[str, Any], period_s: float, duration_s: float) -> RunningLaw:
         count = round(duration_s / period_s) + 1 + AHEAD
-        rows = np.ascontiguousarray(_core.reference_at(_json(motion), period_s * np.arange(count)))
+        rows = np.ascontiguousarray(_core.reference_at(_json(motion), period_s * np.arange(count, dtype=np.float64)))
         sample = (ctypes.c_double * len(every))()
         command, memory = ctypes.c_double(), ctypes.create_string_buffer(MEMORY + 16)
         preview = _CPreview(period_s, AHEAD, rows.ctypes.data)
@@ -267,7 +249,7 @@ def _compiled(source: str, expected: str | None) -> tuple[str, Callable[..., Run
             preview.wanted += rows.strides[0] if keep else 0
             return command.value
 
-        return Running(source, call, every)
+        return RunningLaw(source, call, every)
 
     return digest, begin
 
@@ -312,9 +294,9 @@ def c_header() -> str:
         "    const pneudrive_wanted *wanted;",
         "} pneudrive_preview;",
         "",
-        f"/* Sets the command of the valve, -1 .. 1. `memory` is {MEMORY} bytes, zero before the first sample of a run.",
-        "   void law(const pneudrive_sample *sample, const pneudrive_preview *preview, double *command, void *memory); */",
-        "typedef void pneudrive_law(const pneudrive_sample *, const pneudrive_preview *, double *, void *);",
+        f"/* Sets the command of the valve, -1 .. 1. `memory` is {MEMORY} bytes, zero before a run's first sample. */",
+        "typedef void pneudrive_law(",
+        "    const pneudrive_sample *sample, const pneudrive_preview *preview, double *command, void *memory);",
         "",
         "#endif",
         "",

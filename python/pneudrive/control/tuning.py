@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import _core, units
 from pneudrive.control.controller import AFTER_S, BAND_M, Controller, HoldBand, gain_quantity
-from pneudrive.control.own_law import OWN, LawModel, OwnLaw, is_own, own_law
+from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.describe import toml
 from pneudrive.describe.base import wrong
@@ -107,6 +107,21 @@ class Plant(Shown):
             ("Coulomb friction", f"{self.coulomb_n:.3g} N"),
             ("stroke", f"{1e3 * self.stroke_m:g} mm"),
         ]
+
+
+class LawModel(NamedTuple):
+    """What a law of one's own is told of its drive before a run.
+
+    Attributes
+    ----------
+    plant : Plant
+        What the drive is to a law: natural frequency, speed at full opening, lag, and so on.
+    drive : Circuit
+        The drive as the law may believe it to be.
+    """
+
+    plant: Plant
+    drive: Circuit
 
 
 @dataclass(frozen=True, repr=False)
@@ -278,7 +293,9 @@ def _table(law: object, controller: Controller | str | Path | None) -> tuple[Con
     assert isinstance(table, Controller)
     folder, where = Path(path).parent, path or None
     named = law.name if isinstance(law, OwnLaw) else law
-    fits = {table.law, _beside(table.law, folder)} | ({named} if table.law == OWN and isinstance(law, OwnLaw) else set())
+    fits = {table.law, _beside(table.law, folder)} | (
+        {named} if table.law == OWN and isinstance(law, OwnLaw) else set()
+    )
     if named is not None and named not in fits:
         what = f'law "{named}" and a controller of law "{table.law}" are given'
         raise CommandError(what, where=where, remedy="Give one.")
@@ -336,6 +353,22 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
         for key, unit, value, meaning, rule in ruled
     )
     return Tuning(table.law, table.period_s, table.hold, table.adaptation, gains, Plant(**plant), belief, source)
+
+
+def believed_by(controller: str | None) -> Drive | Circuit:
+    """Load the drive that a controller file names.
+
+    Raises
+    ------
+    CommandError
+        There is no file, or it names none.
+    DescriptionError
+        A file is not valid.
+    """
+    table, folder, path, _ = _table(None, controller)
+    if table.drive is None:
+        raise CommandError("no drive is named", where=path or None, remedy="Name one: --drive DRIVE.")
+    return _believed(table.drive, folder)[0]
 
 
 def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:

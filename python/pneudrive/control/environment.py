@@ -1,0 +1,245 @@
+"""A drive under a learner's control, as an environment of Gymnasium: ``pneudrive/Position-v0``. Extra ``gym``."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from pneudrive import _core, units
+from pneudrive.control.controller import Controller
+from pneudrive.control.loop import Prepared, prepare
+from pneudrive.control.own_law import OWN, signals
+from pneudrive.control.references import Reference, reference
+from pneudrive.control.setup import Setup, read_setup
+from pneudrive.describe.circuit import compiled
+from pneudrive.describe.drive import Drive
+from pneudrive.errors import CommandError, nearest
+from pneudrive.simulate import positive
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from pneudrive.describe.circuit import Circuit
+
+ID = "pneudrive/Position-v0"
+#: Of an episode without a reference of its own (assumed): moves to places within this share of the stroke, by this
+#: share of the drive's speed at most, each followed by a rest, s.
+WITHIN, FASTEST, REST_S = (0.1, 0.9), (0.1, 0.5), (0.1, 0.5)
+#: Largest speed of a move of one metre in one second, m/s: that of the blend.
+PEAK = 2.1875
+
+
+class _Learner:
+    """Stands for the law that is not there: the environment is given each command."""
+
+    inputs = ()
+
+    def step(self, *_: object) -> float:
+        return float("nan")
+
+
+class PositionEnv(gymnasium.Env):
+    """A piston that is to follow a reference; the action is the command of the valve, -1 .. 1, at each sample.
+
+    An observation is the numbers of `observed`: signals as a law of one's own is given them
+    (`pneudrive.control.signals`), then position and velocity of the reference now and at times ahead. SI units,
+    pressures absolute; the names end in their unit. The reward of a sample is minus the true error in mm. An episode is
+    terminated where the error is beyond `lost` or the drive cannot go on, and truncated after its duration.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit, optional
+        By default ``catalogue:reference``.
+    reference : str, Reference or path-like, optional
+        As `pneudrive.control.reference` reads it; by default moves that are drawn anew for each episode.
+    setup : Setup, str or path-like
+        What stands between drive and command.
+    period, duration, lost : str or float
+        Time between two samples, time of an episode, and error at which a drive is lost.
+    inputs : sequence of str
+        Signals that are observed.
+    ahead : sequence of float
+        Times ahead at which the reference is observed, s.
+    spread : callable, optional
+        ``spread(drive, random)`` returns the drive of an episode; `random` is a ``numpy.random.Generator``. What laws
+        and observer believe is `drive`.
+    law : str, optional
+        A law that runs beside: its command is `law_command`, for `ResidualCommand`.
+    reward : callable, optional
+        ``reward(info)`` in place of minus the error in mm.
+
+    Examples
+    --------
+    >>> import gymnasium
+    >>> env = gymnasium.make("pneudrive.control.environment:pneudrive/Position-v0", duration="50 ms")
+    >>> first, info = env.reset(seed=1)
+    >>> env.unwrapped.observed[:2], first.shape
+    (('position_m', 'velocity_m_s'), (10,))
+    """
+
+    #: Units are those of the names of `observed`; the action is the command of the valve, -1 .. 1.
+    metadata: dict[str, Any] = {"render_modes": [], "units": "SI, in the names of observed"}  # noqa: RUF012 - as Env
+
+    def __init__(
+        self,
+        drive: Drive | Circuit | None = None,
+        *,
+        reference: str | Reference | Path | None = None,
+        setup: Setup | str | Path = "real",
+        period: str | float = "1 ms",
+        duration: str | float = "3 s",
+        lost: str | float = "50 mm",
+        inputs: Sequence[str] = ("position", "velocity", "pressure_a", "pressure_b"),
+        ahead: Sequence[float] = (0.0, 0.01, 0.03),
+        spread: Callable[[Drive | Circuit, np.random.Generator], Drive | Circuit] | None = None,
+        law: str | None = None,
+        reward: Callable[[dict[str, Any]], float] | None = None,
+    ) -> None:
+        known = signals()
+        for name in inputs:
+            if name not in known:
+                raise CommandError(f"there is no signal {name!r}", remedy=nearest(name, known))
+        self.drive = Drive.load("catalogue:reference") if drive is None else drive
+        self.inputs, self.ahead, self.spread = tuple(inputs), tuple(ahead), spread
+        self.duration_s, self.lost_m = positive(duration, "s", "duration"), positive(lost, "m", "lost")
+        self._reference, self._reward = reference, reward
+        self._setup, _ = read_setup(setup)
+        self._law: Any = _Learner() if law is None else law
+        self._controller = Controller(law=OWN if law is None else law, period_s=positive(period, "s", "period"))
+        #: Command of the law that runs beside, at the sample that waits for an action; not a number without a law.
+        self.law_command = float("nan")
+        # What an episode begins with but its drive and reference; it also refuses what is wrong now.
+        self._prepared = self._prepare(self.drive, "0 m; 0.1 s: 1 um in 0.1 s" if reference is None else reference)
+        self.observed = (
+            *(units.column_name(name, known[name][0]) for name in self.inputs),
+            *(f"reference_{1e3 * t:g}_ms_{what}" for t in self.ahead for what in ("m", "m_s")),
+        )
+        self.observation_space = spaces.Box(-np.inf, np.inf, (len(self.observed),), np.float64)
+        self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float64)
+        self._loop: _core.ControlLoop | None = None
+
+    def _prepare(self, drive: Drive | Circuit, along: str | Reference | Path) -> Prepared:
+        law = self._law if isinstance(self._law, _Learner) else None
+        told = {"setup": self._setup, "duration": self.duration_s, "believes": self.drive}
+        return prepare(drive, law, along, controller=self._controller, **told)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float64], dict[str, Any]]:
+        """Begin an episode; `options` may hold a reference for it. Equal seeds give equal bits."""
+        super().reset(seed=seed)
+        along = (options or {}).get("reference", self._reference)
+        if along is None:
+            along = self._drawn()
+        drive = self.drive if self.spread is None else self.spread(self.drive, self.np_random)
+        same = drive is self.drive and along is self._reference
+        prepared = self._prepared = self._prepared if same else self._prepare(drive, along)
+        motion, circuit = prepared.reference.core(), prepared.circuit
+        noise = prepared.setup.core(int(self.np_random.integers(2**63 - 1)), circuit.ambient.pressure_pa)
+        try:
+            self._loop = _core.ControlLoop(
+                compiled(circuit.core_json()),
+                prepared.start,
+                json.dumps(prepared.tuning.core()),
+                json.dumps(motion),
+                json.dumps(noise),
+                prepared.duration_s,
+                prepared.rtol,
+                list(self.inputs),
+            )
+        except ValueError as error:
+            raise CommandError(f"the episode cannot begin: {error}") from None
+        self._at = _core.ControlReference(json.dumps(motion)).at
+        self._tick, self._last = 0, round(prepared.duration_s / prepared.tuning.period_s)
+        observation, info = self._observe()
+        return observation, info | {"reference": prepared.reference.text}
+
+    def step(self, action: Any) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:  # noqa: ANN401
+        """Give the command and go on to the next sample."""
+        if self._loop is None:
+            raise CommandError("the episode has not begun", remedy="Call reset first.")
+        command = float(np.asarray(action).reshape(()) if np.ndim(action) == 0 else action[0])
+        try:
+            self._loop.give(min(max(command, -1.0), 1.0))
+            self._tick += 1
+            observation, info = self._observe()
+        except RuntimeError as error:
+            self._loop = None
+            nowhere = np.zeros(self.observation_space.shape or ())
+            return nowhere, -1e3 * self.lost_m, True, False, {"reason": str(error)}
+        lost = abs(info["error_m"]) > self.lost_m
+        reward = -1e3 * abs(info["error_m"]) if self._reward is None else float(self._reward(info))
+        return observation, reward, lost, self._tick >= self._last, info
+
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """Return the columns of the episode so far, as a run of `pneudrive.control.run` has them, SI units."""
+        return {} if self._loop is None else self._loop.columns()
+
+    def _observe(self) -> tuple[NDArray[np.float64], dict[str, Any]]:
+        assert self._loop is not None
+        seen, truth = self._loop.observe(), self._loop.truth
+        if seen is None or truth is None:
+            raise CommandError("the episode is over", remedy="Call reset.")
+        t = self._tick * self._prepared.tuning.period_s
+        wanted = self._at(t)[0]
+        *measured, self.law_command = seen
+        for by in self.ahead:
+            measured += self._at(t + by)[:2]
+        info = {"time_s": t, "error_m": wanted - truth[0], "position_m": truth[0], "law_command": self.law_command}
+        return np.array(measured), info
+
+    def _drawn(self) -> Reference:
+        """Draw moves for an episode."""
+        plant, draw = self._prepared.tuning.plant, self.np_random.uniform
+        place = start = plant.stroke_m * draw(*WITHIN)
+        moves, t = [], draw(*REST_S)
+        while t < self.duration_s or not moves:
+            to = plant.stroke_m * draw(*WITHIN)
+            takes = max(PEAK * abs(to - place) / (plant.speed_m_s * draw(*FASTEST)), 0.05)
+            moves.append(f"{t!r} s: {to!r} m in {takes!r} s")
+            place, t = to, t + takes + draw(*REST_S)
+        return reference("; ".join([f"{start!r} m", *moves]))
+
+
+class ResidualCommand(gymnasium.ActionWrapper):
+    """The action is added to the command of the law that runs beside: ``PositionEnv(law="pva")``.
+
+    Parameters
+    ----------
+    env : Env
+        A `PositionEnv` with a law.
+    scale : float
+        Share of the full command that an action of 1 adds.
+
+    Raises
+    ------
+    CommandError
+        The environment has no law.
+    """
+
+    def __init__(self, env: gymnasium.Env, scale: float = 0.2) -> None:
+        super().__init__(env)
+        inner = env.unwrapped
+        if not isinstance(inner, PositionEnv) or isinstance(inner._law, _Learner):
+            raise CommandError("a residual needs a law to add to", remedy='Make the environment with law="pva".')
+        self._inner, self.scale = inner, scale
+
+    def action(self, action: Any) -> NDArray[np.float64]:  # noqa: ANN401 - of any environment
+        """Return the law's command with the residual."""
+        return np.clip(self._inner.law_command + self.scale * np.asarray(action, dtype=float), -1.0, 1.0)
+
+
+def register_envs() -> None:
+    """Register the environment; Gymnasium calls it for installed packages."""
+    if ID not in gymnasium.registry:
+        gymnasium.register(id=ID, entry_point=f"{__name__}:PositionEnv")
+
+
+register_envs()

@@ -1,0 +1,235 @@
+"""Laws of one's own, laws as source code, and the environment of a learner, each from a description to a run."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import shutil
+import subprocess
+import types
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import pneudrive as pn
+from oracle.structured_text import FunctionBlock
+from pneudrive import own_code
+from pneudrive.cli.main import run
+from pneudrive.errors import CommandError
+from pneudrive.trajectory import columns
+
+AXIS = Path(__file__).parents[2] / "examples" / "controlled_axis.toml"
+STEP = "220 mm; 0.1 s: 240 mm in 0.2 s"
+CLOCK = "step_time_s"
+needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no compiler of C")
+
+MINE = """
+class Law:
+    inputs = ("position", "velocity")
+
+    def start(self, model, period):
+        self.speed = model.plant.speed_m_s
+
+    def step(self, t, sample, preview):
+        now, later = preview.at(t), preview.at(t + 0.004)
+        return later[1] / self.speed + 3.0 * (now[0] - sample.position) - 0.05 * (sample.velocity - now[1])
+
+class Raises(Law):
+    def step(self, t, sample, preview):
+        return super().step(t, sample, preview) / (t < 0.05)
+
+class NoNumber(Law):
+    def step(self, t, sample, preview):
+        return float("nan") if t > 0.05 else 0.0
+
+class Forgets(Law):
+    def step(self, t, sample, preview):
+        pass
+
+class Asks(Law):
+    inputs = ("positon",)
+
+class Nothing:
+    pass
+"""
+C = """
+#include "pneudrive_law.h"
+void law(const pneudrive_sample *s, const pneudrive_preview *p, double *u, void *memory)
+{
+    double *speed = memory;  /* zero at first */
+    const pneudrive_wanted *now = p->wanted, *later = p->wanted + 4;
+    if (speed[0] == 0.0) speed[0] = SPEED;
+    *u = later->velocity / speed[0] + 3.0 * (now->position - s->position) - 0.05 * (s->velocity - now->velocity);
+}
+void silent(const pneudrive_sample *s, const pneudrive_preview *p, double *u, void *memory)
+{
+    (void)s; (void)p; (void)u; (void)memory;
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def axis():
+    return pn.Circuit.load(AXIS)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("own")
+    (path / "mine.py").write_text(MINE)
+    return path
+
+
+def _compiled(folder, *files, name="mine.so", options=()):
+    target = folder / name
+    strict = ["gcc", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-fPIC", "-shared", *options]
+    subprocess.run([*strict, *map(str, files), "-o", str(target), "-lm"], check=True, cwd=folder)
+    return target
+
+
+def _command(*options, out=None):
+    written = [] if out is None else ["--out", str(out)]
+    return ["control", "run", str(AXIS), "--reference", STEP, "--duration", "0.4 s", *written, *options]
+
+
+@needs_gcc
+def test_one_law_in_python_in_c_and_from_an_object_gives_the_same_run(folder, axis, capsys):
+    assert run(["control", "header", "--out", str(folder / "pneudrive_law.h")]) == 0
+    (folder / "mine.c").write_text(C)
+    speed = pn.control.tune(axis).plant.speed_m_s
+    _compiled(folder, "mine.c", options=[f"-DSPEED={speed!r}"])
+    tables = []
+    for law in ("mine.py:Law", "mine.so:law"):
+        out = folder / "run.parquet"
+        assert run(_command("--law", str(folder / law), out=out)) == 0
+        tables.append(pl.read_parquet(out).drop(CLOCK))
+    assert "simulated" in capsys.readouterr().out
+    law = own_code.load(f"{folder / 'mine.py'}:Law", CommandError)
+    for given in (law, law()):
+        again = pn.control.run(axis, given, reference=STEP, duration="0.4 s")
+        assert again.attrs["law"] == "Law"
+        tables.append(pl.DataFrame(columns(again)).drop(CLOCK))
+    error = (tables[0]["reference_m"] - tables[0]["position_m"]).abs()
+    assert 1e-5 < error.max() < 5e-3  # it leads the piston, as well as such a law does
+    for other in tables[1:]:
+        assert np.abs(other["command"].to_numpy() - tables[0]["command"].to_numpy()).max() < 1e-12
+
+
+WRONG = {
+    "raises": (["--law", "mine.py:Raises"], "fails at t = 0.05 s: ZeroDivisionError", "mine.py:14"),
+    "no number": (["--law", "mine.py:NoNumber"], "it returns nan", "a finite number"),
+    "nothing": (["--law", "mine.py:Forgets"], "fails at t = 0 s: TypeError", "NoneType"),
+    "input": (["--law", "mine.py:Asks"], "there is no input 'positon'", "'position'"),
+    "no law": (["--law", "mine.py:Nothing"], "has no inputs: it is no law", "velocity"),
+    "no class": (["--law", "mine.py:Lav"], "no function or class", "'Law'"),
+    "no file": (["--law", "yours.py:Law"], "there is no file", "yours.py"),
+    "no library": (["--law", "yours.so:law"], "there is no file", "yours.so"),
+    "a file names code": (["--controller", "own.toml"], "was not told to run", "--allow-code"),
+    "two laws": (["--controller", "own.toml", "--law", "pid"], 'law "pid" and a controller', "Give one"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_law_that_fails_gives_one_message(case, folder, capsys, monkeypatch):
+    monkeypatch.chdir(folder)
+    Path("own.toml").write_text('schema = 1\nlaw = "mine.py:Law"\n')
+    options, *words = WRONG[case]
+    assert run(_command(*options)) in (1, 2)
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "Traceback" not in said.err
+    for word in words:
+        assert word in said.err
+
+
+def test_a_controller_file_runs_code_that_the_user_allows(folder, capsys, monkeypatch):
+    monkeypatch.chdir(folder)
+    Path("own.toml").write_text('schema = 1\nlaw = "mine.py:Law"\nperiod = "0.5 ms"\n')
+    allowed = own_code.sha256("mine.py:Law")
+    assert run(_command("--controller", "own.toml", "--allow-code", allowed, out=Path("run.csv"))) == 0
+    assert len(pl.read_csv("run.csv")) == 801  # at the file's period
+    assert run(_command("--controller", "own.toml", "--allow-code", "0" * 64)) == 2
+    assert "differs from the allowed one" in capsys.readouterr().err
+    assert run(_command("--controller", "own.toml", "--law", "mine.py:Law")) == 0
+
+
+def test_a_comparison_keeps_a_law_that_fails_as_lost(folder, axis, capsys, monkeypatch):
+    monkeypatch.chdir(folder)
+    compared = ["--laws", "pva,mine.py:Law,mine.py:Raises", "--references", STEP, "--seeds", "1", "--out", "compared"]
+    assert run(["control", "compare", str(AXIS), *compared]) == 0
+    table = pl.read_csv("compared/score.csv")
+    reasons = dict(zip(table["law"], table["reason"], strict=True))
+    assert not reasons["pva"]
+    assert not reasons["mine.py:Law"]
+    assert "ZeroDivisionError" in reasons["mine.py:Raises"]
+
+
+def test_ctrl_c_within_a_law_ends_the_run(axis):
+    law = types.SimpleNamespace(inputs=(), step=lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        pn.control.run(axis, law, reference=STEP)
+
+
+class Exported:
+    """A law of one's own that runs exported source, and keeps what it was given and gave."""
+
+    inputs = ("position", "pressure_a", "pressure_b")
+
+    def __init__(self, library, name, gains, ahead_s):
+        self.step_in_c = ctypes.CDLL(str(library))[f"{name}_step"]
+        self.gains = ctypes.byref((ctypes.c_double * gains).in_dll(ctypes.CDLL(str(library)), f"{name}_tuned"))
+        self.ahead_s, self.samples = ahead_s, []
+
+    def start(self, model, period):
+        self.memory = (ctypes.c_double * 200)()
+
+    def step(self, t, sample, preview):
+        now, then = preview.at(t), preview.at(t + self.ahead_s)
+        stands = float(preview.at(t)[1:] == (0.0, 0.0, 0.0) and not 0.1 - self.ahead_s <= t < 0.3)
+        given = (ctypes.c_double * 12)(*sample, *now, *then, stands)
+        out = (ctypes.c_double * 4)()
+        self.step_in_c(self.gains, self.memory, given, out)
+        self.samples.append((list(given), list(out)))
+        return out[0]
+
+
+@needs_gcc
+@pytest.mark.parametrize("law", ["pid", "pva", "fuzzy", "sliding-mode", "super-twisting", "inversion"])
+def test_exported_c_runs_the_drive_as_its_law_does(law, tmp_path, axis, capsys):
+    """Along a move and a rest, in which it holds: the command in each sample, from sensors to valve."""
+    assert run(["control", "export", law, "--drive", str(AXIS), "--to", "c", "--out", str(tmp_path)]) == 0
+    assert "learns nothing" in capsys.readouterr().out
+    name = f"pneudrive_{law.replace('-', '_')}"
+    library = _compiled(tmp_path, f"{name}.c", name=f"{name}.so")
+    ahead = float(re.search(r"now and (\S+) s later", (tmp_path / f"{name}.h").read_text())[1])
+    controller = pn.control.Controller(law=law, adaptation=False)
+    told = {"reference": STEP, "duration": "0.6 s"}
+    expected = pn.control.run(axis, controller=controller, **told)
+    exported = Exported(library, name, len(expected.attrs["gains"]), ahead)
+    found = pn.control.run(axis, exported, **told)
+    assert np.abs(found.command.values - expected.command.values).max() <= 1e-12
+    assert np.abs(expected.command.values).max() > 0.05
+    if law == "inversion":
+        assert expected.holds.values.any()
+        _check_structured_text(tmp_path, exported.samples)
+
+
+def _check_structured_text(folder, samples):
+    """Read the same law in structured text by a grammar of what it uses, and run it: no compiler for PLCs is here."""
+    assert run(["control", "export", "inversion", "--drive", str(AXIS), "--to", "st", "--out", str(folder)]) == 0
+    block = FunctionBlock((folder / "pneudrive_inversion.st").read_text())
+    for given, out in samples:
+        found = block.run(**dict(zip(block.inputs[: len(given)], given, strict=True)))
+        assert found["command"] == pytest.approx(out[0], abs=1e-10)  # its tanh is made of exponentials
+        assert found["velocity"] == pytest.approx(out[1], abs=1e-10)
+
+
+def test_what_cannot_be_exported_is_said(tmp_path, capsys):
+    export = ["control", "export", "--to", "c", "--out", str(tmp_path)]
+    assert run([*export, "nmpc", "--drive", str(AXIS)]) == 2
+    assert "nmpc cannot be exported" in capsys.readouterr().err
+    assert run([*export, "pid"]) == 2
+    assert "--drive" in capsys.readouterr().err
+    assert run(["control", "export", "pid", "--drive", str(AXIS), "--to", "ada", "--out", str(tmp_path)]) == 2

@@ -1,0 +1,90 @@
+"""The environment of a learner: what Gymnasium asks of one, and the run of a law that it must give."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive.errors import CommandError
+
+gymnasium = pytest.importorskip("gymnasium")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402 - behind what it needs
+
+from pneudrive.control.environment import ID, PositionEnv, ResidualCommand  # noqa: E402
+
+AXIS = Path(__file__).parents[2] / "examples" / "controlled_axis.toml"
+STEP = "220 mm; 0.02 s: 222 mm in 0.1 s"
+
+
+@pytest.fixture(scope="module")
+def axis():
+    return pn.Circuit.load(AXIS)
+
+
+def test_gymnasium_accepts_it():
+    env = gymnasium.make(ID, duration="20 ms")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "(?s).*(infinity|pneudrive/Position-v0|version).*")
+        check_env(env.unwrapped, skip_render_check=True)
+
+
+def _episode(env, actions, **begin):
+    observation, _ = env.reset(**begin)
+    rows = [observation]
+    for action in actions:
+        observation, reward, terminated, truncated, info = env.step(action)
+        rows.append([*observation, reward])
+        if terminated or truncated:
+            break
+    return rows, terminated, truncated, info
+
+
+def test_equal_seeds_give_equal_bits_also_with_drives_and_references_that_are_drawn(axis):
+    def heavier(drive, random):
+        return drive.replace({"components.cylinder.moving_mass": f"{random.uniform(1.5, 3.0)} kg"})
+
+    env = PositionEnv(axis, spread=heavier, duration="40 ms")
+    actions = np.random.default_rng(1).uniform(-0.2, 0.2, (40, 1))
+    first, other, again = (np.concatenate(_episode(env, actions, seed=seed)[0]) for seed in (1, 2, 1))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first[:4], other[:4])
+
+
+def test_an_episode_ends_after_its_time_or_where_the_drive_is_lost(axis):
+    env = PositionEnv(axis, reference=STEP, duration="0.3 s", lost="5 mm")
+    *_, terminated, truncated, info = _episode(env, np.zeros((400, 1)), seed=1)
+    assert (terminated, truncated) == (False, True)
+    assert info["time_s"] == pytest.approx(0.3)
+    rows, terminated, truncated, info = _episode(env, np.ones((400, 1)), seed=1)
+    assert (terminated, truncated) == (True, False)
+    assert info["error_m"] < -5e-3  # opening drives it to +x, beyond the reference
+    assert rows[-1][-1] == pytest.approx(1e3 * info["error_m"])
+    _episode(env, np.zeros((400, 1)), seed=1)
+    with pytest.raises(CommandError, match="over"):
+        env.step([0.0])
+
+
+def test_a_residual_of_nothing_is_the_run_of_the_law(axis):
+    env = ResidualCommand(gymnasium.make(ID, drive=axis, law="pva", reference=STEP, duration="0.2 s", setup="ideal"))
+    _, terminated, truncated, info = _episode(env, np.zeros((400, 1)), seed=1)
+    assert (terminated, truncated) == (False, True)
+    run = pn.control.run(axis, "pva", reference=STEP, duration="0.2 s", setup="ideal")
+    columns = env.unwrapped.columns()
+    assert np.array_equal(columns["command"], run.command.values[:-1])
+    assert np.array_equal(columns["position_m"], run.position.values[:-1])
+    assert info["position_m"] == run.position.values[-1]
+    rows, *_ = _episode(env, np.full((400, 1), 0.5), seed=1)
+    assert rows[-1][0] > info["position_m"] + 1e-4  # half of a fifth of the command beside it
+    with pytest.raises(CommandError, match="needs a law"):
+        ResidualCommand(PositionEnv(axis))
+
+
+def test_wrong_arguments_are_refused_when_it_is_made(axis):
+    for told, word in (({"inputs": ["speed"]}, "signal"), ({"duration": "-1 s"}, "duration"), ({"law": "pdi"}, "pid")):
+        with pytest.raises(pn.errors.PneudriveError, match=word):
+            PositionEnv(axis, **told)
