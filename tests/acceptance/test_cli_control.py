@@ -102,7 +102,7 @@ FILES = {
     "gain of no number": ('law = "nmpc"\n[gains]\nmove_penalty = nan', "out of bounds", ":4"),
     "unit of a gain": ('law = "nmpc"\n[gains]\nbandwidth = "90 mm"', '"mm"', ":4"),
     "hold": ('law = "nmpc"\nhold = true', "True is not a table", "hold = false"),
-    "own code": ('law = "mine.py:Law"', "is not known", "super-twisting"),
+    "own code": ('law = "mine.py:Law"', "was not told to run", "--law mine.py:Law"),
     "another drive": ('law = "nmpc"\ndrive = "nowhere.toml"', "nowhere.toml", "no file"),
 }
 FALLING = '[[disturbances]]\nat = "2 s"\nforce = "1 N"\n[[disturbances]]\nat = "1 s"\nforce = "1 N"'

@@ -112,7 +112,7 @@ def test_one_law_in_python_in_c_and_from_an_object_gives_the_same_run(folder, ax
         assert again.attrs["law"] == "Law"
         tables.append(pl.DataFrame(columns(again)).drop(CLOCK))
     error = (tables[0]["reference_m"] - tables[0]["position_m"]).abs()
-    assert 1e-5 < error.max() < 5e-3  # it leads the piston, as well as such a law does
+    assert error[-1] < 2e-3 < error.max() < 2e-2  # it leads the piston, as well as such a law does
     for other in tables[1:]:
         assert np.abs(other["command"].to_numpy() - tables[0]["command"].to_numpy()).max() < 1e-12
 

@@ -112,7 +112,8 @@ class PositionEnv(gymnasium.Env):
         self._reference, self._reward = reference, reward
         self._setup, _ = read_setup(setup)
         self._law: Any = _Learner() if law is None else law
-        self._controller = Controller(law=OWN if law is None else law, period_s=positive(period, "s", "period"))
+        told = {"law": OWN if law is None else law, "period": f"{positive(period, 's', 'period')!r} s"}
+        self._controller = Controller.model_validate(told)
         #: Command of the law that runs beside, at the sample that waits for an action; not a number without a law.
         self.law_command = float("nan")
         # What an episode begins with but its drive and reference; it also refuses what is wrong now.
@@ -192,7 +193,9 @@ class PositionEnv(gymnasium.Env):
         *measured, self.law_command = seen
         for by in self.ahead:
             measured += self._at(t + by)[:2]
-        info = {"time_s": t, "error_m": wanted - truth[0], "position_m": truth[0], "law_command": self.law_command}
+        info = {"time_s": t, "error_m": wanted - truth[0], "position_m": truth[0]}
+        if not isinstance(self._law, _Learner):
+            info["law_command"] = self.law_command
         return np.array(measured), info
 
     def _drawn(self) -> Reference:
