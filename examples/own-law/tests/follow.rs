@@ -26,14 +26,8 @@ fn errors(law: impl control::OwnLaw + 'static) -> Result<[f64; 2], Error> {
         network.start_names().iter().map(|name| (name.to_string(), value(name))).collect();
     let session = network.session(&start, Options { rtol: 1e-5, ..Options::default() })?;
     let position = PositionSensor { resolution_m: 5e-6, noise_m: 1e-6 };
-    let setup = Setup {
-        position,
-        pressures: None,
-        command_bits: 12,
-        computing_time_s: 0.0,
-        forces: vec![],
-        seed: 1,
-    };
+    let setup =
+        Setup { position, pressures: None, command_bits: 12, computing_time_s: 0.0, forces: vec![], seed: 1 };
     let spec = Controller {
         law: Own::KEY.into(),
         period_s: 1e-3,
@@ -47,8 +41,12 @@ fn errors(law: impl control::OwnLaw + 'static) -> Result<[f64; 2], Error> {
     let reference =
         Reference::Moves { start: BEGIN, moves: vec![Move { begin: 0.1, duration: 0.3, to: END }] };
     let mut never = |_| false;
-    let rows =
-        Loop::new(session, &axis, &setup)?.run(&mut controller, &reference, 0.6, &mut Look::new(&mut never))?;
+    let rows = Loop::new(session, &axis, &setup)?.run(
+        &mut controller,
+        &reference,
+        0.6,
+        &mut Look::new(&mut never),
+    )?;
     let error = |row: &[f64]| (row[5] - row[1]).abs();
     let last = rows.last().map_or(f64::NAN, |row| error(row));
     Ok([rows.iter().map(|row| error(row)).fold(0.0, f64::max), last])
