@@ -46,7 +46,7 @@ pub unsafe extern "C" fn pneudrive_create(json: *const c_char, message: *mut c_c
                 Listener { logger: Logger::None, environment: ptr::null_mut(), name: CString::default() };
             let Some(json) = text(json) else { return refuse("the description is not a text in UTF-8") };
             let mut drive = Instance::new(json, None, false, listener)?;
-            drive.begin()?;
+            drive.kept.model.n_states()?; // it can begin
             Ok(drive)
         }));
         let why = match made {
@@ -88,7 +88,12 @@ pub unsafe extern "C" fn pneudrive_set(drive: Drive, name: *const c_char, value:
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pneudrive_step(drive: Drive, by_s: f64) -> c_int {
     // SAFETY: the header says what pointers are.
-    unsafe { act(drive, |own| own.kept.model.step(own.kept.model.time(), by_s)) }
+    unsafe {
+        act(drive, |own| {
+            own.kept.model.begin()?;
+            own.kept.model.step(own.kept.model.time(), by_s)
+        })
+    }
 }
 
 #[unsafe(no_mangle)]

@@ -11,16 +11,20 @@ import typer
 from pneudrive.cli.options import option
 
 #: Tools that take a whole drive.
-_WHOLE = ("fmu",)
+_WHOLE = ("fmu", "c")
 
 
 def export(
     source: Annotated[str, typer.Argument(help="Fit (fit.toml), or drive file.", metavar="FIT|DRIVE")],
     to: Annotated[
         str,
-        typer.Option(help="Friction: simscape, modelica or csv. A whole drive or circuit: fmu.", metavar="TOOL"),
+        typer.Option(
+            help="Friction: simscape, modelica, csv or st. A whole drive or circuit: fmu or c.", metavar="TOOL"
+        ),
     ],
-    out: Annotated[Path | None, typer.Option(help="File; default: standard output.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="File, for c a folder; default for friction: standard output.")
+    ] = None,
     pressure_a: Annotated[
         str | None,
         typer.Option(help='Pressure in chamber a, e.g. "3 bar gauge"; default: middle of the measured ones.'),
@@ -38,9 +42,9 @@ def export(
         str | None, typer.Option(help='Start state of a drive, e.g. "position = 50 mm, pressure_a = 3 bar abs".')
     ] = None,
 ) -> None:
-    """Write friction as another tool's law, with its error and losses; or a drive as an FMU."""
+    """Write friction as another tool's law, with its error and losses; or a drive as an FMU or for C."""
     if to in _WHOLE:
-        _export_whole(source, out, fmi, actuator, initial)
+        _export_whole(source, to, out, fmi, actuator, initial)
         return
     from pneudrive.describe.drive import Drive
     from pneudrive.errors import CommandError
@@ -78,15 +82,24 @@ def export(
     typer.echo(str(done.write(out)))
 
 
-def _export_whole(source: str, out: Path | None, fmi: str, actuator: bool, initial: str | None) -> None:
+def _export_whole(source: str, to: str, out: Path | None, fmi: str, actuator: bool, initial: str | None) -> None:
     """Write a drive or a circuit for another tool, and say what that tool sees of it."""
     from pneudrive.describe.load import load_described
     from pneudrive.errors import CommandError
-    from pneudrive.fmu.package import export_fmu
 
     if out is None:
-        raise CommandError("--out is missing: an FMU is a file", remedy="Write --out drive.fmu.")
-    done = export_fmu(load_described(source), out, version=fmi, actuator=actuator, initial=initial)
+        what, remedy = ("an FMU is a file", "drive.fmu") if to == "fmu" else ("C needs a folder", "drive_c")
+        raise CommandError(f"--out is missing: {what}", remedy=f"Write --out {remedy}.")
+    drive = load_described(source)
+    if to == "c":
+        from pneudrive.fmu.c_folder import export_c
+
+        for path in export_c(drive, out, initial=initial):
+            typer.echo(str(path))
+        return
+    from pneudrive.fmu.package import export_fmu
+
+    done = export_fmu(drive, out, version=fmi, actuator=actuator, initial=initial)
     for note in done.notes:
         sys.stderr.write(f"- {note}\n")
     typer.echo(f"{done.path}: FMI {done.version}, token {done.token}")

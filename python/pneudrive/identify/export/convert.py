@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError, nearest
+from pneudrive.identify.export.structured_text import spline_of, structured_text
 from pneudrive.show import Shown
 from pneudrive.trajectory import whole
 
@@ -254,8 +255,20 @@ def _csv(curve: SlidingCurve) -> Exported:
     return Exported("csv", (), curve, curve.friction_n, curve.lost, ".csv", out.getvalue())
 
 
+def _st(curve: SlidingCurve) -> Exported:
+    coefficients, converted = spline_of(curve)
+    lost = (*curve.lost, "sticking and presliding: below the lowest speed the force is proportional to the velocity")
+    text = structured_text(curve, _remarks(curve, converted, lost), coefficients)
+    return Exported("st", (), curve, converted, lost, ".st", text)
+
+
 #: Tool -> conversion.
-TOOLS: dict[str, Callable[[SlidingCurve], Exported]] = {"simscape": _simscape, "modelica": _modelica, "csv": _csv}
+TOOLS: dict[str, Callable[[SlidingCurve], Exported]] = {
+    "simscape": _simscape,
+    "modelica": _modelica,
+    "csv": _csv,
+    "st": _st,
+}
 
 
 def check_tool(to: str) -> None:
@@ -267,7 +280,7 @@ def check_tool(to: str) -> None:
     """
     if to in TOOLS:
         return
-    raise FitError(f"the export to {to!r} is not available", remedy=nearest(to, (*TOOLS, "fmu")))
+    raise FitError(f"the export to {to!r} is not available", remedy=nearest(to, (*TOOLS, "fmu", "c")))
 
 
 def export(curve: SlidingCurve, to: str) -> Exported:
@@ -277,7 +290,7 @@ def export(curve: SlidingCurve, to: str) -> Exported:
     ----------
     curve : SlidingCurve
     to : str
-        ``simscape``, ``modelica`` or ``csv``.
+        ``simscape``, ``modelica``, ``csv`` or ``st`` (structured text of a PLC).
 
     Raises
     ------

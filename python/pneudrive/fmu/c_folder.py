@@ -1,0 +1,65 @@
+"""A drive for C programs: a folder with the header, the library, the plan and an example."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pneudrive.errors import CommandError
+from pneudrive.fmu.library import library_path
+from pneudrive.fmu.package import complete_plan
+from pneudrive.fmu.variables import RTOL
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+    from pneudrive.describe.parts import Initial
+
+HEADER, EXAMPLE, PLAN = "pneudrive.h", "example.c", "drive.json"
+
+
+def export_c(
+    drive: Drive | Circuit,
+    folder: str | Path,
+    *,
+    initial: Initial | Mapping[str, object] | str | None = None,
+    rtol: float = RTOL,
+) -> tuple[Path, ...]:
+    """Write a drive or a circuit for C programs: pneudrive.h, the library, drive.json and example.c.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+    folder : path-like
+        Made if it does not exist; files of these names in it are replaced.
+    initial : Initial, dict or str, optional
+        Start state, as for `pneudrive.simulate`.
+    rtol : float
+        Relative tolerance of the solver.
+
+    Returns
+    -------
+    tuple of Path
+        The files.
+
+    Raises
+    ------
+    CommandError
+        The folder cannot be written, or this installation lacks the library.
+    DescriptionError
+        The start state does not fit.
+    """
+    plan = complete_plan(drive, initial, rtol)
+    target, own = Path(folder), Path(__file__).parent
+    library = library_path()
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        for source in (own / HEADER, own / EXAMPLE, library):
+            shutil.copyfile(source, target / source.name)
+        (target / PLAN).write_text(plan.json(), encoding="utf-8")
+    except OSError as error:
+        raise CommandError(f"{target} cannot be written: {error.strerror}") from None
+    return tuple(target / name for name in (HEADER, library.name, PLAN, EXAMPLE))

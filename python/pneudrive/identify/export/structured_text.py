@@ -1,0 +1,135 @@
+"""The friction curve as one function of a PLC (IEC 61131-3, structured text), for a feed-forward.
+
+Between the lowest and the highest speed the curve is a cubic spline over u = ln v with evenly spaced knots, so that the
+interval is found without a search:
+
+  u = (ln |v| - ln v_low)/h,   k = trunc(u),   d = u - k
+  F = sign(v) (c0 + c1 d + c2 d^2 + c3 d^3)                                                         [N]
+
+Below the lowest speed F = F(v_low) v/v_low, so that it passes zero without a jump; above the highest one it goes on as
+a line with the slope that it has there.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import FitError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.identify.friction_curve import SlidingCurve
+
+    Array = NDArray[np.float64]
+
+#: Numbers of intervals that are tried; each divides the 399 of a curve.
+INTERVALS = (19, 57, 133, 399)
+#: Relative deviation that is allowed at the curve's speeds; midway between knots it is a quarter larger at most.
+ACCURACY = 5e-7
+#: By so much the deviation falls from the last but one number of intervals to the last, at which there is none at the
+#: curve's speeds: the error of a cubic spline falls with the fourth power of the interval.
+FALL = 3.0**4
+
+
+def spline_of(curve: SlidingCurve) -> tuple[Array, Array]:
+    """Return the coefficients of the shortest spline that is accurate enough, and its values at the curve's speeds.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (intervals, 4)
+        c0 to c3 of each interval, over its own length.
+    friction_n : ndarray, shape (n,)
+
+    Raises
+    ------
+    FitError
+        No spline is accurate enough: the curve has a kink.
+    """
+    from scipy.interpolate import CubicSpline
+
+    last = curve.speed_m_s.size - 1
+    before = worst = np.inf
+    for intervals in INTERVALS:
+        knots = np.arange(0, last + 1, last // intervals)
+        spline = CubicSpline(np.arange(intervals + 1), curve.friction_n[knots])
+        friction = spline(np.linspace(0.0, intervals, last + 1))
+        before, worst = worst, float(np.abs(friction / curve.friction_n - 1.0).max())
+        if max(worst, before / FALL if intervals == last else 0.0) < ACCURACY:
+            return spline.c[::-1].T.copy(), friction
+    raise FitError(
+        "the curve has a kink that a spline does not follow",
+        value=f"deviation of {before / FALL:.1e}",
+        rule=f"below {ACCURACY:g} of the friction",
+        remedy="Choose a narrower range of speeds.",
+    )
+
+
+def structured_text(curve: SlidingCurve, remarks: list[str], coefficients: Array) -> str:
+    """Return the function as structured text.
+
+    Parameters
+    ----------
+    curve : SlidingCurve
+    remarks : list of str
+        On its range, accuracy and losses.
+    coefficients : ndarray, shape (intervals, 4)
+    """
+    low, high = float(curve.speed_m_s[0]), float(curve.speed_m_s[-1])
+    intervals = len(coefficients)
+    step = np.log(high / low) / intervals
+    end = float(coefficients[-1].sum())
+    slope = float(coefficients[-1] @ [0.0, 1.0, 2.0, 3.0]) / step / high
+    table = ",\n    ".join(", ".join(_real(float(value)) for value in row) for row in coefficients)
+    said = "\n".join(f"   {one.replace('*)', '* )')}" for one in (f"{curve.title}. Written by pneudrive.", *remarks))
+    at = [f"{gauge / 1e5:.6g} bar" for gauge in (curve.gauge_a_pa, curve.gauge_b_pa)]
+    return f"""(* Friction over velocity, for a feed-forward.
+{said}
+   Gauge pressures of the curve: chamber a {at[0]}, chamber b {at[1]}. *)
+FUNCTION PneudriveFriction : LREAL (* N, with the sign of the velocity *)
+VAR_INPUT
+    v : LREAL; (* velocity, m/s *)
+END_VAR
+VAR CONSTANT
+    c : ARRAY[0..{4 * intervals - 1}] OF LREAL := [
+    {table}];
+END_VAR
+VAR
+    s : LREAL;
+    u : LREAL;
+    f : LREAL;
+    k : DINT;
+END_VAR
+s := ABS(v);
+IF s <= {_real(low)} THEN
+    PneudriveFriction := {_real(float(coefficients[0, 0]) / low)} * v;
+    RETURN;
+END_IF;
+IF s >= {_real(high)} THEN
+    f := {_real(end)} + {_real(slope)} * (s - {_real(high)});
+ELSE
+    u := (LN(s) + {_real(-float(np.log(low)))}) / {_real(float(step))};
+    k := MIN(TRUNC(u), {intervals - 1});
+    u := u - DINT_TO_LREAL(k);
+    f := ((c[4 * k + 3] * u + c[4 * k + 2]) * u + c[4 * k + 1]) * u + c[4 * k];
+END_IF;
+IF v < 0.0 THEN
+    f := -f;
+END_IF;
+PneudriveFriction := f;
+END_FUNCTION
+"""
+
+
+def _real(value: float) -> str:
+    """Return a number as IEC 61131-3 writes it, with a point.
+
+    Examples
+    --------
+    >>> _real(3.0), _real(-2e-7)
+    ('3.0', '-2.0E-7')
+    """
+    mantissa, e, exponent = repr(value).partition("e")
+    return (mantissa if "." in mantissa else f"{mantissa}.0") + (f"E{int(exponent)}" if e else "")
