@@ -12,6 +12,8 @@ a line with the slope that it has there.
 
 from __future__ import annotations
 
+from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -80,47 +82,28 @@ def structured_text(curve: SlidingCurve, remarks: list[str], coefficients: Array
     low, high = float(curve.speed_m_s[0]), float(curve.speed_m_s[-1])
     intervals = len(coefficients)
     step = np.log(high / low) / intervals
-    end = float(coefficients[-1].sum())
-    slope = float(coefficients[-1] @ [0.0, 1.0, 2.0, 3.0]) / step / high
-    table = ",\n    ".join(", ".join(_real(float(value)) for value in row) for row in coefficients)
+    table = ",\n    ".join(", ".join(_real(value) for value in row) for row in coefficients)
     said = "\n".join(f"   {one.replace('*)', '* )')}" for one in (f"{curve.title}. Written by pneudrive.", *remarks))
     at = [f"{gauge / 1e5:.6g} bar" for gauge in (curve.gauge_a_pa, curve.gauge_b_pa)]
-    return f"""(* Friction over velocity, for a feed-forward.
-{said}
-   Gauge pressures of the curve: chamber a {at[0]}, chamber b {at[1]}. *)
-FUNCTION PneudriveFriction : LREAL (* N, with the sign of the velocity *)
-VAR_INPUT
-    v : LREAL; (* velocity, m/s *)
-END_VAR
-VAR CONSTANT
-    c : ARRAY[0..{4 * intervals - 1}] OF LREAL := [
-    {table}];
-END_VAR
-VAR
-    s : LREAL;
-    u : LREAL;
-    f : LREAL;
-    k : DINT;
-END_VAR
-s := ABS(v);
-IF s <= {_real(low)} THEN
-    PneudriveFriction := {_real(float(coefficients[0, 0]) / low)} * v;
-    RETURN;
-END_IF;
-IF s >= {_real(high)} THEN
-    f := {_real(end)} + {_real(slope)} * (s - {_real(high)});
-ELSE
-    u := (LN(s) + {_real(-float(np.log(low)))}) / {_real(float(step))};
-    k := MIN(TRUNC(u), {intervals - 1});
-    u := u - DINT_TO_LREAL(k);
-    f := ((c[4 * k + 3] * u + c[4 * k + 2]) * u + c[4 * k + 1]) * u + c[4 * k];
-END_IF;
-IF v < 0.0 THEN
-    f := -f;
-END_IF;
-PneudriveFriction := f;
-END_FUNCTION
-"""
+    values = {
+        "low": low,
+        "high": high,
+        "below": coefficients[0, 0] / low,
+        "end_force": coefficients[-1].sum(),
+        "slope": coefficients[-1] @ [0.0, 1.0, 2.0, 3.0] / step / high,
+        "shift": -np.log(low),
+        "step": step,
+    }
+    template = Template(Path(__file__).with_name("friction.st").read_text(encoding="utf-8"))
+    return template.substitute(
+        {name: _real(value) for name, value in values.items()},
+        remarks=said,
+        gauge_a=at[0],
+        gauge_b=at[1],
+        table=table,
+        last=intervals - 1,
+        last_number=4 * intervals - 1,
+    )
 
 
 def _real(value: float) -> str:
@@ -131,5 +114,5 @@ def _real(value: float) -> str:
     >>> _real(3.0), _real(-2e-7)
     ('3.0', '-2.0E-7')
     """
-    mantissa, e, exponent = repr(value).partition("e")
+    mantissa, e, exponent = repr(float(value)).partition("e")
     return (mantissa if "." in mantissa else f"{mantissa}.0") + (f"E{int(exponent)}" if e else "")
