@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pneudrive.watch import Flag
 
 #: Modules with a tuple CHARACTERISTICS, in the order of the datasheet.
-MODULES = ("steady", "stiffness", "threshold", "response", "air", "stands")
+MODULES = ("steady", "stiffness", "threshold", "response", "air", "stands", "frequency", "tornado")
 
 
 @cache

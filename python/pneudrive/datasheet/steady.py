@@ -42,7 +42,7 @@ def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a
     stall = max(min(full_force(plant, direction)[1] for direction in (1.0, -1.0)), 0.0)
     against = np.array([share * stall for share in SHARES] if loads is None else list(loads), dtype=float)
     found = np.array([[_moving(plant, u, x, -math.copysign(1.0, u) * load) for load in against] for u in commands])
-    gains = [_gain(plant, direction, x) for direction in (1.0, -1.0)]
+    gains = [velocity_gain(plant, direction, x) for direction in (1.0, -1.0)]
     axes = {
         "command": ResultValue(("command",), commands, "1", "command of the valve"),
         "load_force": ResultValue(("load_force",), against, "N", "constant force against the motion"),
@@ -73,7 +73,7 @@ def _moving(plant: HeldDrive, command: float, position: float, load: float) -> t
     return found.velocity_m_s, found.pressure_a_pa, found.pressure_b_pa
 
 
-def _gain(plant: HeldDrive, direction: float, position: float) -> tuple[float, float]:
+def velocity_gain(plant: HeldDrive, direction: float, position: float) -> tuple[float, float]:
     """Return slope and dead zone of the line through two small commands at which the piston moves."""
     (low, slow), (high, fast) = ((u, abs(_moving(plant, direction * u, position, 0.0)[0])) for u in SMALL)
     if not slow > 0.0:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
 
 FAST, SLOW = 1e6, 1e-5  # rad/s: heat does not follow, heat follows
-SHARES = (0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0)  # of the stroke
+SHARES = (0.0, 0.02, 0.05, 0.1, 0.175, 0.25, 0.375, 0.5, 0.625, 0.75, 0.825, 0.9, 0.95, 0.98, 1.0)  # of the stroke
 LEVELS = (2.0, 3.0, 4.0, 5.0)  # bar absolute, as far as the supply reaches
 FREQUENCIES = tuple(float(f) for f in np.geomspace(0.01, 10.0, 61))  # Hz
 MASSES = (0.5, 1.0, 2.0, 4.0)  # times the moving mass

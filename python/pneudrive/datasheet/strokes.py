@@ -11,6 +11,7 @@ import numpy as np
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import CommandError
 from pneudrive.show import Card, Shown
+from pneudrive.signals.motion import straight_line
 from pneudrive.trajectory import columns as columns_of
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ BAND = 0.01
 #: A piston that stops closer to the cover than this share of the stroke has arrived, even without an impact.
 ARRIVED = 1e-3
 LITRE = 1e-3  # m3
+LAST_SAMPLES = 6  # whose slope is the end speed where no velocity was measured
 
 #: Number -> unit and meaning.
 STROKE_MEANING: dict[str, tuple[str, str]] = {
@@ -178,7 +180,7 @@ def stroke_numbers(
     rate = None if v is None else direction * v
     if arrived and math.isnan(contact):
         contact = first_passage(t, s, min(room, float(s.max())), rate)
-        speed = _before(t, np.gradient(s, t) if rate is None else rate, contact)
+        speed = _approach(t, s, contact) if rate is None else _before(t, rate, contact)
     done = {share: first_passage(t, s, share * way, rate) for share in (DEPARTED, RISEN_FROM, RISEN_TO, NEARLY)}
     lasting = (contact if contact == contact else done[NEARLY]) - begin_s
     outside = np.flatnonzero(np.abs(s - s[-1]) > BAND * way)
@@ -214,6 +216,13 @@ def _peak(values: Array | None) -> float:
 def _before(t: Array, values: Array, when: float) -> float:
     """Return the last value before a time: behind it, the end stop acts."""
     return float(values[max(int(np.searchsorted(t, when)) - 1, 0)]) if when == when else math.nan
+
+
+def _approach(t: Array, s: Array, when: float) -> float:
+    """Return the slope of a straight line through the last samples before a time."""
+    last = int(np.searchsorted(t, when)) if when == when else 0
+    part = slice(max(last - LAST_SAMPLES, 0), last)
+    return straight_line(t[part], s[part])[0] if last > 1 else math.nan
 
 
 def first_passage(t: Array, x: Array, level: float, rate: Array | None = None) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+NARROWEST = 1e-6  # relative width of an interval that is not shown: rounding
 #: Unit in SI -> factor and unit in which it is shown.
 SHOWN_UNITS = {
     "Pa": (1e-5, "bar"),
@@ -36,5 +37,8 @@ def written_value(value: float, unit: str, low: float | None = None, high: float
     if math.isinf(value):
         return "infinite"
     text = f"{factor * value:.5g}{'' if shown == '1' else f' {shown}'}"
-    has = low is not None and high is not None and math.isfinite(low) and math.isfinite(high) and high > low
-    return f"{text} ({factor * low:.4g} .. {factor * high:.4g})" if has else text  # type: ignore[operator]
+    if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
+        return text
+    ends = [f"{factor * end:.4g}" for end in (low, high)]
+    narrow = ends[0] == ends[1] or high - low <= NARROWEST * max(abs(value), 1e-6)
+    return text if narrow else f"{text} ({ends[0]} .. {ends[1]})"

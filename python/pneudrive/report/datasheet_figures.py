@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HEIGHT_IN, WIDTH_IN = 2.6, 4.6
-MOST_CURVES = 5
+MOST_CURVES, MOST_BARS = 5, 12
 LOGARITHMIC = 30.0  # ratio of frequencies from which on their axis is logarithmic
 
 
@@ -60,11 +60,11 @@ def plot_characteristic(found: xr.Dataset, path: str | Path | None = None) -> Fi
     return drawn(figure, path)
 
 
-def panel(axis: Axes, found: xr.Dataset, name: str = "") -> None:
+def panel(axis: Axes, found: xr.Dataset, name: str = "", title: str = "") -> None:
     """Draw one result of a characteristic into a panel."""
     one = characteristics()[found.attrs["characteristic"]]
     name = name or one.y.split()[0]
-    axis.set_title(one.title, loc="left")
+    axis.set_title(title or one.title, loc="left")
     if found[one.x].dtype.kind in "US":
         return _bars(axis, found, one.x, name)
     for index, (label, x, y, low, high) in enumerate(_curves(found, one.x, name)):
@@ -131,5 +131,7 @@ def _bars(axis: Axes, found: xr.Dataset, x: str, name: str) -> None:
     factor, _ = shown_unit(found[name].attrs["units"])
     labels, values = [str(one) for one in found[x].to_numpy()], factor * np.asarray(found[name])
     order = np.argsort(values)
+    if len(order) > MOST_BARS:
+        order = [k for k in order if k in np.argsort(-np.abs(values))[:MOST_BARS]]
     axis.barh([labels[k] for k in order], values[order], color=style.BLUE, height=0.6)
     axis.set_xlabel(_label(found, name))

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
+from pneudrive.datasheet.air import FULL_S, NORMAL_DENSITY_KG_M3, drawn_mass
 from pneudrive.datasheet.equilibrium import at_velocity
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import characteristics
+from pneudrive.datasheet.steady import velocity_gain
 from pneudrive.datasheet.stiffness import dynamic_stiffness
+from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.describe.circuit import Circuit
 
 DRIVE = pn.Drive.load("catalogue:reference")
@@ -33,9 +36,9 @@ def test_steady_velocities_under_command_and_load():
 
 
 def test_velocity_gain_is_that_of_choked_exhaust():
-    found = pn.characteristic(DRIVE, "velocity", loads=[0.0])
-    assert f"{float(found.velocity_gain[0]):.4f}" == "4.0628"
-    assert np.abs(found.dead_zone).max() < 1e-9
+    slope, zone = velocity_gain(HeldDrive(DRIVE), 1.0, 0.25)
+    assert f"{slope:.4f}" == "4.0628"
+    assert abs(zone) < 1e-9
     small = pn.equilibrium(DRIVE, 0.2, load=0.0)
     assert f"{1e-5 * small.pressure_a_pa:.4f}" == "5.3005"
     # The exhaust chokes up to 94.4 N: friction of the reference drive and load together.
@@ -79,11 +82,13 @@ def test_a_shut_valve_holds_any_pressure():
 def test_stiffness_and_natural_frequency():
     found = pn.characteristic(DRIVE, "stiffness", pressures=["3 bar abs"])
     fast, slow = found.adiabatic_stiffness[:, 0], found.isothermal_stiffness[:, 0]
-    assert f"{float(fast[4]):.1f} {float(slow[4]):.1f} {float(fast[0]):.0f}" == "1525.1 1089.3 10516"
+    middle = len(fast) // 2
+    assert f"{float(fast[middle]):.1f} {float(slow[middle]):.1f} {float(fast[0]):.0f}" == "1525.1 1089.3 10516"
     assert float(found.largest_loss_factor) == pytest.approx(0.4 / (2.0 * math.sqrt(1.4)), rel=1e-3)
     assert f"{float(found.largest_loss_factor):.3f}" == "0.169"
     frequency = pn.characteristic(DRIVE, "natural-frequency", pressures=["3 bar abs"]).natural_frequency[:, 0]
-    assert [f"{float(frequency[k]):.{n}f}" for k, n in ((4, 3), (2, 3), (8, 2))] == ["4.395", "4.956", "11.54"]
+    shown = [f"{float(frequency.sel(position=x)):.{n}f}" for x, n in ((0.25, 3), (0.125, 3), (0.5, 2))]
+    assert shown == ["4.395", "4.956", "11.54"]
 
 
 def test_the_linear_model_follows_a_small_step():
@@ -132,8 +137,8 @@ def test_a_step_has_the_known_numbers():
 def test_air_and_exergy_of_a_full_cycle():
     stop = {"stiffness": "1e8 N/m", "damping": "2e4 N s/m", "damping_depth": "0.01 mm"}  # the usual one gives 0.05 %
     stiff = DRIVE.replace({"cylinder.end_stop": stop})
-    found = pn.characteristic(stiff, "air", half_period=1.0)
-    assert f"{float(found.full):.3f} {float(found.full_normal):.3f}" == "3.566 3.268"
+    mass = drawn_mass(HeldDrive(stiff), 1.0, FULL_S, repeats=1)
+    assert f"{litres_anr(mass):.3f} {1e3 * mass / NORMAL_DENSITY_KG_M3:.3f}" == "3.566 3.268"
     spent = pn.characteristic(stiff, "exergy")
     assert f"{float(spent.drawn):.1f}" == "687.3"
     assert abs(float(spent.open)) < 1e-6
@@ -149,14 +154,14 @@ def test_the_test_stand_finds_conductance_and_ratio_again():
 def test_intervals_of_identified_values_go_through():
     origin = {"interval": ["29 N", "31 N"], "source": "recording.csv"}
     drive = DRIVE.replace({"provenance": {"friction.coulomb": origin}})
-    found = pn.characteristic(drive, "velocity", loads=[0.0])
-    low, high = (float(found[f"velocity_{end}"][-1, 0]) for end in ("low", "high"))
+    found = pn.characteristic(drive, "force-speed", points=1)
+    low, high = (float(found[f"speed_{end}"][0, 0]) for end in ("low", "high"))
     by_hand = [
         pn.equilibrium(DRIVE.replace({"friction.coulomb": f"{n} N"}), 1.0, load=0.0).velocity_m_s for n in (31, 29)
     ]
     assert (low, high) == pytest.approx(tuple(by_hand), rel=1e-9)
-    assert found.velocity.attrs["confidence"] == 0.95
-    assert low < float(found.velocity[-1, 0]) < high
+    assert found.speed.attrs["confidence"] == 0.95
+    assert low < float(found.speed[0, 0]) < high
 
 
 def test_every_characteristic_says_what_it_is(tmp_path):
@@ -172,7 +177,7 @@ def test_every_characteristic_says_what_it_is(tmp_path):
     with target.open() as stream:
         rows = [row for row in csv.DictReader(stream) if row["result"] == "adiabatic_stiffness"]
     assert {row["unit"] for row in rows} == {"N/m"}
-    assert len(rows) == 9 * 4
+    assert len(rows) == 15 * 4
     assert run(["characteristic", "catalogue:reference", "stifness"]) == 2
 
 
@@ -184,3 +189,26 @@ def test_dynamic_stiffness_is_that_of_the_springs():
     slow, fast = (dynamic_stiffness(linear, plant.piston, 1j * w) for w in (1e-3, 1e5))
     assert slow.real < fast.real
     assert slow.imag > 0.0
+
+
+def test_frequency_responses_meet_where_they_should():
+    small = pn.characteristic(DRIVE, "bode")
+    assert f"{float(small.velocity_gain):.2f}" == "4.06"
+    assert float(small.velocity_phase[0]) == pytest.approx(0.0, abs=3.0)
+    large = pn.characteristic(DRIVE, "describing-function", amplitudes=[0.3], frequencies=[2.0])
+    assert 0.5 * 4.06 < float(large.gain[0, 0]) < 4.06  # friction takes some of a large sine
+    assert -90.0 < float(large.phase[0, 0]) < 0.0
+    assert 0.0 < float(large.distortion[0, 0]) < 0.3
+    ends = pn.characteristic(DRIVE, "describing-function", amplitudes=[1.0], frequencies=[0.5])
+    assert math.isnan(float(ends.gain[0, 0]))
+
+
+def test_sensitivities_are_exponents():
+    found = pn.characteristic(DRIVE, "sensitivity", numbers=["cylinder.moving_mass", "valve.conductance"])
+    table = {name: found.sel(parameter=name) for name in found.parameter.values}
+    mass, valve = table["cylinder.moving_mass"], table["valve.conductance"]
+    assert float(mass.natural_frequency_sensitivity) == pytest.approx(-0.5, abs=1e-6)
+    assert float(mass.steady_speed_sensitivity) == pytest.approx(0.0, abs=1e-9)
+    assert float(valve.stall_force_sensitivity) == pytest.approx(0.0, abs=1e-9)
+    assert 0.5 < float(valve.steady_speed_sensitivity) < 1.0
+    assert float(valve.stroke_time_sensitivity) < -0.5

@@ -1,0 +1,261 @@
+"""Recordings beside the simulation: the same definitions read from both."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections import defaultdict
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, moving_mass, stroke_numbers
+from pneudrive.errors import CampaignError, LayoutError, PneudriveError, RecordingError
+from pneudrive.friction.friction_map import write_map
+from pneudrive.friction.recording.characterisation import characterise_recordings
+from pneudrive.validate.static import STATIC_FIT_PERCENT, FrictionValidation, is_friction, validate_friction
+from pneudrive.validate.validation import Validation, validate
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.describe.drive import Drive
+    from pneudrive.validate.signals import Signals
+    from pneudrive.validate.validation import RecordResult
+    from pneudrive.watch import Watch
+
+    Array = NDArray[np.float64]
+
+LEAST_WAY = 0.05  # of the stroke: a shorter motion is no stroke
+AGREES = 0.05  # relative difference up to which a number without repeats agrees (assumed)
+SHOWN = (
+    "stroke_time",
+    "time_99",
+    "dead_time",
+    "rise_time",
+    "mean_speed",
+    "top_speed",
+    "end_speed",
+    "settling_time",
+    "overshoot",
+    "peak_pressure_a",
+    "peak_pressure_b",
+)
+LEAST_CHANGES = 50  # of the command in a recording from which a frequency response is taken
+SEGMENTS = 8  # parts of such a recording, half overlapping
+SYNTHETIC = "synthetic"  # label of recordings of another model
+COHERENT = 0.8  # from which on a frequency counts
+
+
+@dataclass(frozen=True)
+class ComparedNumber:
+    """A number of a stroke, measured and simulated.
+
+    Attributes
+    ----------
+    stroke : str
+        Command and direction.
+    name, unit : str
+    measured, low, high : float
+        Mean of the repeats and its 95 % interval; NaN ends for a single stroke.
+    repeats : int
+    simulated : float
+    agrees : bool
+        The simulation lies within the interval, or within 5 % of a single stroke.
+    """
+
+    stroke: str
+    name: str
+    unit: str
+    measured: float
+    low: float
+    high: float
+    repeats: int
+    simulated: float
+    agrees: bool
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredResponse:
+    """Frequency response of the velocity to the command, measured and simulated.
+
+    Attributes
+    ----------
+    frequency_hz, measured_m_s, simulated_m_s, coherence : ndarray, shape (n,)
+    """
+
+    recording: str
+    frequency_hz: Array
+    measured_m_s: Array
+    simulated_m_s: Array
+    coherence: Array
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredBeside:
+    """What recordings say beside the simulation.
+
+    Attributes
+    ----------
+    validation : Validation or None
+        Of recordings of the drive.
+    numbers : tuple of ComparedNumber
+    responses : tuple of MeasuredResponse
+    friction : FrictionValidation or None
+        Of a friction map, a campaign, or recordings of a piston alone.
+    synthetic : bool
+        Whether all recordings come from simulations.
+    names : tuple of str
+        Of the recordings.
+    """
+
+    validation: Validation | None
+    numbers: tuple[ComparedNumber, ...]
+    responses: tuple[MeasuredResponse, ...]
+    friction: FrictionValidation | None
+    synthetic: bool
+    names: tuple[str, ...]
+
+    @property
+    def verdicts(self) -> list[tuple[bool | None, str]]:
+        """Sentences with their outcome; None where nothing was tested."""
+        out = [] if self.validation is None else [(one.met, one.text) for one in self.validation.verdicts]
+        if self.numbers:
+            good = sum(one.agrees for one in self.numbers)
+            out.append(
+                (
+                    good == len(self.numbers),
+                    f"{good} of {len(self.numbers)} numbers of strokes agree with the recordings",
+                )
+            )
+        if self.friction is not None:
+            m = self.friction.metrics
+            fit = f"fit {m.fit_percent:.1f} % (target above {STATIC_FIT_PERCENT:g} %)"
+            said = f"friction law against measured friction: {fit}, largest difference {m.largest:.2g} N"
+            out.append((self.friction.met, said))
+        return out
+
+
+def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch: Watch) -> MeasuredBeside:
+    """Read recordings, simulate their commands, and read the same numbers from both.
+
+    Raises
+    ------
+    RecordingError, LayoutError, CampaignError
+        A recording cannot be used.
+    """
+    names = tuple(path.name for path in recordings)
+    if any(is_friction(path) for path in recordings):
+        if len(recordings) > 1:
+            raise CampaignError(
+                "a friction map or a campaign cannot be read together with other files", remedy="Name one of them."
+            )
+        found = validate_friction(drive, recordings[0])
+        return MeasuredBeside(None, (), (), found, found.synthetic, names)
+    try:
+        validated = validate(drive, list(recordings), layout=layout, progress=watch.tell)
+    except (RecordingError, LayoutError) as error:
+        return _of_piston(drive, recordings, layout, watch, error)
+    numbers = tuple(_numbers(drive, validated.records))
+    responses = tuple(one for record in validated.records if (one := response_of(record)) is not None)
+    marked = all(SYNTHETIC in record.recording.labels for record in validated.records)
+    return MeasuredBeside(validated, numbers, responses, None, validated.synthetic or marked, names)
+
+
+def _of_piston(
+    drive: Drive, recordings: Sequence[Path], layout: Path | None, watch: Watch, first: Exception
+) -> MeasuredBeside:
+    """Read recordings of a piston alone: pressure, position and force, from which friction follows."""
+    try:
+        found = characterise_recordings(list(recordings), layout, progress=watch.tell)
+    except PneudriveError:
+        raise first from None
+    with tempfile.TemporaryDirectory() as folder:
+        friction = validate_friction(drive, write_map(found.friction_map, Path(folder) / "map.parquet"))
+    return MeasuredBeside(None, (), (), friction, found.synthetic, tuple(path.name for path in recordings))
+
+
+def _numbers(drive: Drive, records: Iterable[RecordResult]) -> Iterable[ComparedNumber]:
+    """Yield the numbers of strokes under equal commands."""
+    groups: dict[str, list[tuple[StrokeNumbers, StrokeNumbers]]] = defaultdict(list)
+    for record in records:
+        for command, seen, simulated in strokes_of(drive, record):
+            if seen.direction == simulated.direction:
+                groups[f"command {command:+.3g}"].append((seen, simulated))
+    for stroke, pairs in groups.items():
+        for name in SHOWN:
+            seen, told = (np.array([getattr(pair[side], name) for pair in pairs]) for side in (0, 1))
+            both = np.isfinite(seen) & np.isfinite(told)
+            if both.any():
+                yield _compared(stroke, name, seen[both], told[both])
+
+
+def _compared(stroke: str, name: str, seen: Array, told: Array) -> ComparedNumber:
+    from scipy.stats import t
+
+    mean, model, n = float(seen.mean()), float(told.mean()), seen.size
+    reach = float(t.ppf(0.975, n - 1) * seen.std(ddof=1) / math.sqrt(n)) if n > 1 else math.nan
+    close = abs(model - mean) <= AGREES * abs(mean)
+    agrees = close or (n > 1 and abs(model - mean) <= reach)
+    return ComparedNumber(
+        stroke, name, STROKE_MEANING[name][0], mean, mean - reach, mean + reach, n, model, bool(agrees)
+    )
+
+
+def strokes_of(drive: Drive, record: RecordResult) -> Iterable[tuple[float, StrokeNumbers, StrokeNumbers]]:
+    """Yield command, measured and simulated numbers of each stroke of a recording."""
+    signals = record.signals
+    time, command = signals.time_s, signals.command
+    edges = np.flatnonzero(np.r_[True, np.diff(command) != 0.0, True])
+    if edges.size - 2 > LEAST_CHANGES:
+        return
+    model = {name: record.free[name] for name in ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")}
+    for begin, end in pairwise(edges):
+        part = slice(begin, end)
+        way = float(np.ptp(signals.position_m[part]))
+        if (
+            end - begin < 5
+            or way < LEAST_WAY * drive.cylinder.stroke_m
+            or not np.isfinite(model["position_m"][part]).all()
+        ):
+            continue
+        seen = {
+            "time_s": time[part],
+            **{name: getattr(signals, name)[part] for name in ("position_m", "pressure_a_pa", "pressure_b_pa")},
+        }
+        told = {
+            "time_s": time[part],
+            **{name: values[part] for name, values in model.items() if name != "velocity_m_s"},
+        }
+        size, mass, start = drive.cylinder.stroke_m, moving_mass(drive), float(time[begin])
+        measured, simulated = (stroke_numbers(one, size, mass, start) for one in (seen, told))
+        yield float(command[begin]), measured, simulated
+
+
+def response_of(record: RecordResult) -> MeasuredResponse | None:
+    """Return the frequency response of a recording whose command keeps changing, by averaged spectra; None else."""
+    from scipy.signal import coherence, csd, welch
+
+    signals: Signals = record.signals
+    if np.count_nonzero(np.diff(signals.command)) < LEAST_CHANGES:
+        return None
+    rate, size = 1.0 / signals.step_s, 2 * signals.time_s.size // (SEGMENTS + 1)
+    velocity = np.gradient(signals.position_m, signals.step_s)
+    model = np.gradient(record.free["position_m"], signals.step_s)
+    if not np.isfinite(model).all():
+        return None
+    f, power = welch(signals.command, rate, nperseg=size)
+    share = coherence(signals.command, velocity, rate, nperseg=size)[1]
+    seen, told = (
+        np.abs(csd(signals.command, one, rate, nperseg=size)[1]) / np.maximum(power, 1e-300)
+        for one in (velocity, model)
+    )
+    keep = (share >= COHERENT) & (f > 0.0)
+    if not keep.any():
+        return None
+    return MeasuredResponse(record.recording.name, f[keep], seen[keep], told[keep], share[keep])

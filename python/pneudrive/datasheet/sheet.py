@@ -1,0 +1,224 @@
+"""The datasheet of a drive: results, headline numbers, values with their source, recordings beside."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pneudrive.datasheet.measured import MeasuredBeside, beside
+from pneudrive.datasheet.registry import characteristics, found_under
+from pneudrive.datasheet.words import written_value
+from pneudrive.errors import Cancelled, PneudriveError
+from pneudrive.watch import UNWATCHED
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    import xarray as xr
+
+    from pneudrive.describe.drive import Drive
+    from pneudrive.watch import Watch
+
+#: Characteristics of a sheet, in its order.
+OF_A_SHEET = (
+    *("velocity", "force-speed", "minimum-pressure", "square-response", "impact", "stiffness", "natural-frequency"),
+    *("bode", "air", "exergy", "flow", "leakage"),
+)
+
+
+class SheetNumber(NamedTuple):
+    """A headline number: its name, out and back (or the only one), standard."""
+
+    name: str
+    out: str
+    back: str
+    standard: str
+
+
+class SheetValue(NamedTuple):
+    """A value of the drive and where it comes from."""
+
+    key: str
+    value: str
+    origin: str
+
+
+@dataclass(frozen=True, eq=False)
+class Datasheet:
+    """All that a datasheet shows.
+
+    Attributes
+    ----------
+    drive : Drive
+    results : dict
+        Characteristic -> data set.
+    failed : dict
+        Characteristic -> why the drive does not have it.
+    numbers : tuple of SheetNumber
+    values : tuple of SheetValue
+    assumed : tuple of str
+    measured : MeasuredBeside or None
+    """
+
+    drive: Drive
+    results: dict[str, xr.Dataset]
+    failed: dict[str, str]
+    numbers: tuple[SheetNumber, ...]
+    values: tuple[SheetValue, ...]
+    assumed: tuple[str, ...]
+    measured: MeasuredBeside | None
+
+    @property
+    def headlines(self) -> list[str]:
+        """The sentences at the top."""
+        at = {one.name: one for one in self.numbers}
+        lines = []
+        if "stroke time" in at:
+            time, where = at["stroke time"], f"{1e-5 * self.drive.supply_pressure_pa:.4g} bar abs"
+            stroke = f"Stroke of {1e3 * self.drive.cylinder.stroke_m:g} mm at {where} and full command"
+            lines.append(f"{stroke}: {time.out} out, {time.back} back.")
+        if "end energy" in at:
+            energy, speed = at["end energy"], at["end speed"]
+            lines.append(f"Impact: {energy.out} at {speed.out} out, {energy.back} at {speed.back} back.")
+        if "air per full cycle" in at:
+            lines.append(f"Air: {at['air per full cycle'].out} per cycle that fills and vents the chambers.")
+        if self.measured is None:
+            lines.append("No recording stands beside these numbers: they are simulated from the values below.")
+        else:
+            lines += [
+                f"{'Met' if met else 'Not tested' if met is None else 'Not met'}: {text}."
+                for met, text in self.measured.verdicts
+            ]
+        return lines
+
+
+#: Name in the table, characteristic, result, and the axis out and back lie along; empty for a single number.
+_NUMBERS = (
+    ("velocity gain", "velocity", "velocity_gain", "direction"),
+    ("dead zone", "velocity", "dead_zone", "direction"),
+    ("blocked force", "force-speed", "blocked_force", "direction"),
+    ("stall force", "force-speed", "stall_force", "direction"),
+    ("minimum pressure, gauge", "minimum-pressure", "minimum_pressure", "direction"),
+    ("breakaway force", "minimum-pressure", "breakaway_force", "direction"),
+    ("stroke time", "square-response", "stroke_time", "direction"),
+    ("dead time", "square-response", "dead_time", "direction"),
+    ("rise time", "square-response", "rise_time", "direction"),
+    ("mean speed", "square-response", "mean_speed", "direction"),
+    ("end speed", "square-response", "end_speed", "direction"),
+    ("end energy", "square-response", "end_energy", "direction"),
+    ("peak pressure a, abs", "square-response", "peak_pressure_a", "direction"),
+    ("peak pressure b, abs", "square-response", "peak_pressure_b", "direction"),
+    ("air per full cycle", "air", "full", ""),
+    ("air per fast cycle", "air", "cycle", ""),
+    ("mean flow in a fast cycle", "air", "mean_flow", ""),
+    ("exergy per full cycle", "exergy", "drawn", ""),
+    ("exergy that leaves with the exhaust", "exergy", "exhausted", ""),
+    ("largest loss factor", "stiffness", "largest_loss_factor", ""),
+    ("resonance, small command", "bode", "resonance", ""),
+    ("leakage, relative fall of pressure", "leakage", "decay_rate", "chamber"),
+)
+_PATHS = ("conductance", "critical_ratio")
+
+
+def build(
+    drive: Drive, recordings: Sequence[Path], layout: Path | None, watch: Watch, *, intervals: bool = True
+) -> Datasheet:
+    """Compute all that a datasheet shows.
+
+    Raises
+    ------
+    RecordingError, LayoutError
+        A recording cannot be used.
+    Cancelled
+        The watch says so.
+    """
+    measured = beside(drive, recordings, layout, watch) if recordings else None
+    results: dict[str, xr.Dataset] = {}
+    failed: dict[str, str] = {}
+    for name in watch.each(OF_A_SHEET, "characteristics"):
+        _try(drive, name, results, failed, intervals=intervals)
+    return Datasheet(
+        drive, results, failed, tuple(_numbers(results)), tuple(values_of(drive)), tuple(_defaults(drive)), measured
+    )
+
+
+def _try(drive: Drive, name: str, results: dict[str, xr.Dataset], failed: dict[str, str], *, intervals: bool) -> None:
+    try:
+        results[name] = found_under(drive, name, UNWATCHED, intervals=intervals)
+    except Cancelled:
+        raise
+    except PneudriveError as error:
+        failed[name] = error.what
+
+
+def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
+    out = []
+    for title, name, result, along in _NUMBERS:
+        if name in results:
+            found, standard = results[name], characteristics()[name].standard
+            out_back = [shown(found, result, {along: k} if along else {}) for k in ((0, 1) if along else (0,))]
+            out.append(SheetNumber(title, out_back[0], out_back[1] if along else "", standard))
+    out += _of_maps(results)
+    if "flow" in results:
+        found, standard = results["flow"], characteristics()["flow"].standard
+        for k, path in enumerate(found.path.to_numpy()):
+            c, b = (shown(found, name, {"path": k}) for name in _PATHS)
+            out.append(SheetNumber(f"C and b, {path}", c, b, standard))
+    return out
+
+
+def _of_maps(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
+    """Return stiffness and natural frequency at mid stroke at one of the pressures."""
+    out = []
+    for name, result in (("stiffness", "adiabatic_stiffness"), ("natural-frequency", "natural_frequency")):
+        if name in results:
+            found = results[name]
+            at = {"position": found.sizes["position"] // 2, "pressure": min(1, found.sizes["pressure"] - 1)}
+            bar = 1e-5 * float(found.pressure[at["pressure"]])
+            out.append(
+                SheetNumber(
+                    f"{result.replace('_', ' ')}, mid stroke, {bar:g} bar abs", shown(found, result, at), "", ""
+                )
+            )
+    return out
+
+
+def shown(found: xr.Dataset, name: str, at: dict[str, int]) -> str:
+    """Return one number of a result with its unit and interval."""
+    value = float(found[name].isel(at))
+    value = 0.0 if abs(value) < 1e-9 else value
+    ends = [float(found[f"{name}_{end}"].isel(at)) if f"{name}_{end}" in found else math.nan for end in ("low", "high")]
+    return written_value(value, found[name].attrs["units"], *ends)
+
+
+def values_of(drive: Drive) -> list[SheetValue]:
+    """Return each value that the drive gives, as written, with where it comes from."""
+    said = {one.key: one.said for one in drive.origins}
+    identified: Any = drive.provenance
+    out = []
+    for key, text in _leaves(drive.to_dict()):
+        if key.partition(".")[0] in ("provenance", "labels", "name", "schema", "initial"):
+            continue
+        origin = said.get(key) or next((words for other, words in said.items() if key.startswith(f"{other}.")), "given")
+        if key in identified:
+            one = identified[key]
+            origin = f"identified: {one.interval.low} .. {one.interval.high} ({100 * one.confidence:g} %), {one.source}"
+        out.append(SheetValue(key, text, origin))
+    return out
+
+
+def _defaults(drive: Drive) -> list[str]:
+    """Return the assumptions that the drive does not write down itself."""
+    written = {one.key for one in drive.origins}
+    return [line for line in drive.assumed() if line.partition(" = ")[0] not in written]
+
+
+def _leaves(table: Any, path: str = "") -> list[tuple[str, str]]:  # noqa: ANN401 - a tree of plain data
+    if isinstance(table, dict):
+        return [leaf for key, one in table.items() for leaf in _leaves(one, f"{path}.{key}" if path else str(key))]
+    text = f"{table:g}" if isinstance(table, float) else str(table)
+    return [(path, text if not isinstance(table, np.ndarray) else "table")]

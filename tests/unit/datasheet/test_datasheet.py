@@ -1,0 +1,117 @@
+"""The datasheet as a user makes it: pages, recordings beside, hostile texts."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive.cli.main import run
+from pneudrive.datasheet import sheet
+from pneudrive.datasheet.measured import beside, response_of
+from pneudrive.datasheet.sheet import build
+from pneudrive.report.datasheet import write_datasheet
+from pneudrive.trajectory import columns
+from pneudrive.validate.validation import validate
+from pneudrive.watch import UNWATCHED
+
+GOLDEN = Path(__file__).resolve().parents[2] / "golden" / "case_a.npz"
+DRIVE = pn.Drive.load("catalogue:reference")
+QUICK = ("square-response", "stiffness", "natural-frequency", "bode")
+
+
+def golden_file(folder):
+    """Write the trajectory of an independent model of the reference drive as a recording."""
+    want, noise = np.load(GOLDEN), np.random.default_rng(1)
+    t = np.arange(len(want["position_m"])) / 1000.0
+    table = np.column_stack(
+        [
+            t,
+            np.where(t < 1.0, 0.6, -0.6),
+            want["position_m"] + 1e-5 * noise.standard_normal(t.size),
+            want["pressure_a_pa"] + 500.0 * noise.standard_normal(t.size),
+            want["pressure_b_pa"] + 500.0 * noise.standard_normal(t.size),
+        ]
+    )
+    path = folder / "golden.csv"
+    head = "time_s,command,position_m,pressure_a_pa,pressure_b_pa"
+    np.savetxt(path, table, delimiter=",", header=head, comments="")
+    names = {"time": "time_s", "command": "command", "position": "position_m"}
+    names |= {f"pressure_{side}": f"pressure_{side}_pa" for side in "ab"}
+    units = {"time": "s", "position": "m", "pressure_a": "Pa abs", "pressure_b": "Pa abs"}
+    lines = ['separator = ","', "header = true", "[columns]"]
+    for key, column in names.items():
+        unit = f', unit = "{units[key]}"' if key in units else ""
+        lines.append(f'{key} = {{ column = "{column}"{unit} }}')
+    (folder / "layout.toml").write_text("\n".join([*lines, "[labels]", 'synthetic = "oracle"']) + "\n")
+    return path
+
+
+def test_a_datasheet_beside_an_independent_model(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sheet, "OF_A_SHEET", QUICK)
+    recording, page = golden_file(tmp_path), tmp_path / "sheet.html"
+    layout = str(tmp_path / "layout.toml")
+    assert run(["datasheet", "catalogue:reference", str(recording), "--layout", layout, "--out", str(page)]) == 0
+    said = capsys.readouterr().out
+    assert "22 of 22 numbers of strokes agree" in said.replace("\n", " ")
+    text = page.read_text(encoding="utf-8")
+    assert re.search(r"end energy</td>.*?11\.84 J", text, re.DOTALL)
+    assert text.count("<svg") == 3
+    assert not re.search(r'(src|href)="(?!#|data:)', text)
+    assert "assumed: reference drive" in text
+    assert "simulated beside synthetic recordings</h1>" in text
+
+
+def test_a_wrong_drive_differs_from_the_recording(tmp_path):
+    slower = DRIVE.replace({"valve.conductance": "1.5 dm3/(s bar)"})
+    found = beside(slower, [golden_file(tmp_path)], None, UNWATCHED)
+    by_name = {(one.stroke, one.name): one for one in found.numbers}
+    assert not by_name["command +0.6", "stroke_time"].agrees
+    assert by_name["command +0.6", "stroke_time"].measured == pytest.approx(0.2084, abs=5e-4)
+    assert by_name["command +0.6", "stroke_time"].simulated > 0.24
+    assert {met for met, text in found.verdicts if "numbers" in text} == {False}
+
+
+def test_the_pdf_has_at_most_four_pages(tmp_path, monkeypatch):
+    pytest.importorskip("typst")
+    monkeypatch.setattr(sheet, "OF_A_SHEET", ("stiffness",))
+    drive = DRIVE.replace({"name": 'A #panic("x") <b>drive</b> \\ $ * _ @'})
+    target = write_datasheet(build(drive, [], None, UNWATCHED), tmp_path / "sheet.pdf")
+    pdf = target.read_bytes()
+    assert pdf.startswith(b"%PDF")
+    assert 1 <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 4
+
+
+def test_intervals_reach_the_numbers_of_the_page(monkeypatch):
+    monkeypatch.setattr(sheet, "OF_A_SHEET", ("minimum-pressure",))
+    monkeypatch.setattr("pneudrive.datasheet.threshold.least_pressure", lambda *_: 2e5)
+    origin = {"interval": ["43 N", "47 N"], "source": "stops.csv"}
+    found = build(DRIVE.replace({"provenance": {"friction.breakaway": origin}}), [], None, UNWATCHED)
+    force = next(one for one in found.numbers if one.name == "breakaway force")
+    assert force.out == force.back == "45 N (43 .. 47)"
+    value = next(one for one in found.values if one.key == "friction.breakaway")
+    assert value.origin == "identified: 43 N .. 47 N (95 %), stops.csv"
+
+
+def test_a_sweep_has_a_frequency_response_with_coherence():
+    rate, lasting = 500.0, 16.0
+    t = np.arange(0.0, lasting, 1.0 / rate)
+    sweep = 0.15 * np.sin(2.0 * np.pi * (1.0 * t + 0.25 * t * t / 2.0))
+    steps = list(zip(t[::5].tolist(), sweep[::5].tolist(), strict=True))
+    made = pn.simulate(DRIVE, steps, lasting - 0.01, sample_rate=rate, initial={"position": "250 mm"})
+    record = validate(DRIVE, columns(made)).records[0]
+    found = response_of(record)
+    assert found is not None
+    assert found.coherence.min() >= 0.8
+    middle = (found.frequency_hz > 1.0) & (found.frequency_hz < 4.0)
+    assert middle.any()
+    assert found.measured_m_s[middle] == pytest.approx(found.simulated_m_s[middle], rel=0.02)
+    assert 1.0 < np.median(found.measured_m_s[middle]) < 8.0
+
+
+def test_a_circuit_has_no_datasheet(tmp_path, capsys):
+    path = tmp_path / "circuit.toml"
+    path.write_text(DRIVE.circuit.to_toml(), encoding="utf-8")
+    assert run(["datasheet", str(path), "--out", str(tmp_path / "x.html")]) == 2
+    assert "is a circuit" in capsys.readouterr().err
