@@ -5,6 +5,7 @@ import { opened, open } from "./opened";
 import { ConnectionLine } from "./parts";
 import { follow, link, route, type View } from "./routes";
 import { connection, unlock } from "./server";
+import { FrictionView } from "./friction";
 import { RecordingView } from "./recording";
 import { SimulateView } from "./simulate";
 import { isOld, list, studies, StudiesView } from "./studies";
@@ -15,15 +16,16 @@ const VIEWS: [View, string][] = [
   ["drive", "Drive"],
   ["simulate", "Simulate"],
   ["recording", "Recordings"],
+  ["friction", "Friction"],
 ];
 const OF_A_DESCRIPTION: View[] = ["drive", "simulate"];
 
-const recordedLast = signal("");
+/** The file that each view had last. */
+const last = signal<Partial<Record<View, string>>>({});
 
 function Page() {
   const { view } = route.value;
   const described = opened.value?.path ?? "";
-  const recorded = view === "recording" ? route.value.path : recordedLast.value;
   return (
     <>
       <a class="skip" href="#main">Skip to the content</a>
@@ -31,7 +33,7 @@ function Page() {
         <h1>pneudrive</h1>
         <nav aria-label="Views">
           {VIEWS.map(([name, title]) => (
-            <a key={name} href={link(name, name === "recording" ? recorded : name === "studies" ? "" : described)} aria-current={view === name ? "page" : undefined}>
+            <a key={name} href={link(name, OF_A_DESCRIPTION.includes(name) ? described : name === "studies" ? "" : last.value[name])} aria-current={view === name ? "page" : undefined}>
               {title}
             </a>
           ))}
@@ -45,6 +47,7 @@ function Page() {
         {connection.value !== "locked" && view === "drive" && <DriveView />}
         {connection.value !== "locked" && view === "simulate" && <SimulateView />}
         {connection.value !== "locked" && view === "recording" && <RecordingView />}
+        {connection.value !== "locked" && view === "friction" && <FrictionView />}
       </main>
       <footer>This page shows and simulates. It is no safety function.</footer>
     </>
@@ -59,7 +62,7 @@ async function start(): Promise<void> {
     effect(() => {
       const { view, path } = route.value;
       if (path && OF_A_DESCRIPTION.includes(view)) void open(path);
-      if (path && view === "recording") recordedLast.value = path;
+      if (path) last.value = { ...last.peek(), [view]: path };
     });
   }
   render(<Page />, document.getElementById("page")!);

@@ -164,3 +164,106 @@ function Values({ curves, size, unit, xUnit, title }: PlotProps) {
     </div>
   );
 }
+
+/** Points with their spread, and the curve with its band that belongs to them. */
+export interface Group {
+  label: string;
+  points: { x: number; y: number; spread: number | null }[];
+  curve?: { x: number[]; y: number[]; low: number[]; high: number[]; measured: [number, number] };
+}
+
+const MOST_BARS = 400; // spreads beyond which bars would cover the points
+
+/** Friction over speed: groups of points, and curves with bands; beyond the measured speeds a curve is dotted. */
+export function Scatter(props: { title: string; x: string; y: string; groups: Group[]; log: boolean }) {
+  const place = useRef<HTMLDivElement>(null);
+  const latest = useRef(props);
+  latest.current = props;
+  useEffect(() => {
+    const at = place.current!;
+    const ink = isDark() ? "#d8d8d8" : "#333333";
+    const axis = { stroke: ink, grid: { stroke: isDark() ? "#3a3a3a" : "#e2e2e2", width: 1 }, ticks: { show: false }, font: "12px system-ui" };
+    const tables: uPlot.AlignedData[] = [];
+    const series: uPlot.Series[] = [{ label: props.x, value: (_, v) => digits(v) }];
+    const bands: uPlot.Band[] = [];
+    props.groups.forEach((group, index) => {
+      const { color, dash } = look(index);
+      const ordered = [...group.points].sort((a, b) => a.x - b.x);
+      tables.push([ordered.map((one) => one.x), ordered.map((one) => one.y)]);
+      series.push({ label: group.label, stroke: color, paths: () => null, points: { show: true, size: 7, fill: color }, value: (_, v) => digits(v) });
+      if (!group.curve) return;
+      const { x, y, low, high, measured } = group.curve;
+      const inside = x.map((one) => one >= measured[0] * (1 - 1e-9) && one <= measured[1] * (1 + 1e-9));
+      const quiet = { stroke: "transparent", width: 0, points: { show: false }, spanGaps: true } as const;
+      tables.push([x, high, low, y.map((one, i) => (inside[i] ? one : null)), y] as unknown as uPlot.AlignedData);
+      series.push({ ...quiet, label: `${group.label}, upper` }, { ...quiet, label: `${group.label}, lower` });
+      series.push({ ...quiet, label: `${group.label}, fit`, stroke: color, dash, width: 1.6, spanGaps: true });
+      series.push({ ...quiet, label: `${group.label}, extrapolated`, stroke: color, dash: [1, 4], width: 1.2 });
+      const last = series.length;
+      bands.push({ series: [last - 4, last - 3], fill: `${color}22` });
+    });
+    const made = new uPlot(
+      {
+        width: at.clientWidth || 600,
+        height: 380,
+        scales: { x: { time: false, distr: props.log ? 3 : 1 }, y: { range: (_, low, high) => [Math.min(low, 0), 1.08 * Math.max(high, ...tops(latest.current.groups))] } },
+        cursor: { drag: { x: true, y: true } },
+        legend: { show: false },
+        axes: [
+          { ...axis, size: 40, label: props.x, labelSize: 18, labelFont: "12px system-ui" },
+          { ...axis, size: 64, label: props.y, labelSize: 18, labelFont: "12px system-ui" },
+        ],
+        series,
+        bands,
+        hooks: { draw: [(u) => bars(u, latest.current.groups)] },
+      },
+      uPlot.join(tables),
+      at,
+    );
+    const seen = new ResizeObserver(() => made.setSize({ width: at.clientWidth, height: 380 }));
+    seen.observe(at);
+    return () => {
+      seen.disconnect();
+      made.destroy();
+    };
+  }, [props.groups, props.log]);
+  return (
+    <figure class="plot" data-plot={props.title}>
+      <figcaption>{props.title}</figcaption>
+      <div ref={place} aria-hidden="true" />
+      <ul class="legend">
+        {props.groups.map((group, index) => (
+          <li key={group.label}>
+            <svg viewBox="0 0 40 10" width="40" height="10" aria-hidden="true">
+              <line x1="0" y1="5" x2="40" y2="5" stroke={look(index).color} stroke-width="2" stroke-dasharray={look(index).dash.join(" ")} />
+              <circle cx="20" cy="5" r="3.5" fill={look(index).color} />
+            </svg>{" "}
+            {group.label}
+          </li>
+        ))}
+      </ul>
+    </figure>
+  );
+}
+
+function tops(groups: Group[]): number[] {
+  return groups.flatMap((group) => group.points.map((one) => one.y + (one.spread ?? 0)));
+}
+
+function bars(u: uPlot, groups: Group[]): void {
+  const points = groups.flatMap((group, index) => group.points.map((one) => ({ ...one, color: look(index).color })));
+  if (points.length > MOST_BARS) return;
+  u.ctx.save();
+  u.ctx.lineWidth = devicePixelRatio;
+  u.ctx.setLineDash([]);
+  for (const { x, y, spread, color } of points) {
+    if (spread === null) continue;
+    const at = u.valToPos(x, "x", true);
+    u.ctx.strokeStyle = color;
+    u.ctx.beginPath();
+    u.ctx.moveTo(at, u.valToPos(y - spread, "y", true));
+    u.ctx.lineTo(at, u.valToPos(y + spread, "y", true));
+    u.ctx.stroke();
+  }
+  u.ctx.restore();
+}

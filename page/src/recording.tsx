@@ -3,10 +3,10 @@ import { computed, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Numbers } from "./frame";
 import { digits } from "./looks";
-import { Problems } from "./parts";
+import { Copied, Problems } from "./parts";
 import { Plot, type Curve, type Shade } from "./plot";
-import { route } from "./routes";
-import { frame, read, Refused, write, type Problem } from "./server";
+import { link, route } from "./routes";
+import { ask, frame, read, Refused, write, type Problem } from "./server";
 
 interface Channel {
   column: string;
@@ -154,6 +154,7 @@ export function RecordingView() {
       )}
       {!wrong.value.length || proposal.value ? null : <Wizard path={path} />}
       {found?.channels && <Wizard path={path} />}
+      {found?.layout === "rig" && <Characterise path={path} />}
     </div>
   );
 }
@@ -293,6 +294,75 @@ function Wizard({ path }: { path: string }) {
           </p>
         </>
       )}
+    </section>
+  );
+}
+
+interface Job {
+  number: number;
+  command: string;
+  out: string;
+  state: "running" | "done" | "failed" | "cancelled";
+  tail: string;
+}
+
+const jobs = signal<Job[]>([]);
+const folder = signal("");
+const copied = signal<{ command: string; python: string } | null>(null);
+
+async function follow(): Promise<void> {
+  for (;;) {
+    try {
+      jobs.value = (await read<{ jobs: Job[] }>("/api/jobs")).jobs;
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+    }
+    if (!jobs.value.some((one) => one.state === "running")) return;
+    await pause(300);
+  }
+}
+
+/** The friction of a recording, by the same command as in a terminal. */
+function Characterise({ path }: { path: string }) {
+  useEffect(() => {
+    folder.value = path.replace(/^.*\//, "").replace(/\..*$/, "");
+    copied.value = null;
+    void follow();
+  }, [path]);
+  const work = { recordings: [path], name: folder.value };
+  const attempt = async (what: () => Promise<unknown>) => {
+    try {
+      wrong.value = [];
+      await what();
+    } catch (error) {
+      if (error instanceof Refused) wrong.value = error.problems;
+    }
+  };
+  const start = () => attempt(async () => (await ask("/api/jobs", work), void follow()));
+  const copy = () => attempt(async () => (copied.value = await ask("/api/work", work)));
+  return (
+    <section aria-label="Friction">
+      <h2>Friction of this recording</h2>
+      <p class="row">
+        <label>
+          Results in results/ <input value={folder.value} onInput={(event) => (folder.value = event.currentTarget.value)} />
+        </label>
+        <button type="button" onClick={() => void start()}>Characterise</button>
+        <button type="button" onClick={() => void copy()}>Copy as command or Python</button>
+      </p>
+      {copied.value && <Copied {...copied.value} />}
+      {jobs.value.map((one) => (
+        <div key={one.number} class="job" data-state={one.state}>
+          <p class="row">
+            <b>{one.out}</b> <span role="status">{one.state}</span>
+            {one.state === "running" && (
+              <button type="button" onClick={() => void attempt(() => ask("/api/cancel", { number: one.number }))}>Cancel</button>
+            )}
+            {one.state === "done" && <a href={link("friction", `${one.out}/map.parquet`)}>Show the friction map</a>}
+          </p>
+          {one.tail && <pre tabIndex={0} aria-label={`Output of ${one.out}`}>{one.tail}</pre>}
+        </div>
+      ))}
     </section>
   );
 }

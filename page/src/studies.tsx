@@ -23,14 +23,15 @@ const TITLES: Record<string, string> = {
   drive: "Drives",
   circuit: "Circuits",
   recording: "Recordings",
-  layout: "Layouts",
+  "friction map": "Friction maps",
   fit: "Fits",
+  layout: "Layouts",
   protocol: "Protocols",
   rig: "Rigs",
   setup: "Setups",
   controller: "Controllers",
 };
-const VIEW: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording" };
+const VIEW: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction" };
 const MOST = 200; // rows of a kind on the page; the filter finds the others
 
 function size(bytes: number): string {

@@ -13,6 +13,7 @@ import pytest
 
 import pneudrive as pn
 from page.conftest import DRIVE, ROOT, Server, Tab
+from pneudrive.characterise import write_map
 from pneudrive.trajectory import save_columns
 
 AXE = ROOT / "page" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
@@ -157,6 +158,38 @@ def test_own_recording(server: Server, open_tab: Open) -> None:
     page.click("text=Later")
     page.wait_for_timeout(200)
     assert int(page.evaluate("() => document.documentElement.dataset.points")) <= 4 * 1400
+    assert violations(tab) == []
+    tab.check()
+
+
+def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
+    measured = ROOT / "data" / "measurements" / "zillen-2021-pneumatic-piston"
+    shutil.copy(measured / "layout.toml", server.folder)
+    names = [f"O-ring_{pressure}bar.csv.xz" for pressure in (1, 5)]
+    for name in names:
+        shutil.copy(measured / "friction" / name, server.folder)
+    folder = server.folder / "results" / "o-rings"
+    folder.mkdir(parents=True)
+    curves = pn.characterise([server.folder / name for name in names])
+    write_map(curves, folder / "map.parquet")
+    fit = pn.fit_friction(curves)
+    fit.to_toml(folder / "fit.toml")
+    tab = open_tab(server.address)
+    page = tab.page
+    page.click("text=results/o-rings/map.parquet")
+    page.wait_for_selector("figure.plot[data-plot='Friction over speed'] canvas")
+    page.wait_for_selector("[data-value=coulomb]")
+    assert float(page.get_attribute("[data-value=coulomb]", "data-si")) == fit.values["coulomb"]
+    shown = sorted(float(cell.get_attribute("data-si")) for cell in page.locator(".scroll td[data-si]").all())
+    assert shown == sorted(curves["friction_n"].to_numpy())
+    page.check("text=logarithmic scale")
+    assert "What the data do not determine" in page.inner_text("main")
+    assert violations(tab) == []
+    tab.picture("friction")
+    page.click("td >> xpath=.. >> a >> nth=0")
+    page.wait_for_selector("text=darker: towards +x")
+    page.click("section[aria-label=Friction] >> text=Copy as command or Python")
+    assert "pneudrive characterise O-ring_" in page.inner_text("[data-copy=command]")
     assert violations(tab) == []
     tab.check()
 

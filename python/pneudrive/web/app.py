@@ -17,12 +17,15 @@ from starlette.routing import Route, WebSocketRoute
 
 from pneudrive import __version__
 from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.signals.layout import stem
 from pneudrive.web import description
 from pneudrive.web.asked_run import MOST_PIXELS, AskedRun, described_at
+from pneudrive.web.friction import shown_fit, shown_map
 from pneudrive.web.guard import Guard
+from pneudrive.web.jobs import AskedWork, PageJobs
 from pneudrive.web.live import live
 from pneudrive.web.messages import pack, problems_of
-from pneudrive.web.recordings import Recordings, proposed
+from pneudrive.web.recordings import Recordings, layout_in, proposed
 from pneudrive.web.workspace import TABLES, ChangedError, Workspace, fingerprint
 
 if TYPE_CHECKING:
@@ -74,6 +77,12 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT) -
         Route("/api/window", _answered(views.window)),
         Route("/api/strokes", _answered(views.strokes)),
         Route("/api/propose", _answered(views.propose)),
+        Route("/api/map", _answered(views.map)),
+        Route("/api/fit", _answered(views.fit)),
+        Route("/api/work", _answered(views.work), methods=["POST"]),
+        Route("/api/jobs", _answered(views.jobs)),
+        Route("/api/jobs", _answered(views.start), methods=["POST"]),
+        Route("/api/cancel", _answered(views.cancel), methods=["POST"]),
         WebSocketRoute("/api/live", socket),
     ]
     for name, data in page.items():
@@ -122,6 +131,7 @@ class _Views:
     def __init__(self, workspace: Workspace, build: str) -> None:
         self.workspace, self.build = workspace, build
         self.recordings = Recordings(workspace)
+        self.running = PageJobs(workspace)
 
     def studies(self, _given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """List the workspace and the drives of the catalogue."""
@@ -175,7 +185,7 @@ class _Views:
         if reading.done is None and reading.error is None:
             return {"share": reading.share}
         found = self.recordings.need(name)
-        layout = self.recordings.layout_of(self.workspace.path(name, TABLES))
+        layout = layout_in(self.workspace, self.workspace.path(name, TABLES))
         return {
             "channels": [vars(one) for one in found.channels],
             "span": found.span,
@@ -208,6 +218,36 @@ class _Views:
     def propose(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Propose a layout."""
         return proposed(self.workspace.path(given.get("path", ""), TABLES))
+
+    def map(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return a friction map with the curves of its fit, and which recordings are in the workspace."""
+        found = shown_map(self.workspace.path(given.get("path", ""), (".parquet", ".csv")))
+        names = {point["recording"] for group in found["groups"] for point in group["points"]}
+        recordings = (one.path for one in self.workspace.files() if one.kind == "recording")
+        there = {stem(Path(path)): path for path in recordings}
+        return {**found, "recordings": {name: there[name] for name in names if name in there}}
+
+    def fit(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return a fit."""
+        return shown_fit(self.workspace.path(given.get("path", ""), (".toml",)))
+
+    def work(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Return work on recordings as lines of a shell and as Python."""
+        asked = AskedWork.of(_table(body), self.workspace)
+        return {"command": asked.as_command(), "python": asked.as_python()}
+
+    def jobs(self, _given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return the jobs of this server."""
+        return {"jobs": self.running.about()}
+
+    def start(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Start a job."""
+        return self.running.start(AskedWork.of(_table(body), self.workspace)).about()
+
+    def cancel(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """End a job as Ctrl-C does."""
+        self.running.cancel(_table(body).get("number"))
+        return self.jobs(_given, body)
 
 
 def _table(body: bytes, *texts: str) -> dict[str, Any]:

@@ -96,7 +96,7 @@ class Recordings:
     def opened(self, name: str) -> Reading:
         """Return a recording, or how far its reading is; the first call begins it."""
         path = self.workspace.path(name, TABLES)
-        layout = self.layout_of(path)
+        layout = layout_in(self.workspace, path)
         key = (_key(path), "" if layout is None else hashlib.sha256(layout.text.encode()).hexdigest())
         with self._lock:
             found = self._open.get(key)
@@ -105,14 +105,6 @@ class Recordings:
                 threading.Thread(target=self._read, args=(path, layout, key[0], found), daemon=True).start()
         found.ended.wait(0.2)
         return found
-
-    def layout_of(self, path: Path) -> Layout | None:
-        """Return the layout beside a recording, or in the folder above, inside the workspace; None without one."""
-        for folder in (path.parent, path.parent.parent):
-            place = folder / "layout.toml"
-            if place.is_file() and place.resolve().is_relative_to(self.workspace.root):
-                return Layout.load(place)
-        return None
 
     def _read(self, path: Path, layout: Layout | None, key: str, reading: Reading) -> None:
         def tell(done: float, total: float, _: str) -> None:
@@ -147,7 +139,7 @@ class Recordings:
         path = self.workspace.path(name, TABLES)
         if self.need(name).pyramid.count > MOST_SAMPLES_OF_STROKES:
             return []
-        layout = self.layout_of(path)
+        layout = layout_in(self.workspace, path)
         if layout is not None and layout.kind == "rig":
             recording = load_recording(path, layout)
         elif layout is None and path.suffix in SUFFIXES and is_trajectory(path):
@@ -159,6 +151,15 @@ class Recordings:
             {"from": time[one.start], "to": time[one.stop - 1], "direction": one.direction, "speed": one.speed_m_s}
             for one in find_strokes(recording.name, time, recording.position_m)[:MOST_STROKES]
         ]
+
+
+def layout_in(workspace: Workspace, path: Path) -> Layout | None:
+    """Return the layout beside a recording, or in the folder above, inside the workspace; None without one."""
+    for folder in (path.parent, path.parent.parent):
+        place = folder / "layout.toml"
+        if place.is_file() and place.resolve().is_relative_to(workspace.root):
+            return Layout.load(place)
+    return None
 
 
 def _key(path: Path) -> str:

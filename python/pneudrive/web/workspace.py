@@ -30,13 +30,13 @@ HEAD = 1 << 16  # bytes of a TOML file that tell its kind
 _KINDS = tuple(
     (kind, re.compile(rf"^\s*(?:{mark})", re.MULTILINE))
     for kind, mark in (
+        ("fit", r"\[\[?\s*(?:covariance|undetermined)\b"),
         ("circuit", r"\[\s*components\b|connections\s*="),
         ("drive", r"\[\s*supply\b|drive\s*=\s*[\"']catalogue:"),
         ("layout", r"\[\s*columns\b"),
         ("protocol", r"\[\s*(?:speed|stop)\b"),
         ("controller", r"law\s*="),
         ("setup", r"\[\s*sensors\b"),
-        ("fit", r"\[\s*(?:estimates|values|undetermined)\b"),
         ("rig", r"\[\s*(?:cylinder|rig)\b|kind\s*=\s*[\"']opc-ua"),
     )
 )
@@ -198,7 +198,7 @@ def _texts(value: object) -> Iterator[str]:
 def _kind(path: str, _changed_ns: int, _size: int) -> str:
     """Return the kind of a file; a TOML file is told by its tables."""
     if not path.lower().endswith(DESCRIPTIONS):
-        return "recording"
+        return "friction map" if Path(path).stem.lower() == "map" else "recording"
     try:
         with Path(path).open("rb") as file:
             head = file.read(HEAD).decode("utf-8", "replace")

@@ -1,0 +1,173 @@
+/** Friction maps with the curves of their fit, and fits of every kind. */
+import { signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { digits } from "./looks";
+import { Problems } from "./parts";
+import { Scatter, type Group } from "./plot";
+import { link, route } from "./routes";
+import { read, Refused, type Problem } from "./server";
+
+interface Point {
+  recording: string;
+  direction: number;
+  speed: number;
+  friction: number;
+  spread: number | null;
+  flags: string;
+}
+
+interface FrictionMap {
+  groups: {
+    label: string;
+    points: Point[];
+    curve?: { speed: number[]; friction: number[]; low: number[]; high: number[]; measured: [number, number] };
+  }[];
+  fit: string;
+  recordings: Record<string, string>;
+  left_out: number;
+}
+
+interface Fit {
+  kind: string;
+  title: string;
+  values: { name: string; value: number | null; unit: string; interval: (number | null)[] | null; spread: number | null; determined: boolean }[];
+  statements: string[];
+  notes: string[];
+  recordings: string[];
+  synthetic: boolean;
+  converged: boolean;
+}
+
+const map = signal<FrictionMap | null>(null);
+const fit = signal<Fit | null>(null);
+const wrong = signal<Problem[]>([]);
+const isLog = signal(false);
+const MOST_ROWS = 300;
+const MM = 1000; // mm in a metre
+
+async function open(path: string): Promise<void> {
+  map.value = fit.value = null;
+  wrong.value = [];
+  const isFit = path.endsWith(".toml");
+  const beside = `${path.slice(0, path.lastIndexOf("/") + 1)}fit.toml`;
+  try {
+    if (!isFit) map.value = await read<FrictionMap>("/api/map", { path });
+    if (isFit || !map.value?.fit) fit.value = await read<Fit>("/api/fit", { path: isFit ? path : beside });
+  } catch (error) {
+    if (error instanceof Refused) wrong.value = error.problems;
+  }
+}
+
+export function FrictionView() {
+  const { path } = route.value;
+  useEffect(() => {
+    if (path) void open(path);
+  }, [path]);
+  if (!path) return <p>Choose a friction map or a fit under Studies, or characterise a recording.</p>;
+  return (
+    <div class="friction">
+      <h2>{path}</h2>
+      <Problems of={wrong.value} />
+      {map.value && <Map found={map.value} />}
+      {fit.value && <FitTable found={fit.value} />}
+    </div>
+  );
+}
+
+function Map({ found }: { found: FrictionMap }) {
+  const groups: Group[] = found.groups.map((group) => ({
+    label: group.label,
+    points: group.points.map((one) => ({ x: MM * one.speed, y: one.friction, spread: one.spread })),
+    ...(group.curve && {
+      curve: {
+        x: group.curve.speed.map((one) => MM * one),
+        y: group.curve.friction,
+        low: group.curve.low,
+        high: group.curve.high,
+        measured: [MM * group.curve.measured[0], MM * group.curve.measured[1]] as [number, number],
+      },
+    }),
+  }));
+  const points = found.groups.flatMap((group) => group.points.map((one) => ({ ...one, group: group.label })));
+  return (
+    <>
+      <p class="row">
+        <label>
+          <input type="checkbox" checked={isLog.value} onChange={(event) => (isLog.value = event.currentTarget.checked)} /> speed on a
+          logarithmic scale
+        </label>
+        <span class="note">
+          Bars: U (k = 2), statistical and systematic. Bands: 95 % of the fitted curve; dotted beyond the measured speeds. {found.fit}
+        </span>
+      </p>
+      <Scatter title="Friction over speed" x="speed, mm/s" y="friction, N" groups={groups} log={isLog.value} />
+      <div class="scroll" tabIndex={0} role="region" aria-label="Points of the map">
+        <table>
+          <thead>
+            <tr>
+              {["Recording", "Direction", "Speed, mm/s", "Friction, N", "U (k = 2), N", "Chambers", "Flags"].map((one) => (
+                <th scope="col" key={one}>{one}</th>
+              ))}
+            </tr>
+          </thead>
+          <tbody>
+            {points.slice(0, MOST_ROWS).map((one, index) => (
+              <tr key={index}>
+                <th scope="row">
+                  {found.recordings[one.recording] ? (
+                    <a href={link("recording", found.recordings[one.recording]!)}>{one.recording}</a>
+                  ) : (
+                    one.recording
+                  )}
+                </th>
+                <td>{one.direction > 0 ? "+x" : "-x"}</td>
+                <td>{digits(MM * one.speed)}</td>
+                <td data-si={one.friction}>{digits(one.friction)}</td>
+                <td>{digits(one.spread, 2)}</td>
+                <td>{one.group}</td>
+                <td>{one.flags.replaceAll(",", ", ").replaceAll("_", " ")}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </div>
+      {points.length > MOST_ROWS && <p class="note">{points.length - MOST_ROWS} more points are in the plot and in the file.</p>}
+      {found.left_out > 0 && <p class="note">{found.left_out} points are in the file only.</p>}
+    </>
+  );
+}
+
+function FitTable({ found }: { found: Fit }) {
+  const shown = found.values.filter((one) => one.value !== null);
+  return (
+    <section aria-label="Fit">
+      <h2>Fit of a {found.kind}</h2>
+      {found.synthetic && <p class="banner">Synthetic: the data were simulated.</p>}
+      {!found.converged && <p class="banner">The search ended early: these values are the best so far, without intervals.</p>}
+      <table>
+        <thead>
+          <tr>
+            {["Value", "Estimate", "U (k = 2)", "95 % interval", "Unit", ""].map((one, index) => (
+              <th scope="col" key={index}>{one || <span class="hidden">Determined</span>}</th>
+            ))}
+          </tr>
+        </thead>
+        <tbody>
+          {shown.map((one) => (
+            <tr key={one.name}>
+              <th scope="row">{one.name}</th>
+              <td data-value={one.name} data-si={one.value}>{digits(one.value, 5)}</td>
+              <td>{digits(one.spread, 2)}</td>
+              <td>{one.interval ? one.interval.map((end) => digits(end)).join(" … ") : "–"}</td>
+              <td>{one.unit}</td>
+              <td>{one.determined ? "" : <span class="kind assumed">held or not determined</span>}</td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+      {found.statements.length > 0 && <h2>What the data do not determine</h2>}
+      <ul>{found.statements.map((one) => <li key={one}>{one}</li>)}</ul>
+      <ul>{found.notes.map((one) => <li key={one}>{one}</li>)}</ul>
+    </section>
+  );
+}

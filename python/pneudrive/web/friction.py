@@ -1,0 +1,150 @@
+"""Friction maps and fits as the page draws them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+from pneudrive.errors import PneudriveError
+from pneudrive.friction.friction_map import AMBIENT, COLUMNS, read_map
+from pneudrive.identify.files import read_fit
+from pneudrive.identify.result import FrictionFit
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import xarray as xr
+
+    from pneudrive.identify.files import AnyFit
+
+MOST_POINTS = 10_000
+MOST_CURVES = 8
+SPEEDS = 120  # points of a curve
+SAME_PA = 1e4  # chamber pressures that differ by less make one curve
+
+
+def shown_map(path: Path) -> dict[str, Any]:
+    """Return the points of a map, in groups of one pair of chamber pressures, with the curves of the fit beside it.
+
+    Raises
+    ------
+    RecordingError
+        The file is not a friction map.
+    """
+    found = read_map(path)
+    ambient = float(found.attrs.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
+    fit, why = _fit_beside(path)
+    rows = np.arange(min(found.sizes["row"], MOST_POINTS))
+    pairs = _pressures(found, rows) - ambient
+    groups = []
+    for inside in _alike(pairs):
+        gauges = pairs[inside].mean(axis=0)
+        groups.append({"gauges": gauges.tolist(), "label": _label(gauges), "points": _points(found, rows[inside])})
+    groups.sort(key=lambda one: tuple(one["gauges"]))
+    if fit is not None:
+        ends = np.abs(found["velocity_m_s"].to_numpy())
+        speeds = np.geomspace(ends.min(), ends.max(), SPEEDS) if ends.min() < ends.max() else ends[:1]
+        for group in groups[:MOST_CURVES]:
+            predicted = fit.predict(speeds, *group["gauges"])
+            own = [one["speed"] for one in group["points"]]
+            group["curve"] = {
+                "speed": speeds.tolist(),
+                "friction": predicted.friction_n.tolist(),
+                "low": predicted.lower_n.tolist(),
+                "high": predicted.upper_n.tolist(),
+                "measured": [min(own), max(own)],
+            }
+    about = {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in COLUMNS.items()}
+    return {"groups": groups, "fit": why, "columns": about, "left_out": int(found.sizes["row"] - len(rows))}
+
+
+def _pressures(found: xr.Dataset, rows: Any) -> Any:  # noqa: ANN401 - arrays of numbers
+    """Return the absolute pressures of both chambers, the mean of each recording, shape (rows, 2), Pa."""
+    names = np.unique(found["recording"].to_numpy()[rows].astype(str), return_inverse=True)[1]
+    each = np.bincount(names)
+    means = [np.bincount(names, found[f"pressure_{side}_pa"].to_numpy()[rows]) / each for side in "ab"]
+    return np.column_stack(means)[names]
+
+
+def _alike(pairs: Any) -> list[Any]:  # noqa: ANN401 - arrays of numbers
+    """Return the rows of each group of pressures that differ by less than `SAME_PA` from those of its first row."""
+    left, out = np.arange(len(pairs)), []
+    while len(left):
+        near = (np.abs(pairs[left] - pairs[left[0]]) < SAME_PA).all(axis=1)
+        out.append(left[near])
+        left = left[~near]
+    return out
+
+
+def _points(found: xr.Dataset, rows: Any) -> list[dict[str, Any]]:  # noqa: ANN401 - an array of numbers
+    part = found.isel(row=rows)
+    spread = 2.0 * np.hypot(part["stderr_n"].to_numpy(), part["u_systematic_n"].to_numpy())  # U, k = 2
+    columns = {
+        "recording": part["recording"].to_numpy().tolist(),
+        "direction": part["direction"].to_numpy().tolist(),
+        "speed": np.abs(part["velocity_m_s"].to_numpy()).tolist(),
+        "friction": part["friction_n"].to_numpy().tolist(),
+        "spread": [None if np.isnan(one) else float(one) for one in spread],
+        "flags": part["flags"].to_numpy().tolist(),
+    }
+    return [dict(zip(columns, one, strict=True)) for one in zip(*columns.values(), strict=True)]
+
+
+def _label(gauges: Any) -> str:  # noqa: ANN401 - two numbers
+    a, b = (0.0 if abs(one) < 0.5 * SAME_PA else one / 1e5 for one in gauges)
+    return f"a {a:.3g}, b {b:.3g} bar gauge"
+
+
+def _fit_beside(path: Path) -> tuple[FrictionFit | None, str]:
+    """Return the fit in the folder of a map, or why there is none."""
+    place = path.with_name("fit.toml")
+    if not place.is_file():
+        return None, "There is no fit.toml beside the map."
+    try:
+        fit = read_fit(place)
+    except PneudriveError as error:
+        return None, error.what
+    if not isinstance(fit, FrictionFit):
+        return None, f"fit.toml is the fit of a {fit.KIND}, which has no curve over speed."
+    return fit, ""
+
+
+def shown_fit(path: Path) -> dict[str, Any]:
+    """Return a fit of any kind: values with intervals, what is not determined, notes.
+
+    Raises
+    ------
+    FitError
+        The file is not a fit.
+    """
+    fit: AnyFit = read_fit(path)
+    values = [
+        {
+            "name": name,
+            "value": _number(value),
+            "unit": fit.units.get(name, ""),
+            "interval": [_number(one) for one in fit.intervals[name]] if name in fit.intervals else None,
+            "spread": fit.expanded_uncertainty(name) if name in fit.free and name in fit.intervals else None,
+            "determined": name in fit.determined,
+            "sources": list(fit.sources.get(name, ())),
+        }
+        for name, value in fit.values.items()
+    ]
+    return {
+        "kind": fit.KIND,
+        "title": fit.TITLE,
+        "values": values,
+        "statements": fit.statements(),
+        "notes": list(fit.notes),
+        "recordings": list(fit.recordings),
+        "synthetic": fit.synthetic,
+        "converged": fit.converged,
+        "statistics": {name: _number(value) for name, value in fit.statistics.items()},
+    }
+
+
+def _number(value: object) -> float | None:
+    """Return a number for JSON, which knows neither infinity nor NaN."""
+    return float(value) if isinstance(value, int | float) and np.isfinite(value) else None

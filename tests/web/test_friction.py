@@ -1,0 +1,120 @@
+"""Work on recordings from the page: the files of the command line, byte for byte, and what the page draws of them."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive.characterise import write_map
+from web.conftest import Served
+from web.test_recordings import MEASURED, get
+
+NAMES = ["O-ring_1bar.csv.xz", "O-ring_5bar.csv.xz"]
+
+
+def post(served: Served, address: str, body: object, status: int = 200) -> dict:
+    answered = served.client.post(address, json=body, headers=served.headers)
+    assert answered.status_code == status, answered.text
+    return answered.json()
+
+
+@pytest.fixture
+def measured(served: Served) -> Served:
+    for name in NAMES:
+        shutil.copy(MEASURED / "friction" / name, served.folder)
+    shutil.copy(MEASURED / "layout.toml", served.folder)
+    return served
+
+
+def finished(served: Served) -> dict:
+    for _ in range(600):
+        job = get(served, "/api/jobs")["jobs"][0]
+        if job["state"] != "running":
+            return job
+        time.sleep(0.1)
+    raise AssertionError(job)
+
+
+def test_a_job_writes_what_the_command_writes(measured: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    work = {"recordings": NAMES[:1], "name": "o-ring"}
+    copied = post(measured, "/api/work", work)
+    post(measured, "/api/jobs", work)
+    job = finished(measured)
+    assert job["state"] == "done", job["tail"]
+    assert "O-ring_1bar" in job["tail"]
+    again = post(measured, "/api/jobs", work, 400)["problems"][0]["what"]
+    assert "results/o-ring is there already" in again
+    monkeypatch.chdir(measured.folder)
+    assert copied["command"].splitlines()[-1] == f"pneudrive characterise {NAMES[0]} --out results/o-ring"
+    made, names = Path("results/o-ring"), {}
+    exec(copied["python"], names)
+    write_map(names["curves"], "by-python.csv")
+    assert (made / "map.csv").read_bytes() == Path("by-python.csv").read_bytes()
+    assert {one.name for one in made.iterdir()} == {"map.parquet", "map.csv", "fit.toml", "report.html", "figures"}
+
+
+def test_a_map_and_its_fit_are_shown_as_they_are(measured: Served) -> None:
+    folder = measured.folder / "results" / "o-rings"
+    folder.mkdir(parents=True)
+    table = pn.characterise([measured.folder / name for name in NAMES])
+    write_map(table, folder / "map.parquet")
+    fit = pn.fit_friction(table)
+    fit.to_toml(folder / "fit.toml")
+
+    found = get(measured, "/api/map", path="results/o-rings/map.parquet")
+    points = [point for group in found["groups"] for point in group["points"]]
+    assert sorted(one["friction"] for one in points) == sorted(table["friction_n"].to_numpy())
+    assert len(found["groups"]) == 2  # two pressures in chamber b
+    assert found["recordings"] == {"O-ring_1bar": NAMES[0], "O-ring_5bar": NAMES[1]}
+    for group in found["groups"]:
+        curve = group["curve"]
+        predicted = fit.predict(np.array(curve["speed"]), *group["gauges"])
+        assert np.allclose(curve["friction"], predicted.friction_n, rtol=1e-12)
+        assert np.all(np.array(curve["low"]) <= curve["friction"])
+        assert np.all(np.array(curve["high"]) >= curve["friction"])
+
+    shown = get(measured, "/api/fit", path="results/o-rings/fit.toml")
+    values = {one["name"]: one for one in shown["values"]}
+    assert values["coulomb"]["value"] == fit.values["coulomb"]
+    assert values["coulomb"]["interval"] == list(fit.intervals["coulomb"])
+    assert values["breakaway"]["value"] is None
+    assert any("breakaway" in one for one in shown["statements"])
+    (folder / "fit.toml").unlink()
+    assert "no fit.toml" in get(measured, "/api/map", path="results/o-rings/map.parquet")["fit"]
+
+
+def test_a_job_is_cancelled_as_by_ctrl_c(measured: Served) -> None:
+    job = post(measured, "/api/jobs", {"recordings": NAMES, "name": "late"})
+    assert job["state"] == "running"
+    post(measured, "/api/cancel", {"number": job["number"]})
+    assert finished(measured)["state"] == "cancelled"
+
+
+@pytest.mark.parametrize(
+    "work",
+    [
+        {"recordings": [], "name": "x"},
+        {"recordings": ["../secret.csv"], "name": "x"},
+        {"recordings": ["axis.toml"], "name": "x"},
+        {"recordings": ["missing.csv"], "name": "x"},
+        {"recordings": NAMES, "name": "a/b"},
+        {"recordings": NAMES, "name": "..."},
+        {"recordings": "axis.csv", "name": "x"},
+        {},
+    ],
+)
+def test_work_outside_is_refused(measured: Served, work: dict) -> None:
+    assert post(measured, "/api/jobs", work, 400)["problems"]
+    assert not (measured.folder / "results").exists()
+
+
+def test_a_recording_without_a_layout_is_not_characterised(served: Served) -> None:
+    (served.folder.parent / "layout.toml").write_text((MEASURED / "layout.toml").read_text())
+    shutil.copy(MEASURED / "friction" / NAMES[0], served.folder)
+    refused = post(served, "/api/jobs", {"recordings": NAMES[:1], "name": "x"}, 400)
+    assert "no layout in the workspace" in refused["problems"][0]["what"]
