@@ -40,7 +40,7 @@ def golden_file(folder):
     names = {"time": "time_s", "command": "command", "position": "position_m"}
     names |= {f"pressure_{side}": f"pressure_{side}_pa" for side in "ab"}
     units = {"time": "s", "position": "m", "pressure_a": "Pa abs", "pressure_b": "Pa abs"}
-    lines = ['separator = ","', "header = true", "[columns]"]
+    lines = ['delimiter = ","', "header = true", "[columns]"]
     for key, column in names.items():
         unit = f', unit = "{units[key]}"' if key in units else ""
         lines.append(f'{key} = {{ column = "{column}"{unit} }}')
