@@ -84,7 +84,7 @@ def folder(tmp_path_factory):
 
 def _compiled(folder, *files, name="mine.so", options=()):
     target = folder / name
-    strict = ["gcc", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-fPIC", "-shared", *options]
+    strict = ["gcc", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O0", "-fPIC", "-shared", *options]
     subprocess.run([*strict, *map(str, files), "-o", str(target), "-lm"], check=True, cwd=folder)
     return target
 

@@ -1,4 +1,4 @@
-"""``make demo``: characterise real recordings, reproduce the source paper on a simulated rig, write one report."""
+"""``make demo``: real recordings, the source paper on a simulated rig, an axis under control; one report."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 MEASUREMENTS = Path("data/measurements/zillen-2021-pneumatic-piston")
+AXIS = Path("examples/controlled_axis.toml")
 
 
 def demo(
@@ -16,15 +17,18 @@ def demo(
 ) -> None:
     """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report."""
     from pneudrive.cli.output import writable_folder
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.errors import CommandError
     from pneudrive.friction.friction_map import write_map
     from pneudrive.friction.recording.characterisation import characterise_recordings
     from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS
     from pneudrive.identify.seals import fit_characterisation
     from pneudrive.report import write_report
+    from pneudrive.report.study import WithSections
     from pneudrive.report.verdict import verdict
     from pneudrive.studies.bracha import FOLDER
     from pneudrive.studies.bracha.reproduction import reproduce
+    from pneudrive.studies.identified_axis import identify_axis
 
     folder = writable_folder(out)
     files = sorted([*measurements.glob("friction/*.csv*"), *measurements.glob("repeatability/*.csv*")])
@@ -40,7 +44,8 @@ def demo(
     if "stribeck" in fits.get(ALL_RECORDINGS, {}):
         fits[ALL_RECORDINGS]["stribeck"].to_toml(folder / "fit.toml")
     made = reproduce(folder / FOLDER)
-    report = write_report(found, fits, folder, made)
+    more = (identify_axis(Circuit.load(AXIS)).section(),) if AXIS.is_file() else ()
+    report = write_report(found, fits, folder, WithSections(made, more))
     for number, line in enumerate(verdict(found, fits, made), 1):
         typer.echo(f"{number}. {line}")
     typer.echo(f"\nReport: {report.resolve()}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 if TYPE_CHECKING:
@@ -54,3 +54,16 @@ class Study(Protocol):
     def addition(self, found: Characterisation | None) -> Addition:
         """Return its addition to the report of these recordings, or to an empty one."""
         ...
+
+
+@dataclass(frozen=True)
+class WithSections:
+    """A study whose sections are followed by others."""
+
+    study: Study
+    sections: tuple[Section, ...]
+
+    def addition(self, found: Characterisation | None) -> Addition:
+        """Return its addition to the report of these recordings, or to an empty one."""
+        own = self.study.addition(found)
+        return replace(own, sections=(*own.sections, *self.sections))
