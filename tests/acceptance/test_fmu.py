@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import ctypes
+import re
 import subprocess
 import sys
 import threading
 from itertools import pairwise
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
 from fmpy import extract, read_model_description, simulate_fmu
@@ -19,6 +22,7 @@ import pneudrive as pn
 from oracle import fmu_calls
 from pneudrive.cli.main import run as command_line
 from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.fmu.library import library_path
 
 SMOOTH = pn.Drive.load("catalogue:reference")  # bristles, no event
 STICKY = SMOOTH.replace({"friction": {"law": "coulomb", "coulomb": "30 N", "viscous": "40 N s/m"}})
@@ -250,6 +254,33 @@ def test_an_actuator_gives_the_force_of_the_drive_on_what_moves_it(tmp_path):
     assert np.abs(seen["pressure_a"] - run.pressure_a.values[at]).max() < 100.0
     with pytest.raises(DescriptionError, match="the law coulomb sticks"):
         pn.export_fmu(STICKY, tmp_path / "no.fmu", actuator=True)
+
+
+def test_in_co_simulation_a_motor_moves_the_piston_and_tells_the_mean_force(tmp_path):
+    joints = ("supply -> valve.1", "valve.4 -> cylinder.a", "valve.2 -> cylinder.b", "motor.1 -> cylinder.rod")
+    rig = SMOOTH.circuit.replace({"components.motor": {"kind": "motor"}, "connections": joints})
+    path = str(pn.export_fmu(rig, tmp_path / "rig.fmu", initial="cylinder.position = 100 mm").path)
+    tool, session = Tool(path).begin(motor__velocity=0.1), rig.start("cylinder.position = 100 mm", rtol=1e-9)
+    session.set("motor.velocity_m_s", 0.1)
+    session.advance(0.5)
+    tool.fmu.doStep(0.0, 0.5)
+    before = tool.get("motor.impulse")[0]
+    tool.fmu.doStep(0.5, 0.1)
+    assert tool.get("cylinder.position")[0] == pytest.approx(0.16, abs=1e-4)
+    impulse = session.read("motor.impulse_n_s")
+    session.advance(0.6)
+    mean = (session.read("motor.impulse_n_s") - impulse) / 0.1
+    assert (tool.get("motor.impulse")[0] - before) / 0.1 == pytest.approx(mean, rel=1e-6)
+    assert mean > 30.0, "at least Coulomb friction"
+
+
+def test_the_library_has_every_function_of_the_standards():
+    library = ctypes.CDLL(str(library_path()))
+    for version, count in (("2", 40), ("3", 70)):
+        text = Path(fmpy.__file__).with_name("c-code").joinpath(f"fmi{version}FunctionTypes.h").read_text("utf-8")
+        names = set(re.findall(rf"\b(fmi{version}\w+)TYPE\s*\(", text))
+        assert len(names) > count
+        assert [name for name in sorted(names) if not hasattr(library, name)] == []
 
 
 def test_a_user_exports_a_drive_file_and_runs_it_in_fmpy(tmp_path, capsys):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneudrive.errors import CommandError, nearest
+from pneudrive.errors import CommandError, DescriptionError, nearest
 from pneudrive.fmu.description import IDENTIFIER, description
 from pneudrive.fmu.library import PLATFORMS, count_events, library_path
 from pneudrive.fmu.variables import RTOL, FmuVariable, plan_of
@@ -66,16 +66,16 @@ def complete_plan(
     require(drive, "core_json" if not hasattr(drive, "si_form") else "si_form", "drive", 'pn.Drive.load("drive.toml")')
     check_tolerance(rtol)
     plan = plan_of(drive, initial, rtol=rtol, actuator=actuator)
-    events = [
-        FmuVariable(
-            f"event_indicator[{i + 1}]",
-            "1",
-            "above zero while the present mode of friction or of a valve holds",
-            "local",
-            {"role": "event", "of": i},
+    count = count_events(plan.json(), plan.token)
+    if actuator and count > 0:
+        raise DescriptionError(
+            f"the law {drive.friction.law} sticks by a mode of its own, which motion from outside does not have",  # type: ignore[union-attr]
+            rule="an actuator needs a law whose force follows from the motion",
+            remedy='Choose one with bristles, such as friction.law = "lugre".',
         )
-        for i in range(count_events(plan.json(), plan.token))
-    ]
+    what = "above zero while the present mode of friction or of a valve holds"
+    roles = [(f"event_indicator[{i + 1}]", {"role": "event", "of": i}) for i in range(count)]
+    events = [FmuVariable(name, "1", what, "local", role) for name, role in roles]
     return replace(plan, variables=(*plan.variables, *events))
 
 

@@ -169,17 +169,10 @@ def session_notes(described: Drive | Circuit) -> list[str]:
 
 
 def _check_actuator(described: Drive | Circuit, form: dict[str, Any]) -> None:
-    """Check that the motion of the piston can come from outside, and take off what the other tool has itself."""
+    """Check that a description is a drive, and take off what the other tool has itself."""
     cylinder = next((one for one in form["components"] if one["name"] == "cylinder"), None)
     if is_circuit(described) or cylinder is None:
         raise DescriptionError("an actuator is made of a drive", remedy="Export a drive file.")
-    entry = described.friction.entry
-    if entry.get("sticks", not entry["bristles"]):
-        raise DescriptionError(
-            f"the law {described.friction.law} sticks by a mode of its own, which motion from outside does not have",
-            rule="an actuator needs a law whose force follows from the motion",
-            remedy='Choose one with bristles, such as friction.law = "lugre".',
-        )
     cylinder["numbers"].pop("incline", None)
 
 
@@ -192,11 +185,9 @@ def _inputs(session: CoreSession, form: dict[str, Any], is_short: bool, actuator
     components = {one["name"]: one for one in form["components"]}
     for core, unit, bounds, what in session.inputs:
         of, _, last = core.rpartition(".")
-        kind = component_kinds()[components[of]["kind"]]
-        given = {row["key"] for row in kind["parameters"]}
+        if last in ("pressure_pa", "temperature_k"):
+            continue  # a parameter, that of a supply
         name = {"load_force_n": "force", "command": "command"}.get(last, meaning(last)[0])
-        if last != "load_force_n" and name in given:
-            continue  # a parameter, such as the pressure of a supply
         if actuator and last == "load_force_n":
             continue
         own = components[of]
