@@ -201,7 +201,7 @@ def identify_axis(sheet: Circuit) -> IdentifiedAxis:
             runs = [run(truth, setup="real", seed=seed, **options) for seed in SEEDS]
             firsts.setdefault(name, runs[0])
             each = (np.median([one.attrs["score"][what] for one in runs]) for what in ("rmse_m", "max_error_m"))
-            row += [f"{1e6 * float(one):.0f} um" for one in each]
+            row += [f"{float(f'{1e6 * float(one):.2g}'):.0f} um" for one in each]
         scores.append(tuple(row))
     return IdentifiedAxis(tuple(_numbers(sheet, truth, fit.parameters, valve)), tuple(scores), firsts)
 
