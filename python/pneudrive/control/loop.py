@@ -110,7 +110,8 @@ def run(
     xarray.Dataset
         Dimension time, one entry for each sample of the law; position, velocity, pressure_a, pressure_b, reference,
         command, estimated_velocity, disturbance, holds, step_time, each with ``units`` and ``long_name``. Its ``attrs``
-        hold score (a dict, see `pneudrive.control.Score`), law, gains, period_s, setup, seed, reference, motion,
+        hold score (a dict, see `pneudrive.control.Score`), law_failure (where a law of one's own failed and another one
+        took over), law, gains, period_s, setup, seed, reference, motion,
         belief_hash, and what `pneudrive.simulate` tells of a description.
 
     Raises
@@ -195,12 +196,18 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     except ValueError as error:
         raise CommandError(f"the run cannot begin: {error}") from None
     except RuntimeError as error:
-        if own is not None:
-            own.raise_failure()
+        if own is not None and own.failure is not None:
+            raise own.failure from own.failure.__cause__
         raise SimulationError(str(error)) from None
+    finally:
+        if own is not None and own.stopped is not None:
+            raise own.stopped
     named = {meaning(column)[0]: values for column, values in columns.items()}
     found = score_of(named["time"], named, motion)
-    return Run(columns, _provenance(prepared, seed) | {"score": found.to_dict()}, MEANINGS)
+    said: dict[str, Any] = {"score": found.to_dict()}
+    if own is not None and own.failure is not None:  # another law has taken over
+        said["law_failure"] = str(own.failure)
+    return Run(columns, _provenance(prepared, seed) | said, MEANINGS)
 
 
 def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:

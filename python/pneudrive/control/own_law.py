@@ -48,6 +48,8 @@ class RunningLaw:
         The numbers.
     failure : SimulationError or None
         The first failure of the law.
+    stopped : BaseException or None
+        What stops more than a run, Ctrl-C for instance.
     """
 
     name: str
@@ -70,13 +72,6 @@ class RunningLaw:
             self._fails(values[0], f"it returns {command}", None, None)
             return math.nan
         return command
-
-    def raise_failure(self) -> None:
-        """Raise what the law has raised."""
-        if self.stopped is not None:
-            raise self.stopped
-        if self.failure is not None:
-            raise self.failure
 
     def _fails(self, t: float, what: str, where: str | None, cause: Exception | None) -> None:
         if self.failure is None:
