@@ -58,7 +58,7 @@ def fit(
     Laws are compared by AICc, BIC and, decisively, by cross-validation over conditions.
     """
     from pneudrive.errors import CommandError, nearest
-    from pneudrive.friction.campaign.fits import with_dependences
+    from pneudrive.friction.campaign.fits import NO_POINTS, with_dependences
     from pneudrive.identify.laws import CANDIDATES
     from pneudrive.identify.model import PRESSURE_FORMS
 
@@ -75,7 +75,9 @@ def fit(
         raise CommandError(f"--out {out}: a fit cannot be written there", rule="FILE.toml in a folder that exists")
     curves, campaign = _map_of(source, layout)
     options = {"direction": turn[direction], "loss": loss, "ambient_pressure_pa": _ambient(curves, ambient)}
-    if campaign is None and len(source) > 1 and any(path.is_dir() for path in source):
+    if campaign is not None:
+        options["exclude_flags"] = NO_POINTS  # as characterise does
+    elif len(source) > 1 and any(path.is_dir() for path in source):
         typer.echo("- of several campaigns together, the fit has the curve over speed and pressure only", err=True)
     for group, part in _groups(curves, by):
         if group:
