@@ -4,6 +4,7 @@
 use super::drive::{COMMAND, Drive, EDGES, later};
 use super::session::Session;
 use super::shoot::DIRECTIONS;
+use crate::circuit::Circuit;
 use crate::net::Net;
 use crate::run::{Error, Look, Recorder, sample_times};
 use crate::specification::Initial;
@@ -64,11 +65,12 @@ impl Drive {
     ///
     /// A sample that no state of this drive can have, such as a piston behind a cover, is an error.
     pub fn along(&self, record: &Record<'_>) -> Result<Vec<f64>, Error> {
-        let mut net = self.circuit().work::<AlongFlow>();
+        let mut circuit = self.circuit().clone();
+        let mut net = circuit.work::<AlongFlow>();
         let mut t = record.temperature;
         let mut rows = Vec::with_capacity(ALONG.len() * record.times.len());
         for i in 0..record.times.len() {
-            let rates = self.temperature_rates(record, i, t, &mut net)?;
+            let rates = self.temperature_rates(record, i, t, &mut circuit, &mut net)?;
             let gas = self.chamber_ids().map(|id| net[id]);
             let axis = net[self.axis()];
             let steady = self.circuit().steady_friction(self.axis(), &axis).re;
@@ -77,7 +79,8 @@ impl Drive {
             rows.extend(gas.iter().map(|node| node.m_dot.re));
             if let Some(next) = record.times.get(i + 1) {
                 let h = next - record.times[i];
-                let warmer = self.temperature_rates(record, i, t.map(|t| t * (1.0 + STEP)), &mut net)?;
+                let warmer = t.map(|t| t * (1.0 + STEP));
+                let warmer = self.temperature_rates(record, i, warmer, &mut circuit, &mut net)?;
                 for side in 0..2 {
                     let slope = (warmer[side] - rates[side]) / (t[side] * STEP);
                     t[side] += h * rates[side] / (1.0 - h * slope.min(0.0));
@@ -94,6 +97,7 @@ impl Drive {
         record: &Record<'_>,
         i: usize,
         t: [f64; 2],
+        circuit: &mut Circuit<f64>,
         net: &mut Net<AlongFlow>,
     ) -> Result<[f64; 2], Error> {
         let initial = Initial {
@@ -105,7 +109,7 @@ impl Drive {
             temperature_b_k: t[1],
             contact_age_s: 0.0,
         };
-        let (mut circuit, y) = self.start(&initial, 0.0);
+        let y = self.begin(circuit, &initial);
         if !self.circuit().holds(&y) {
             return Err(Error::Stopped(format!(
                 "the record cannot be of this drive: at t = {} s the piston is at {:.6} m of {:.6} m, the chambers are at {:.4e} \
@@ -121,7 +125,7 @@ impl Drive {
             )));
         }
         for (edge, opening) in EDGES.zip(record.openings[i]) {
-            self.assembly().set(&mut circuit, edge, 0, opening);
+            self.assembly().set(circuit, edge, 0, opening);
         }
         let still: Vec<AlongFlow> = y.iter().map(|&value| value.into()).collect();
         let mut rates = still.clone();

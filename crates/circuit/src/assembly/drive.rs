@@ -315,8 +315,14 @@ impl Drive {
     pub fn start(&self, initial: &Initial, u: f64) -> (Circuit<f64>, Vec<f64>) {
         let mut circuit = self.circuit().clone();
         self.set_command(&mut circuit, 0, u);
+        let y = self.begin(&mut circuit, initial);
+        (circuit, y)
+    }
+
+    /// The state of the drive's equations at `initial`, with modes to match.
+    pub(super) fn begin(&self, circuit: &mut Circuit<f64>, initial: &Initial) -> Vec<f64> {
         let axis = self.axis();
-        let y = circuit.begin(&Given {
+        circuit.begin(&Given {
             gas: &[
                 (self.wired.a, initial.pressure_a_pa, initial.temperature_a_k),
                 (self.wired.b, initial.pressure_b_pa, initial.temperature_b_k),
@@ -325,8 +331,7 @@ impl Drive {
             ages: &[(axis, initial.contact_age_s)],
             inner: &[],
             signals: &[],
-        });
-        (circuit, y)
+        })
     }
 
     /// A session of the drive at `initial`, its valve shut, everything else as described.
