@@ -75,10 +75,7 @@ def fit(
         raise CommandError(f"--out {out}: a fit cannot be written there", rule="FILE.toml in a folder that exists")
     curves, campaign = _map_of(source, layout)
     options = {"direction": turn[direction], "loss": loss, "ambient_pressure_pa": _ambient(curves, ambient)}
-    if campaign is not None:
-        options["exclude_flags"] = NO_POINTS  # as characterise does
-    elif len(source) > 1 and any(path.is_dir() for path in source):
-        typer.echo("- of several campaigns together, the fit has the curve over speed and pressure only", err=True)
+    options["exclude_flags"] = () if campaign is None else NO_POINTS  # as characterise does
     for group, part in _groups(curves, by):
         if group:
             typer.echo(f"{by} {group}")
@@ -114,7 +111,11 @@ def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, Campai
     if finished:
         found = [characteristics(one) if one.is_dir() else None for one in finished]
         maps = [read_map(one) if own is None else own.friction_map for one, own in zip(finished, found, strict=True)]
-        return (maps[0], found[0]) if len(maps) == 1 else (_joined(finished, maps), None)
+        if len(maps) == 1:
+            return maps[0], found[0]
+        if any(path.is_dir() for path in finished):
+            typer.echo("- of several campaigns together, the fit has the curve over speed and pressure only", err=True)
+        return _joined(finished, maps), None
     if len(source) == 1 and source[0].suffix in MAP_SUFFIXES and layout is None:
         with suppress(PneudriveError):
             return read_map(source[0]), None
