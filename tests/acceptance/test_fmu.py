@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from fmpy import extract, read_model_description, simulate_fmu
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.fmi3 import FMU3Slave
 from fmpy.model_description import ModelDescription
 from fmpy.validation import validate_fmu
 
@@ -170,6 +171,23 @@ def test_directional_derivatives_are_those_of_differences(made):
         ends.append(tool.get("der(velocity)")[0])
     assert found == pytest.approx((ends[0] - ends[1]) / 2.0, rel=1e-8)
     assert found == pytest.approx(1.0 / 2.0, rel=1e-9)  # the mass is 2 kg
+
+    about = read_model_description(made("smooth", "3.0"))
+    three = FMU3Slave(
+        guid=about.instantiationToken, unzipDirectory=extract(made("smooth", "3.0")), modelIdentifier="pneudrive"
+    )
+    three.instantiate()
+    three.setFloat64([tool.reference["command"]], [0.5])
+    three.enterInitializationMode()
+    three.exitInitializationMode()
+    three.doStep(0.0, 0.02)
+    unknowns = [tool.reference[name] for name in ("der(velocity)", "pressure_a", "mass_flow_b")]
+    knowns = [tool.reference[name] for name in ("position", "mass_a", "force", "command")]
+    columns = [three.getDirectionalDerivative(unknowns, [known], [1.0]) for known in knowns]
+    weights = [0.3, 1e-4, -2.0]
+    rows = three.getAdjointDerivative(unknowns, knowns, weights, nSensitivity=len(knowns))
+    assert rows == pytest.approx(np.array(columns) @ weights, rel=1e-12)
+    assert np.count_nonzero(columns) == 5, "pressure follows from energy and volume, so not from the mass of the gas"
 
 
 def test_wrong_wishes_are_refused_with_a_message_in_every_phase(made):
