@@ -54,6 +54,8 @@ class Characteristic:
         Name of a setting -> its default and meaning.
     slow : bool
         Whether it takes more than about a second.
+    held : bool
+        Whether it looks at the drive at states that are held, which a valve that lags behind its command does not have.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Characteristic:
     y: str = ""
     settings: Mapping[str, tuple[Any, str]] = field(default_factory=dict)
     slow: bool = False
+    held: bool = True
 
     def of(self, plant: HeldDrive, **settings: Any) -> xr.Dataset:  # noqa: ANN401 - of each characteristic its own
         """Return it for one drive, without intervals."""

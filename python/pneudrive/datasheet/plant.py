@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 RTOL = 1e-6  # of sessions that are not advanced
 NO_FRICTION_N = 1e-9  # a law of friction has a level above 0
-_LAGS = ("frequency", "delay", "hysteresis")
+_LAGS = ("frequency", "delay", "hysteresis", "time_on")
 
 
 class Rates(NamedTuple):
@@ -49,6 +49,8 @@ class HeldDrive:
     Parameters
     ----------
     described : Drive or Circuit
+    held : bool
+        Whether it is looked at in states that are held.
 
     Raises
     ------
@@ -58,7 +60,7 @@ class HeldDrive:
         It is neither a drive nor a circuit.
     """
 
-    def __init__(self, described: Drive | Circuit) -> None:
+    def __init__(self, described: Drive | Circuit, *, held: bool = True) -> None:
         if not hasattr(described, "core_json"):
             raise DescriptionError(f"a {type(described).__name__} is not a drive", remedy='pn.Drive.load("drive.toml")')
         self.described = described
@@ -72,8 +74,9 @@ class HeldDrive:
             )
         self.piston, self.valve = pistons[0], valves[0]
         self.command, self.load = f"{self.valve}.command", f"{self.piston}.load_force_n"
-        lags = [key for key in _LAGS if getattr(self.circuit.components[self.valve], f"{key}", 0.0)]
-        if lags:
+        table = self.circuit.components[self.valve].plain()
+        lags = [key for key in _LAGS if key in table]
+        if lags and held:
             raise CommandError(
                 f"{self.valve} has {', '.join(lags)}",
                 rule="a state of the valve cannot be held where the drive is looked at",

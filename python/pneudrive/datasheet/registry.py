@@ -22,7 +22,19 @@ if TYPE_CHECKING:
     from pneudrive.watch import Flag
 
 #: Modules with a tuple CHARACTERISTICS, in the order of the datasheet.
-MODULES = ("steady", "stiffness", "threshold", "response", "air", "stands", "frequency", "tornado")
+MODULES = (
+    "steady",
+    "stiffness",
+    "threshold",
+    "response",
+    "air",
+    "stands",
+    "frequency",
+    "tornado",
+    "line_study",
+    "valve_times",
+    "published",
+)
 
 
 @cache
@@ -99,7 +111,7 @@ def found_under(
         if setting not in one.settings:
             raise CommandError(f"{name} has no setting {setting!r}", remedy=nearest(setting, one.settings))
     watch.look()
-    plain = one.of(HeldDrive(drive), **settings)
+    plain = one.of(HeldDrive(drive, held=one.held), **settings)
     if not intervals:
         return plain
-    return with_intervals(drive, plain, lambda other: one.of(HeldDrive(other), **settings), watch)
+    return with_intervals(drive, plain, lambda other: one.of(HeldDrive(other, held=one.held), **settings), watch)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 #: Characteristics of a sheet, in its order.
 OF_A_SHEET = (
     *("velocity", "force-speed", "minimum-pressure", "square-response", "impact", "stiffness", "natural-frequency"),
-    *("bode", "air", "exergy", "flow", "leakage"),
+    *("bode", "air", "exergy", "flow", "leakage", "published"),
 )
 
 

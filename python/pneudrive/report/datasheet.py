@@ -114,8 +114,22 @@ def _numbers(found: Datasheet) -> Section:
             ("number", "standard", "out, or the only one", "back"), rows, "In brackets: interval", numbers_from=2
         ),
         Paragraph(SIMULATED),
-        *(Paragraph(f"{name}: {why}", "note") for name, why in found.failed.items()),
+        _published(found),
+        *(Paragraph(f"{name}: {why}", "note") for name, why in found.failed.items() if name != "published"),
     )
+
+
+def _published(found: Datasheet) -> PageTable | None:
+    """Return the figures that makers print of the drive's parts beside those of the drive."""
+    if "published" not in found.results:
+        return None
+    table = found.results["published"]
+    columns = [100.0 * table.difference.to_numpy(), table.computed.to_numpy(), table.printed.to_numpy()]
+    rows = []
+    for name, more, computed, printed in zip(table["figure"].to_numpy(), *columns, strict=True):
+        rows.append((str(name), f"{printed:.5g}", f"{computed:.5g}", f"{more:+.2g} %"))
+    head = ("printed figure, SI", "printed", "of this drive", "difference")
+    return PageTable(head, tuple(rows), "What makers print of the parts")
 
 
 def _caption(found: Datasheet) -> str:

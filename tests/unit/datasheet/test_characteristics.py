@@ -212,3 +212,40 @@ def test_sensitivities_are_exponents():
     assert float(valve.stall_force_sensitivity) == pytest.approx(0.0, abs=1e-9)
     assert 0.5 < float(valve.steady_speed_sensitivity) < 1.0
     assert float(valve.stroke_time_sensitivity) < -0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [
+        # force, force with friction (its curve is assumed), flow: SMC prints whole litres, 276, 746, 1130
+        ("parker-osp-p25-sy5000", {"theoretical": 2e-3, "effective": 1.5e-2, "nominal": 0.5 / 746}),
+        ("parker-osp-p40-sy7000", {"theoretical": 2e-3, "effective": 1.5e-2, "nominal": 0.5 / 1130}),
+        ("smc-cm2y-25-sy3000", {"minimum": 1e-3, "nominal": 0.5 / 276}),
+    ],
+)
+def test_figures_that_makers_print_come_out_of_the_test_stands(name, most):
+    found = pn.characteristic(pn.Drive.load(f"catalogue:{name}"), "published")
+    seen = {
+        str(figure).partition(": ")[2].partition("_")[0]: abs(float(d))
+        for figure, d in zip(found.figure.values, found.difference, strict=True)
+    }
+    assert seen.keys() == most.keys()
+    assert all(seen[key] < limit for key, limit in most.items()), seen
+
+
+def test_times_of_a_switching_valve_and_what_it_cannot_have():
+    tables = DRIVE.circuit.to_dict()
+    tables["components"]["valve"] = {"use": "catalogue:ckd-m4ga1-r-2-position"}
+    circuit = Circuit.model_validate(tables)
+    found = pn.characteristic(circuit, "valve-times")
+    for time in (float(found.time_on), float(found.time_off)):
+        assert 0.012 < time < 0.015  # 12 ms to the middle of the travel, then the outlet fills
+    with pytest.raises(pn.PneudriveError, match="valve has time_on"):
+        pn.characteristic(circuit, "velocity")
+    with pytest.raises(pn.PneudriveError, match="times are those of a switching valve"):
+        pn.characteristic(DRIVE, "valve-times")
+
+
+def test_lines_are_those_of_the_study():
+    found = pn.characteristic(DRIVE, "lines", lengths=["1 m"], diameters=["4 mm", "6 mm"])
+    assert [f"{float(v):.3f}" for v in found.vent_speed[:, 0]] == ["2.297", "3.636"]

@@ -1,0 +1,126 @@
+"""Printed figures of the catalogue's parts beside what the drive's own test stands give."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pneudrive import units
+from pneudrive.constants import ANR_DENSITY_KG_M3
+from pneudrive.datasheet.characteristic import Characteristic, ResultValue
+from pneudrive.datasheet.equilibrium import at_velocity
+from pneudrive.datasheet.plant import HeldDrive
+from pneudrive.datasheet.stands import flow_through
+from pneudrive.datasheet.threshold import least_pressure
+from pneudrive.describe.catalogue import entries
+from pneudrive.errors import CommandError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from pneudrive.describe.catalogue import Entry
+    from pneudrive.describe.drive import Drive
+
+    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
+
+BEFORE_PA, RATIO = 7e5, 6.0 / 7.0  # nominal flow: from 6 to 5 bar above the 100 kPa of the reference atmosphere
+SLOW = 0.05  # m/s: an effective force is one in slow motion
+
+
+def _nominal_flow(drive: Drive) -> float:
+    bare = drive.replace({"tubing": {}, "flow_control": {}}) if drive.has_lines else drive
+    flow = flow_through(HeldDrive(bare), "a", inward=True, upstream=BEFORE_PA, ratios=np.array([RATIO]))
+    return float(flow[0]) / ANR_DENSITY_KG_M3
+
+
+def _at_6_bar(drive: Drive) -> HeldDrive:
+    return HeldDrive(drive.replace({"supply.pressure": "6 bar gauge"}))
+
+
+def _theoretical(drive: Drive) -> float:
+    plant = _at_6_bar(drive)
+    return at_velocity(plant, 1.0, 0.5 * plant.stroke_m, 0.0).gas_force_n
+
+
+def _effective(drive: Drive) -> float:
+    plant = _at_6_bar(drive)
+    found = at_velocity(plant, 1.0, 0.5 * plant.stroke_m, 0.0)
+    pressures = (found.pressure_a_pa, found.pressure_b_pa)
+    return found.gas_force_n - abs(plant.sliding(SLOW, pressures, 0.5 * plant.stroke_m))
+
+
+def _minimum(drive: Drive) -> float:
+    plant = HeldDrive(drive)
+    return least_pressure(plant, 1.0) - plant.ambient[0]
+
+
+class Figure(NamedTuple):
+    """A printed figure: SI unit (empty for a gauge pressure), how it comes out of the drive, meaning."""
+
+    unit: str
+    of: Callable[[Drive], float]
+    meaning: str
+
+
+FIGURES = {
+    "nominal_flow": Figure("m^3/s ANR", _nominal_flow, "flow from 6 to 5 bar gauge, virtual test stand"),
+    "theoretical_force_6bar": Figure("N", _theoretical, "blocked force at 6 bar gauge"),
+    "effective_force_6bar": Figure("N", _effective, "blocked force less friction at 50 mm/s, 6 bar gauge"),
+    "minimum_operating_pressure": Figure("", _minimum, "minimum pressure, above ambient"),
+}
+
+
+def parts_of(drive: Drive) -> Iterator[Entry]:
+    """Yield the parts of the catalogue whose sourced values are all values of the drive."""
+    own = {one.key: one.value for one in drive.origins}
+    for part in entries().values():
+        table = part.kind.partition("/")[0]
+        sourced = [one for one in part.values if one.source is not None]
+        if part.is_drive or table not in ("valve", "cylinder") or not sourced:
+            continue
+        if part.kind.partition("/")[2] != getattr(drive, table).kind:
+            continue
+        if all(own.get(_key(table, one.key)) in (one.value, str(one.value).partition("/")[2]) for one in sourced):
+            yield part
+
+
+def _key(table: str, key: str) -> str:
+    return key if key.startswith("friction.") else f"{table}.{key}"
+
+
+def _printed(text: str, unit: str) -> float:
+    return units.parse(text, unit) if unit else units.parse_pressure(text).value_pa
+
+
+def _published(plant: HeldDrive) -> Found:
+    drive: Any = plant.described
+    rows = []
+    for part in parts_of(drive) if hasattr(drive, "origins") else ():
+        for figure in part.printed:
+            if figure.key in FIGURES:
+                one = FIGURES[figure.key]
+                rows.append((f"{part.name}: {figure.key} [{figure.source}]", _printed(figure.value, one.unit), one))
+    if not rows:
+        raise CommandError(f"{plant.name}: no part of the catalogue with a printed figure is in this drive")
+    printed, computed = np.array([row[1] for row in rows]), np.array([row[2].of(drive) for row in rows])
+    along = ("figure",)
+    return {"figure": ResultValue(along, [row[0] for row in rows], "1", "part, figure and where it is printed")}, {
+        "printed": ResultValue(along, printed, "SI", "as the maker prints it, in SI"),
+        "computed": ResultValue(along, computed, "SI", "of this drive, in SI"),
+        "difference": ResultValue(along, computed / printed - 1.0, "1", "computed over printed, less one"),
+    }
+
+
+CHARACTERISTICS = (
+    Characteristic(
+        name="published",
+        title="Printed figures of the parts",
+        definition="Figures that makers print of the parts of this drive beside what the drive gives: "
+        + "; ".join(f"{key.replace('_', ' ')}: {one.meaning}" for key, one in FIGURES.items())
+        + ".",
+        algorithm="the characteristics of this list, under the conditions of the print",
+        find=_published,
+        slow=True,
+    ),
+)
