@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from pneudrive.lines import lines as lines
     from pneudrive.simulate import citations as citations
     from pneudrive.simulate import simulate as simulate
+    from pneudrive.sizing.search import size as size
     from pneudrive.trajectory import save as save
     from pneudrive.validate import validate as validate
 
@@ -79,6 +80,7 @@ _HOME = {
     "export_c": "pneudrive.fmu.c_folder",
     "export_fmu": "pneudrive.fmu.package",
     "lines": "pneudrive.lines",
+    "size": "pneudrive.sizing.search",
     "save": "pneudrive.trajectory",
     **dict.fromkeys(["characterise", "characteristics"], "pneudrive.friction.campaign.characteristics"),
     "compare": "pneudrive.friction.campaign.compare.comparison",

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 COMMANDS = {
     name: f"pneudrive.cli.{name}"
     for name in (
-        *("simulate", "sweep", "check", "draw", "lines", "characteristic", "datasheet", "characterise"),
+        *("simulate", "sweep", "check", "draw", "lines", "size", "characteristic", "datasheet", "characterise"),
         *("identify", "apply", "fit"),
         *("report", "design", "compare", "validate", "control", "export", "campaign", "rig", "layout", "reproduce"),
         *("catalogue", "components", "schema", "web", "demo"),

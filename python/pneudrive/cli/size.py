@@ -1,0 +1,43 @@
+"""``pneudrive size``: the drives of the catalogue that do a task."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pneudrive.cli.options import CatalogueFolders
+from pneudrive.cli.output import show_lines, show_table, tell
+
+
+def size(
+    task: Annotated[Path, typer.Argument(help="Task file (TOML).", metavar="TASK")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for ranking, circuit files of the ten best and the plot; it is resumed.", metavar="DIR"
+        ),
+    ] = None,
+    least: Annotated[int, typer.Option(help="Choices of parts that are simulated at least.", metavar="N")] = 100,
+    draws: Annotated[int, typer.Option(help="Draws of each choice; the ten best have four times as many.")] = 256,
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Find the drives of the catalogue that do a task: simulated over given spreads, ranked by air and margin.
+
+    Where nothing does it, the nearest miss is shown with what would have to give (feasible = false). After Ctrl-C the
+    same command with --out goes on where it was.
+    """
+    from pneudrive.cli.progress import on_terminal
+    from pneudrive.report.sizing import plot_sizing
+    from pneudrive.sizing.result import HEAD, SUMMARY, TABLE, WRITTEN, row_of, sentences
+    from pneudrive.sizing.search import watched
+
+    found = watched(task, on_terminal(), least=least, draws=draws, draws_best=4 * draws, out=out)
+    show_lines([f"{found.task.name}: feasible = {str(found.feasible).lower()}"])
+    if found.ranked:
+        show_table(HEAD, [row_of(one) for one in found.ranked[:WRITTEN]], left=4)
+    show_lines(sentences(found))
+    if out is not None:
+        plot_sizing(found, out / "candidates.png")
+        tell([*sorted(out.glob("*.toml")), *(out / name for name in (TABLE, SUMMARY, "candidates.png"))])

@@ -1,0 +1,79 @@
+"""Figure of a sizing: time against air of every choice that was simulated, with the limits."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pneudrive.constants import ANR_DENSITY_KG_M3
+from pneudrive.report import style
+from pneudrive.report.axes import legend_of
+from pneudrive.report.written import drawn
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from pneudrive.sizing.result import SizedDrive, SizingResult
+
+
+def plot_sizing(result: SizingResult, path: str | Path | None = None) -> Figure:
+    """Draw the worst 1 % of the time against the air of a cycle, a point for each choice, with the limits.
+
+    Parameters
+    ----------
+    result : SizingResult
+        From `pneudrive.size`.
+    path : path-like, optional
+        Picture to write: .png, .svg or .pdf.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    CommandError
+        If the suffix is unknown, or the file cannot be written.
+    """
+    return drawn(lambda: draw(result), path)
+
+
+def draw(result: SizingResult) -> Figure:
+    """Draw a panel for each stroke."""
+    figure = style.new_figure(3.1)
+    axes = figure.subplots(1, 2, sharex=True)
+    task = result.task
+    for axis, way, limit in zip(axes, ("out", "back"), (task.outward_s, task.back_s), strict=True):
+        _points(axis, result, way)
+        axis.axhline(limit * (1.0 - task.margin), color=style.BLACK, linestyle="--", label="longest time allowed")
+        axis.set(xlabel="air of a cycle / l ANR", ylabel=f"time {way}, worst 1 % / s", title=f"stroke {way}")
+        axis.set_ylim(bottom=0.0)
+    legend_of(figure, axes[0])
+    style.finish(figure, synthetic=True)
+    return figure
+
+
+def _points(axis: Axes, result: SizingResult, way: str) -> None:
+    names = {one.name for one in result.ranked}
+    rest = [one for one in result.simulated if one.name not in names]
+    for chosen, marker, color, label in (
+        (rest, "x", style.GREY, "misses a limit"),
+        (result.ranked, "o", style.BLUE, "meets the task"),
+    ):
+        shown = [one for one in chosen if _time(one, way) < float("inf")]
+        if shown:
+            axis.plot(_air(shown), [_time(one, way) for one in shown], marker, color=color, label=label, linestyle="")
+    if result.best is not None:
+        at = (_air([result.best])[0], _time(result.best, way))
+        axis.plot(*at, "o", markersize=9.0, markerfacecolor="none", color=style.ORANGE, linestyle="", label="best")
+
+
+def _time(one: SizedDrive, way: str) -> float:
+    return one.time_out if way == "out" else one.time_back
+
+
+def _air(drives: Sequence[SizedDrive]) -> list[float]:
+    return [one.air / ANR_DENSITY_KG_M3 * 1e3 for one in drives]

@@ -1,0 +1,325 @@
+"""What the catalogue offers for a task: cylinders, valves, tubes and flow controls, with what their sheets leave open.
+
+What a sheet does not give is assumed by a rule that stands here, and is called assumed in every file and result.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+from pneudrive import units
+from pneudrive.describe.catalogue import PREFIX, check, entries, part_table
+from pneudrive.describe.components import component_class
+from pneudrive.describe.sourced import parted
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pneudrive.describe.catalogue import Entry
+    from pneudrive.sizing.task import SizingTask
+
+CYLINDERS = ("cylinder/rodless", "cylinder/single-rod", "cylinder/through-rod")
+VALVES = ("valve/switching-5/2", "valve/switching-5/3", "valve/proportional-5/3")
+TUBE, FLOW_CONTROL = "tube", "flow-control"
+#: Slots of a drive -> kinds of components for it.
+SLOTS: dict[str, tuple[str, ...]] = {
+    "cylinder": CYLINDERS,
+    "valve": VALVES,
+    "tube": (TUBE,),
+    "flow_control": (FLOW_CONTROL,),
+}
+#: Name of a drive without flow controls in their slot.
+WITHOUT = "none"
+#: Density of steel, kg/m3 (assumed: 7850), for the mass of a rod.
+STEEL_KG_M3 = 7850.0
+#: Pressure at which makers print forces, Pa above ambient.
+CATALOGUE_PA = 6e5
+#: A cushion as short as this is a rubber element, m (assumed).
+RUBBER_M = 5e-3
+#: Stiffness of the end stops, N/m (assumed): some 0.1 mm under the force of a piston.
+STOP_N_M = 1e6
+#: Strokes are equal within this share.
+SAME_STROKE = 1e-3
+
+
+@dataclass(frozen=True)
+class PartChoice:
+    """Part of the catalogue as a component for a task.
+
+    Attributes
+    ----------
+    name : str
+        In the catalogue.
+    table : dict
+        Table of the component, each value with its origin.
+    numbers : dict
+        Its numbers by their keys, SI; of its friction with ``friction.parameters.`` in front.
+    form : tuple
+        What it is beside its numbers: parts of one form differ in numbers alone.
+    assumed : frozenset of str
+        Keys of assumed values.
+    printed : dict
+        Further figures of the sheet.
+    """
+
+    name: str
+    table: Mapping[str, Any]
+    numbers: Mapping[str, float]
+    form: tuple[str, ...] = ()
+    assumed: frozenset[str] = frozenset()
+    printed: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def kind(self) -> str:
+        """Kind of the component."""
+        return self.table["kind"]
+
+    def printed_si(self, key: str, unit: str) -> float | None:
+        """Return a printed figure in SI, or None."""
+        given = self.printed.get(key)
+        if given is None:
+            return None
+        if unit == "Pa":
+            return units.parse_pressure(given).value_pa
+        return units.parse(given, unit) if unit else float(given)
+
+
+NO_FLOW_CONTROL = PartChoice(WITHOUT, {"kind": FLOW_CONTROL}, {})
+
+
+@dataclass(frozen=True)
+class DriveChoice:
+    """One combination of parts.
+
+    Attributes
+    ----------
+    cylinder, valve, tube, flow_control : PartChoice
+        A flow control called "none" is left out.
+    """
+
+    cylinder: PartChoice
+    valve: PartChoice
+    tube: PartChoice
+    flow_control: PartChoice
+
+    @property
+    def parts(self) -> dict[str, str]:
+        """Names of its parts by their slots."""
+        return {slot: getattr(self, slot).name for slot in SLOTS}
+
+    @property
+    def name(self) -> str:
+        """Names of its parts in one word."""
+        return "+".join(self.parts.values())
+
+    @property
+    def is_throttled(self) -> bool:
+        """Whether it has flow controls."""
+        return self.flow_control.name != WITHOUT
+
+    @property
+    def swiftness(self) -> tuple[float, float, float, float]:
+        """Sizes of its flow paths and how early its valve opens: on the same cylinder and tubes, more is faster."""
+        valve = self.valve.numbers
+        late = max(valve.get(key, 0.0) for key in ("time_on", "time_off", "delay"))
+        size = valve["conductance"]
+        needle = self.flow_control.numbers["needle_conductance"] if self.is_throttled else math.inf
+        return needle, valve.get("exhaust_conductance", size), size, -late
+
+    @property
+    def is_cushioned(self) -> bool:
+        """Whether the cylinder has cushions."""
+        return "cushion_b_length" in self.cylinder.numbers
+
+    @property
+    def areas_m2(self) -> tuple[float, float]:
+        """Areas of the piston on the sides of chamber a and chamber b."""
+        numbers, kind = self.cylinder.numbers, self.cylinder.kind
+        whole, rod = (math.pi / 4.0 * numbers.get(key, 0.0) ** 2 for key in ("bore", "rod_diameter"))
+        return whole - rod * (kind == "cylinder/through-rod"), whole - rod * (kind != "cylinder/rodless")
+
+
+def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
+    """Return the parts of the catalogue for each slot, without those that the task excludes.
+
+    Raises
+    ------
+    DescriptionError
+        A part of the catalogue is not valid.
+    """
+    known = [one for one in entries().values() if not one.is_drive]
+    found: dict[str, list[PartChoice]] = {}
+    for slot, kinds in SLOTS.items():
+        chosen = [one for one in known if one.kind in kinds and not task.excludes(one.name, one.kind)]
+        found[slot] = [_MAKERS[slot](one, task) for one in sorted(chosen, key=lambda one: one.name)]
+    if not task.excludes(WITHOUT, FLOW_CONTROL) or not found["flow_control"]:
+        found["flow_control"].append(NO_FLOW_CONTROL)
+    return found
+
+
+def combined(found: Mapping[str, Sequence[PartChoice]]) -> list[DriveChoice]:
+    """Return all combinations of parts."""
+    return [DriveChoice(*parts) for parts in product(*(found[slot] for slot in SLOTS))]
+
+
+def _choice(entry: Entry, given: Mapping[str, Any], assumed: Mapping[str, tuple[Any, str]]) -> PartChoice:
+    """Return a part over which values of the task are put, and under which the assumed ones."""
+    check(entry)
+    kind = component_class(entry.kind)
+    table = kind.flat(part_table(PREFIX + entry.name))
+    friction = dict(table.pop("friction", {}))
+    for key, (value, why) in assumed.items():
+        target, _, last = key.rpartition(".")
+        of = friction if target else table
+        of.setdefault(last, {"value": value, "assumed": why})
+    table |= given
+    if friction:
+        table["friction"] = friction
+    return _read(entry, table)
+
+
+def _read(entry: Entry, table: Mapping[str, Any]) -> PartChoice:
+    """Read a table as a component."""
+    made = component_class(entry.kind).model_validate(table)
+    core = made.core(0.0)
+    numbers, friction = core.pop("numbers"), core.pop("friction") or {}
+    numbers |= {f"friction.parameters.{key}": value for key, value in friction.pop("parameters", {}).items()}
+    said = {key for key, one in made.origins.items() if one.assumed is not None}
+    printed = {one.key: one.value for one in entry.printed}
+    form = (repr(core), repr(friction), *sorted(numbers))
+    return PartChoice(entry.name, table, numbers, form, frozenset(said), printed)
+
+
+def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
+    own = {value.key: value for value in entry.values}
+    bore = units.parse(own["bore"].value, "m")
+    area = math.pi / 4.0 * bore**2
+    rodless = entry.kind == "cylinder/rodless"
+    stroke = own.get("stroke")
+    is_fixed = stroke is not None and stroke.source is not None
+    length = units.parse(stroke.value, "m") if is_fixed else task.stroke_m  # type: ignore[union-attr]
+    rod = units.parse(own["rod_diameter"].value, "m") if "rod_diameter" in own else 0.35 * bore
+    if rodless:
+        mass, why = 0.7 * (bore / 25e-3) ** 2.2, "not on the sheet: piston and carriage, 0.7 kg at bore 25"
+    else:
+        sides = 2.0 if entry.kind == "cylinder/through-rod" else 1.0
+        bar = STEEL_KG_M3 * math.pi / 4.0 * rod**2 * (sides * length)
+        mass, why = 0.2 * (bore / 32e-3) ** 2.5 + bar, "not on the sheet: piston, 0.2 kg at bore 32, and a rod of steel"
+    dead = area * 15e-3
+    assumed: dict[str, tuple[Any, str]] = {
+        "moving_mass": (f"{mass:.3g} kg", why),
+        **_friction(entry, bore),
+    }
+    if not rodless:
+        assumed["rod_diameter"] = (f"{1e3 * rod:.3g} mm", "not on the sheet: 35 % of the bore")
+    reason = "not on the sheet: 15 mm of the bore at each end, port and fitting included"
+    cushion = _cushion(entry, bore)
+    share = 0.6 if cushion else 1.0
+    for end in "ab":
+        given = own.get("dead_volume")
+        volume = units.parse(given.value[end], "m3") if given is not None else dead
+        if cushion:
+            assumed |= {f"cushion_{end}_{key}": one for key, one in cushion.items()}
+            assumed[f"cushion_{end}_port_volume"] = (_cm3((1.0 - share) * volume), "two fifths of the dead volume")
+        assumed[f"dead_volume_{end}"] = (_cm3(share * volume), reason)
+    over: dict[str, Any] = {"incline": units.write(task.incline_rad, "rad", "deg")}
+    if not any(key.startswith("end_stop") for key in own):
+        damping = 2.0 * math.sqrt(STOP_N_M * (task.mass_kg + mass))
+        why = "a contact that does not rebound: it ends the stroke"
+        stop = (f"{STOP_N_M:g} N/m", f"{damping:.3g} N s/m", "0.1 mm")
+        keys = ("end_stop_stiffness", "end_stop_damping", "end_stop_damping_depth")
+        assumed |= {key: (value, why) for key, value in zip(keys, stop, strict=True)}
+    if not is_fixed:
+        over["stroke"] = units.write(task.stroke_m, "m", "mm")
+    if cushion:  # the dead volume of the sheet is split between chamber and port
+        over |= {f"dead_volume_{end}": _assumed(assumed[f"dead_volume_{end}"]) for end in "ab"}
+    return _guided(entry, _choice(entry, over, assumed), task.guide_friction_n)
+
+
+def _guided(entry: Entry, choice: PartChoice, guide_n: float) -> PartChoice:
+    """Return a cylinder with the friction of the guide added to its own."""
+    if guide_n == 0.0:
+        return choice
+    friction = dict(choice.table["friction"])
+    for key in ("coulomb", "breakaway"):
+        own = parted({key: friction[key]})[0][key]
+        why = f"{own} of the cylinder and {guide_n:.3g} N of the guide"
+        friction[key] = {"value": f"{units.parse(own, 'N') + guide_n:.4g} N", "assumed": why}
+    return _read(entry, dict(choice.table) | {"friction": friction})
+
+
+def _friction(entry: Entry, bore: float) -> dict[str, tuple[Any, str]]:
+    """Return the friction that the sheet leaves open: a Stribeck law."""
+    area = math.pi / 4.0 * bore**2
+    own = {value.key: value.value for value in entry.values}
+    printed = {value.key: value.value for value in entry.printed}
+    least = printed.get("minimum_operating_pressure")
+    if "friction.coulomb" in own:
+        coulomb = units.parse(own["friction.coulomb"], "N")
+        breakaway, why = 4.0 / 3.0 * coulomb, "no sheet gives it: a third above Coulomb friction"
+    elif least is not None:
+        breakaway = units.parse_pressure(least).value_pa * area
+        coulomb, why = 0.7 * breakaway, "from the minimum operating pressure times the area of the piston"
+    else:
+        coulomb = 0.05 * CATALOGUE_PA * area
+        breakaway, why = 1.4 * coulomb, "no sheet gives it: 5 % of the force at 6 bar, 7 % at breakaway"
+    return {
+        "friction.law": ("stribeck", "no sheet gives a friction curve"),
+        "friction.coulomb": (f"{coulomb:.4g} N", why),
+        "friction.breakaway": (f"{breakaway:.4g} N", why),
+        "friction.stribeck_velocity": ("20 mm/s", "no sheet gives it"),
+        "friction.viscous": (f"{40.0 * bore / 25e-3:.3g} N s/m", "no sheet gives it: 40 N s/m at bore 25"),
+    }
+
+
+def _cushion(entry: Entry, bore: float) -> dict[str, tuple[Any, str]]:
+    """Return what the sheet leaves open of adjustable cushions; nothing where there are none."""
+    if any(value.key.startswith("cushion") for value in entry.values):
+        return {}
+    printed = {value.key: value.value for value in entry.printed}
+    length, why = printed.get("cushion_length"), "the cushion's length on the sheet"
+    if length is None and str(printed.get("cushion", "")).startswith("pneumatic"):
+        length, why = f"{500.0 * bore:.3g} mm", "not on the sheet: half the bore"
+    if length is None or units.parse(length, "m") <= RUBBER_M:
+        return {}
+    needle = 0.15 * (bore / 32e-3) ** 2
+    return {
+        "length": (length, why),
+        "plunger_diameter": (f"{500.0 * bore:.3g} mm", "not on the sheet: half the bore"),
+        "needle_conductance": (f"{needle:.3g} dm3/(s bar)", "fully open, not on the sheet: 0.15 at bore 32"),
+    }
+
+
+def _valve(entry: Entry, _task: SizingTask) -> PartChoice:
+    if entry.kind == "valve/proportional-5/3":
+        own = {value.key for value in entry.values}
+        late = {} if own & {"frequency", "delay"} else {"delay": ("20 ms", "no sheet gives it: of a solenoid valve")}
+        return _choice(entry, {}, late)
+    why = "not on the sheet: of a solenoid valve of this size"
+    return _choice(entry, {}, {"time_on": ("20 ms", why), "time_off": ("30 ms", why)})
+
+
+def _tube(entry: Entry, task: SizingTask) -> PartChoice:
+    return _choice(entry, {"length": units.write(task.tube_length_m, "m", "m")}, {})
+
+
+def _flow_control(entry: Entry, _task: SizingTask) -> PartChoice:
+    own = {value.key: value for value in entry.values}
+    keys = [key for key in own if key.startswith("needle_")]
+    free = {key.replace("needle", "check"): (own[key].value, "as the needle fully open") for key in keys}
+    has = any(key.startswith("check_") for key in own)
+    return _choice(entry, {}, {} if has else free)
+
+
+_MAKERS = {"cylinder": _cylinder, "valve": _valve, "tube": _tube, "flow_control": _flow_control}
+
+
+def _cm3(volume_m3: float) -> str:
+    return f"{1e6 * volume_m3:.3g} cm3"
+
+
+def _assumed(given: tuple[Any, str]) -> dict[str, Any]:
+    return {"value": given[0], "assumed": given[1]}

@@ -1,0 +1,120 @@
+"""Folder of a sizing: finished choices, one line each, so that a search goes on where it was interrupted."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive import __version__
+from pneudrive.describe.catalogue import entries
+from pneudrive.errors import CommandError
+from pneudrive.sizing.result import SizedDrive
+from pneudrive.sizing.strokes import Setting
+from pneudrive.sizing.tune import Tuned
+from pneudrive.trajectory import whole
+
+if TYPE_CHECKING:
+    from pneudrive.sizing.task import SizingTask
+
+ABOUT, LINES = "sizing.json", "choices.jsonl"
+
+
+class SizingFolder:
+    """Finished choices of one task.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it does not exist.
+    task : SizingTask
+    draws : tuple of int
+
+    Raises
+    ------
+    CommandError
+        The folder holds another task or something else, or cannot be written to.
+    """
+
+    def __init__(self, folder: Path, task: SizingTask, draws: tuple[int, int]) -> None:
+        self.folder = folder
+        self._of: dict[tuple[str, int], SizedDrive] = {}
+        self._short: dict[str, Tuned] = {}
+        said = {"version": __version__, "task": task.to_dict(), "draws": draws, "catalogue": _catalogue()}
+        about = json.loads(json.dumps(said))
+        path = folder / ABOUT
+        if path.exists():
+            self._resume(path, about)
+        elif folder.is_dir() and any(folder.iterdir()):
+            raise CommandError(f"{folder} is not empty and holds no sizing", remedy="Choose a new folder.")
+        else:
+            self._begin(path, about)
+
+    def _begin(self, path: Path, about: dict[str, Any]) -> None:
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise CommandError(f"the folder {self.folder} cannot be made: {error.strerror}") from None
+        with whole(path) as temporary:
+            temporary.write_text(json.dumps(about, indent=1), encoding="utf-8")
+
+    def _resume(self, path: Path, about: dict[str, Any]) -> None:
+        try:
+            begun = json.loads(path.read_text("utf-8"))
+        except (OSError, ValueError) as error:
+            raise CommandError(f"{path} cannot be read: {error}") from None
+        differ = [key for key in about if begun.get(key) != about[key]]
+        if differ:
+            raise CommandError(
+                f"{self.folder} holds the sizing of another task",
+                where=str(path),
+                rule=f"the same {', '.join(differ)} as when it was begun",
+                remedy="Choose another folder, or remove this one.",
+            )
+        lines = self.folder / LINES
+        if not lines.exists():
+            return
+        found = [line for line in lines.read_text("utf-8").splitlines() if self._take(line)]
+        with whole(lines) as temporary:
+            temporary.write_text("".join(f"{line}\n" for line in found), encoding="utf-8")
+
+    def _take(self, line: str) -> bool:
+        """Take in a line; the one that was being written when the search was killed is left out."""
+        try:
+            one: dict[str, Any] = json.loads(line)
+        except ValueError:
+            return False
+        if "short" in one:
+            name, limit, value = one["short"]
+            self._short[one["name"]] = Tuned(Setting(*one["setting"]), one["nominal"], (name, limit, value))
+        else:
+            one["worst"] = {name: tuple(each) for name, each in one["worst"].items()}
+            made = SizedDrive(**one)
+            self._of[made.name, made.draws] = made
+        return True
+
+    def kept(self, name: str, draws: int) -> SizedDrive | Tuned | None:
+        """Return what is known of a choice."""
+        return self._of.get((name, draws)) or self._short.get(name)
+
+    def keep(self, drive: SizedDrive) -> None:
+        """Keep a drive that was simulated."""
+        self._write(drive.to_dict())
+
+    def keep_short(self, name: str, tuned: Tuned) -> None:
+        """Keep a choice that is short of the task."""
+        self._write({"name": name, "setting": tuned.setting, "nominal": tuned.nominal, "short": tuned.short})
+
+    def _write(self, line: dict[str, Any]) -> None:
+        try:
+            with (self.folder / LINES).open("a", encoding="utf-8") as file:
+                file.write(json.dumps(line) + "\n")
+        except OSError as error:
+            raise CommandError(f"{self.folder / LINES} cannot be written: {error.strerror}") from None
+
+
+def _catalogue() -> str:
+    """Return the SHA-256 of all parts."""
+    said = sorted(f"{one.name} {one.kind} {one.values} {one.printed}" for one in entries().values() if not one.is_drive)
+    return hashlib.sha256("\n".join(said).encode()).hexdigest()

@@ -1,0 +1,135 @@
+"""Whether drives meet a task: margins of its limits draw by draw, the worst 1 %, the probability with its bound."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pneudrive.sizing.strokes import DRAWN
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.sizing.choices import DriveChoice
+    from pneudrive.sizing.strokes import StrokeResults
+    from pneudrive.sizing.task import SizingTask
+
+    Array = NDArray[np.float64]
+
+#: The requirement is met with this probability; what is called worst is passed by the rest of the draws.
+PROBABILITY = 0.99
+#: Confidence of the bound of Clopper and Pearson, one-sided.
+CONFIDENCE = 0.95
+#: Margin of a draw that does not arrive.
+NEVER = -1.0
+
+
+class LimitMargin(NamedTuple):
+    """One limit of a task and what the draws make of it.
+
+    Attributes
+    ----------
+    name, unit : str
+    limit : float
+        SI, without the margin that the task keeps.
+    worst : float
+        Value that 1 % of the draws pass, SI.
+    margins : ndarray, shape (n,)
+        Share of the limit that each draw leaves; below 0 where it does not keep the limit.
+    values : ndarray, shape (n,)
+    """
+
+    name: str
+    unit: str
+    limit: float
+    worst: float
+    margins: Array
+    values: Array
+
+    @property
+    def margin(self) -> float:
+        """Margin that 99 % of the draws have."""
+        return float(np.quantile(self.margins, 1.0 - PROBABILITY, method="lower"))
+
+
+def limits(task: SizingTask, choice: DriveChoice, out: StrokeResults, back: StrokeResults) -> list[LimitMargin]:
+    """Return the limits of a task with the margins of the draws.
+
+    Parameters
+    ----------
+    task : SizingTask
+    choice : DriveChoice
+    out, back : StrokeResults
+        Of the same draws.
+    """
+    keep = 1.0 - task.margin
+    found = []
+
+    def most(name: str, unit: str, limit: float | None, values: Array) -> None:
+        if limit is not None:
+            with np.errstate(invalid="ignore"):
+                margins = np.where(np.isfinite(values), 1.0 - values / (keep * limit), NEVER)
+            found.append(LimitMargin(name, unit, limit, worst(values), margins, values))
+
+    most("time out", "s", task.outward_s, out.time)
+    most("time back", "s", task.back_s, back.time)
+    for way, one in (("out", out), ("back", back)):
+        most(f"end speed {way}", "m/s", task.end_speed_m_s, one.end_speed)
+        most(f"energy {way}", "J", task.impact_energy_j, one.energy)
+    peak = np.maximum(out.peak_pressure, back.peak_pressure)
+    most("peak pressure", "Pa", peak_limit(task, choice), peak)
+    if task.holding_force_n:
+        held = out.force / task.holding_force_n
+        margins = np.where(np.isfinite(out.time), held * keep - 1.0, NEVER)
+        found.append(LimitMargin("holding force", "N", task.holding_force_n, -worst(-out.force), margins, out.force))
+    return found
+
+
+def peak_limit(task: SizingTask, choice: DriveChoice) -> float | None:
+    """Return the largest pressure that the cylinder may have, absolute: of the task, or of its sheet."""
+    ambient = task.ambient.pressure_pa
+    if task.peak_pressure is not None:
+        return task.peak_pressure.absolute_pa(ambient)
+    printed = choice.cylinder.printed_si("maximum_pressure", "Pa")
+    return None if printed is None else printed + ambient
+
+
+def worst(values: Array) -> float:
+    """Return the value that at most 1 % of the draws pass."""
+    return float(np.quantile(values, PROBABILITY, method="higher"))
+
+
+def is_met(found: list[LimitMargin]) -> NDArray[np.bool_]:
+    """Return which draws keep all limits."""
+    return np.all([one.margins >= 0.0 for one in found], axis=0)
+
+
+def probability_bound(met: int, draws: int) -> float:
+    """Return the lower bound of a probability after Clopper and Pearson, at 95 % confidence, one-sided.
+
+    Draws of a Sobol sequence are more even than independent ones, for which it holds.
+
+    Examples
+    --------
+    >>> round(probability_bound(1024, 1024), 4)
+    0.9971
+    """
+    from scipy.stats import beta
+
+    return float(beta.ppf(1.0 - CONFIDENCE, met, draws - met + 1)) if met else 0.0
+
+
+def explained(draws: Array, margins: Array) -> dict[str, float]:
+    """Return which share of the variance of the ranks of margins goes with each drawn number.
+
+    Parameters
+    ----------
+    draws : ndarray, shape (n, len(DRAWN))
+    margins : ndarray, shape (n,)
+    """
+    ranks = margins.argsort().argsort().astype(float)
+    if np.ptp(margins) == 0.0:
+        return dict.fromkeys(DRAWN, 0.0)
+    columns = draws.argsort(axis=0).argsort(axis=0).astype(float)
+    return {name: float(np.corrcoef(column, ranks)[0, 1] ** 2) for name, column in zip(DRAWN, columns.T, strict=True)}

@@ -1,0 +1,315 @@
+"""Results of a sizing: what was found of each choice of parts, the ranking, and the nearest miss."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.constants import ANR_DENSITY_KG_M3
+from pneudrive.show import Card, Shown
+from pneudrive.sizing.judge import PROBABILITY
+from pneudrive.sizing.strokes import Setting, circuit_of
+from pneudrive.trajectory import whole
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from matplotlib.figure import Figure
+
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.sizing.prune import Shortage
+    from pneudrive.sizing.task import SizingTask
+
+#: Airs that differ by less than this factor rank by margin.
+SAME_AIR = 1.02
+#: Places of the ranking whose files are written.
+WRITTEN = 10
+TABLE, SUMMARY = "ranking.csv", "result.json"
+#: Limit -> factor from SI and unit in which people read it.
+_UNITS = {"speed": "m/s", "energy": "J", "pressure": "Pa"}
+_READ = {"Pa": (1e-5, "bar abs")}
+
+
+@dataclass(frozen=True)
+class SizedDrive:
+    """What simulation says of one choice of parts with its settings; SI.
+
+    Attributes
+    ----------
+    parts : dict
+        Slot (cylinder, valve, tube, flow_control) -> part of the catalogue.
+    setting : dict
+        Openings of the needles, shares of fully open.
+    draws, met : int
+        Draws, and those that keep all limits.
+    probability_bound : float
+        Lower bound of the probability, one-sided, 95 % confidence.
+    time_out, time_back, end_speed, energy, peak_pressure : float
+        Values that 1 % of the draws pass; the last three the worse of both strokes. Infinite: the stroke does not end.
+    air : float
+        Mean mass drawn from the supply in a cycle, kg.
+    margins : dict
+        Limit -> margin that 99 % of the draws have.
+    worst : dict
+        Limit -> (value that 1 % of the draws pass, limit, unit).
+    measure : str
+        The assumed value that most of the margin goes with; empty where none does.
+    explains : float
+        Share of the variance of the margin's ranks that goes with it.
+    bore : float
+    """
+
+    parts: Mapping[str, str]
+    setting: Mapping[str, float]
+    draws: int
+    met: int
+    probability_bound: float
+    time_out: float
+    time_back: float
+    end_speed: float
+    energy: float
+    peak_pressure: float
+    air: float
+    margins: Mapping[str, float]
+    worst: Mapping[str, tuple[float, float, str]]
+    measure: str
+    explains: float
+    bore: float
+
+    @property
+    def name(self) -> str:
+        """Names of its parts in one word."""
+        return "+".join(self.parts.values())
+
+    @property
+    def is_feasible(self) -> bool:
+        """Whether it meets the task with the required probability."""
+        return self.met >= PROBABILITY * self.draws
+
+    @property
+    def binding(self) -> str:
+        """The limit with the least margin."""
+        return min(self.margins, key=lambda name: self.margins[name])
+
+    @property
+    def margin(self) -> float:
+        """Least margin that 99 % of the draws have."""
+        return self.margins[self.binding]
+
+    @property
+    def air_litres_anr(self) -> float:
+        """Air of a cycle, litres at the standard reference atmosphere."""
+        return self.air / ANR_DENSITY_KG_M3 * 1e3
+
+    @property
+    def rank(self) -> tuple[int, float, float, str]:
+        """Key of the ranking: air in steps of 2 %, then margin, then bore."""
+        step = round(math.log(self.air) / math.log(SAME_AIR)) if 0.0 < self.air < math.inf else 10**9
+        return step, -self.margin, self.bore, self.name
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class NearestMiss:
+    """The choice that comes nearest to a task that nothing does, and what would have to give.
+
+    Attributes
+    ----------
+    parts : dict
+    limit : str
+        What it misses.
+    gives : str
+        What would have to give, in words.
+    """
+
+    parts: Mapping[str, str]
+    limit: str
+    gives: str
+
+
+@dataclass(frozen=True, repr=False)
+class SizingResult(Shown):
+    """Result of `pneudrive.size`.
+
+    Attributes
+    ----------
+    task : SizingTask
+    enumerated, left : int
+        Choices of parts before and after pruning.
+    pruned : dict
+        Limit -> number of choices that cannot keep it whatever their settings.
+    outdone : int
+        Choices that are nowhere wider or earlier than one on the same cylinder and tubes that is too slow.
+    tuned : int
+        Choices whose settings were searched.
+    simulated : tuple of SizedDrive
+        Those that were simulated over the spreads.
+    ranked : tuple of SizedDrive
+        Those that meet the task, best first; the first ten with 1,024 draws.
+    miss : NearestMiss or None
+        Where nothing meets the task.
+    complete : bool
+        Whether no choice that was left out can rank before those shown.
+    notes : tuple of str
+    """
+
+    task: SizingTask
+    enumerated: int
+    left: int
+    pruned: Mapping[str, int]
+    outdone: int
+    tuned: int
+    simulated: tuple[SizedDrive, ...]
+    ranked: tuple[SizedDrive, ...]
+    miss: NearestMiss | None = None
+    complete: bool = True
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def feasible(self) -> bool:
+        """Whether anything meets the task."""
+        return bool(self.ranked)
+
+    @property
+    def best(self) -> SizedDrive | None:
+        """The first of the ranking."""
+        return self.ranked[0] if self.ranked else None
+
+    def circuit(self, place: int = 0) -> Circuit:
+        """Return the circuit of a place in the ranking, with its settings, ready to run."""
+        drive = self.ranked[place]
+        return circuit_of(self.task, drive.parts, Setting(**drive.setting))
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write table, summary and the files of the ten best into a folder."""
+        return write(self, Path(folder))
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw time against air with the limits; see `pneudrive.report.sizing.plot_sizing`."""
+        from importlib import import_module
+
+        return import_module("pneudrive.report.sizing").plot_sizing(self, path)
+
+    def _card(self) -> Card:
+        title = f"sizing of {self.task.name}: feasible = {str(self.feasible).lower()}"
+        return Card(title, HEAD, [row_of(one) for one in self.ranked[:WRITTEN]], sentences(self))
+
+
+HEAD = (
+    *("cylinder", "valve", "tube", "flow control", "time out s", "back s", "end m/s", "energy J", "peak bar abs"),
+    *("air l ANR", "met", "at least", "margin", "binds"),
+)
+
+
+def row_of(one: SizedDrive) -> tuple[str, ...]:
+    """Write a drive as a row of a table under `HEAD`."""
+    return (
+        *one.parts.values(),
+        f"{one.time_out:.3f}",
+        f"{one.time_back:.3f}",
+        f"{one.end_speed:.3f}",
+        f"{one.energy:.3g}",
+        f"{1e-5 * one.peak_pressure:.2f}",
+        f"{one.air_litres_anr:.3f}",
+        f"{one.met} of {one.draws}",
+        f"{one.probability_bound:.4f}",
+        f"{100.0 * one.margin:.0f} %",
+        one.binding,
+    )
+
+
+def sentences(result: SizingResult) -> list[str]:
+    """Say what was looked at, and what would have to give where nothing fits."""
+    cut = ", ".join(f"{name} {count}" for name, count in sorted(result.pruned.items(), key=lambda one: -one[1]))
+    said = [
+        f"{result.enumerated} choices of parts, {result.left} left after pruning ({cut or 'none pruned'}).",
+        f"{result.outdone} fall short as others do that outdo them, {result.tuned} were tuned, {len(result.simulated)} "
+        f"simulated over the spreads; {len(result.ranked)} meet the task.",
+    ]
+    if result.miss is not None:
+        parts = " + ".join(result.miss.parts.values())
+        said.append(
+            f"Nothing meets the task. Nearest miss: {parts}; it misses: {result.miss.limit}. {result.miss.gives}"
+        )
+    best = result.best
+    if best is not None and best.measure:
+        share = 100.0 * best.explains
+        said.append(f"Of the assumed values of the best, measure first: {best.measure} ({share:.0f} % of its margin).")
+    return said + list(result.notes)
+
+
+def nearest_miss(
+    simulated: list[SizedDrive], short: list[tuple[Any, Any]], pruned: list[tuple[Any, Shortage]]
+) -> NearestMiss:
+    """Return the choice that comes nearest: of those simulated, else of those tuned, else of those pruned.
+
+    Parameters
+    ----------
+    simulated : list of SizedDrive
+    short : list of (DriveChoice, Tuned)
+        Tuned, but short of the task even in the nominal case.
+    pruned : list of (DriveChoice, Shortage)
+    """
+    if simulated:
+        one = max(simulated, key=lambda drive: (drive.met / drive.draws, drive.margin))
+        value, limit, unit = one.worst[one.binding]
+        return NearestMiss(one.parts, one.binding, _gives(one.binding, limit, value, unit, "1 % of the draws pass"))
+    if short:
+        choice, tuned = max(short, key=lambda one: one[1].nominal)
+        name, limit, value = tuned.short
+        unit = next((unit for word, unit in _UNITS.items() if word in name), "s")
+        return NearestMiss(choice.parts, name, _gives(name, limit, value, unit, "the nominal case gives"))
+    choice, bound = max(pruned, key=lambda one: one[1].share)
+    gives = f"{bound.said[0].upper()}{bound.said[1:]}."
+    if bound.share > 0.0:
+        gives += f" What is needed would have to fall to {100.0 * bound.share:.0f} %, or the supply pressure to rise."
+    return NearestMiss(choice.parts, bound.limit, gives)
+
+
+def _gives(name: str, limit: float, value: float, unit: str, what: str) -> str:
+    factor, read = _READ.get(unit, (1.0, unit))
+    if not math.isfinite(value):
+        return f"The limit of {name} is {factor * limit:.3g} {read}; the stroke does not end within the run."
+    return (
+        f"The limit of {name} is {factor * limit:.3g} {read}; {what} {factor * value:.3g} {read}: "
+        "relax it so far, or change supply pressure, tubes or catalogue."
+    )
+
+
+def write(result: SizingResult, folder: Path) -> list[Path]:
+    """Write ranking, summary and the circuit files of the ten best; return their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = [",".join(HEAD), *(",".join(row_of(one)) for one in result.ranked)]
+    files = {TABLE: "\n".join(rows) + "\n", SUMMARY: json.dumps(summary(result), indent=1) + "\n"}
+    for place in range(min(len(result.ranked), WRITTEN)):
+        files[f"{place + 1:02d}.toml"] = result.circuit(place).to_toml()
+    for name, text in files.items():
+        with whole(folder / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return [folder / name for name in files]
+
+
+def summary(result: SizingResult) -> dict[str, Any]:
+    """Return the result as plain data."""
+    best = result.best
+    return {
+        "task": result.task.to_dict(),
+        "feasible": result.feasible,
+        "complete": result.complete,
+        "enumerated": result.enumerated,
+        "left": result.left,
+        "pruned": dict(result.pruned),
+        "outdone": result.outdone,
+        "tuned": result.tuned,
+        "simulated": len(result.simulated),
+        "ranked": [one.to_dict() for one in result.ranked],
+        "miss": None if result.miss is None else vars(result.miss),
+        "assumed": result.circuit().assumed() if best is not None else [],
+        "notes": list(result.notes),
+    }

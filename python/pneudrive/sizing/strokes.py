@@ -1,0 +1,359 @@
+"""Both strokes of one choice of parts as the core runs them: draws and settings in, times, speeds and air out.
+
+Definitions are those of a datasheet: the time runs from the command to the first contact with the end, the speed at the
+end is that of the first contact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pneudrive import units
+from pneudrive.describe.circuit import Circuit
+from pneudrive.ensemble import engine
+from pneudrive.ensemble.outputs import Reduction
+from pneudrive.ensemble.plans import MemberPlans
+from pneudrive.ensemble.variation import CoreForm, CoreMembers
+from pneudrive.sizing.choices import SLOTS, DriveChoice, choices
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from pneudrive.sizing.choices import PartChoice
+    from pneudrive.sizing.task import SizingTask
+
+    Array = NDArray[np.float64]
+
+#: What is drawn, in the order of the columns of a draw.
+DRAWN = (
+    "supply pressure",
+    "load",
+    "friction",
+    "valve conductance",
+    "tube conductance",
+    "needle",
+    "dead volume",
+    "temperature",
+    "mass of the piston",
+    "valve time",
+    "cushion",
+)
+#: Of the draws.
+SEED = 0
+#: Relative tolerance of a run (assumed to be fine enough: times differ by less than 0.01 % from those at 1e-6).
+RTOL = 1e-4
+#: A run lasts so many times the longest time that the task allows, and so much longer, s: slower draws count as not
+#: arriving.
+LONGEST, LONGER_S = 1.4, 0.1
+#: The speed at the end is the mean one over this last way, m.
+LAST_M = 1e-6
+#: Power of a tube's bore that its conductance follows, near enough for its spread.
+BORE_POWER = 2.3
+
+
+class Setting(NamedTuple):
+    """Settings of the needles, as shares of fully open.
+
+    Attributes
+    ----------
+    needle_out, needle_back : float
+        Of the flow controls at chamber b and chamber a, which throttle the outward stroke and the way back.
+    cushion_out, cushion_back : float
+        Of the needles of the cushions at the ends of these strokes.
+    """
+
+    needle_out: float = 1.0
+    cushion_out: float = 1.0
+    needle_back: float = 1.0
+    cushion_back: float = 1.0
+
+
+#: All needles fully open.
+OPEN = Setting()
+
+
+class StrokeResults(NamedTuple):
+    """What n runs of one stroke gave, SI; shape (n,).
+
+    Attributes
+    ----------
+    time : ndarray
+        From the command to the end; infinite where the run ended before.
+    end_speed, energy : ndarray
+        At the first contact with the end; 0 where there was none.
+    peak_pressure : ndarray
+        Largest one of both chambers, absolute.
+    air : ndarray
+        Mass drawn from the supply.
+    force : ndarray
+        With which the piston presses against the end at the end of the run.
+    """
+
+    time: Array
+    end_speed: Array
+    energy: Array
+    peak_pressure: Array
+    air: Array
+    force: Array
+
+
+@dataclass(frozen=True)
+class DriveStrokes:
+    """Strokes of a choice of parts under a task.
+
+    Attributes
+    ----------
+    choice : DriveChoice
+    task : SizingTask
+    threads : int, optional
+        Default: all processors.
+    """
+
+    choice: DriveChoice
+    task: SizingTask
+    threads: int | None = None
+
+    def run(self, outward: bool, draws: Array, settings: Array, rtol: float = RTOL) -> StrokeResults:
+        """Run one stroke of n members.
+
+        Parameters
+        ----------
+        outward : bool
+            Towards the end of chamber b, else back.
+        draws : ndarray, shape (n, len(DRAWN))
+            Shares of each range, 0 to 1.
+        settings : ndarray, shape (n, 4)
+            Rows of `Setting`.
+        rtol : float
+            Relative tolerance.
+        """
+        limit = self.task.outward_s if outward else self.task.back_s
+        duration = LONGEST * limit + LONGER_S
+        members = self._members(outward, draws, settings)
+        plans = MemberPlans({"valve.command": [((0.0,), (self._command(outward),))]}, np.array([duration]))
+        kept = engine.run(self._template(outward).form, members, plans, rtol, self._reductions(outward), self.threads)
+        arrived, near, *peaks, air, force = kept.values
+        time = np.where(np.isnan(arrived), np.inf, arrived)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            speed = np.where(np.isfinite(time), LAST_M / (arrived - near), 0.0)
+        mass = self._moving_mass(members)
+        failed = kept.status != engine.DONE
+        for values in (time, *peaks, air):
+            values[failed] = np.inf
+        sign = 1.0 if outward else -1.0
+        force = np.where(np.isfinite(time), np.nan_to_num(sign * force), 0.0)
+        return StrokeResults(time, speed, 0.5 * mass * speed**2, np.maximum(*peaks), np.abs(air), force)
+
+    def circuit(self, setting: Setting = OPEN) -> Circuit:
+        """Return the circuit with its settings, ready to run."""
+        return _circuit(self.choice, self.task, True, setting)
+
+    def _template(self, outward: bool) -> _Template:
+        """Return the circuit of a stroke in the core's form, of which this one differs in numbers alone.
+
+        A 5/2 valve moves on its spring on the way back, which is run with its ports exchanged, so that both strokes
+        begin with a valve at rest.
+        """
+        is_out = outward or self.choice.valve.kind != "valve/switching-5/2"
+        parts = (self.choice.cylinder, self.choice.valve, self.choice.tube, self.choice.flow_control)
+        key = (self.task.template_key, is_out, outward, *(part.form for part in parts))
+        if key not in _TEMPLATES:
+            circuit = _circuit(self.choice, self.task, is_out, OPEN)
+            at = units.UnitFloat(0.0 if outward else self.task.stroke_m, "m", "mm")
+            full = f"cylinder.{'b' if outward else 'a'}"
+            begun = circuit.core_initial({"cylinder.position": at, full: f"{self.task.supply_pa!r} Pa abs"})
+            _TEMPLATES[key] = _Template(CoreForm("circuit", circuit.core_json()), begun)
+        return _TEMPLATES[key]
+
+    def _command(self, outward: bool) -> float:
+        return 1.0 if outward or self.choice.valve.kind == "valve/switching-5/2" else -1.0
+
+    def _reductions(self, outward: bool) -> list[Reduction]:
+        stroke = self.task.stroke_m
+        end, near = (stroke, stroke - LAST_M) if outward else (0.0, LAST_M)
+
+        def kept(word: str, column: str, level: float = np.nan) -> Reduction:
+            return Reduction(word, (column,), column, "", "", level, above=outward)
+
+        at = "cylinder.position_m"
+        return [
+            *(kept("time_when", at, level) for level in (end, near)),
+            *(kept("max", f"cylinder.{chamber}.pressure_pa") for chamber in "ab"),
+            kept("integral", "supply.mass_flow_kg_s"),
+            kept("final", "cylinder.end_stop_force_n"),
+        ]
+
+    @property
+    def _numbers(self) -> dict[str, float]:
+        """Numbers of all components by their paths in the core's form, SI."""
+        choice = self.choice
+        found = {f"valve.{key}": value for key, value in choice.valve.numbers.items()}
+        found |= {f"cylinder.{key}": value for key, value in choice.cylinder.numbers.items()}
+        for end in "ab":
+            found |= {f"tube_{end}.{key}": value for key, value in choice.tube.numbers.items()}
+            found |= {f"flow_control_{end}.{key}": value for key, value in choice.flow_control.numbers.items()}
+        return found | {"load.mass": self.task.mass_kg}
+
+    def _moving_mass(self, members: CoreMembers) -> Array:
+        columns = dict(zip(members.paths, members.values.T, strict=True))
+        return columns["cylinder.moving_mass"] + columns["load.mass"]
+
+    def _members(self, outward: bool, draws: Array, settings: Array) -> CoreMembers:
+        task, rows = self.task, len(draws)
+        supply = task.supply_pa + task.supply.spread_pa * _both_ways(draws[:, 0])
+        cold, hot = task.spread.temperature_k
+        temperature = cold + (hot - cold) * draws[:, DRAWN.index("temperature")]
+        values: dict[str, Any] = dict(self._numbers)
+        if not outward and "valve.time_off" in values:
+            values["valve.time_on"] = values["valve.time_off"]
+        for path, factor in self._factors(draws).items():
+            if path in values:
+                values[path] = values[path] * factor
+        needles = ("flow_control_{}.needle_conductance", "cylinder.cushion_{}_needle_conductance")
+        opened = [needle.format(end) for end in "ba" for needle in needles]  # in the order of `Setting`
+        for path, share in zip(opened, settings.T, strict=True):
+            if path in values:
+                values[path] = values[path] * share
+        values |= {"supply.pressure": supply, "ambient.temperature_k": temperature}
+        starts: dict[str, float | Array] = {}
+        for name, value in self._template(outward).starts.items():
+            is_full = name.endswith("pressure_pa") and value == task.supply_pa
+            starts[name] = supply if is_full else temperature if name.endswith("temperature_k") else value
+        columns = [np.broadcast_to(np.asarray(value, dtype=np.float64), rows) for value in values.values()]
+        return CoreMembers(list(values), np.column_stack(columns), starts)
+
+    def _factors(self, draws: Array) -> dict[str, Array]:
+        """Return by how much each number of the core's form is multiplied."""
+        spread = self.task.spread
+        share = {name: _both_ways(column) for name, column in zip(DRAWN, draws.T, strict=True)}
+        low, high = spread.friction
+        friction = low + (high - low) * draws[:, DRAWN.index("friction")]
+        factors = {f"cylinder.friction.parameters.{key}": friction for key in ("coulomb", "breakaway", "viscous")}
+        factors["load.mass"] = 1.0 + spread.mass * share["load"]
+
+        def flow(part: PartChoice, key: str, name: str) -> Array:
+            wide = 2.0 if any(one.startswith(key) and _is_size(one) for one in part.assumed) else 1.0
+            return 1.0 + wide * spread.conductance * share[name]
+
+        valve = flow(self.choice.valve, "", "valve conductance")
+        factors |= {f"valve.{key}": valve for key in ("conductance", "exhaust_conductance")}
+        tube = flow(self.choice.tube, "", "tube conductance") ** (1.0 / BORE_POWER)
+        needle = flow(self.choice.flow_control, "needle", "needle")
+        cushion = 1.0 + 2.0 * spread.conductance * share["cushion"]
+        dead = 1.0 + spread.assumed * share["dead volume"]
+        for end in "ab":
+            factors[f"tube_{end}.diameter"] = tube
+            factors[f"flow_control_{end}.needle_conductance"] = needle
+            factors[f"cylinder.cushion_{end}_needle_conductance"] = cushion
+            if f"dead_volume_{end}" in self.choice.cylinder.assumed:
+                factors[f"cylinder.dead_volume_{end}"] = dead
+                factors[f"cylinder.cushion_{end}_port_volume"] = dead
+        own = share["mass of the piston"] * ("moving_mass" in self.choice.cylinder.assumed)
+        factors["cylinder.moving_mass"] = 1.0 + spread.assumed * own
+        for key in ("time_on", "time_off", "delay"):
+            late = share["valve time"] * (key in self.choice.valve.assumed)
+            factors[f"valve.{key}"] = 1.0 + spread.assumed * late
+        return factors
+
+    def drawn_assumed(self) -> dict[str, str]:
+        """Return what is drawn because a value is assumed, with the component that has it."""
+        assumed = {slot: getattr(self.choice, slot).assumed for slot in ("cylinder", "valve", "tube", "flow_control")}
+        found = {}
+        if any(key.startswith("friction") for key in assumed["cylinder"]):
+            found["friction"] = "cylinder"
+        named = {"dead volume": "dead_volume", "mass of the piston": "moving_mass", "cushion": "cushion"}
+        found |= {
+            name: "cylinder" for name, key in named.items() if any(one.startswith(key) for one in assumed["cylinder"])
+        }
+        for slot, name in (("valve", "valve conductance"), ("tube", "tube conductance"), ("flow_control", "needle")):
+            if any(map(_is_size, assumed[slot])):
+                found[name] = slot
+        if assumed["valve"] & {"time_on", "time_off", "delay"}:
+            found["valve time"] = "valve"
+        return found
+
+
+def circuit_of(task: SizingTask, parts: Mapping[str, str], setting: Setting) -> Circuit:
+    """Return the circuit of parts by their slots, with its settings, ready to run."""
+    found = choices(task)
+    named = [next(one for one in found[slot] if one.name == parts[slot]) for slot in SLOTS]
+    return DriveStrokes(DriveChoice(*named), task).circuit(setting)
+
+
+def points(n: int) -> Array:
+    """Return points of a scrambled Sobol sequence, shape (n, len(DRAWN)): the first of them are those of fewer."""
+    from scipy.stats import qmc
+
+    return qmc.Sobol(len(DRAWN), rng=SEED).random_base2(max(n - 1, 1).bit_length())[:n]
+
+
+class _Template(NamedTuple):
+    """A circuit in the core's form, and its start state."""
+
+    form: CoreForm
+    starts: dict[str, float]
+
+
+_TEMPLATES: dict[tuple[Any, ...], _Template] = {}
+
+
+def _is_size(key: str) -> bool:
+    """Return whether a key is the size of a flow path."""
+    return key.endswith(("conductance", "nominal_flow", "kv", "cv", "diameter"))
+
+
+def _both_ways(share: Array) -> Array:
+    return 2.0 * share - 1.0
+
+
+def _circuit(choice: DriveChoice, task: SizingTask, outward: bool, setting: Setting) -> Circuit:
+    """Return the circuit: supply, valve, tubes, flow controls, cylinder and load."""
+    on, off = ("a", "b") if outward else ("b", "a")
+    valve = dict(choice.valve.table)
+    if not outward:
+        valve["time_on"] = valve["time_off"]
+    cylinder = dict(choice.cylinder.table)
+    components: dict[str, Any] = {
+        "supply": {"kind": "reservoir", "pressure": str(task.supply.pressure)},
+        "valve": valve,
+        "tube_a": dict(choice.tube.table),
+        "tube_b": dict(choice.tube.table),
+        "cylinder": cylinder,
+        "load": {"kind": "load", "mass": f"{task.mass_kg!r} kg", "force": f"{-task.external_force_n!r} N"},
+    }
+    for end, (needle, cushion) in (("a", setting[2:]), ("b", setting[:2])):
+        if choice.is_throttled:
+            components[f"flow_control_{end}"] = _opened(choice.flow_control, "needle", needle)
+        if choice.is_cushioned:
+            key = f"cushion_{end}_needle_conductance"
+            cylinder[key] = _opened_value(choice.cylinder.numbers[key], cushion)
+    way = {end: f"tube_{end} -> " + f"flow_control_{end} -> " * choice.is_throttled + f"cylinder.{end}" for end in "ab"}
+    return Circuit(
+        name=f"{task.name}: {choice.name}",
+        ambient=task.ambient,
+        components=components,
+        connections=(
+            "supply -> valve.1",
+            f"valve.4 -> {way[on]}",
+            f"valve.2 -> {way[off]}",
+            "cylinder.rod -> load",
+        ),
+        initial={"cylinder.position": "0 mm", "cylinder.b": str(task.supply.pressure)},
+    )
+
+
+def _opened(part: PartChoice, key: str, share: float) -> dict[str, Any]:
+    table = {name: one for name, one in part.table.items() if not name.startswith(f"{key}_")}
+    return table | {f"{key}_conductance": _opened_value(part.numbers[f"{key}_conductance"], share)}
+
+
+def _opened_value(whole: float, share: float) -> dict[str, str]:
+    return {
+        "value": f"{1e8 * share * whole:.4g} dm3/(s bar)",
+        "assumed": f"set to {100.0 * share:.3g} % of fully open by the sizing",
+    }

@@ -1,0 +1,198 @@
+"""Task of a drive: what it has to move, how far, how fast, under which spreads. `SizingTask` reads its file."""
+
+from __future__ import annotations
+
+import math
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from pneudrive import units
+from pneudrive.constants import STANDARD_GRAVITY_M_S2
+from pneudrive.describe import toml
+from pneudrive.describe.base import Angle, Bounds, Described, Force, Length, Mass, Quantity, WrongValueError, wrong
+from pneudrive.describe.base import StatedPressure as Stated
+from pneudrive.describe.catalogue import entries
+from pneudrive.describe.marks import Between, Percent
+from pneudrive.describe.parts import Ambient
+
+#: Coefficient of friction of a guide for the load (assumed: usual values; ball guides with seals).
+GUIDES = {"none": 0.0, "ball": 0.02, "plain": 0.15}
+_POSITIVE, _NOT_NEGATIVE = Bounds(above=0.0), Bounds(at_least=0.0)
+Seconds = Annotated[float | None, Quantity("s", "s", _POSITIVE)]
+Speed = Annotated[float | None, Quantity("m/s", "m/s", _POSITIVE)]
+Share = Annotated[float, Percent("%", None, Bounds(at_least=0.0, below=90.0))]
+
+
+class _Factors(Between):
+    """Annotation of a field for a range of factors, ``"0.7 .. 1.5"``."""
+
+    def read(self, given: object) -> tuple[float, float]:  # type: ignore[override]
+        """Convert and check."""
+        ends = given.split("..") if isinstance(given, str) else []
+        try:
+            low, high = (float(end) for end in ends)
+        except ValueError:
+            raise WrongValueError(f"{given!r} is not a range of factors", remedy='Write "0.7 .. 1.5".') from None
+        if not 0.0 < low <= high < math.inf:
+            raise WrongValueError(f'"{given}" is out of bounds', rule="0 < first end <= second end")
+        return low, high
+
+    def show(self, value: tuple[float, float]) -> str:  # type: ignore[override]
+        """Write the range."""
+        return f"{value[0]:g} .. {value[1]:g}"
+
+    def schema(self) -> dict[str, Any]:
+        """Return the JSON schema of the form that users write."""
+        return {"type": "string", "pattern": r"^.+ \.\. .+$"}
+
+
+class TaskSupply(Described):
+    """Supply at the valve, with its spread."""
+
+    table_name: ClassVar[str] = "supply"
+    pressure: Annotated[units.Pressure, Stated()] = Field(examples=["6 bar gauge"])
+    spread_pa: Annotated[float, Quantity("Pa", "bar", _NOT_NEGATIVE)] = Field(
+        default=0.5e5, description="the pressure lies within +- this"
+    )
+
+
+class TaskSpreads(Described):
+    """Ranges of what differs from drive to drive and from day to day; each is drawn uniformly."""
+
+    table_name: ClassVar[str] = "spread"
+    mass: Share = Field(default=0.1, description="of the load, +-")
+    friction: Annotated[tuple[float, float], _Factors("")] = Field(
+        default=(0.7, 1.5), description="factors of the friction of cylinder and guide"
+    )
+    conductance: Share = Field(default=0.1, description="of valves, tubes and needles, +-; twice that where assumed")
+    temperature_k: Annotated[tuple[float, float], Between("K", "degC")] = Field(
+        default=(283.15, 308.15), description="of air and cylinder"
+    )
+    assumed: Share = Field(
+        default=0.3, description="of dead volumes, masses of pistons and times of valves that are assumed, +-"
+    )
+
+
+class SizingTask(Described):
+    """Task that a drive has to do: `pneudrive size` reads it from a TOML file.
+
+    Examples
+    --------
+    >>> task = SizingTask(mass="8 kg", stroke="400 mm", time="0.6 s", incline="90 deg", supply={"pressure": "6 bar gauge"})
+    >>> round(task.static_force_n, 2)
+    78.45
+    """  # noqa: E501
+
+    schema_version: Literal[1] = Field(default=1, alias="schema")
+    name: str = "task"
+    mass_kg: Mass = Field(description="of the load; that of the piston is added")
+    stroke_m: Length
+    time_s: Seconds = Field(default=None, description="from the command to the end, outwards")
+    return_time_s: Seconds = Field(default=None, description="the way back; absent: as outwards")
+    speed_m_s: Speed = Field(default=None, description="in place of time: stroke over time")
+    incline_rad: Angle = Field(default=0.0, description="of the outward stroke; 90 deg: it lifts")
+    external_force_n: Force = Field(default=0.0, description="constant force against the outward stroke")
+    holding_force_n: Annotated[float, Quantity("N", "N", _NOT_NEGATIVE)] = Field(
+        default=0.0, description="with which the piston presses at the end of the outward stroke"
+    )
+    end_speed_m_s: Speed = Field(default=None, description="largest speed at the contact with an end")
+    impact_energy_j: Annotated[float | None, Quantity("J", "J", _POSITIVE)] = Field(
+        default=None, alias="impact_energy", description="largest kinetic energy at the contact with an end"
+    )
+    peak_pressure: Annotated[units.Pressure | None, Stated()] = Field(
+        default=None, description="largest pressure in a chamber; absent: what the catalogue says of the cylinder"
+    )
+    guide: Literal["none", "ball", "plain"] = Field(default="none", description="what carries the load")
+    tube_length_m: Length = Field(default=1.0, description="of each tube between valve and cylinder")
+    cycles: Annotated[float | None, Quantity("", bounds=_POSITIVE)] = Field(
+        default=None, description="life; held against what the catalogue says of B10"
+    )
+    margin: Share = Field(default=0.0, description="reserve that each limit keeps")
+    exclude: tuple[str, ...] = Field(default=(), description="names, kinds or patterns of the catalogue: smc-cy1b*")
+    supply: TaskSupply
+    spread: TaskSpreads = TaskSpreads()
+    ambient: Ambient = Ambient()
+
+    @model_validator(mode="after")
+    def _one_time(self) -> SizingTask:
+        if (self.time_s is None) == (self.speed_m_s is None):
+            what = "time is missing" if self.time_s is None else "time and speed are both given"
+            raise wrong("time", what, rule="exactly one of time and speed", remedy='Write time = "0.6 s".')
+        return self
+
+    @model_validator(mode="after")
+    def _supply_above_ambient(self) -> SizingTask:
+        low = self.supply_pa - self.supply.spread_pa
+        if not low > self.ambient.pressure_pa:
+            what = f"supply.pressure = {self.supply.pressure} less its spread is not above the ambient pressure"
+            raise wrong("supply.pressure", what, rule=f"above {self.ambient.pressure}")
+        return self
+
+    @model_validator(mode="after")
+    def _known_exclusions(self) -> SizingTask:
+        known = sorted({word for one in entries().values() if not one.is_drive for word in (one.name, one.kind)})
+        for place, word in enumerate(self.exclude):
+            if not any(fnmatchcase(one, word) for one in known):
+                what = f'exclude: the catalogue has no part and no kind "{word}"'
+                close = get_close_matches(word, known, n=1)
+                remedy = f"Did you mean '{close[0]}'?" if close else "`pneudrive catalogue` lists names and kinds."
+                raise wrong(f"exclude.{place}", what, remedy=remedy)
+        return self
+
+    @classmethod
+    def load(cls, source: str | Path) -> SizingTask:
+        """Read a task from a TOML file, or from its text if `source` has more than one line.
+
+        Raises
+        ------
+        DescriptionError
+            The file is not valid; the message gives file, line, value, rule and remedy.
+        """
+        if isinstance(source, str) and "\n" in source:
+            origin, text = "task", source
+            tables = toml.parse(text, origin)
+        else:
+            origin = str(source)
+            tables, text = toml.read(source, start="The guide page on sizing has tasks to start from.")
+        with toml.locating(origin, text):
+            return cls.model_validate({"name": Path(origin).stem} | tables)
+
+    def excludes(self, name: str, kind: str) -> bool:
+        """Return whether a part of the catalogue is excluded."""
+        return any(fnmatchcase(name, word) or fnmatchcase(kind, word) for word in self.exclude)
+
+    @property
+    def template_key(self) -> str:
+        """What of the task a circuit has beside the numbers that are drawn."""
+        return (
+            f"{self.stroke_m!r} {self.incline_rad!r} {self.external_force_n!r} {self.supply} {self.ambient.to_dict()}"
+        )
+
+    @property
+    def supply_pa(self) -> float:
+        """Nominal supply pressure, absolute, Pa."""
+        return self.supply.pressure.absolute_pa(self.ambient.pressure_pa)
+
+    @property
+    def outward_s(self) -> float:
+        """Longest time of the outward stroke, s."""
+        return self.stroke_m / self.speed_m_s if self.time_s is None else self.time_s  # type: ignore[operator]
+
+    @property
+    def back_s(self) -> float:
+        """Longest time of the way back, s."""
+        return self.outward_s if self.return_time_s is None else self.return_time_s
+
+    @property
+    def static_force_n(self) -> float:
+        """Force against the outward stroke at rest, without friction: weight along the axis and external force, N."""
+        return self.mass_kg * STANDARD_GRAVITY_M_S2 * math.sin(self.incline_rad) + self.external_force_n
+
+    @property
+    def guide_friction_n(self) -> float:
+        """Friction of the guide under the weight of the load, N."""
+        return GUIDES[self.guide] * self.mass_kg * STANDARD_GRAVITY_M_S2 * math.cos(self.incline_rad)

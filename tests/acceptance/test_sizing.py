@@ -1,0 +1,166 @@
+"""Sizing: a user's journey, and what a ranking must never get wrong."""
+
+from __future__ import annotations
+
+import json
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneudrive.cli.main import run as command
+from pneudrive.errors import Cancelled
+from pneudrive.sizing.choices import choices, combined
+from pneudrive.sizing.prune import SafeBounds
+from pneudrive.sizing.result import SAME_AIR, SizingResult
+from pneudrive.sizing.search import size, sized
+from pneudrive.sizing.strokes import DRAWN, DriveStrokes, points
+from pneudrive.sizing.task import SizingTask
+from pneudrive.sizing.tune import tune
+
+SMALL = ["parker*", "pneumax*", "smc-c*", "ckd*", "festo-m*", "smc-sy[79]*", "smc-tu0[48]*", "smc-tu1*"]
+SMALL += ["festo-gr-m3", "festo-gr-qs-3", "festo-gr-3-4"]
+TASK: dict[str, Any] = {
+    "name": "push",
+    "mass": "2 kg",
+    "stroke": "100 mm",
+    "time": "0.35 s",
+    "supply": {"pressure": "6 bar gauge"},
+    "exclude": SMALL,
+}
+DRAWS = {"draws": 8, "draws_best": 16}
+
+
+@pytest.fixture(scope="module")
+def found() -> SizingResult:
+    return size(TASK, **DRAWS)
+
+
+def test_the_best_of_full_enumeration_is_found_and_margins_are_monotone(found: SizingResult):
+    task = SizingTask(**TASK)
+    made = [DriveStrokes(choice, task) for choice in combined(choices(task))]
+    every = [sized(one, tune(one).setting, points(DRAWS["draws_best"])) for one in made]
+    best = min((one for one in every if one.is_feasible), key=lambda one: one.rank)
+    assert len(every) == found.enumerated >= 4
+    assert found.best is not None
+    assert found.best.rank == best.rank
+    reserve = 0.9 * found.best.margin
+    tight = size(TASK | {"margin": f"{100.0 * reserve} %"}, **DRAWS)
+    assert {one.name for one in tight.ranked} <= {one.name for one in found.ranked}
+    assert tight.best is not None
+    assert tight.best.air >= found.best.air / SAME_AIR
+    assert tight.best.margin == pytest.approx(1.0 - (1.0 - found.best.margin) / (1.0 - reserve), abs=1e-9)
+    assert size(TASK | {"margin": "80 %"}, **DRAWS).best is None
+
+
+def test_a_task_made_from_a_known_drive_finds_it_or_a_cheaper_one(found: SizingResult):
+    known = found.ranked[-1]
+    limits = {"time": f"{1.01 * known.time_out} s", "return_time": f"{1.01 * known.time_back} s"}
+    again = size(TASK | limits, **DRAWS)
+    assert again.best is not None
+    assert again.best.air <= SAME_AIR * known.air
+
+
+def test_a_stroke_has_the_time_and_the_speed_of_a_simulation(found: SizingResult):
+    assert found.best is not None
+    circuit = found.circuit()
+    run = circuit.simulate("0 s: 1", "0.5 s", rtol=1e-8)
+    parts = dict(found.best.parts)
+    task = SizingTask(**TASK)
+    choice = next(one for one in combined(choices(task)) if one.parts == parts)
+    nominal = np.full((1, len(DRAWN)), 0.5)
+    low, high = task.spread.friction
+    nominal[0, DRAWN.index("friction")] = (1.0 - low) / (high - low)
+    cold, hot = task.spread.temperature_k
+    nominal[0, DRAWN.index("temperature")] = (task.ambient.temperature_k - cold) / (hot - cold)
+    own = DriveStrokes(choice, task).run(True, nominal, np.array([list(found.best.setting.values())]), rtol=1e-8)
+    first = run.attrs["impacts"][0]
+    assert own.time[0] == pytest.approx(first["time_s"], rel=1e-3)
+    assert own.end_speed[0] == pytest.approx(first["speed_m_s"], rel=1e-2)
+    mass = choice.cylinder.numbers["moving_mass"] + task.mass_kg
+    assert own.energy[0] == pytest.approx(0.5 * mass * own.end_speed[0] ** 2, rel=1e-9)
+    assert own.air[0] == pytest.approx(abs(float(np.trapezoid(run["supply.mass_flow"], run.time))), rel=0.03)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"time": "0.05 s"}, {"mass": "60 kg", "incline": "90 deg"}, {"time": "0.1 s", "tube_length": "10 m"}],
+)
+def test_what_is_pruned_fails_at_the_favourable_end_of_every_spread(change: dict[str, str]):
+    task = SizingTask(**TASK | change | {"exclude": [one for one in SMALL if not one.startswith("smc-tu")]})
+    found = choices(task)
+    bounds = SafeBounds(task, found["tube"])
+    pruned = [(one, lacks) for one in combined(found) if (lacks := bounds.lacks(one)) is not None]
+    assert pruned
+    best = np.ones((2, len(DRAWN)))
+    best[:, [DRAWN.index(name) for name in ("friction", "load", "mass of the piston", "valve time", "dead volume")]] = (
+        0.0
+    )
+    best[1, DRAWN.index("dead volume")] = 1.0
+    for choice, lacks in pruned[:12]:
+        assert lacks.share < 1.0
+        strokes = DriveStrokes(choice, task)
+        limits = ((True, task.outward_s), (False, task.back_s))
+        times = [strokes.run(way, best, np.ones((2, 4))).time / limit for way, limit in limits]
+        assert max(one.min() for one in times) > 1.0, (choice.name, lacks)
+
+
+def test_a_search_that_was_interrupted_goes_on(tmp_path, found: SizingResult):
+    flag, seen = threading.Event(), []
+
+    def stop(done: float, _total: float, _task: str) -> None:
+        seen.append(done)
+        if done >= 2:
+            flag.set()
+
+    with pytest.raises(Cancelled):
+        size(TASK, **DRAWS, out=tmp_path / "s", progress=stop, cancel=flag)
+    lines = (tmp_path / "s" / "choices.jsonl").read_text().splitlines()
+    assert lines
+    with (tmp_path / "s" / "choices.jsonl").open("a") as file:
+        file.write('{"parts": {"cylin')  # a line that a kill cut off
+    again = size(TASK, **DRAWS, out=tmp_path / "s")
+    assert [one.to_dict() for one in again.ranked] == [one.to_dict() for one in found.ranked]
+    assert (tmp_path / "s" / "choices.jsonl").read_text().splitlines()[: len(lines)] == lines
+
+
+def test_a_user_sizes_a_drive_and_runs_it(tmp_path, capsys, found: SizingResult):
+    lists = ", ".join(f'"{one}"' for one in SMALL)
+    text = f"""mass = "2 kg"
+stroke = "100 mm"
+time = "0.35 s"
+exclude = [{lists}]
+supply.pressure = "6 bar gauge"
+"""
+    task = tmp_path / "push.toml"
+    task.write_text(text)
+    out = tmp_path / "out"
+    assert command(["size", str(task), "--draws", "8", "--out", str(out)]) == 0
+    shown = capsys.readouterr().out
+    assert "feasible = true" in shown
+    assert found.best is not None
+    assert found.best.parts["cylinder"] in shown
+    assert (out / "candidates.png").stat().st_size > 10_000
+    assert json.loads((out / "result.json").read_text())["feasible"] is True
+    command_line = ["simulate", str(out / "01.toml"), "--command", "0 s: 1", "--duration", "0.2 s"]
+    assert command(command_line) == 0
+    capsys.readouterr()
+
+    task.write_text(text.replace("2 kg", "200 kg").replace("supply", 'incline = "90 deg"\nsupply'))
+    assert command(["size", str(task), "--draws", "8"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "feasible = false" in shown
+    assert "Nearest miss" in shown
+    assert "needed" in shown
+    for wrong, said in (
+        (text.replace("2 kg", "0 kg"), "mass"),
+        (text.replace("2 kg", "nan kg"), "mass"),
+        (text.replace("0.35 s", "0.35 m"), "time"),
+        (text.replace("exclude = [", 'exclude = ["festoo-dsbg", '), "festoo-dsbg"),
+    ):
+        task.write_text(wrong)
+        assert command(["size", str(task)]) == 2
+        message = capsys.readouterr().err
+        assert said in message
+        assert "push.toml:" in message
