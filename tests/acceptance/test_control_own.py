@@ -173,12 +173,13 @@ def test_ctrl_c_within_a_law_ends_the_run(axis):
 
 
 class Exported:
-    """A law of one's own that runs exported source, and keeps what it was given and gave."""
+    """A law of one's own that runs exported source, its reference too, and keeps what it was given and gave."""
 
     inputs = ("position", "pressure_a", "pressure_b")
 
     def __init__(self, library, name, gains, ahead_s):
-        self.step_in_c = ctypes.CDLL(str(library))[f"{name}_step"]
+        self.step_in_c, self.move_in_c = (ctypes.CDLL(str(library))[f"{name}_{own}"] for own in ("step", "move"))
+        self.move_in_c.argtypes = [ctypes.c_double] * 5 + [ctypes.c_void_p]
         self.gains = ctypes.byref((ctypes.c_double * gains).in_dll(ctypes.CDLL(str(library)), f"{name}_tuned"))
         self.ahead_s, self.samples = ahead_s, []
 
@@ -186,8 +187,11 @@ class Exported:
         self.memory = (ctypes.c_double * 200)()
 
     def step(self, t, sample, preview):
-        now, then = preview.at(t), preview.at(t + self.ahead_s)
-        stands = float(preview.at(t)[1:] == (0.0, 0.0, 0.0) and not 0.1 - self.ahead_s <= t < 0.3)
+        now, then = (ctypes.c_double * 4)(), (ctypes.c_double * 4)()
+        for at, wanted in ((t, now), (t + self.ahead_s, then)):
+            self.move_in_c(0.22, 0.24, 0.1, 0.2, at, wanted)
+        assert np.allclose(now, preview.at(t), rtol=1e-12, atol=1e-12)
+        stands = float(not 0.1 - self.ahead_s < t < 0.1 + 0.2)
         given = (ctypes.c_double * 12)(*sample, *now, *then, stands)
         out = (ctypes.c_double * 4)()
         self.step_in_c(self.gains, self.memory, given, out)
@@ -219,7 +223,12 @@ def test_exported_c_runs_the_drive_as_its_law_does(law, tmp_path, axis, capsys):
 def _check_structured_text(folder, samples):
     """Read the same law in structured text by a grammar of what it uses, and run it: no compiler for PLCs is here."""
     assert run(["control", "export", "inversion", "--drive", str(AXIS), "--to", "st", "--out", str(folder)]) == 0
-    block = FunctionBlock((folder / "pneudrive_inversion.st").read_text())
+    text = (folder / "pneudrive_inversion.st").read_text()
+    block, move = (FunctionBlock(f"{own}END_FUNCTION_BLOCK") for own in text.split("END_FUNCTION_BLOCK")[:2])
+    wanted = move.run(start=0.22, target=0.24, begin_time=0.1, duration=0.2, at_time=0.2)
+    assert wanted == pytest.approx(
+        {"position": 0.23, "velocity": 2.1875 * 0.02 / 0.2, "acceleration": 0.0, "jerk": -131.25}
+    )
     for given, out in samples:
         found = block.run(**dict(zip(block.inputs[: len(given)], given, strict=True)))
         assert found["command"] == pytest.approx(out[0], abs=1e-10)  # its tanh is made of exponentials

@@ -11,7 +11,7 @@ use crate::controller::{Ahead, AnyLaw, Controller, Decided, Hold};
 use crate::gains::Gain;
 use crate::law::Law;
 use crate::observer::{Observer, Sample};
-use crate::reference::{Reference, Wanted};
+use crate::reference::{Reference, Wanted, between, blend};
 use math::Real;
 
 /// A number that code is given.
@@ -46,6 +46,19 @@ pub struct Program {
     pub observe: Graph,
     /// [`RESULTS`], then what it remembers.
     pub command: Graph,
+}
+
+/// What a move of a reference is given: positions, m, and times, s.
+pub const MOVE: [&str; 5] = ["start", "target", "begin_time", "duration", "at_time"];
+
+/// Position, velocity, acceleration and jerk of a move at a time; it stands before and behind.
+pub fn along_a_move() -> Graph {
+    record(MOVE.len(), |given| {
+        let [from, to, begin, duration, t] = [0, 1, 2, 3, 4].map(|place| given[place]);
+        let Wanted { position, velocity, acceleration, jerk } =
+            between([from, to], blend((t - begin) / duration), Traced::one() / duration);
+        vec![position, velocity, acceleration, jerk]
+    })
 }
 
 /// What [`Program::command`] gives before the memory.

@@ -1,5 +1,6 @@
 //! Where a drive is to go: position with its derivatives over time.
 
+use crate::number::Number;
 use std::f64::consts::TAU;
 
 /// Where a drive is to be at a time.
@@ -20,20 +21,27 @@ pub struct Wanted<S = f64> {
 ///   s = 35 t^4 - 84 t^5 + 70 t^6 - 20 t^7
 ///
 /// Its largest derivatives are 2.1875, 7.5132 and 52.5.
-pub fn blend(t: f64) -> [f64; 4] {
-    if t <= 0.0 {
-        return [0.0; 4];
-    }
-    if t >= 1.0 {
-        return [1.0, 0.0, 0.0, 0.0];
-    }
-    let r = 1.0 - t;
+pub fn blend<S: Number>(t: S) -> [S; 4] {
+    let t = t.within(0.0, 1.0);
+    let r = S::one() - t;
+    let (square, both, apart) = (t * t, t * r, r - t);
     [
-        t.powi(4) * (35.0 + t * (-84.0 + t * (70.0 - 20.0 * t))),
-        140.0 * (t * r).powi(3),
-        420.0 * (t * r).powi(2) * (r - t),
-        840.0 * t * r * ((r - t).powi(2) - t * r),
+        square * square * (S::c(35.0) + t * (S::c(-84.0) + t * (S::c(70.0) - t.times(20.0)))),
+        (both * both * both).times(140.0),
+        (both * both).times(420.0) * apart,
+        t.times(840.0) * r * (apart * apart - both),
     ]
+}
+
+/// Where a drive is to be on a move, by its blend; `rate` is one over the duration, 1/s.
+pub fn between<S: Number>([from, to]: [S; 2], [s, v, a, j]: [S; 4], rate: S) -> Wanted<S> {
+    let way = to - from;
+    Wanted {
+        position: from + way * s,
+        velocity: way * rate * v,
+        acceleration: way * rate * rate * a,
+        jerk: way * (rate * rate * rate) * j,
+    }
 }
 
 /// A motion of a reference.
@@ -78,14 +86,7 @@ impl Reference {
                     return Wanted { position: *start, ..Wanted::default() };
                 };
                 let from = begun.checked_sub(2).map_or(*start, |before| moves[before].to);
-                let [s, v, a, j] = blend((t - own.begin) / own.duration);
-                let (way, rate) = (own.to - from, 1.0 / own.duration);
-                Wanted {
-                    position: from + way * s,
-                    velocity: way * rate * v,
-                    acceleration: way * rate * rate * a,
-                    jerk: way * rate.powi(3) * j,
-                }
+                between([from, own.to], blend((t - own.begin) / own.duration), 1.0 / own.duration)
             }
             Reference::Sine { centre, amplitude, frequency } => {
                 let w = TAU * frequency;

@@ -4,7 +4,7 @@ use approx::assert_abs_diff_eq;
 use control::spool::Spool;
 use control::{
     Controller, Held, LAWS, Model, Move, Noise, Observer, Reference, Sample, Side, Valve, Wanted, blend,
-    sugeno,
+    export, sugeno,
 };
 use physics::flow::{Iso6358, LINEAR_ABOVE};
 use physics::friction::{AnyLaw, Choices, Contact};
@@ -222,6 +222,51 @@ fn every_law_is_odd() {
         let moves = commands.iter().any(|[one, _]| one.abs() > 0.05);
         assert!(moves && most < 1e-6, "{key}: the mirrored drive gets another command, by {most}");
     }
+}
+
+/// The work of a law with its observer, recorded and run again, on the samples of a drive that follows poorly and then
+/// rests: its commands.
+#[test]
+fn what_is_recorded_of_a_law_gives_its_commands() {
+    let (model, moves) = (drive(), vec![Move { begin: 0.02, duration: 0.1, to: MIDDLE + 0.01 }]);
+    let reference = Reference::Moves { start: MIDDLE, moves };
+    for key in LAWS {
+        let mut law = Controller::tuned(key, &model, PERIOD, 2e-6).expect("a law of that name");
+        law.adaptation = None;
+        let Ok(program) = export::program(&law, true) else {
+            assert_eq!(*key, "nmpc");
+            continue;
+        };
+        let (gains, mut kept) = (program.gains.iter().map(|own| own.1), Vec::new());
+        let gains: Vec<f64> = gains.collect();
+        let (mut holds, mut moves) = (false, false);
+        for tick in 0..300_u32 {
+            let time = f64::from(tick) * PERIOD;
+            let (now, then) = (reference.at(time), reference.at(time + program.ahead));
+            let late = reference.at(time - 2e-3);
+            let (position, lean) = (late.position + 1e-6 * f64::from(tick % 3), 2e3 * late.acceleration);
+            let sample = Sample { time, position, pressures: Some([PRESSURE + lean, PRESSURE - lean]) };
+            let answer = law.step(&sample, &reference);
+            let stands = f64::from(u8::from(reference.stands(time, law.plant.lag)));
+            let wanted = |own: Wanted| [own.position, own.velocity, own.acceleration, own.jerk];
+            let given =
+                [&[position, PRESSURE + lean, PRESSURE - lean][..], &wanted(now), &wanted(then), &[stands]];
+            let given = [&given.concat()[..], &gains].concat();
+            let piece = if tick == 0 { &program.begin } else { &program.observe };
+            let seen = piece.run(&[&given[..], &kept].concat());
+            let results = program.command.run(&[&given[..], &seen].concat());
+            kept = results[export::RESULTS.len()..].to_vec();
+            assert_eq!([seen.len(), kept.len()], [program.memory[1], program.memory[0]]);
+            assert_abs_diff_eq!(results[0], answer.command, epsilon = 1e-12);
+            assert_abs_diff_eq!(results[1], answer.velocity, epsilon = 1e-12);
+            assert_eq!(results[3] > 0.0, answer.holds);
+            (holds, moves) = (holds || answer.holds, moves || answer.command.abs() > 0.05);
+        }
+        assert!(holds && moves, "{key}");
+    }
+    let wanted = export::along_a_move().run(&[MIDDLE, MIDDLE + 0.01, 0.02, 0.1, 0.05]);
+    let exact = reference.at(0.05);
+    assert_eq!(wanted, [exact.position, exact.velocity, exact.acceleration, exact.jerk]);
 }
 
 #[test]

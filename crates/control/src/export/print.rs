@@ -1,6 +1,6 @@
 //! Programs as C and as structured text.
 
-use super::{Function, Given, Graph, Node, Operator, Program, RESULTS};
+use super::{Function, Given, Graph, MOVE, Node, Operator, Program, RESULTS, along_a_move};
 use std::fmt::Write;
 
 /// A language that programs are printed in.
@@ -191,6 +191,8 @@ impl Program {
              /* Gains that follow from the description of the drive. */\n\
              extern const {name}_gains {name}_tuned;\n\n\
              void {name}_step(const {name}_gains *gains, {name}_memory *memory, const {name}_input *in, {name}_output *out);\n\n\
+             /* A reference: position, velocity, acceleration and jerk of a move at a time, which stands before and behind. */\n\
+             void {name}_move(double start, double target, double begin_time, double duration, double at_time, double wanted[4]);\n\n\
              #endif\n"
         );
         let [begin, observe, command] = self.pieces(Language::C).map(|own| own.0);
@@ -215,6 +217,10 @@ impl Program {
             piece("begin", "", "double *seen", &begin),
             piece("observe", "const double *kept, ", "double *seen", &observe),
             piece("command", "const double *seen, ", &format!("double *kept, {name}_output *out"), &command),
+        ) + &format!(
+            "\nvoid {name}_move(double start, double target, double begin_time, double duration, double at_time, double wanted[4])\n\
+             {{\n{}}}\n",
+            a_move(Language::C, numbered("wanted", 4).collect()).0,
         );
         [header, source]
     }
@@ -253,8 +259,30 @@ impl Program {
             indented(&pieces[1].0),
             indented(&pieces[0].0),
             pieces[2].0,
+        ) + &self.st_move()
+    }
+
+    /// A function block that gives a move of a reference.
+    fn st_move(&self) -> String {
+        let (text, locals) = a_move(Language::St, WANTED.map(String::from).to_vec());
+        let list =
+            |names: &[&str]| names.iter().map(|own| format!("    {own} : LREAL;\n")).collect::<String>();
+        format!(
+            "\n(* A reference: a move at a time, which stands before and behind. *)\nFUNCTION_BLOCK {}_MOVE\nVAR_INPUT\n{}END_VAR\n\
+             VAR_OUTPUT\n{}END_VAR\nVAR_TEMP\n    t : ARRAY[0..{}] OF LREAL;\nEND_VAR\n\n{text}END_FUNCTION_BLOCK\n",
+            self.name().to_uppercase(),
+            list(&MOVE),
+            list(&WANTED),
+            locals.max(1) - 1,
         )
     }
+}
+
+/// What a move gives, in this order.
+const WANTED: [&str; 4] = ["position", "velocity", "acceleration", "jerk"];
+
+fn a_move(language: Language, results: Vec<String>) -> (String, usize) {
+    statements(&along_a_move(), language, &MOVE.map(String::from), &results)
 }
 
 /// `name[0]`, `name[1]`, and so on.

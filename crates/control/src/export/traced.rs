@@ -192,6 +192,24 @@ pub fn record(inputs: usize, work: impl Fn(&[Traced]) -> Vec<Traced>) -> Graph {
 }
 
 impl Graph {
+    /// What comes of inputs.
+    pub fn run(&self, inputs: &[f64]) -> Vec<f64> {
+        let mut values: Vec<f64> = Vec::with_capacity(self.nodes.len());
+        for node in &self.nodes {
+            let of = |place: u32| values[place as usize];
+            let value = match *node {
+                Node::Constant(bits) => f64::from_bits(bits),
+                Node::Input(place) => inputs[place],
+                Node::One(function, a) => function.of(of(a)),
+                Node::Two(operator, a, b) => operator.of(of(a), of(b)),
+                Node::Fma(a, b, c) => of(a).mul_add(of(b), of(c)),
+                Node::Select { of: [a, b], then: [yes, no] } => of(if of(a) < of(b) { yes } else { no }),
+            };
+            values.push(value);
+        }
+        self.results.iter().map(|&place| values[place as usize]).collect()
+    }
+
     /// Without nodes of which nothing comes.
     fn needed(self) -> Graph {
         let mut used = vec![false; self.nodes.len()];
