@@ -175,6 +175,7 @@ CHARACTERISTICS = (
         cites=("iso8778-2003",),
         settings=_SETTINGS | {"half_period": (None, "of the second cycle, s; default: that of the square response")},
         slow=True,
+        held=False,
     ),
     Characteristic(
         name="exergy",
@@ -188,5 +189,6 @@ CHARACTERISTICS = (
         y="lost",
         settings=_SETTINGS | {"half_period": (FULL_S, "s")},
         slow=True,
+        held=False,
     ),
 )

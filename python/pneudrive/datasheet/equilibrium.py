@@ -119,7 +119,7 @@ def equilibrium(
     >>> round(pn.equilibrium(drive, 0.6, load=0.0).velocity_m_s, 4)
     2.4249
     """
-    plant = HeldDrive(drive)
+    plant = HeldDrive(drive).static
     x = 0.5 * plant.stroke_m if position is None else number_of(position, "m", "position")
     if not 0.0 <= x <= plant.stroke_m:
         raise CommandError(f"position = {x:g} m is out of bounds", rule=f"0 to the stroke, {plant.stroke_m:g} m")

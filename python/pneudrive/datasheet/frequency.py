@@ -140,5 +140,6 @@ CHARACTERISTICS = (
         y="gain",
         settings={"amplitudes": (AMPLITUDES, "of the command"), "frequencies": (SINE_HZ, "Hz")},
         slow=True,
+        held=False,
     ),
 )

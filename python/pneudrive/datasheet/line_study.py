@@ -36,5 +36,6 @@ CHARACTERISTICS = (
         y="mean_speed",
         settings={"lengths": (LENGTHS, "of each tube"), "diameters": (DIAMETERS, "inner diameters")},
         slow=True,
+        held=False,
     ),
 )

@@ -84,7 +84,7 @@ def linearise(
         import control
     except ImportError:
         raise CommandError("python-control is not installed", remedy="pip install pneudrive[linear]") from None
-    plant = HeldDrive(drive)
+    plant = HeldDrive(drive).static
     x = 0.5 * plant.stroke_m if position is None else number_of(position, "m", "position")
     v = number_of(velocity, "m/s", "velocity")
     if opening not in OPENINGS:

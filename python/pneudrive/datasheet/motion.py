@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive.datasheet.equilibrium import under_load
 from pneudrive.datasheet.strokes import StrokeNumbers, stroke_numbers
-from pneudrive.errors import PneudriveWarning, SimulationError
+from pneudrive.errors import CommandError, PneudriveWarning, SimulationError
 from pneudrive.session import short_name
 from pneudrive.simulate import simulate
 from pneudrive.trajectory import columns as columns_of
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 SLOWER, LONGEST = 4.0, 256.0  # a piston that has not arrived is given this much more time, up to this multiple
 EXPECTED = 4.0  # times the stroke over its steady speed
+USUAL_SPEED = 0.5  # m/s, where no steady one is found
 LEAST_S = 0.2  # of a half cycle
 SAMPLES = 2000  # of a stroke
 REPEATS = 3  # cycles after which a fast cycle repeats itself
@@ -58,9 +59,11 @@ def short_columns(plant: HeldDrive, run: xr.Dataset) -> dict[str, Array]:
 def expected_time(plant: HeldDrive, command: float) -> float:
     """Return a time in which a stroke should be done, s."""
     try:
-        speed = min(abs(under_load(plant, side * command, 0.5 * plant.stroke_m, 0.0).velocity_m_s) for side in (1, -1))
-    except SimulationError:
-        speed = 0.0
+        speed = min(
+            abs(under_load(plant.static, side * command, 0.5 * plant.stroke_m, 0.0).velocity_m_s) for side in (1, -1)
+        )
+    except (CommandError, SimulationError):
+        speed = USUAL_SPEED
     return max(EXPECTED * plant.stroke_m / speed, LEAST_S) if speed > 0.0 else LONGEST * LEAST_S
 
 

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 RTOL = 1e-6  # of sessions that are not advanced
 NO_FRICTION_N = 1e-9  # a law of friction has a level above 0
-_LAGS = ("frequency", "delay", "hysteresis", "time_on")
+#: What does not act on a steady state away from the ends, but has states of its own: of the valve, of the piston.
+_LAGS, _CUSHIONS = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis"), ("cushion_",)
 
 
 class Rates(NamedTuple):
@@ -74,18 +75,45 @@ class HeldDrive:
             )
         self.piston, self.valve = pistons[0], valves[0]
         self.command, self.load = f"{self.valve}.command", f"{self.piston}.load_force_n"
-        table = self.circuit.components[self.valve].plain()
-        lags = [key for key in _LAGS if key in table]
-        if lags and held:
+        if held and "time_on" in self.circuit.components[self.valve].plain():
             raise CommandError(
-                f"{self.valve} has {', '.join(lags)}",
-                rule="a state of the valve cannot be held where the drive is looked at",
-                remedy=f"Take {', '.join(lags)} out of a copy of the file.",
+                f"{self.valve} has time_on",
+                rule="a switching valve that opens later cannot be held open where the drive is looked at",
+                remedy="Take its flow as a proportional valve in a copy of the file.",
             )
         self.core = compiled(self.circuit.core_json())
         self.start_values = self.circuit.core_initial(None)
         ends = ".pressure_pa"
         self.nodes = tuple(name.removesuffix(ends) for name in self.core.start_names if name.endswith(ends))
+
+    @cached_property
+    def static(self) -> HeldDrive:
+        """The drive without lags of its valve and without cushions: for steady states and linear models.
+
+        Raises
+        ------
+        CommandError
+            A component has states that cannot be held, such as the flow of a distributed tube.
+        """
+        tables = self.circuit.to_dict()
+        parts = tables["components"]
+        known = self.circuit.components
+        lags, cushions = known[self.valve].plain(), known[self.piston].plain()
+        without = {
+            self.valve: {key: one for key, one in lags.items() if key not in _LAGS},
+            self.piston: {key: one for key, one in cushions.items() if not key.startswith(_CUSHIONS)},
+        }
+        same = without[self.valve].keys() == lags.keys() and without[self.piston].keys() == cushions.keys()
+        plant = self if same else HeldDrive(type(self.circuit).model_validate(tables | {"components": parts | without}))
+        held = {f"{node}.mass_kg" for node in plant.nodes}
+        loose = [name for name, _ in plant.core.states if name.endswith(("kg", "kg_s")) and name not in held]
+        if loose:
+            raise CommandError(
+                f"{self.name}: {loose[0]} cannot be held",
+                rule="steady states need pressures and temperatures that a start takes",
+                remedy='Take tubes with model = "steady".',
+            )
+        return plant
 
     @property
     def name(self) -> str:

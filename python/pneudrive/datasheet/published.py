@@ -35,7 +35,7 @@ def _nominal_flow(drive: Drive) -> float:
 
 
 def _at_6_bar(drive: Drive) -> HeldDrive:
-    return HeldDrive(drive.replace({"supply.pressure": "6 bar gauge"}))
+    return HeldDrive(drive.replace({"supply.pressure": "6 bar gauge"})).static
 
 
 def _theoretical(drive: Drive) -> float:
@@ -100,7 +100,8 @@ def _published(plant: HeldDrive) -> Found:
         for figure in part.printed:
             if figure.key in FIGURES:
                 one = FIGURES[figure.key]
-                rows.append((f"{part.name}: {figure.key} [{figure.source}]", _printed(figure.value, one.unit), one))
+                title = f"{part.name}: {figure.key.replace('_', ' ')} {figure.value} [{figure.source}]"
+                rows.append((title, _printed(figure.value, one.unit), one))
     if not rows:
         raise CommandError(f"{plant.name}: no part of the catalogue with a printed figure is in this drive")
     printed, computed = np.array([row[1] for row in rows]), np.array([row[2].of(drive) for row in rows])
@@ -122,5 +123,6 @@ CHARACTERISTICS = (
         algorithm="the characteristics of this list, under the conditions of the print",
         find=_published,
         slow=True,
+        held=False,
     ),
 )

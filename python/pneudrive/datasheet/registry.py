@@ -29,6 +29,7 @@ MODULES = (
     "response",
     "air",
     "stands",
+    "cushion",
     "frequency",
     "tornado",
     "line_study",
@@ -111,7 +112,12 @@ def found_under(
         if setting not in one.settings:
             raise CommandError(f"{name} has no setting {setting!r}", remedy=nearest(setting, one.settings))
     watch.look()
-    plain = one.of(HeldDrive(drive, held=one.held), **settings)
+    plain = _seen(drive, one, settings)
     if not intervals:
         return plain
-    return with_intervals(drive, plain, lambda other: one.of(HeldDrive(other, held=one.held), **settings), watch)
+    return with_intervals(drive, plain, lambda other: _seen(other, one, settings), watch)
+
+
+def _seen(drive: Drive | Circuit, one: Characteristic, settings: dict[str, Any]) -> xr.Dataset:
+    plant = HeldDrive(drive, held=one.held)
+    return one.of(plant.static if one.held else plant, **settings)

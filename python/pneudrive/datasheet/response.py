@@ -137,6 +137,7 @@ CHARACTERISTICS = (
             "position": (None, "at rest before, m; default: the end from which the command leads away"),
             "pressures": (None, "of both chambers before; default: ambient, and supply in the emptying one"),
         },
+        held=False,
     ),
     Characteristic(
         name="square-response",
@@ -151,6 +152,7 @@ CHARACTERISTICS = (
             "command": (1.0, "size of the command"),
             "half_period": (None, "s; default: both ends are reached"),
         },
+        held=False,
     ),
     Characteristic(
         name="impact",
@@ -162,5 +164,6 @@ CHARACTERISTICS = (
         x="command",
         y="end_energy",
         slow=True,
+        held=False,
     ),
 )

@@ -174,5 +174,6 @@ CHARACTERISTICS = (
         x="time",
         y="pressure",
         settings={"pressure": (None, "absolute; default: that of the supply"), "duration": (ISOTHERMAL_S, "s")},
+        held=False,
     ),
 )

@@ -92,5 +92,6 @@ CHARACTERISTICS = (
         find=_minimum,
         standard="form of ISO 10099",
         slow=True,
+        held=False,
     ),
 )

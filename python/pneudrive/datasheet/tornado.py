@@ -56,11 +56,13 @@ def _part(drive: Drive, name: str) -> units.Pressure:
 def _of(plant: HeldDrive) -> dict[str, float]:
     """Return the results of one drive."""
     x = 0.5 * plant.stroke_m
-    spring = dynamic_stiffness(linear_model(plant, SIDE, x, gas_at(plant, "3 bar abs")), plant.piston, 1j * FAST).real
+    spring = dynamic_stiffness(
+        linear_model(plant.static, SIDE, x, gas_at(plant, "3 bar abs")), plant.piston, 1j * FAST
+    ).real
     stroke = one_stroke(plant, 1.0, 0.0, (plant.ambient[0], plant.supply_pa)).strokes[0]
     return {
-        "steady_speed": under_load(plant, 1.0, x, 0.0).velocity_m_s,
-        "stall_force": full_force(plant, 1.0)[1],
+        "steady_speed": under_load(plant.static, 1.0, x, 0.0).velocity_m_s,
+        "stall_force": full_force(plant.static, 1.0)[1],
         "natural_frequency": math.sqrt(spring / plant.mass) / (2.0 * math.pi),
         "stroke_time": stroke.stroke_time,
         "end_speed": stroke.end_speed,
@@ -108,5 +110,6 @@ CHARACTERISTICS = (
         y="stroke_time_sensitivity",
         settings={"numbers": (None, "of the drive file; default: all")},
         slow=True,
+        held=False,
     ),
 )

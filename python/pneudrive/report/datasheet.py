@@ -78,6 +78,8 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
         for block in part.blocks
         if isinstance(block, Picture)
     }
+    small = '<svg style="max-width: 26rem; display: block" '
+    report.pictures["circuit"] = report.pictures["circuit"].replace("<svg ", small, 1)
     report.pictures = {name: inline(svg, name, pictures[name]) for name, svg in report.pictures.items()}
     with whole(target) as temporary:
         temporary.write_text(report.html(linked=False), encoding="utf-8")

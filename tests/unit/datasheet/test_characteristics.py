@@ -226,7 +226,7 @@ def test_sensitivities_are_exponents():
 def test_figures_that_makers_print_come_out_of_the_test_stands(name, most):
     found = pn.characteristic(pn.Drive.load(f"catalogue:{name}"), "published")
     seen = {
-        str(figure).partition(": ")[2].partition("_")[0]: abs(float(d))
+        str(figure).partition(": ")[2].split()[0]: abs(float(d))
         for figure, d in zip(found.figure.values, found.difference, strict=True)
     }
     assert seen.keys() == most.keys()
@@ -249,3 +249,34 @@ def test_times_of_a_switching_valve_and_what_it_cannot_have():
 def test_lines_are_those_of_the_study():
     found = pn.characteristic(DRIVE, "lines", lengths=["1 m"], diameters=["4 mm", "6 mm"])
     assert [f"{float(v):.3f}" for v in found.vent_speed[:, 0]] == ["2.297", "3.636"]
+
+
+def test_a_cushion_brakes_less_what_is_heavier_and_does_not_touch_steady_motion():
+    tables = DRIVE.circuit.to_dict()
+    tables["components"]["cylinder"] |= {
+        "cushion_b_length": "17 mm",
+        "cushion_b_plunger_diameter": "12 mm",
+        "cushion_b_needle_conductance": "0.03 dm3/(s bar)",
+        "cushion_b_port_volume": "1.5 cm3",
+    }
+    tables["components"]["valve"] |= {"frequency": "100 Hz"}
+    circuit = Circuit.model_validate(tables)
+    found = pn.characteristic(circuit, "cushion", end_speed=1.0)
+    fast = found.sel(speed=2.0)
+    assert (np.diff(fast.end_speed) > 0.0).all()
+    assert (np.diff(found.peak_pressure, axis=1) > 0.0).all()
+    assert ((found.end_speed <= 1.0) == (found.admissible == 1.0)).all()
+    assert float(fast.end_speed[2]) < 2.0
+    plain = pn.equilibrium(DRIVE, 0.6, load=0.0).velocity_m_s
+    assert pn.equilibrium(circuit, 0.6, load=0.0).velocity_m_s == pytest.approx(plain, rel=1e-9)
+    with pytest.raises(pn.PneudriveError, match="has no cushion"):
+        pn.characteristic(DRIVE, "cushion")
+
+
+def test_tubes_with_waves_have_no_steady_state_that_a_start_takes():
+    tube = {"length": "1 m", "diameter": "4 mm", "model": "distributed"}
+    drive = DRIVE.replace({"tubing": {"b": tube}})
+    with pytest.raises(pn.PneudriveError, match="cannot be held"):
+        pn.characteristic(drive, "stiffness")
+    steady = DRIVE.replace({"tubing": {"b": tube | {"model": "steady"}}})
+    assert 0.0 < pn.equilibrium(steady, 1.0, load=0.0).velocity_m_s < 3.0
