@@ -1,5 +1,6 @@
 import { effect, signal } from "@preact/signals";
 import { render } from "preact";
+import { CampaignView } from "./campaign";
 import { DriveView } from "./drive";
 import { opened, open } from "./opened";
 import { ConnectionLine } from "./parts";
@@ -17,6 +18,7 @@ const VIEWS: [View, string][] = [
   ["simulate", "Simulate"],
   ["recording", "Recordings"],
   ["friction", "Friction"],
+  ["campaign", "Campaigns"],
 ];
 const OF_A_DESCRIPTION: View[] = ["drive", "simulate"];
 
@@ -48,6 +50,7 @@ function Page() {
         {connection.value !== "locked" && view === "simulate" && <SimulateView />}
         {connection.value !== "locked" && view === "recording" && <RecordingView />}
         {connection.value !== "locked" && view === "friction" && <FrictionView />}
+        {connection.value !== "locked" && view === "campaign" && <CampaignView />}
       </main>
       <footer>This page shows and simulates. It is no safety function.</footer>
     </>

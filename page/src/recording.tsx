@@ -2,10 +2,11 @@
 import { computed, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Numbers } from "./frame";
+import { follow, JobList } from "./jobs";
 import { digits } from "./looks";
 import { Copied, Problems } from "./parts";
 import { Plot, type Curve, type Shade } from "./plot";
-import { link, route } from "./routes";
+import { route } from "./routes";
 import { ask, frame, read, Refused, write, type Problem } from "./server";
 
 interface Channel {
@@ -298,29 +299,8 @@ function Wizard({ path }: { path: string }) {
   );
 }
 
-interface Job {
-  number: number;
-  command: string;
-  out: string;
-  state: "running" | "done" | "failed" | "cancelled";
-  tail: string;
-}
-
-const jobs = signal<Job[]>([]);
 const folder = signal("");
 const copied = signal<{ command: string; python: string } | null>(null);
-
-async function follow(): Promise<void> {
-  for (;;) {
-    try {
-      jobs.value = (await read<{ jobs: Job[] }>("/api/jobs")).jobs;
-    } catch (error) {
-      if (!(error instanceof Refused)) throw error;
-    }
-    if (!jobs.value.some((one) => one.state === "running")) return;
-    await pause(300);
-  }
-}
 
 /** The friction of a recording, by the same command as in a terminal. */
 function Characterise({ path }: { path: string }) {
@@ -351,18 +331,7 @@ function Characterise({ path }: { path: string }) {
         <button type="button" onClick={() => void copy()}>Copy as command or Python</button>
       </p>
       {copied.value && <Copied {...copied.value} />}
-      {jobs.value.map((one) => (
-        <div key={one.number} class="job" data-state={one.state}>
-          <p class="row">
-            <b>{one.out}</b> <span role="status">{one.state}</span>
-            {one.state === "running" && (
-              <button type="button" onClick={() => void attempt(() => ask("/api/cancel", { number: one.number }))}>Cancel</button>
-            )}
-            {one.state === "done" && <a href={link("friction", `${one.out}/map.parquet`)}>Show the friction map</a>}
-          </p>
-          {one.tail && <pre tabIndex={0} aria-label={`Output of ${one.out}`}>{one.tail}</pre>}
-        </div>
-      ))}
+      <JobList />
     </section>
   );
 }

@@ -22,6 +22,8 @@ export interface Studies {
   folder: string;
   version: string;
   build: string;
+  protocols: string[];
+  control: boolean;
   files: Listed[];
   catalogue: { path: string; title: string }[];
 }

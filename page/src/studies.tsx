@@ -23,6 +23,7 @@ const TITLES: Record<string, string> = {
   drive: "Drives",
   circuit: "Circuits",
   recording: "Recordings",
+  campaign: "Campaigns",
   "friction map": "Friction maps",
   fit: "Fits",
   layout: "Layouts",
@@ -31,7 +32,7 @@ const TITLES: Record<string, string> = {
   setup: "Setups",
   controller: "Controllers",
 };
-const VIEW: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction" };
+const VIEW: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction", campaign: "campaign" };
 const MOST = 200; // rows of a kind on the page; the filter finds the others
 
 function size(bytes: number): string {

@@ -66,15 +66,16 @@ class Server:
         return found
 
     @classmethod
-    def start(cls, folder: Path, port: int = 0) -> Server:
-        words = [sys.executable, "-m", "pneudrive", "web", str(folder), "--no-browser", "--port", str(port)]
+    def start(cls, folder: Path, port: int = 0, *options: str) -> Server:
+        words = [sys.executable, "-m", "pneudrive", "web", str(folder), "--no-browser", "--port", str(port), *options]
         process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
         assert process.stdout
         return cls(folder, process.stdout.readline().strip(), process)
 
     def end(self) -> None:
-        self.process.kill()
-        self.process.communicate()  # closes the pipe too
+        if self.process.returncode is None:
+            self.process.kill()
+            self.process.communicate()  # closes the pipe too
 
 
 @pytest.fixture

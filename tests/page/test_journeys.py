@@ -13,6 +13,8 @@ import pytest
 
 import pneudrive as pn
 from page.conftest import DRIVE, ROOT, Server, Tab
+from pneudrive.campaign.lock import holder
+from pneudrive.campaign.status import status_of
 from pneudrive.characterise import write_map
 from pneudrive.trajectory import save_columns
 
@@ -192,6 +194,47 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     assert "pneudrive characterise O-ring_" in page.inner_text("[data-copy=command]")
     assert violations(tab) == []
     tab.check()
+
+
+def test_campaign_paused_killed_and_resumed(server: Server, open_tab: Open) -> None:
+    server.end()
+    first = Server.start(server.folder, 0, "--control")
+    tab = open_tab(first.address)
+    page = tab.page
+    page.click("nav >> text=Campaigns")
+    page.fill("input[placeholder=fastest]", "25")
+    assert violations(tab) == []
+    page.click("button:text-is('Run')")
+    page.wait_for_selector("[data-state=running]")
+    page.wait_for_selector("figure.plot canvas")  # the map grows
+    page.click("text=Pause after the cycle")
+    page.wait_for_selector("[data-state=paused]")
+    assert "Not an emergency stop." in page.inner_text("[aria-label=Requests]")
+    assert "from the page" in page.inner_text(".journal")
+    assert violations(tab) == []
+    tab.picture("campaign-paused")
+    folder = server.folder / "campaigns" / "first"
+    running = holder(folder)
+    assert running is not None
+    first.end()
+    os.kill(running.pid, signal.SIGKILL)
+    page.close()
+
+    again = Server.start(server.folder)
+    try:
+        tab = open_tab(again.address)
+        page = tab.page
+        page.click("text=campaigns/first")
+        done = int(page.get_attribute("[data-done]", "data-done"))
+        assert 0 < done < 17
+        page.click("text=Resume on the simulated rig")
+        page.wait_for_selector("[data-state=none][data-done='17']", timeout=30_000)
+        assert status_of(folder).to_do == 0
+        assert page.locator("text=Pause after the cycle").count() == 0  # this server only watches
+        tab.picture("campaign")
+        tab.check()
+    finally:
+        again.end()
 
 
 def test_a_spike_of_one_sample_is_a_pixel(server: Server, open_tab: Open) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,7 @@ with warnings.catch_warnings():
 
 from pneudrive.web.app import make_app
 from pneudrive.web.guard import Guard
+from pneudrive.web.jobs import PageJob
 from pneudrive.web.workspace import Workspace
 
 PORT = 8123
@@ -39,6 +41,11 @@ class Served:
     client: TestClient
 
     @property
+    def jobs(self) -> list[PageJob]:
+        """The jobs that were started."""
+        return self.app.app.state.jobs.all
+
+    @property
     def socket(self) -> dict[str, object]:
         """What opens the socket as the page does."""
         return {"subprotocols": ["pneudrive", f"token.{TOKEN}"], "headers": self.headers}
@@ -56,7 +63,7 @@ class Served:
 
 
 @pytest.fixture
-def served(tmp_path: Path) -> Served:
+def served(tmp_path: Path) -> Iterator[Served]:
     folder, built = tmp_path / "studies", tmp_path / "built"
     folder.mkdir()
     built.mkdir()
@@ -66,4 +73,7 @@ def served(tmp_path: Path) -> Served:
     app = make_app(Workspace.at(folder), PORT, TOKEN, built)
     made = Served(folder, app, TestClient(app, base_url=f"http://127.0.0.1:{PORT}"))
     made.client.headers.clear()
-    return made
+    yield made
+    for job in made.jobs:
+        job.process.kill()
+        job.process.wait()

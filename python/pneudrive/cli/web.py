@@ -11,6 +11,10 @@ import typer
 def web(
     folder: Annotated[Path, typer.Argument(help="Folder of drives, circuits and recordings.")] = Path(),
     port: Annotated[int, typer.Option(help="Port of this machine; 0 takes a free one.", min=0, max=65535)] = 0,
+    control: Annotated[
+        bool,
+        typer.Option("--control", help="Let the page pause, stop, resume and abort campaigns too."),
+    ] = False,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
 ) -> None:
     """Show a folder in the browser: circuits, sliders on running simulations, recordings. For this machine alone."""
@@ -27,4 +31,4 @@ def web(
         if browser:
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
-    serve(folder, port, opened)
+    serve(folder, port, opened, control=control)

@@ -20,9 +20,10 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.signals.layout import stem
 from pneudrive.web import description
 from pneudrive.web.asked_run import MOST_PIXELS, AskedRun, described_at
+from pneudrive.web.campaigns import WatchedCampaign
 from pneudrive.web.friction import shown_fit, shown_map
 from pneudrive.web.guard import Guard
-from pneudrive.web.jobs import AskedWork, PageJobs
+from pneudrive.web.jobs import READY, PageJobs, campaign_job, characterise_job
 from pneudrive.web.live import live
 from pneudrive.web.messages import pack, problems_of
 from pneudrive.web.recordings import Recordings, layout_in, proposed
@@ -39,7 +40,7 @@ BUILD_FILE = "build.json"
 TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html; charset=utf-8", ".svg": "image/svg+xml"}
 
 
-def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT) -> Guard:
+def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *, control: bool = False) -> Guard:
     """Return the application behind its guard.
 
     Parameters
@@ -51,6 +52,8 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT) -
         Secret of this run, from `pneudrive.web.guard.new_token`.
     built : Path
         Folder of the built page.
+    control : bool
+        Whether the page may send requests to campaigns.
 
     Raises
     ------
@@ -59,7 +62,7 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT) -
     """
     page = _page(built)
     build = json.loads(page.get(f"/{BUILD_FILE}", b"{}")).get("build", "")
-    views = _Views(workspace, build)
+    views = _Views(workspace, build, control=control)
     threads = asyncio.Semaphore(os.cpu_count() or 1)
 
     async def socket(websocket: WebSocket) -> None:
@@ -83,12 +86,17 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT) -
         Route("/api/jobs", _answered(views.jobs)),
         Route("/api/jobs", _answered(views.start), methods=["POST"]),
         Route("/api/cancel", _answered(views.cancel), methods=["POST"]),
+        Route("/api/campaign", _answered(views.campaign)),
+        Route("/api/campaign", _answered(views.ask), methods=["POST"]),
+        Route("/api/campaigns", _answered(views.begin), methods=["POST"]),
         WebSocketRoute("/api/live", socket),
     ]
     for name, data in page.items():
         routes.append(Route(name, partial(_static, data, TYPES.get(Path(name).suffix) or guess_type(name)[0])))
     routes.append(Route("/", partial(_static, page["/index.html"], TYPES[".html"])))
-    return Guard(Starlette(routes=routes), port, token, frozenset(["/", *page]))
+    app = Starlette(routes=routes)
+    app.state.jobs = views.running
+    return Guard(app, port, token, frozenset(["/", *page]))
 
 
 def _page(built: Path) -> dict[str, bytes]:
@@ -128,8 +136,9 @@ def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Aske
 class _Views:
     """What each address answers, from its parameters and its body."""
 
-    def __init__(self, workspace: Workspace, build: str) -> None:
-        self.workspace, self.build = workspace, build
+    def __init__(self, workspace: Workspace, build: str, *, control: bool) -> None:
+        self.workspace, self.build, self.control = workspace, build, control
+        self.campaigns: dict[Path, WatchedCampaign] = {}
         self.recordings = Recordings(workspace)
         self.running = PageJobs(workspace)
 
@@ -140,7 +149,8 @@ class _Views:
         drives = [{"path": f"{PREFIX}{name}", "title": one.title} for name, one in entries().items() if one.is_drive]
         files = [vars(one) for one in self.workspace.files()]
         folder = self.workspace.root
-        about = {"folder": folder.name or str(folder), "version": __version__, "build": self.build}
+        about: dict[str, Any] = {"folder": folder.name or str(folder), "version": __version__, "build": self.build}
+        about |= {"protocols": READY, "control": self.control}
         return {**about, "files": files, "catalogue": drives}
 
     def read(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
@@ -233,8 +243,8 @@ class _Views:
 
     def work(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Return work on recordings as lines of a shell and as Python."""
-        asked = AskedWork.of(_table(body), self.workspace)
-        return {"command": asked.as_command(), "python": asked.as_python()}
+        asked = characterise_job(_table(body), self.workspace)
+        return {"command": asked.command, "python": asked.python}
 
     def jobs(self, _given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return the jobs of this server."""
@@ -242,12 +252,30 @@ class _Views:
 
     def start(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Start a job."""
-        return self.running.start(AskedWork.of(_table(body), self.workspace)).about()
+        return self.running.start(characterise_job(_table(body), self.workspace)).about()
 
     def cancel(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """End a job as Ctrl-C does."""
         self.running.cancel(_table(body).get("number"))
         return self.jobs(_given, body)
+
+    def _watched(self, name: str) -> WatchedCampaign:
+        folder = self.workspace.folder(name)
+        return self.campaigns.setdefault(folder, WatchedCampaign(folder))
+
+    def campaign(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return how a campaign stands."""
+        return self._watched(given.get("path", "")).about()
+
+    def ask(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Send a request to a campaign."""
+        asked = _table(body, "path")
+        self._watched(asked["path"]).ask(asked.get("word"), control=self.control)
+        return {}
+
+    def begin(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Run a campaign on the simulated rig, or resume one."""
+        return self.running.start(campaign_job(_table(body), self.workspace)).about()
 
 
 def _table(body: bytes, *texts: str) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from pneudrive.files import child
 from pneudrive.signals.trajectories import is_trajectory
 from pneudrive.trajectory import SUFFIXES
 from pneudrive.web.recordings import CACHE, layout_in
-from pneudrive.web.workspace import TABLES
+from pneudrive.web.workspace import DESCRIPTIONS, TABLES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -25,56 +25,93 @@ if TYPE_CHECKING:
 
     from pneudrive.web.workspace import Workspace
 
-RESULTS = "results"
+RESULTS, CAMPAIGNS = "results", "campaigns"
+READY = ("quick-look", "stops-pressure", "paper-speed", "paper-pressure", "paper-stops", "asymmetric-pressures")
+RIG = "default"  # simulated: a real rig is started from a terminal alone
+FASTEST = 1e6
 LAST_LINES = 40
 MOST_RECORDINGS = 500
 _NAME = re.compile(r"[\w][\w .-]{0,80}")
 
 
 @dataclass(frozen=True)
-class AskedWork:
-    """Work on recordings: the friction of them, into a new folder of results."""
+class AskedJob:
+    """A command that makes a folder, or goes on in one.
 
-    recordings: tuple[str, ...]
+    Attributes
+    ----------
+    arguments : tuple of str
+        Of ``pneudrive``.
+    out : str
+        The folder.
+    is_new : bool
+        Whether the folder must not be there.
+    python : str
+        Lines of Python that give the same numbers; empty if there are none.
+    """
+
+    arguments: tuple[str, ...]
     out: str
+    is_new: bool = True
+    python: str = ""
 
-    @classmethod
-    def of(cls, given: Mapping[str, Any], workspace: Workspace) -> AskedWork:
-        """Read the page's request.
+    @property
+    def command(self) -> str:
+        """The lines of a shell that do the same in the folder of the workspace."""
+        line = shlex.join(["pneudrive", *self.arguments])
+        return f"mkdir -p {self.out.partition('/')[0]}\n{line}" if self.is_new else line
 
-        Raises
-        ------
-        CommandError
-            A recording is not in the workspace, or the folder is not a new one of the results.
-        """
-        names: Any = given.get("recordings")
-        folder: Any = given.get("name")
-        is_list = isinstance(names, list) and 0 < len(names) <= MOST_RECORDINGS
-        if not is_list or not all(isinstance(one, str) for one in names):
-            raise CommandError("no recording is named", remedy="Choose at least one.")
-        if not isinstance(folder, str) or not _NAME.fullmatch(folder):
-            raise CommandError(
-                f"{str(folder)[:80]!r} is no name of a folder", rule="letters, digits, spaces, -, _ and ."
-            )
-        for name in names:
-            path = workspace.path(name, TABLES)
-            if not path.is_file():
-                raise CommandError(f"there is no recording {name}")
-            if layout_in(workspace, path) is None and not (path.suffix in SUFFIXES and is_trajectory(path)):
-                raise CommandError(f"{name} has no layout in the workspace", remedy="Propose one and accept it.")
-        return cls(tuple(names), f"{RESULTS}/{folder}")
 
-    def words(self) -> list[str]:
-        """Return the arguments of the command."""
-        return ["characterise", *map(_safe, self.recordings), "--out", self.out]
+def characterise_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+    """Return the job that finds the friction of recordings.
 
-    def as_command(self) -> str:
-        """Return the lines of a shell that do the same in the folder of the workspace."""
-        return f"mkdir -p {RESULTS}\n{shlex.join(['pneudrive', *self.words()])}"
+    Raises
+    ------
+    CommandError
+        A recording is not in the workspace or has no layout there, or the name is none of a folder.
+    """
+    names: Any = given.get("recordings")
+    out = f"{RESULTS}/{_folder_name(given.get('name'))}"
+    is_list = isinstance(names, list) and 0 < len(names) <= MOST_RECORDINGS
+    if not is_list or not all(isinstance(one, str) for one in names):
+        raise CommandError("no recording is named", remedy="Choose at least one.")
+    for name in names:
+        path = workspace.path(name, TABLES)
+        if not path.is_file():
+            raise CommandError(f"there is no recording {name}")
+        if layout_in(workspace, path) is None and not (path.suffix in SUFFIXES and is_trajectory(path)):
+            raise CommandError(f"{name} has no layout in the workspace", remedy="Propose one and accept it.")
+    python = f"import pneudrive as pn\n\ncurves = pn.characterise({list(names)!r})\n"
+    return AskedJob(("characterise", *map(_safe, names), "--out", out), out, python=python)
 
-    def as_python(self) -> str:
-        """Return lines of Python that give the same map."""
-        return f"import pneudrive as pn\n\ncurves = pn.characterise({list(self.recordings)!r})\n"
+
+def campaign_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+    """Return the job that runs a protocol on the simulated rig into a new folder, or goes on in a folder.
+
+    Raises
+    ------
+    CommandError
+        The protocol or the folder is not in the workspace, or the pace is no number.
+    """
+    folder, protocol, pace = given.get("resume"), given.get("protocol"), given.get("pace")
+    if not (pace is None or (isinstance(pace, int | float) and 1.0 <= pace <= FASTEST)):
+        raise CommandError(f"pace = {pace} is out of bounds", rule=f"1 to {FASTEST:.0e}, or none")
+    options = ("--yes", *(() if pace is None else ("--pace", f"{pace:g}")))
+    if isinstance(folder, str):
+        if not workspace.folder(folder).is_dir():
+            raise CommandError(f"there is no folder {folder}")
+        return AskedJob(("campaign", "resume", _safe(folder), *options), folder, is_new=False)
+    is_known = isinstance(protocol, str) and (protocol in READY or workspace.path(protocol, DESCRIPTIONS).is_file())
+    if not is_known:
+        raise CommandError(f"there is no protocol {str(protocol)[:80]}", rule=f"a file, or {', '.join(READY)}")
+    out = f"{CAMPAIGNS}/{_folder_name(given.get('name'))}"
+    return AskedJob(("campaign", "run", _safe(str(protocol)), "--rig", RIG, "--into", out, *options), out)
+
+
+def _folder_name(given: object) -> str:
+    if not isinstance(given, str) or not _NAME.fullmatch(given):
+        raise CommandError(f"{str(given)[:80]!r} is no name of a folder", rule="letters, digits, spaces, -, _ and .")
+    return given
 
 
 def _safe(name: str) -> str:
@@ -117,7 +154,7 @@ class PageJobs:
         self._numbers = count(1)
         self.all: list[PageJob] = []
 
-    def start(self, work: AskedWork) -> PageJob:
+    def start(self, work: AskedJob) -> PageJob:
         """Start a job.
 
         Raises
@@ -126,11 +163,11 @@ class PageJobs:
             The folder is there already, or all processors are busy.
         """
         with self._lock:
-            running = sum(one.state == "running" for one in self.all)
-            if running >= (os.cpu_count() or 1):
-                raise CommandError(f"{running} jobs are running", remedy="Wait for one, or cancel it.")
+            running = [one.out for one in self.all if one.state == "running"]
+            if len(running) >= (os.cpu_count() or 1):
+                raise CommandError(f"{len(running)} jobs are running", remedy="Wait for one, or cancel it.")
             out = self.workspace.root / work.out
-            if out.exists() or any(one.out == work.out and one.state == "running" for one in self.all):
+            if (work.is_new and out.exists()) or work.out in running:
                 raise CommandError(f"{work.out} is there already", remedy="Choose another name.")
             out.parent.mkdir(exist_ok=True)
             logs = self.workspace.root / CACHE
@@ -139,13 +176,13 @@ class PageJobs:
             log = logs / f"job-{os.getpid()}-{number}.log"
             with log.open("wb") as file:
                 process = subprocess.Popen(
-                    child.command("pneudrive.cli.main", *work.words()),
+                    child.command("pneudrive.cli.main", *work.arguments),
                     cwd=self.workspace.root,
                     stdin=subprocess.DEVNULL,
                     stdout=file,
                     stderr=subprocess.STDOUT,
                 )
-            job = PageJob(number, work.as_command(), work.out, process, log)
+            job = PageJob(number, work.command, work.out, process, log)
             self.all.append(job)
             return job
 

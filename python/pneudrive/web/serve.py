@@ -17,7 +17,7 @@ MOST_MESSAGE = 1 << 16  # bytes of a message of the socket
 _NEEDED = 'pip install "pneudrive[web]"'
 
 
-def serve(folder: Path, port: int, opened: Callable[[str], object]) -> None:
+def serve(folder: Path, port: int, opened: Callable[[str], object], *, control: bool = False) -> None:
     """Serve a folder until Ctrl-C.
 
     Parameters
@@ -28,6 +28,8 @@ def serve(folder: Path, port: int, opened: Callable[[str], object]) -> None:
         Port; 0 takes a free one.
     opened : callable
         Called with the address when the server listens.
+    control : bool
+        Whether the page may send requests to campaigns.
 
     Raises
     ------
@@ -51,7 +53,7 @@ def serve(folder: Path, port: int, opened: Callable[[str], object]) -> None:
         except (OSError, OverflowError) as error:
             raise CommandError(f"port {port} cannot be used: {error}", remedy="Choose another one: --port.") from None
         port, token = listening.getsockname()[1], new_token()
-        app = make_app(workspace, port, token)
+        app = make_app(workspace, port, token, control=control)
         warnings.simplefilter("ignore", PneudriveWarning)  # the page shows the warnings of a run
         settings = uvicorn.Config(
             app,

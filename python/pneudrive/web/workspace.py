@@ -11,6 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.campaign.folder import ABOUT, RIG
 from pneudrive.describe.catalogue import PREFIX
 from pneudrive.describe.written import FILE_PREFIX
 from pneudrive.errors import CommandError
@@ -87,13 +88,24 @@ class Workspace:
         CommandError
             The name leads elsewhere.
         """
+        place = self.folder(name)
+        if not name.lower().endswith(suffixes):
+            raise CommandError(f"{name} is of no kind that the page opens", rule=", ".join(suffixes))
+        return place
+
+    def folder(self, name: str) -> Path:
+        """Return the place of a folder, or of a file of any kind, by its name: relative, inside, links included.
+
+        Raises
+        ------
+        CommandError
+            The name leads elsewhere.
+        """
         parts = name.split("/") if isinstance(name, str) else [""]
         if not 0 < len(name) <= LONGEST or any(part in ("", ".", "..") or part.startswith(".") for part in parts):
             raise _refused(name)
         if any(ord(sign) < 32 or sign in "\\\x7f" or 0xD800 <= ord(sign) < 0xE000 for sign in name):
             raise _refused(name)
-        if not name.lower().endswith(suffixes):
-            raise CommandError(f"{name} is of no kind that the page opens", rule=", ".join(suffixes))
         try:
             place = self.root.joinpath(*parts).resolve()
         except (OSError, RuntimeError, ValueError):  # a circle of links, or a name that the system does not take
@@ -114,7 +126,7 @@ class Workspace:
         found: list[Listed] = []
         for entry, path in self._walk(self.root, ""):
             status = entry.stat()
-            kind = _kind(entry.path, status.st_mtime_ns, status.st_size)
+            kind = "campaign" if entry.is_dir() else _kind(entry.path, status.st_mtime_ns, status.st_size)
             found.append(Listed(path, kind, status.st_size, status.st_mtime))
             if len(found) == MOST_FILES:
                 break
@@ -128,7 +140,9 @@ class Workspace:
         for entry in entries:
             if entry.name.startswith("."):
                 continue
-            if entry.is_dir(follow_symlinks=False):
+            if entry.is_dir(follow_symlinks=False) and all(Path(entry.path, one).is_file() for one in (ABOUT, RIG)):
+                yield entry, f"{before}{entry.name}"
+            elif entry.is_dir(follow_symlinks=False):
                 yield from self._walk(Path(entry.path), f"{before}{entry.name}/")
             elif entry.name.lower().endswith(SUFFIXES) and entry.is_file(follow_symlinks=False):
                 yield entry, f"{before}{entry.name}"

@@ -1,0 +1,213 @@
+/** A campaign as it runs: state, cycles, map so far, journal; requests where the server allows them. */
+import { signal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { follow, JobList } from "./jobs";
+import { digits } from "./looks";
+import { Problems } from "./parts";
+import { Scatter } from "./plot";
+import { link, route } from "./routes";
+import { ask, read, Refused, type Problem } from "./server";
+import { studies } from "./studies";
+
+interface Campaign {
+  name: string;
+  rig: string;
+  synthetic: boolean;
+  done: number;
+  extra: number;
+  planned: number | null;
+  remaining_s: number | null;
+  state: string | null;
+  text: string;
+  cycle: string;
+  flags: Record<string, number>;
+  problems: string[];
+  log: string[];
+  groups: { label: string; points: { key: string; speed: number; friction: number; flags: string[] }[] }[];
+}
+
+const found = signal<Campaign | null>(null);
+const wrong = signal<Problem[]>([]);
+const protocol = signal("quick-look");
+const name = signal("first");
+const pace = signal("");
+const LOOK_MS = 500;
+const HOLD_MS = 1000; // abort is held down this long
+const MM = 1000;
+
+function duration(seconds: number): string {
+  if (seconds < 90) return `${Math.round(seconds)} s`;
+  return seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${digits(seconds / 3600, 3)} h`;
+}
+
+async function attempt(what: () => Promise<unknown>): Promise<void> {
+  try {
+    wrong.value = [];
+    await what();
+  } catch (error) {
+    if (error instanceof Refused) wrong.value = error.problems;
+    else throw error;
+  }
+}
+
+export function CampaignView() {
+  const { path } = route.value;
+  useEffect(() => {
+    found.value = null;
+    if (!path) return;
+    let gone = false;
+    const look = async () => {
+      while (!gone) {
+        try {
+          const now = await read<Campaign>("/api/campaign", { path });
+          // The map is drawn again only where it grew.
+          const grew = JSON.stringify(now.groups) !== JSON.stringify(found.value?.groups);
+          found.value = grew || !found.value ? now : { ...now, groups: found.value.groups };
+        } catch (error) {
+          if (error instanceof Refused && error.status) wrong.value = error.problems;
+        }
+        await new Promise((resolve) => setTimeout(resolve, LOOK_MS));
+      }
+    };
+    void look();
+    return () => {
+      gone = true;
+    };
+  }, [path]);
+  return (
+    <div class="campaign">
+      <h2>{path || "Campaigns"}</h2>
+      <Problems of={wrong.value} />
+      {path && <p><a href={link("campaign")}>All campaigns, and a new one</a></p>}
+      {path ? found.value && <Watched now={found.value} path={path} /> : <Start />}
+    </div>
+  );
+}
+
+function Watched({ now, path }: { now: Campaign; path: string }) {
+  const total = now.planned ?? now.done;
+  return (
+    <>
+      {now.synthetic && <p class="banner">Synthetic: the rig is simulated.</p>}
+      <p class="row" role="status" data-state={now.state ?? "none"} data-done={now.done}>
+        <b>{now.name}</b>
+        <span>{now.state ?? "no process works on it"}</span>
+        <progress aria-label="Finished cycles" value={now.done} max={Math.max(total, 1)} />
+        <span>
+          {now.done} of {total} cycles{now.extra > 0 && `, ${now.extra} beyond the plan`}
+          {now.remaining_s !== null && now.done < total && `, ${duration(now.remaining_s)} left on the rig`}
+        </span>
+      </p>
+      {now.cycle && <p class="note">now: {now.cycle}</p>}
+      <Requests now={now} path={path} />
+      <JobList />
+      {now.groups.length > 0 && (
+        <Scatter
+          title="Friction so far, quick estimates"
+          x="speed, mm/s"
+          y="friction, N"
+          log={true}
+          groups={now.groups.map((group) => ({
+            label: group.label,
+            points: group.points.map((one) => ({ x: MM * one.speed, y: one.friction, spread: null })),
+          }))}
+        />
+      )}
+      {now.problems.map((one) => <p class="note" key={one}>{one}</p>)}
+      {Object.entries(now.flags).map(([flag, count]) => <p class="note" key={flag}>flag {flag}: {count}</p>)}
+      <h2>Journal</h2>
+      <pre class="journal" tabIndex={0} aria-label="Journal">{now.log.join("\n")}</pre>
+    </>
+  );
+}
+
+function Requests({ now, path }: { now: Campaign; path: string }) {
+  const timer = useRef(0);
+  const isRunning = now.state !== null;
+  const send = (word: string) => attempt(() => ask("/api/campaign", { path, word }));
+  const resume = () => attempt(async () => (await ask("/api/campaigns", { resume: path, ...paced() }), void follow()));
+  const hold = () => {
+    clearTimeout(timer.current);
+    timer.current = window.setTimeout(() => void send("abort"), HOLD_MS);
+  };
+  const release = () => clearTimeout(timer.current);
+  if (!isRunning)
+    return now.synthetic && now.done < (now.planned ?? 0) ? (
+      <p><button type="button" onClick={() => void resume()}>Resume on the simulated rig</button></p>
+    ) : null;
+  if (!studies.value?.control)
+    return <p class="note">This server only watches. Requests: pneudrive campaign pause {path}, or start the server with --control.</p>;
+  return (
+    <p class="row" role="group" aria-label="Requests">
+      <button type="button" onClick={() => void send("pause")}>Pause after the cycle</button>
+      <button type="button" onClick={() => void send("stop")}>Stop the axis now</button>
+      <button type="button" onClick={() => void send("resume")}>Resume</button>
+      <button
+        type="button"
+        onPointerDown={hold}
+        onPointerUp={release}
+        onPointerLeave={release}
+        onKeyDown={(event) => !event.repeat && (event.key === "Enter" || event.key === " ") && hold()}
+        onKeyUp={release}
+        onBlur={release}
+      >
+        Abort (hold for 1 s)
+      </button>
+      <strong>Not an emergency stop.</strong>
+    </p>
+  );
+}
+
+const paced = () => (pace.value ? { pace: Number(pace.value) } : {});
+
+function Start() {
+  const files = studies.value?.files ?? [];
+  const protocols = [...(studies.value?.protocols ?? []), ...files.filter((one) => one.kind === "protocol").map((one) => one.path)];
+  const campaigns = files.filter((one) => one.kind === "campaign");
+  const start = () =>
+    attempt(async () => {
+      const job = await ask<{ out: string }>("/api/campaigns", { protocol: protocol.value, name: name.value, ...paced() });
+      void follow();
+      // The folder is there once the first file of it is.
+      for (let look = 0; look < 100; look++) {
+        try {
+          await read("/api/campaign", { path: job.out });
+          location.hash = link("campaign", job.out);
+          return;
+        } catch (error) {
+          if (!(error instanceof Refused)) throw error;
+        }
+        await new Promise((resolve) => setTimeout(resolve, 100));
+      }
+    });
+  return (
+    <>
+      <p>Run a protocol on the simulated rig. A real rig is started in a terminal: pneudrive campaign run.</p>
+      <p class="row">
+        <label>
+          Protocol{" "}
+          <select value={protocol.value} onChange={(event) => (protocol.value = event.currentTarget.value)}>
+            {protocols.map((one) => <option key={one}>{one}</option>)}
+          </select>
+        </label>
+        <label>
+          Into campaigns/ <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
+        </label>
+        <label>
+          Times real time <input size={6} value={pace.value} placeholder="fastest" onInput={(event) => (pace.value = event.currentTarget.value)} />
+        </label>
+        <button type="button" onClick={() => void start()}>Run</button>
+      </p>
+      <JobList />
+      {campaigns.length > 0 && <h2>Campaigns in the folder</h2>}
+      <ul class="files">
+        {campaigns.map((one) => (
+          <li key={one.path}>
+            <a href={link("campaign", one.path)}>{one.path}</a>
+            <span>{new Date(1000 * one.changed).toLocaleString()}</span>
+          </li>
+        ))}
+      </ul>
+    </>
+  );
+}

@@ -1,0 +1,131 @@
+"""Campaigns as the page watches them: from their folders alone, whatever process runs them, near or far."""
+
+from __future__ import annotations
+
+import getpass
+import math
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.campaign.adaptive import finished_of
+from pneudrive.campaign.control import WORDS, ask
+from pneudrive.campaign.folder import CYCLES, LOG
+from pneudrive.campaign.lock import holder
+from pneudrive.campaign.status import status_of
+from pneudrive.errors import CommandError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pneudrive.campaign.adaptive import Finished
+    from pneudrive.campaign.status import Status
+
+PAUSE_S = 0.3  # between two looks into a folder whose cycles changed, or as long as a look takes
+LAST_LINES, LAST_BYTES = 30, 1 << 15  # of the journal
+MOST_POINTS = 10_000
+CONTROL = "Start the server with --control to send requests to a campaign."
+
+
+class WatchedCampaign:
+    """One campaign folder; what was read stays until it is old."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._lock = threading.Lock()
+        self._points: dict[Path, Finished] = {}
+        self._status: Status | None = None
+        self._seen, self._next = 0, 0.0
+
+    def about(self) -> dict[str, Any]:
+        """Return how the campaign stands.
+
+        Raises
+        ------
+        CampaignError
+            The folder is no campaign.
+        """
+        with self._lock:
+            began = time.monotonic()
+            changed = self._changed()
+            if self._status is None or (changed != self._seen and began >= self._next):
+                self._look()
+                self._seen, took = changed, time.monotonic() - began
+                self._next = time.monotonic() + max(PAUSE_S, took)
+            status = self._status
+            assert status is not None
+            points = list(self._points.values())
+        running = holder(self.folder)
+        return {
+            "name": status.campaign.about.get("name") or self.folder.name,
+            "rig": status.campaign.identity.name,
+            "synthetic": status.campaign.synthetic,
+            "done": len(status.files) - status.extra,
+            "extra": status.extra,
+            "planned": status.planned,
+            "remaining_s": status.remaining_s,
+            "state": None if running is None else running.state,
+            "text": "" if running is None else str(running),
+            "cycle": "" if running is None else running.cycle,
+            "flags": status.flags,
+            "problems": [str(one) for one in status.problems],
+            "log": self._log(),
+            "groups": _groups(points, status.campaign.identity.ambient_pressure_pa),
+        }
+
+    def _changed(self) -> int:
+        """Return when a cycle was last stored: a cycle is renamed into its folder once it is whole."""
+        try:
+            return (self.folder / CYCLES).stat().st_mtime_ns
+        except OSError:
+            return 0
+
+    def _look(self) -> None:
+        status = status_of(self.folder)
+        damaged = {one.where for one in status.problems}
+        new = [file for file in status.files if file.path not in self._points]
+        sound = [file for file in new if f"{CYCLES}/{file.path.name}" not in damaged]
+        found = finished_of(sound, status.campaign.identity, measured=True)
+        self._points |= dict(zip((file.path for file in sound), found, strict=True))
+        self._status = status
+
+    def _log(self) -> list[str]:
+        try:
+            with (self.folder / LOG).open("rb") as file:
+                size = file.seek(0, 2)
+                file.seek(max(size - LAST_BYTES, 0))
+                return file.read().decode("utf-8", "replace").splitlines()[-LAST_LINES:]
+        except OSError:
+            return []
+
+    def ask(self, word: object, *, control: bool) -> None:
+        """Send one of the four words of a campaign to the process that runs it.
+
+        Raises
+        ------
+        CommandError
+            The server only watches, or the word is none of them.
+        CampaignError
+            No process runs the campaign.
+        """
+        if not control:
+            raise CommandError("this server only watches", remedy=CONTROL)
+        if word not in WORDS:
+            raise CommandError(f"{word!r} is no request", rule=", ".join(WORDS))
+        ask(self.folder, str(word), f"{getpass.getuser()}, from the page")
+
+
+def _groups(points: list[Finished], ambient_pa: float) -> list[dict[str, Any]]:
+    """Return the quick estimates of friction over speed, in groups of one pair of chamber pressures."""
+    groups: dict[tuple[float, float], list[dict[str, Any]]] = {}
+    for one in points[:MOST_POINTS]:
+        cycle, friction = one.cycle, one.point.friction_n
+        if cycle.kind == "sweep" and cycle.speed_m_s and math.isfinite(friction):
+            point = {"key": cycle.key, "speed": cycle.speed_m_s, "friction": friction, "flags": sorted(one.flags)}
+            groups.setdefault((cycle.pressure_a_pa, cycle.pressure_b_pa), []).append(point)
+    return [{"label": _label(pair, ambient_pa), "points": own} for pair, own in sorted(groups.items())]
+
+
+def _label(pair: tuple[float, float], ambient_pa: float) -> str:
+    a, b = ((one - ambient_pa) / 1e5 for one in pair)
+    return f"a {a:.3g}, b {b:.3g} bar gauge"

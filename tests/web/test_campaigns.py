@@ -1,0 +1,103 @@
+"""A campaign on the simulated rig, begun by the page, killed, resumed: the bits of one that nobody disturbed."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneudrive.campaign.folder import Campaign
+from pneudrive.campaign.run import run_campaign
+from pneudrive.web.app import make_app
+from pneudrive.web.workspace import Workspace
+from web.conftest import PORT, TOKEN, Served
+from web.test_friction import post
+from web.test_recordings import get
+
+NAME = "campaigns/first"
+PROTOCOL = """\
+schema = 1
+name = "three speeds"
+seed = 3
+directions = "both"
+
+[speed]
+from = "100 mm/s"
+to = "300 mm/s"
+count = 3
+settled_time = "0 s"
+
+[pressure]
+both = ["0 bar gauge"]
+settling = "1 s"
+"""
+
+
+def until(served: Served, done: int) -> dict:
+    for _ in range(300):
+        answered = served.client.get("/api/campaign", params={"path": NAME}, headers=served.headers)
+        if answered.status_code == 200 and answered.json()["done"] >= done:
+            return answered.json()
+        time.sleep(0.05)
+    raise AssertionError(answered.text)
+
+
+def bits(folder: Path) -> dict[str, np.ndarray]:
+    return {one.head.cycle.key: one.samples().force_n for one in Campaign.open(folder).cycles()}
+
+
+def test_a_campaign_is_watched_killed_and_resumed(served: Served) -> None:
+    (served.folder / "speeds.toml").write_text(PROTOCOL)
+    job = post(served, "/api/campaigns", {"protocol": "speeds.toml", "name": "first", "pace": 10})
+    line = "pneudrive campaign run speeds.toml --rig default --into campaigns/first --yes --pace 10"
+    assert job["command"].splitlines()[-1] == line
+    seen = until(served, 2)
+    assert seen["synthetic"]
+    assert seen["state"] in ("running", "starting")
+    assert seen["planned"] > seen["done"]
+    process = served.jobs[0].process
+    process.kill()
+    process.wait()
+    post(served, "/api/campaigns", {"resume": NAME})
+    seen = until(served, seen["planned"])
+    assert [len(group["points"]) for group in seen["groups"]] == [3]
+    assert any("finished" in line for line in seen["log"])
+    assert {one["kind"] for one in get(served, "/api/studies")["files"] if one["path"] == NAME} == {"campaign"}
+
+    run_campaign(served.folder / "speeds.toml", "default", served.folder / "alone")
+    expected, found = bits(served.folder / "alone"), bits(served.folder / NAME)
+    assert expected.keys() == found.keys()
+    assert all(np.array_equal(found[key], expected[key]) for key in expected)
+
+
+def test_a_server_without_control_only_watches(served: Served) -> None:
+    (served.folder / "speeds.toml").write_text(PROTOCOL)
+    run_campaign(served.folder / "speeds.toml", "default", served.folder / "done")
+    for word in ("pause", "stop", "resume", "abort"):
+        refused = post(served, "/api/campaign", {"path": "done", "word": word}, 400)
+        assert "only watches" in refused["problems"][0]["what"]
+    served.app = make_app(Workspace.at(served.folder), PORT, TOKEN, served.folder.parent / "built", control=True)
+    served.client.app = served.app
+    served.client._transport.app = served.app
+    refused = post(served, "/api/campaign", {"path": "done", "word": "abort"}, 400)
+    assert "no process works" in refused["problems"][0]["what"]
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"protocol": "../speeds.toml", "name": "x"},
+        {"protocol": "unknown", "name": "x"},
+        {"protocol": "quick-look", "name": "../x"},
+        {"protocol": "quick-look", "name": "x", "pace": 0.1},
+        {"protocol": "quick-look", "name": "x", "pace": "fast"},
+        {"resume": "../elsewhere"},
+        {"resume": "missing"},
+        {},
+    ],
+)
+def test_a_campaign_elsewhere_is_not_begun(served: Served, asked: dict) -> None:
+    assert post(served, "/api/campaigns", asked, 400)["problems"]
+    assert not (served.folder / "campaigns").exists()
