@@ -39,7 +39,7 @@ TOLD = ("max_error_m", "rmse_m", "settling_100_um_s", "rest_error_m", "hunting_m
 
 @control.callback()
 def _control() -> None:
-    """Control of drives along references, simulated: tune, run, compare, check a reference."""
+    """Control of drives along references, simulated: tune, run, compare, check a reference, export."""
 
 
 def tune(
