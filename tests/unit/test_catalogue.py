@@ -9,7 +9,9 @@ import pytest
 import pneudrive as pn
 from pneudrive import _core, units
 from pneudrive.cli.main import run
+from pneudrive.cli.main import run as command
 from pneudrive.describe import catalogue
+from pneudrive.describe.catalogue_search import find_parts
 from pneudrive.describe.components import component, component_class
 from pneudrive.describe.geometry import piston_areas
 from pneudrive.errors import DescriptionError, PneudriveWarning
@@ -311,3 +313,20 @@ def test_the_catalogue_lists_parts_and_what_they_leave_open(shelf, capsys):
     assert "Not in the catalogue, to be given with the part: moving_mass, the rest of friction." in shown
     assert run(["catalogue", "--catalogue", str(shelf / "no")]) == 2
     assert "there is no folder" in capsys.readouterr().err
+
+
+def test_parts_are_found_by_kind_bore_stroke_and_flow(capsys):
+    rodless = {one.name for one in find_parts("cylinder/rodless", bore="20 mm .. 25 mm")}
+    assert rodless == {"parker-osp-p25", "smc-cy1b20h", "smc-cy1b25h", "smc-cy1b25l"}
+    assert "festo-dsbg-32-100" in {one.name for one in find_parts("cylinder", stroke="100 mm")}
+    longer = {one.name for one in find_parts("cylinder", stroke="200 mm .. 300 mm")}
+    assert "festo-dsbg-32-100" not in longer
+    assert "smc-cm2y-25" in longer  # made to order
+    valves = {one.name for one in find_parts("valve", flow="700 l/min ANR .. 750 l/min ANR")}
+    assert {"smc-sy5000", "festo-mpye-5-1-8-hf-010-b"} <= valves  # from C and b, and as printed
+    assert {one.name for one in find_parts("*5/3", flow="4.5 dm3/(s bar)")} == {"smc-sy7000"}
+    assert command(["catalogue", "--kind", "tube"]) == 0
+    assert "smc-tu0604" in capsys.readouterr().out
+    for wrong in (["--kind", "vlave"], ["--bore", "3 kg"], ["--flow", "7"], ["smc-sy3000", "--kind", "valve"]):
+        assert command(["catalogue", *wrong]) == 2
+    assert find_parts("tube", bore="1 m") == []

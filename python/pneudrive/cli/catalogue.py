@@ -20,11 +20,29 @@ def catalogue(
     name: Annotated[str | None, typer.Argument(help="Part or drive to show.", metavar="NAME")] = None,
     catalogue: CatalogueFolders = None,
     out: Annotated[Path | None, typer.Option(help="Write the drive NAME as a file to start from: .toml.")] = None,
+    kind: Annotated[
+        str | None, typer.Option(help='Parts of a kind: "valve", "cylinder/rodless", "*5/3".', metavar="KIND")
+    ] = None,
+    bore: Annotated[
+        str | None, typer.Option(help='Parts of a bore: "25 mm", "20 mm .. 40 mm".', metavar="LENGTHS")
+    ] = None,
+    stroke: Annotated[
+        str | None, typer.Option(help="Parts of a stroke, and those made to order.", metavar="LENGTHS")
+    ] = None,
+    flow: Annotated[
+        str | None,
+        typer.Option(
+            help='Parts of a flow: "1 dm3/(s bar) .. 3 dm3/(s bar)", "500 l/min ANR .. 800 l/min ANR".', metavar="FLOWS"
+        ),
+    ] = None,
 ) -> None:
     """List parts and drives; with a name, each of its values with its source or the reason of an assumption."""
     from pneudrive.describe.catalogue import entries, entry
 
-    if out is not None:
+    search = {"kind": kind, "bore": bore, "stroke": stroke, "flow": flow}
+    if any(search.values()):
+        _search(name, search)
+    elif out is not None:
         _write(name, out)
     elif name is None:
         _list(list(entries().values()))
@@ -45,6 +63,18 @@ def _write(name: str | None, out: Path) -> None:
     write_text(Drive.load(f"{PREFIX}{name}").to_toml(), out)
 
 
+def _search(name: str | None, search: dict[str, str | None]) -> None:
+    from pneudrive.describe.catalogue_search import find_parts
+
+    if name is not None:
+        raise CommandError(f"{name} is given beside a search", remedy="Give a name, or what to search for.")
+    found = find_parts(**search)
+    if found:
+        _list(found)
+    else:
+        typer.echo("No part fits.")
+
+
 def _list(found: list[Entry]) -> None:
     from pneudrive.describe.catalogue import all_values
 
@@ -53,6 +83,8 @@ def _list(found: list[Entry]) -> None:
         ("Drives (pneudrive simulate catalogue:NAME ...)", [e for e in found if e.is_drive]),
         ('Parts (use = "catalogue:NAME" in a component of a circuit)', [e for e in found if not e.is_drive]),
     ):
+        if not chosen:
+            continue
         typer.echo(heading)
         for e in sorted(chosen, key=lambda one: one.kind):
             values = all_values(e) if e.is_drive else list(e.values)

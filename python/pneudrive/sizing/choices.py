@@ -11,6 +11,7 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
+from pneudrive.describe.base import wrong
 from pneudrive.describe.catalogue import PREFIX, check, entries, part_table
 from pneudrive.describe.components import component_class
 from pneudrive.describe.sourced import parted
@@ -39,8 +40,10 @@ STEEL_KG_M3 = 7850.0
 CATALOGUE_PA = 6e5
 #: A cushion as short as this is a rubber element, m (assumed).
 RUBBER_M = 5e-3
-#: Stiffness of the end stops, N/m (assumed): some 0.1 mm under the force of a piston.
-STOP_N_M = 1e6
+#: Cushions longer than this share of the stroke are left out: both would overlap.
+LONGEST_CUSHION = 0.45
+#: Stiffness of the end stops, N/m (assumed): less than 0.1 mm under the force of a piston.
+STOP_N_M = 1e7
 #: Strokes are equal within this share.
 SAME_STROKE = 1e-3
 
@@ -148,13 +151,16 @@ def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
     Raises
     ------
     DescriptionError
-        A part of the catalogue is not valid.
+        A part of the catalogue is not valid, or a slot has none left.
     """
     known = [one for one in entries().values() if not one.is_drive]
     found: dict[str, list[PartChoice]] = {}
     for slot, kinds in SLOTS.items():
         chosen = [one for one in known if one.kind in kinds and not task.excludes(one.name, one.kind)]
         found[slot] = [_MAKERS[slot](one, task) for one in sorted(chosen, key=lambda one: one.name)]
+    for slot, parts in found.items():
+        if not parts and slot != "flow_control":
+            raise wrong("exclude", f"exclude leaves no {slot} of the catalogue", remedy="Exclude less.")
     if not task.excludes(WITHOUT, FLOW_CONTROL) or not found["flow_control"]:
         found["flow_control"].append(NO_FLOW_CONTROL)
     return found
@@ -216,7 +222,7 @@ def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
     if not rodless:
         assumed["rod_diameter"] = (f"{1e3 * rod:.3g} mm", "not on the sheet: 35 % of the bore")
     reason = "not on the sheet: 15 mm of the bore at each end, port and fitting included"
-    cushion = _cushion(entry, bore)
+    cushion = _cushion(entry, bore, length)
     share = 0.6 if cushion else 1.0
     for end in "ab":
         given = own.get("dead_volume")
@@ -229,7 +235,7 @@ def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
     if not any(key.startswith("end_stop") for key in own):
         damping = 2.0 * math.sqrt(STOP_N_M * (task.mass_kg + mass))
         why = "a contact that does not rebound: it ends the stroke"
-        stop = (f"{STOP_N_M:g} N/m", f"{damping:.3g} N s/m", "0.1 mm")
+        stop = (f"{STOP_N_M:.0e} N/m", f"{damping:.3g} N s/m", "0.1 mm")
         keys = ("end_stop_stiffness", "end_stop_damping", "end_stop_damping_depth")
         assumed |= {key: (value, why) for key, value in zip(keys, stop, strict=True)}
     if not is_fixed:
@@ -275,15 +281,15 @@ def _friction(entry: Entry, bore: float) -> dict[str, tuple[Any, str]]:
     }
 
 
-def _cushion(entry: Entry, bore: float) -> dict[str, tuple[Any, str]]:
-    """Return what the sheet leaves open of adjustable cushions; nothing where there are none."""
+def _cushion(entry: Entry, bore: float, stroke: float) -> dict[str, tuple[Any, str]]:
+    """Return what the sheet leaves open of adjustable cushions; nothing where there are none, or no room for them."""
     if any(value.key.startswith("cushion") for value in entry.values):
         return {}
     printed = {value.key: value.value for value in entry.printed}
     length, why = printed.get("cushion_length"), "the cushion's length on the sheet"
     if length is None and str(printed.get("cushion", "")).startswith("pneumatic"):
         length, why = f"{500.0 * bore:.3g} mm", "not on the sheet: half the bore"
-    if length is None or units.parse(length, "m") <= RUBBER_M:
+    if length is None or not RUBBER_M < units.parse(length, "m") < LONGEST_CUSHION * stroke:
         return {}
     needle = 0.15 * (bore / 32e-3) ** 2
     return {

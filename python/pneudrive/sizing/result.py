@@ -245,12 +245,13 @@ def sentences(result: SizingResult) -> list[str]:
 
 
 def nearest_miss(
-    simulated: list[SizedDrive], short: list[tuple[Any, Any]], pruned: list[tuple[Any, Shortage]]
+    task: SizingTask, simulated: list[SizedDrive], short: list[tuple[Any, Any]], pruned: list[tuple[Any, Shortage]]
 ) -> NearestMiss:
     """Return the choice that comes nearest: of those simulated, else of those tuned, else of those pruned.
 
     Parameters
     ----------
+    task : SizingTask
     simulated : list of SizedDrive
     short : list of (DriveChoice, Tuned)
         Tuned, but short of the task even in the nominal case.
@@ -267,8 +268,12 @@ def nearest_miss(
         return NearestMiss(choice.parts, name, _gives(name, limit, value, unit, "the nominal case gives"))
     choice, bound = max(pruned, key=lambda one: one[1].share)
     gives = f"{bound.said[0].upper()}{bound.said[1:]}."
-    if bound.share > 0.0:
-        gives += f" What is needed would have to fall to {100.0 * bound.share:.0f} %, or the supply pressure to rise."
+    if bound.limit == "force" and bound.share > 0.0:
+        gauge = 1e-5 * (task.supply_pa - task.ambient.pressure_pa) / bound.share
+        gives += f" The force needed would have to fall to {100.0 * bound.share:.0f} %, or the supply to rise to "
+        gives += f"{gauge:.2g} bar gauge at least."
+    elif bound.share > 0.0:
+        gives += f" What is asked for would have to fall to {100.0 * bound.share:.0f} %."
     return NearestMiss(choice.parts, bound.limit, gives)
 
 

@@ -39,8 +39,9 @@ DRAWS, DRAWS_BEST = 256, 1024
 LEAST = 100
 #: Choices that are tuned at most.
 MOST = 3000
-#: Least air of a cycle over that which fills both sides (assumed; a result says so if it found less).
-LEAST_AIR = 0.75
+#: Before the air of any choice is known, a cycle takes at least this share of the air that fills both sides (assumed);
+#: afterwards the least share that was found, less a reserve.
+LEAST_AIR, RESERVE = 0.75, 0.95
 
 
 def size(
@@ -167,7 +168,7 @@ class Search:
         counts: dict[str, int] = {}
         for _, bound in pruned:
             counts[bound.limit] = counts.get(bound.limit, 0) + 1
-        miss = None if ranked or not every else nearest_miss(self.simulated, self.short, pruned)
+        miss = None if ranked or not every else nearest_miss(self.task, self.simulated, self.short, pruned)
         tuned = len(self.simulated) + len(self.short)
         made = SizingResult(
             *(self.task, len(every), len(left), counts, self.outdone, tuned, tuple(self.simulated), tuple(ranked)),
@@ -195,9 +196,10 @@ class Search:
     def _simulate(self, left: Sequence[tuple[float, DriveChoice]]) -> bool:
         """Tune and simulate choices in the order of their air; return whether none that could rank is left."""
         self._choices = {choice.name: choice for _, choice in left}
+        self._fills = {choice.name: air for air, choice in left}
         for place, (air, choice) in enumerate(left):
             self.watch.tell(place, len(left), f"choices of parts, {len(self.simulated)} simulated")
-            if len(self.simulated) >= self.least and LEAST_AIR * air > self._tenth():
+            if len(self.simulated) >= self.least and self._share() * air > self._tenth():
                 return True
             if len(self.simulated) + len(self.short) >= self.most:
                 return False
@@ -207,6 +209,11 @@ class Search:
                 self._look(choice)
         self.watch.tell(len(left), len(left), f"choices of parts, {len(self.simulated)} simulated")
         return True
+
+    def _share(self) -> float:
+        """Return the least air of a cycle over that which fills both sides."""
+        found = [one.air / self._fills[one.name] for one in self.simulated]
+        return RESERVE * min(found) if found else LEAST_AIR
 
     def _tenth(self) -> float:
         """Return the air of the tenth of those that meet the task, kg."""
