@@ -50,10 +50,10 @@ def bits(folder: Path) -> dict[str, np.ndarray]:
 
 def test_a_campaign_is_watched_killed_and_resumed(served: Served) -> None:
     (served.folder / "speeds.toml").write_text(PROTOCOL)
-    job = post(served, "/api/campaigns", {"protocol": "speeds.toml", "name": "first", "pace": 10})
-    line = "pneudrive campaign run speeds.toml --rig default --into campaigns/first --yes --pace 10"
+    job = post(served, "/api/campaigns", {"protocol": "speeds.toml", "name": "first", "pace": 1})
+    line = "pneudrive campaign run speeds.toml --rig default --into campaigns/first --yes --pace 1"
     assert job["command"].splitlines()[-1] == line
-    seen = until(served, 2)
+    seen = until(served, 1)
     assert seen["synthetic"]
     assert seen["state"] in ("running", "starting")
     assert seen["planned"] > seen["done"]
