@@ -78,12 +78,31 @@ class Server:
             self.process.communicate()  # closes the pipe too
 
 
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    folder = tmp_path_factory.mktemp("page") / "studies"
+    folder.mkdir()
+    made = Server.start(folder)
+    yield made
+    made.end()
+
+
 @pytest.fixture
-def server(tmp_path: Path) -> Iterator[Server]:
+def server(shared: Server) -> Server:
+    """Give a running server over a folder with one drive in it."""
+    for one in shared.folder.iterdir():
+        shutil.rmtree(one) if one.is_dir() else one.unlink()
+    (shared.folder / "axis.toml").write_text(DRIVE)
+    return shared
+
+
+@pytest.fixture
+def own_server(tmp_path: Path) -> Iterator[Server]:
+    """Give a server that a test may kill."""
     folder = tmp_path / "studies"
     folder.mkdir()
     (folder / "axis.toml").write_text(DRIVE)
-    made = Server.start(folder)
+    made = Server.start(folder, 0, "--control")
     yield made
     made.end()
 

@@ -196,13 +196,11 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     tab.check()
 
 
-def test_campaign_paused_killed_and_resumed(server: Server, open_tab: Open) -> None:
-    server.end()
-    first = Server.start(server.folder, 0, "--control")
-    tab = open_tab(first.address)
+def test_campaign_paused_killed_and_resumed(own_server: Server, open_tab: Open) -> None:
+    tab = open_tab(own_server.address)
     page = tab.page
     page.click("nav >> text=Campaigns")
-    page.fill("input[placeholder=fastest]", "25")
+    page.fill("input[placeholder=fastest]", "40")
     assert violations(tab) == []
     page.click("button:text-is('Run')")
     page.wait_for_selector("[data-state=running]")
@@ -213,14 +211,14 @@ def test_campaign_paused_killed_and_resumed(server: Server, open_tab: Open) -> N
     assert "from the page" in page.inner_text(".journal")
     assert violations(tab) == []
     tab.picture("campaign-paused")
-    folder = server.folder / "campaigns" / "first"
+    folder = own_server.folder / "campaigns" / "first"
     running = holder(folder)
     assert running is not None
-    first.end()
+    own_server.end()
     os.kill(running.pid, signal.SIGKILL)
     page.close()
 
-    again = Server.start(server.folder)
+    again = Server.start(own_server.folder)
     try:
         tab = open_tab(again.address)
         page = tab.page
@@ -318,26 +316,26 @@ def test_no_view_has_a_violation_of_accessibility(server: Server, open_tab: Open
     tab.picture(f"drive-{look}")
 
 
-def test_the_server_is_killed_while_a_slider_is_dragged(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_the_server_is_killed_while_a_slider_is_dragged(own_server: Server, open_tab: Open) -> None:
+    tab = open_tab(own_server.address)
     page = tab.page
     page.click("text=axis.toml")
     page.wait_for_selector("[data-end=position_m]")
     drag(tab, "friction.coulomb", 0.4)
-    os.kill(server.process.pid, signal.SIGKILL)
+    os.kill(own_server.process.pid, signal.SIGKILL)
     drag(tab, "friction.coulomb", 0.44)
     page.wait_for_selector("[data-connection=lost]")
     assert "does not answer" in page.inner_text("[data-connection]")
     kept = page.input_value("input[aria-label='friction.coulomb, N']")
     tab.picture("server-gone")
 
-    again = Server.start(server.folder, server.port)
+    again = Server.start(own_server.folder, own_server.port)
     try:
         open_tab(again.address).page.wait_for_selector("text=axis.toml")
         page.wait_for_selector("[data-connection=open]", state="attached")
         settled(tab)
         assert page.input_value("input[aria-label='friction.coulomb, N']") == kept
-        drive = pn.Drive.load(server.folder / "axis.toml").replace({"friction.coulomb": f"{kept} N"})
+        drive = pn.Drive.load(own_server.folder / "axis.toml").replace({"friction.coulomb": f"{kept} N"})
         expected = pn.simulate(drive, "0 s: 1, 1 s: -1", "2 s")
         assert at_end(tab, "pressure_a_pa") == expected.pressure_a[-1]
     finally:
