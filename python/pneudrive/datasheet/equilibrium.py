@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 
 SETTLED = 1e-9  # rates of pressures and temperatures over their values, 1/s; of the velocity, m/s2; last step of both
 STEP, MOST_STEPS = 1e-7, 200  # of difference quotients of the rates; of the search
-FIRST_S, GROWTH, LESS = 1e-2, 6.0, 1.0  # first time step of the search; its growth, and after a step cut short
+FIRST_S, GROWTH = 1e-2, 6.0  # first time step of the search, and its growth after a full step
+ROUNDED = 1e-8  # 1/s: rates that count as settled after such a step, as rounding leaves them
+LASTING_S = 1e6  # a step after which rates that are settled count as such: gas that rests keeps any temperature
 LONGEST = (0.5, 0.1, 1.0)  # steps of ln p, ln T and the velocity, m/s
 HELD = 1e-3  # change of ln p that must act on a rate
 DAMPED, SHORTER = 0.9, (1.0, 0.5, 0.2, 0.05)  # a step after which rates are not below this share is tried shorter
@@ -213,13 +215,14 @@ class _SteadySearch:
             found = self._rates(z)
             self.rests = self.free and self.toward * z[-1] <= SLOWEST and self.toward * found[-1] <= 0.0
             own = z.size if self.free and not self.rests else z.size - 1
-            if np.max(np.abs(found[:own])) < SETTLED and np.max(np.abs(step)) < SETTLED:
+            left, is_long = np.max(np.abs(found[:own])), lasting > LASTING_S
+            if left < (ROUNDED if is_long else SETTLED) and (is_long or np.max(np.abs(step)) < SETTLED):
                 self.velocity = float(z[-1])
                 self._check_held(z, found[:own])
                 return self._gas(z)
             step, far = self._step(z, found, own, lasting)
             share = self._damped(z, step, found, own)
-            lasting *= GROWTH if share == 1.0 and not far else LESS
+            lasting *= 1.0 if far else max(GROWTH * share, 1.0)
             z[:own] += share * step
             if np.max(z[: len(self.plant.nodes)]) > math.log(HIGHEST * supply):
                 break

@@ -280,3 +280,6 @@ def test_tubes_with_waves_have_no_steady_state_that_a_start_takes():
         pn.characteristic(drive, "stiffness")
     steady = DRIVE.replace({"tubing": {"b": tube | {"model": "steady"}}})
     assert 0.0 < pn.equilibrium(steady, 1.0, load=0.0).velocity_m_s < 3.0
+    control = {"conductance": "0.4 dm3/(s bar)", "throttles": "out"}
+    gain = pn.characteristic(steady.replace({"flow_control": {"b": control}}), "pressure-gain")
+    assert gain.pressure_difference[[0, -1]].to_numpy() == pytest.approx([-5.987e5, 5.987e5], rel=1e-6)
