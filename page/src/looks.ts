@@ -17,7 +17,9 @@ export const LOOKS: Look[] = [
   { light: "#b45f06", dark: "#f0a33f", dash: [14, 4] },
 ];
 
-export const isDark = (): boolean => matchMedia("(prefers-color-scheme: dark)").matches;
+const DARK = typeof matchMedia === "undefined" ? null : matchMedia("(prefers-color-scheme: dark)");
+
+export const isDark = (): boolean => DARK?.matches ?? false;
 
 export function look(index: number): { color: string; dash: number[] } {
   const found = LOOKS[index % LOOKS.length] as Look;

@@ -31,7 +31,8 @@ export interface PlotProps {
 
 const ROWS = 11;
 
-function scaled(values: ArrayLike<number>, size: number): Float64Array {
+function scaled(values: ArrayLike<number>, size: number): ArrayLike<number> {
+  if (size === 1) return values;
   const out = new Float64Array(values.length);
   for (let i = 0; i < values.length; i++) out[i] = (values[i] as number) / size;
   return out;

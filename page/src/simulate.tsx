@@ -1,6 +1,6 @@
 /** Sliders on a running simulation. */
 import { computed, effect, signal } from "@preact/signals";
-import { useEffect, useState } from "preact/hooks";
+import { useEffect } from "preact/hooks";
 import type { Frame, Numbers } from "./frame";
 import { Circuit } from "./circuit";
 import { digits } from "./looks";
@@ -85,84 +85,108 @@ effect(() => {
   command.value = now.kind === "circuit" ? (now.valves ?? []).map((one) => `${one}: 0 s: 1, 1 s: -1`).join("\n") : "0 s: 1, 1 s: -1";
 });
 
+const copied = signal<{ command: string; python: string } | null>(null);
+/** What was copied holds for these values alone. */
+effect(() => {
+  request();
+  copied.value = null;
+});
+
+async function copy(): Promise<void> {
+  const asked = request();
+  if (!asked) return;
+  try {
+    copied.value = await ask("/api/copy", asked);
+  } catch (error) {
+    if (error instanceof Refused) wrong.value = error.problems;
+  }
+}
+
+function freeze(): void {
+  const now = answer.value;
+  if (!now) return;
+  const label = Object.entries(changes.value).map(([key, value]) => `${key} ${value}`).join(", ") || "as described";
+  frozen.value = [...frozen.value.slice(-6), { label, time: now.arrays.get("time_s")!, columns: now.arrays }];
+}
+
+/** The frame of the view: it knows nothing of answers, so that an answer redraws curves and numbers alone. */
 export function SimulateView() {
-  const [live, setLive] = useState<Live<Head> | null>(null);
-  const [copied, setCopied] = useState<{ command: string; python: string } | null>(null);
   useEffect(() => {
-    const made = new Live<Head>((frame) => {
+    const live = new Live<Head>((frame) => {
       wrong.value = frame.head.problems ?? [];
       if (!frame.head.problems) answer.value = frame;
       const page = document.documentElement.dataset;
-      page["sent"] = String(made.sent);
+      page["sent"] = String(live.sent);
       page["drawn"] = String(frame.head.number);
-      page["mostOnTheWay"] = String(made.mostOnTheWay);
+      page["mostOnTheWay"] = String(live.mostOnTheWay);
     });
-    setLive(made);
-    return () => made.close();
+    const end = effect(() => {
+      const asked = request();
+      if (asked) live.request(asked);
+    });
+    return () => {
+      end();
+      live.close();
+    };
   }, []);
-  useEffect(
-    () =>
-      effect(() => {
-        const asked = request();
-        if (asked) live?.request(asked);
-      }),
-    [live],
-  );
-  useEffect(() => setCopied(null), [changes.value, command.value, duration.value, initial.value, opened.value]);
-
-  const copy = async () => {
-    const asked = request();
-    if (!asked) return;
-    try {
-      setCopied(await ask("/api/copy", asked));
-    } catch (error) {
-      if (error instanceof Refused) wrong.value = error.problems;
-    }
-  };
-  const freeze = () => {
-    const now = answer.value;
-    if (!now) return;
-    const label = Object.entries(changes.value).map(([key, value]) => `${key} ${value}`).join(", ") || "as described";
-    frozen.value = [...frozen.value.slice(-6), { label, time: now.arrays.get("time_s")!, columns: now.arrays }];
-  };
   if (textProblems.value.length && !valid.value) return <Problems of={textProblems.value} />;
   if (!valid.value) return <p>Choose a drive or a circuit under Studies.</p>;
-  const head = answer.value?.head;
   return (
     <div class="simulate">
       <section class="controls" aria-label="What is simulated">
         <h2>{valid.value.name}</h2>
         <Sliders />
+        <AddSlider />
         <Run />
-        <p class="row">
-          <button type="button" onClick={freeze}>Freeze the curves</button>
-          {frozen.value.length > 0 && <button type="button" onClick={() => (frozen.value = [])}>Remove frozen curves</button>}
-          <button type="button" onClick={() => void copy()}>Copy as command or Python</button>
-        </p>
-        {copied && <Copied {...copied} />}
-        <Problems of={wrong.value} />
-        {head?.assumed !== undefined && (
-          <p class="note">
-            Simulated. {head.assumed} values are assumed: Drive lists them.
-          </p>
-        )}
-        {head?.warnings?.map((one) => <p class="note" key={one}>{one}.</p>)}
-        {head?.impacts?.slice(0, 3).map((one, index) => (
-          <p key={index}>
-            Impact at {digits(one.time_s)} s on the end of chamber {one.end}: {digits(one.speed_m_s, 3)} m/s, {digits(one.energy_j, 3)} J
-          </p>
-        ))}
+        <Buttons />
+        <Notes />
       </section>
       <div class="shown">
-      <section class="plots" aria-label="Curves" data-samples={head?.samples}>
-        {head?.panels?.map((panel) => <PanelPlot key={panel.title} panel={panel} />)}
-      </section>
-      <div class="below">
-        {drawing.value && <Circuit drawing={drawing.value} />}
-        <Ends />
-      </div>
+        <Plots />
+        <div class="below">
+          {drawing.value && <Circuit drawing={drawing.value} />}
+          <Ends />
+        </div>
       </div>
     </div>
+  );
+}
+
+function Buttons() {
+  return (
+    <>
+      <p class="row">
+        <button type="button" onClick={freeze}>Freeze the curves</button>
+        {frozen.value.length > 0 && <button type="button" onClick={() => (frozen.value = [])}>Remove frozen curves</button>}
+        <button type="button" onClick={() => void copy()}>Copy as command or Python</button>
+      </p>
+      {copied.value && <Copied {...copied.value} />}
+    </>
+  );
+}
+
+function Notes() {
+  const head = answer.value?.head;
+  return (
+    <>
+      <Problems of={wrong.value} />
+      {head?.assumed !== undefined && <p class="note">Simulated. {head.assumed} values are assumed: Drive lists them.</p>}
+      {head?.warnings?.map((one) => <p class="note" key={one}>{one}.</p>)}
+      {head?.impacts?.slice(0, 3).map((one, index) => (
+        <p key={index}>
+          Impact at {digits(one.time_s)} s on the end of chamber {one.end}: {digits(one.speed_m_s, 3)} m/s, {digits(one.energy_j, 3)} J
+        </p>
+      ))}
+    </>
+  );
+}
+
+function Plots() {
+  const head = answer.value?.head;
+  return (
+    <section class="plots" aria-label="Curves" data-samples={head?.samples}>
+      {head?.panels?.map((panel) => <PanelPlot key={panel.title} panel={panel} />)}
+    </section>
   );
 }
 
@@ -204,33 +228,38 @@ function Ends() {
 }
 
 function Sliders() {
-  const free = [...fields.value.values()].filter((one) => one.number !== undefined && !shown.value.includes(one.key));
   return (
     <>
       {shown.value.map((key) => {
         const field = fields.value.get(key);
         return field?.number === undefined ? null : <Slider key={key} field={field} />;
       })}
-      <p>
-        <label>
-          Slider for{" "}
-          <select
-            value=""
-            onChange={(event) => {
-              if (event.currentTarget.value) shown.value = [...shown.value, event.currentTarget.value];
-              event.currentTarget.value = "";
-            }}
-          >
-            <option value="">any value</option>
-            {free.map((one) => (
-              <option key={one.key} value={one.key}>
-                {one.key} = {one.text}
-              </option>
-            ))}
-          </select>
-        </label>
-      </p>
     </>
+  );
+}
+
+function AddSlider() {
+  const free = [...fields.value.values()].filter((one) => one.number !== undefined && !shown.value.includes(one.key));
+  return (
+    <p>
+      <label>
+        Slider for{" "}
+        <select
+          value=""
+          onChange={(event) => {
+            if (event.currentTarget.value) shown.value = [...shown.value, event.currentTarget.value];
+            event.currentTarget.value = "";
+          }}
+        >
+          <option value="">any value</option>
+          {free.map((one) => (
+            <option key={one.key} value={one.key}>
+              {one.key} = {one.text}
+            </option>
+          ))}
+        </select>
+      </label>
+    </p>
   );
 }
 
