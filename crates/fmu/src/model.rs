@@ -204,8 +204,8 @@ impl Model {
         Ok(self.running.as_mut().expect("just made"))
     }
 
-    /// The description with the present values of the parameters, and the start with the present ones.
-    fn description(&self) -> Result<(String, specification::Circuit, Vec<f64>), Refusal> {
+    /// The description with the present values of the parameters, as text too.
+    fn description(&self) -> Result<(String, specification::Circuit), Refusal> {
         let mut table = self.plan.circuit.clone();
         for (own, value) in self.plan.variables.iter().zip(&self.values) {
             if let Role::Parameter { of } = &own.role {
@@ -218,15 +218,15 @@ impl Model {
         let json = table.to_string();
         let spec = serde_json::from_value(table);
         let spec = spec.or_else(|error| refuse(format!("the description cannot be read: {error}")))?;
-        Ok((json, spec, self.values.clone()))
+        Ok((json, spec))
     }
 
     fn start(&self) -> Result<Running, Refusal> {
-        let (json, spec, values) = self.description()?;
+        let (json, spec) = self.description()?;
         let network = Network::assemble(&spec, false)?;
-        let (mut start, mut age) = (self.plan.start.clone(), self.plan.contact_age_s);
+        let (mut start, mut age) = (self.plan.start.clone(), 0.0);
         let mut inputs = Vec::new();
-        for (own, &value) in self.plan.variables.iter().zip(&values) {
+        for (own, &value) in self.plan.variables.iter().zip(&self.values) {
             match &own.role {
                 Role::Start { of } => start.extend(of.iter().map(|name| (name.clone(), value))),
                 Role::Age => age = value,

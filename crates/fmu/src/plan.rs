@@ -13,9 +13,6 @@ pub struct Plan {
     pub circuit: Value,
     /// The start by the core's names.
     pub start: BTreeMap<String, f64>,
-    /// Time for which all contacts have stood at the start, s.
-    #[serde(default)]
-    pub contact_age_s: f64,
     /// Relative tolerance of the solver.
     pub rtol: f64,
     /// The name of the start position of the piston whose motion is given from outside, if it is.
@@ -57,7 +54,7 @@ pub enum Role {
     Start {
         of: Vec<String>,
     },
-    /// `contact_age_s`.
+    /// Time for which all contacts have stood at the start, s.
     Age,
     /// A column of a trajectory.
     Output {

@@ -143,17 +143,22 @@ def plan_of(
     form = json.loads(circuit.core_json())
     if actuator:
         _check_actuator(described, form)
+    age_s = 0.0
     if is_circuit(described):
         start = described.core_initial(start_values(initial))
     else:
-        start = described.circuit_initial(read_initial(initial))
+        given = read_initial(initial)
+        start, age_s = described.circuit_initial(given), 0.0 if given is None else given.contact_age_s
     session = compiled(json.dumps(form, sort_keys=True)).start(start, rtol)
     is_short = not is_circuit(described)
     variables = [FmuVariable("time", "s", "time", "independent", {"role": "time"})]
     variables += _inputs(session, form, is_short, actuator)
     named = {one.name for one in variables}
-    variables += [one for one in _parameters(described, form) if one.name not in named | {"load.force"}]
+    variables += [one for one in _parameters(described, form) if one.name not in named]
     variables += _starts(start, is_short, actuator)
+    if is_short and "cylinder.contact_age_s" in session.columns:
+        what = "At the start: time for which the contact has stood"
+        variables.append(FmuVariable("start.contact_age", "s", what, "parameter", {"role": "age"}, age_s))
     variables += _results(session, described, actuator)
     names = [one.name for one in variables]
     assert len(set(names)) == len(names), "names of variables are unique"
@@ -226,8 +231,9 @@ def _parameters(described: Drive | Circuit, form: dict[str, Any]) -> Iterator[Fm
         row = next((row for row in kind["parameters"] if row["key"] == key), None)
         if row is None or key in kind["discrete"] or (key in _HISTORY and own["kind"].startswith("valve/")):
             continue
-        if key not in own["numbers"] or (row["only"] and not own["numbers"].get(row["only"])):
-            continue
+        is_unused = not own["numbers"].get(row["only"], True)
+        if key not in own["numbers"] or is_unused or (own["kind"], key) == ("load", "force"):
+            continue  # the force of a load is an input of its piston
         is_pressure = row["unit"] == STATED
         unit = "Pa" if is_pressure else parameter_quantity(row).si_unit or "1"
         what = f"{row['meaning']}, absolute" if is_pressure else row["meaning"]
