@@ -37,6 +37,8 @@ _TABLE: dict[str, tuple[str, float, float]] = {
     **{u: ("N", f, 0.0) for u, f in {"N": 1.0, "mN": 1e-3, "kN": 1e3}.items()},
     **{u: ("m/s", f, 0.0) for u, f in {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2, "um/s": 1e-6}.items()},
     **{u: ("m/s^2", f, 0.0) for u, f in {"m/s2": 1.0, "mm/s2": 1e-3}.items()},
+    **{u: ("m/s^3", f, 0.0) for u, f in {"m/s3": 1.0, "mm/s3": 1e-3}.items()},
+    **{u: ("m/s^4", f, 0.0) for u, f in {"m/s4": 1.0, "mm/s4": 1e-3}.items()},
     **{u: ("rad", f, 0.0) for u, f in {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0}.items()},
     **{u: ("K", 1.0, o) for u, o in {"K": 0.0, "degC": ZERO_CELSIUS_K, "°C": ZERO_CELSIUS_K}.items()},
     **{
@@ -79,6 +81,8 @@ KINDS: dict[str, tuple[str, str]] = {
     "m/s": ("a velocity", "20 mm/s"),
     "m/(s Pa)": ("a velocity per pressure", "2 mm/(s bar)"),
     "m/s^2": ("an acceleration", "1 m/s2"),
+    "m/s^3": ("a jerk", "500 m/s3"),
+    "m/s^4": ("a snap", "5e4 m/s4"),
     "rad": ("an angle", "30 deg"),
     "K": ("a temperature", "20 degC"),
     "Pa": ("a pressure", "7 bar abs"),

@@ -105,20 +105,10 @@ impl<S: Number> Tick<'_, S> {
         [position - self.state.position, velocity - self.state.velocity, acceleration - self.acceleration]
     }
 
-    /// The share of opening under which the force of the gas changes at a rate, N/s: flow is linear in it on each side.
+    /// The share of opening under which the force of the gas changes at a rate, N/s, or the nearest that there is.
     pub fn opening_for(&self, rate: S) -> S {
-        let state = &self.state;
-        let contents = self.model.contents(state.position, state.pressures, state.temperatures);
-        let at = |openings: [S; 2]| {
-            let [a, b] =
-                self.model.chambers([state.position, state.velocity], contents, openings).pressure_rates;
-            a.times(self.model.sides[0].area) - b.times(self.model.sides[1].area)
-        };
-        let shut = at(self.model.openings(S::zero()));
-        let is_back = rate.lt(shut);
-        let [to, fro] = [[0.0, 1.0], [1.0, 0.0]].map(|[back, on]| S::select(is_back, S::c(back), S::c(on)));
-        let full = at([to, fro]);
-        S::select(is_back, S::c(-1.0), S::one()) * ((rate - shut) / (full - shut)).within(0.0, 1.0)
+        let (way, share) = self.model.opening_for(&self.state, rate);
+        way * share.within(0.0, 1.0)
     }
 }
 

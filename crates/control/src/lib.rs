@@ -7,6 +7,7 @@
 pub mod adaptation;
 pub mod controller;
 pub mod export;
+pub mod feasibility;
 pub mod gains;
 pub mod law;
 pub mod model;
@@ -18,10 +19,11 @@ pub mod spool;
 
 pub use adaptation::Adaptation;
 pub use controller::{Answer, AnyLaw, Controller, Hold, LAWS};
+pub use feasibility::{Demand, demand, least_factor};
 pub use gains::{Gain, Gains};
 pub use law::{Law, Plant, Tick, Tuned, sugeno};
 pub use model::{Held, Model, Side, Valve};
 pub use number::{Memory, Number};
 pub use observer::{Noise, Observer, Sample, State};
 pub use own::{Own, OwnLaw, SIGNALS, Seen, Signal};
-pub use reference::{Move, Reference, Wanted, blend};
+pub use reference::{COEFFICIENTS, Move, Piece, Reference, Wanted, blend};

@@ -1,5 +1,7 @@
 //! What a law believes of its drive: the equations of gas, motion and friction, written with the laws of `physics`.
 
+use crate::number::Number;
+use crate::observer::State;
 use math::Over;
 use physics::chamber::{EnergyBalance, Exchange};
 use physics::flow::{End, Iso6358, leaking, opened};
@@ -131,6 +133,18 @@ impl Model {
         a.times(self.sides[0].area) - b.times(self.sides[1].area)
     }
 
+    /// Pressures, Pa, about the mean of supply and ambient under which a resting piston needs no friction: what is missing
+    /// is shared by both chambers.
+    pub fn rest_pressures(&self) -> [f64; 2] {
+        let mean = 0.5 * (self.supply.pressure + self.ambient.pressure);
+        let missing = -self.load - self.gas_force([mean; 2]);
+        let of = |i: usize, sign: f64| {
+            let own = mean + sign * 0.5 * missing / self.sides[i].area;
+            own.clamp(self.ambient.pressure, self.supply.pressure)
+        };
+        [of(0, 1.0), of(1, -1.0)]
+    }
+
     /// m and U of both chambers at pressures, Pa, and temperatures, K, with the piston at x.
     #[inline(always)]
     pub fn contents<S: Over<f64>>(&self, x: S, pressures: [S; 2], temperatures: [S; 2]) -> [[S; 2]; 2] {
@@ -183,6 +197,21 @@ impl Model {
             (rates, pressure_rate)
         });
         Chambers { rates: each.map(|own| own.0), pressure_rates: each.map(|own| own.1) }
+    }
+
+    /// Under which opening the force of the gas changes at a rate, N/s: its way, and the share of it, as flow is linear
+    /// in it on each side. The share is above 1 where the valve is too small, and below 0 where no opening will do.
+    pub fn opening_for<S: Number>(&self, state: &State<S>, rate: S) -> (S, S) {
+        let contents = self.contents(state.position, state.pressures, state.temperatures);
+        let at = |openings: [S; 2]| {
+            let [a, b] = self.chambers([state.position, state.velocity], contents, openings).pressure_rates;
+            a.times(self.sides[0].area) - b.times(self.sides[1].area)
+        };
+        let shut = at(self.openings(S::zero()));
+        let is_back = rate.lt(shut);
+        let [to, fro] = [[0.0, 1.0], [1.0, 0.0]].map(|[back, on]| S::select(is_back, S::c(back), S::c(on)));
+        let full = at([to, fro]);
+        (S::select(is_back, S::c(-1.0), S::one()), (rate - shut) / (full - shut))
     }
 
     /// Where friction is asked.

@@ -54,7 +54,7 @@ impl<S: Over<f64>> State<S> {
     }
 
     /// The gas after `h` s at the rates that it has in another state; the piston goes on at its speed.
-    fn flow(&self, model: &Model, openings: [S; 2], h: f64, at: &State<S>) -> State<S> {
+    pub(crate) fn flow(&self, model: &Model, openings: [S; 2], h: f64, at: &State<S>) -> State<S> {
         let contents = model.contents(at.position, at.pressures, at.temperatures);
         let gas = model.chambers([at.position, at.velocity], contents, openings);
         let mut next = *self;

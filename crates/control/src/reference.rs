@@ -63,6 +63,56 @@ pub enum Reference {
         /// Hz.
         frequency: f64,
     },
+    /// Polynomials, one after the other; between two of them it stands where the one before it ends.
+    Pieces {
+        /// m.
+        start: f64,
+        /// In the order of their times.
+        pieces: Vec<Piece>,
+    },
+}
+
+/// Numbers of a polynomial of a reference.
+pub const COEFFICIENTS: usize = 10;
+
+/// A polynomial over a time: position, m, over the share of the time that has passed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Piece {
+    /// s.
+    pub begin: f64,
+    /// How long it lasts, s.
+    pub duration: f64,
+    /// Of the powers 0, 1, .. of that share, m.
+    pub coefficients: [f64; COEFFICIENTS],
+}
+
+impl Piece {
+    fn stands(&self) -> bool {
+        self.coefficients[1..].iter().all(|own| *own == 0.0)
+    }
+
+    /// Position and three derivatives at a time, s; behind its end where it ends.
+    fn at(&self, t: f64) -> Wanted {
+        let share = (t - self.begin) / self.duration;
+        if share >= 1.0 {
+            return Wanted { position: self.coefficients.iter().sum(), ..Wanted::default() };
+        }
+        // Horner's rule of the polynomial and of its derivatives over their factorials.
+        let [mut x, mut v, mut a, mut j] = [0.0; 4];
+        for own in self.coefficients.iter().rev() {
+            j = j * share + a;
+            a = a * share + v;
+            v = v * share + x;
+            x = x * share + own;
+        }
+        let rate = 1.0 / self.duration;
+        Wanted {
+            position: x,
+            velocity: v * rate,
+            acceleration: 2.0 * a * rate * rate,
+            jerk: 6.0 * j * rate.powi(3),
+        }
+    }
 }
 
 /// A move to a position, from where the one before it ends.
@@ -88,6 +138,13 @@ impl Reference {
                 let from = begun.checked_sub(2).map_or(*start, |before| moves[before].to);
                 between([from, own.to], blend((t - own.begin) / own.duration), 1.0 / own.duration)
             }
+            Reference::Pieces { start, pieces } => {
+                let begun = pieces.partition_point(|own| own.begin <= t);
+                match begun.checked_sub(1) {
+                    Some(last) => pieces[last].at(t),
+                    None => Wanted { position: *start, ..Wanted::default() },
+                }
+            }
             Reference::Sine { centre, amplitude, frequency } => {
                 let w = TAU * frequency;
                 let [s, s1, s2, s3] = blend(t * frequency);
@@ -104,6 +161,18 @@ impl Reference {
         }
     }
 
+    /// The same slowed by a factor in time.
+    pub fn slowed(&self, t: f64, factor: f64) -> Wanted {
+        let Wanted { position, velocity, acceleration, jerk } = self.at(t / factor);
+        let rate = 1.0 / factor;
+        Wanted {
+            position,
+            velocity: velocity * rate,
+            acceleration: acceleration * rate * rate,
+            jerk: jerk * rate.powi(3),
+        }
+    }
+
     /// Whether it stands still from a time on for `span` s.
     pub fn stands(&self, t: f64, span: f64) -> bool {
         match self {
@@ -111,6 +180,8 @@ impl Reference {
                 moves.iter().all(|own| own.begin + own.duration <= t || own.begin >= t + span)
             }
             Reference::Sine { .. } => false,
+            Reference::Pieces { pieces, .. } => (pieces.iter())
+                .all(|own| own.stands() || own.begin + own.duration <= t || own.begin >= t + span),
         }
     }
 }

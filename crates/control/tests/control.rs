@@ -3,8 +3,8 @@
 use approx::assert_abs_diff_eq;
 use control::spool::Spool;
 use control::{
-    Controller, Held, LAWS, Model, Move, Noise, Observer, Reference, Sample, Side, Valve, Wanted, blend,
-    export, sugeno,
+    COEFFICIENTS, Controller, Held, LAWS, Model, Move, Noise, Observer, Piece, Reference, Sample, Side,
+    Valve, Wanted, blend, demand, export, least_factor, sugeno,
 };
 use physics::flow::{Iso6358, LINEAR_ABOVE};
 use physics::friction::{AnyLaw, Choices, Contact};
@@ -87,7 +87,19 @@ fn derivatives_of_references_are_their_slopes() {
     let moves =
         vec![Move { begin: 0.1, duration: 0.3, to: 0.3 }, Move { begin: 0.5, duration: 0.2, to: 0.2 }];
     let sine = Reference::Sine { centre: 0.25, amplitude: 0.06, frequency: 1.0 };
-    for reference in [Reference::Moves { start: 0.22, moves }, sine] {
+    // A blend of order 9, and constant velocity behind it.
+    let mut piece = Piece { begin: 0.1, duration: 0.4, coefficients: [0.0; COEFFICIENTS] };
+    for (own, number) in
+        piece.coefficients.iter_mut().zip([0.2, 0.0, 0.0, 0.0, 0.0, 12.6, -42.0, 54.0, -31.5, 7.0])
+    {
+        *own = number;
+    }
+    let mut straight = Piece { begin: 0.8, duration: 0.7, coefficients: [0.0; COEFFICIENTS] };
+    straight.coefficients[..2].copy_from_slice(&[0.3, 0.1]);
+    let pieces = Reference::Pieces { start: 0.2, pieces: vec![piece, straight] };
+    assert!(pieces.stands(0.6, 0.1) && !pieces.stands(0.3, 0.01) && !pieces.stands(0.6, 0.3));
+    assert_abs_diff_eq!(pieces.at(9.0).position, 0.4, epsilon = 1e-12);
+    for reference in [Reference::Moves { start: 0.22, moves }, sine, pieces] {
         let row = |w: Wanted| [w.position, w.velocity, w.acceleration, w.jerk];
         for i in 1..200 {
             let t = f64::from(i) * 0.0101;
@@ -103,6 +115,31 @@ fn derivatives_of_references_are_their_slopes() {
             }
         }
     }
+}
+
+/// What a reference takes: opening and speed grow with the speed, and slowed by the factor that is found it takes the
+/// share that was asked for.
+#[test]
+fn a_reference_is_slowed_until_its_drive_can_follow() {
+    let model = drive();
+    let plant = control::Plant::of(&model, MIDDLE, [PRESSURE; 2], PERIOD);
+    let slow = Reference::Sine { centre: MIDDLE, amplitude: 0.06, frequency: 0.5 };
+    let took = demand(&model, &plant, &slow, 6.0, 1.0);
+    assert_abs_diff_eq!(took.speed, PI * 0.06 / plant.speed, epsilon = 1e-3);
+    assert!(took.opening > took.speed && took.opening < 0.2, "{took:?}");
+    // Of 293 N friction takes up to 45 N, less while it slides.
+    assert!((0.12..0.2).contains(&took.force), "{took:?}");
+    let fast = vec![Move { begin: 0.1, duration: 0.1, to: 0.4 }];
+    let reference = Reference::Moves { start: 0.1, moves: fast };
+    assert!(demand(&model, &plant, &reference, 0.4, 1.0).most() > 1.0);
+    let (factor, took) = least_factor(&model, &plant, &reference, 0.4, 0.85).expect("slow enough");
+    assert!(factor > 2.0 && took.most() <= 0.85, "{factor}: {took:?}");
+    assert!(demand(&model, &plant, &reference, 0.4, 0.99 * factor).most() > 0.85);
+    assert_abs_diff_eq!(
+        reference.slowed(0.5, 2.0).velocity,
+        0.5 * reference.at(0.25).velocity,
+        epsilon = 1e-12
+    );
 }
 
 /// The spool against x'' = w^2 (u - x) - 2 d w x', followed in steps of a microsecond.

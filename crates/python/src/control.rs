@@ -4,7 +4,7 @@ use crate::convert::{Table, Teller, parse, to_python, watched};
 use crate::network::PyCircuit;
 use circuit::Look;
 use control::export::program;
-use control::{AnyLaw, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
+use control::{AnyLaw, Demand, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use ode::Options;
 use pyo3::exceptions::PyValueError;
@@ -45,6 +45,7 @@ pub fn control_tune<'py>(
     ] {
         plant.set_item(name, value)?;
     }
+    plant.set_item("rest_pressures_pa", controller.model.rest_pressures())?;
     plant.set_item("cylinder", axis.cylinder)?;
     plant.set_item("valve", axis.valve)?;
     plant.set_item("left_out", axis.left_out)?;
@@ -93,6 +94,47 @@ pub fn reference_at<'py>(
         [at.position, at.velocity, at.acceleration, at.jerk]
     });
     PyArray1::from_iter(py, rows).reshape([times.len(), 4])
+}
+
+/// A factor in time, and what a reference takes then.
+type Slowed<'py> = Option<(f64, Bound<'py, PyDict>)>;
+
+/// What a reference takes of a drive, slowed by the least factor in time with which it takes at most a share of each limit,
+/// and as it is: the factor, none where slowing does not help, and the shares of both.
+#[pyfunction]
+pub fn control_feasibility<'py>(
+    py: Python<'py>,
+    spec: &str,
+    motion: &str,
+    duration: f64,
+    share: f64,
+) -> PyResult<(Bound<'py, PyDict>, Slowed<'py>)> {
+    let spec: Controller = parse(spec)?;
+    let reference = Reference::from(&parse::<Motion>(motion)?);
+    let (own, _) = controller(&spec, 0.0).map_err(to_python)?;
+    let (model, plant) = (&own.model, &own.plant);
+    let (is, found) = py.detach(|| {
+        let is = control::demand(model, plant, &reference, duration, 1.0);
+        (is, control::least_factor(model, plant, &reference, duration, share))
+    });
+    let told = |demand: &Demand| -> PyResult<_> {
+        let out = PyDict::new(py);
+        let Demand { opening, opening_time, force, speed, spool_rate, pressures: [low, high] } = *demand;
+        for (name, value) in [
+            ("valve_share", opening),
+            ("valve_at_s", opening_time),
+            ("force_share", force),
+            ("speed_share", speed),
+            ("spool_rate_per_s", spool_rate),
+            ("lowest_pressure_pa", low),
+            ("highest_pressure_pa", high),
+        ] {
+            out.set_item(name, value)?;
+        }
+        Ok(out)
+    };
+    let found = found.map(|(factor, demand)| Ok::<_, PyErr>((factor, told(&demand)?))).transpose()?;
+    Ok((told(&is)?, found))
 }
 
 /// Key, unit and meaning of each number that a law of one's own may be given.
@@ -248,19 +290,20 @@ pub fn control_run<'py>(
     rtol: f64,
     look: Teller<'py>,
     own: Option<(Py<PyAny>, Vec<String>)>,
-) -> PyResult<Bound<'py, PyDict>> {
+) -> PyResult<(Bound<'py, PyDict>, f64)> {
     let (spec, setup): (Controller, Setup) = (parse(spec)?, parse(setup)?);
     let reference = Reference::from(&parse::<Motion>(motion)?);
-    let network = circuit.network();
+    let network = circuit.accounted().map_err(to_python)?;
     let own = own.map(|(call, names)| places(&names).map(|places| Called { call, places })).transpose()?;
-    let rows = watched(py, look, move |interrupted| {
+    let (rows, air) = watched(py, look, move |interrupted| {
         let (mut controller, axis) = controller(&spec, Encoder::from(setup.position).deviation())?;
         if let Some(own) = own {
             controller.law = AnyLaw::Own(Own::new(own));
         }
         let session = network.session(&start, Options { rtol, ..Options::default() })?;
         let mut under = Loop::new(session, &axis, &setup)?;
-        under.run(&mut controller, &reference, duration, &mut Look::new(interrupted))
+        let rows = under.run(&mut controller, &reference, duration, &mut Look::new(interrupted))?;
+        Ok((rows, under.air_drawn()))
     })?;
-    columns(py, &rows)
+    Ok((columns(py, &rows)?, air))
 }

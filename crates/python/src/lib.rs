@@ -82,6 +82,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(control::control_laws, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_run, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_signals, m)?)?;
+    m.add_function(wrap_pyfunction!(control::control_feasibility, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_tune, m)?)?;
     m.add_class::<control::PyLoop>()?;
     m.add_class::<control::PyReference>()?;

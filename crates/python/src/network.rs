@@ -15,6 +15,7 @@ use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 /// A circuit of components, assembled from its description in SI (JSON).
 #[pyclass(name = "Circuit", frozen)]
@@ -22,11 +23,21 @@ pub struct PyCircuit {
     json: String,
     spec: specification::Circuit,
     network: Network,
+    /// The same with its accounts, made when it is first asked for.
+    accounted: OnceLock<Network>,
 }
 
 impl PyCircuit {
     pub fn network(&self) -> &Network {
         &self.network
+    }
+
+    pub fn accounted(&self) -> Result<&Network, circuit::Error> {
+        if let Some(known) = self.accounted.get() {
+            return Ok(known);
+        }
+        let made = Network::assemble(&self.spec, true)?;
+        Ok(self.accounted.get_or_init(|| made))
     }
 }
 
@@ -43,7 +54,7 @@ impl PyCircuit {
     fn new(json: String) -> PyResult<Self> {
         let spec: specification::Circuit = parse(&json)?;
         let network = Network::assemble(&spec, false).map_err(to_python)?;
-        Ok(PyCircuit { json, spec, network })
+        Ok(PyCircuit { json, spec, network, accounted: OnceLock::new() })
     }
 
     /// Name, unit, bounds in words and meaning of each input.
@@ -160,13 +171,7 @@ impl PyCircuit {
         look: Teller<'py>,
         arrays: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let with_ledger;
-        let network = if ledger {
-            with_ledger = Network::assemble(&self.spec, true).map_err(to_python)?;
-            &with_ledger
-        } else {
-            &self.network
-        };
+        let network = if ledger { self.accounted().map_err(to_python)? } else { &self.network };
         let commands = plans.iter().map(|(_, times, _)| times.len()).sum();
         let options = options(rtol, duration, commands, network.assembly().circuit.n_states(), budget);
         let run = watched(py, look, |interrupted| {

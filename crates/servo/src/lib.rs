@@ -2,6 +2,7 @@
 
 #![warn(missing_docs)]
 
+mod air;
 mod belief;
 mod noise;
 mod run;

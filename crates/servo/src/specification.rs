@@ -2,7 +2,7 @@
 
 use crate::sensor::{Encoder, Sensor};
 use circuit::specification::Circuit;
-use control::{Move, Reference};
+use control::{COEFFICIENTS, Move, Piece, Reference};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -24,6 +24,10 @@ pub struct Controller {
     pub adaptation: bool,
     /// The drive as the law believes it to be.
     pub belief: Circuit,
+}
+
+fn once() -> u32 {
+    1
 }
 
 fn yes() -> bool {
@@ -60,6 +64,13 @@ pub enum Motion {
         /// Hz.
         frequency_hz: f64,
     },
+    /// Polynomials, one after the other.
+    Pieces {
+        /// m.
+        start_m: f64,
+        /// Begin, s, and duration, s, of each, and its numbers of the powers of the share of the duration, m.
+        pieces: Vec<[f64; 2 + COEFFICIENTS]>,
+    },
 }
 
 impl From<&Motion> for Reference {
@@ -72,6 +83,16 @@ impl From<&Motion> for Reference {
             Motion::Sine { centre_m, amplitude_m, frequency_hz } => {
                 Reference::Sine { centre: *centre_m, amplitude: *amplitude_m, frequency: *frequency_hz }
             }
+            Motion::Pieces { start_m, pieces } => Reference::Pieces {
+                start: *start_m,
+                pieces: (pieces.iter())
+                    .map(|own| Piece {
+                        begin: own[0],
+                        duration: own[1],
+                        coefficients: std::array::from_fn(|i| own[2 + i]),
+                    })
+                    .collect(),
+            },
         }
     }
 }
@@ -133,4 +154,7 @@ pub struct Setup {
     pub forces: Vec<[f64; 2]>,
     /// Of the noise.
     pub seed: u64,
+    /// Times that each step of the law is run, for its time.
+    #[serde(default = "once")]
+    pub step_repeats: u32,
 }

@@ -45,6 +45,7 @@ fn setup(seed: u64) -> Setup {
         computing_time_s: 0.0,
         forces: vec![],
         seed,
+        step_repeats: 1,
     }
 }
 

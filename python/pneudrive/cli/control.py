@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -14,8 +14,7 @@ from pneudrive.show import aligned
 
 if TYPE_CHECKING:
     from pneudrive.control.comparison import ControlComparison
-    from pneudrive.control.references import Reference
-    from pneudrive.control.tuning import Plant, Tuning
+    from pneudrive.control.tuning import Tuning
 
 control = group(dict.fromkeys(("tune", "run", "compare", "reference", "export", "header"), "pneudrive.cli.control"))
 
@@ -33,6 +32,13 @@ Along = Annotated[
 AllowCode = Annotated[
     str | None,
     typer.Option(help="Allow the law that a controller file names, if its file has this SHA-256.", metavar="SHA256"),
+]
+MismatchOption = Annotated[
+    str | None,
+    typer.Option(
+        help="How the true drive differs from the description, which the law believes: all, mass+30, sag, "
+        "other-friction, load-step, ..., or a TOML file."
+    ),
 ]
 TOLD = ("max_error_m", "rmse_m", "settling_100_um_s", "rest_error_m", "hunting_m")
 
@@ -84,6 +90,7 @@ def run(
     setup: SetupOption = "real",
     duration: Annotated[str | None, typer.Option(help='Duration, e.g. "12 s"; default: from the reference.')] = None,
     seed: Annotated[int, typer.Option(help="Seed of all noise.", min=0)] = 1,
+    mismatch: MismatchOption = None,
     initial: Annotated[
         str | None, typer.Option(help='Start state, e.g. "pressure_a = 3 bar abs"; default: on the reference.')
     ] = None,
@@ -113,6 +120,7 @@ def run(
         setup=setup,
         duration=duration,
         controller=controller if is_file else None,
+        mismatch=mismatch,
         initial=initial,
         rtol=rtol,
         allow_code=allow_code,
@@ -153,16 +161,28 @@ def compare(
     references: Annotated[
         str,
         typer.Option(
-            help="standard, or references separated by commas; R1, R2, R3, R5, R6 are those of standard.",
+            help="standard (R1, R2, R3, R5, R6), or references separated by commas; R4 ramps, R7 targets, R8 a hand.",
             metavar="standard|REF,...",
         ),
     ] = "standard",
     seeds: Annotated[int, typer.Option(help="Number of seeds.")] = 5,
     setup: SetupOption = "real",
     allow_code: AllowCode = None,
+    mismatch: MismatchOption = None,
+    spread: Annotated[
+        str | None,
+        typer.Option(help="standard, or a TOML file with ranges: members, each a drive of its own, in place of seeds."),
+    ] = None,
+    members: Annotated[int | None, typer.Option(help="Number of members of the spread; default 200.")] = None,
+    threads: Annotated[
+        int | None, typer.Option(help="Runs at the same time; default: the processors. Results do not depend on it.")
+    ] = None,
+    keep_runs: Annotated[
+        bool | None, typer.Option("--keep-runs/--scores-only", help="Keep samples of each run; default: no spread.")
+    ] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Compare laws along references, each with several seeds: score.csv, the runs, and report.html."""
+    """Compare laws along references, with seeds or a spread of drives: score.csv, score.parquet, and report.html."""
     from pneudrive.cli.progress import on_terminal
     from pneudrive.control.comparison import SCORES, compare_watched
     from pneudrive.describe.load import load_described
@@ -171,23 +191,32 @@ def compare(
     described = load_described(drive)
     words = laws if laws == "all" else names_in(laws)
     along = references if references == "standard" else names_in(references)
-    told = {"setup": setup, "allow_code": allow_code}
-    found = compare_watched(described, words, along, out=out, seeds=seeds, watch=on_terminal(), **told)
+    of: dict[str, Any] = {"mismatch": mismatch, "spread": spread, "members": members, "threads": threads}
+    of |= {"out": out, "seeds": seeds, "setup": setup, "keep_runs": keep_runs, "allow_code": allow_code}
+    found = compare_watched(described, words, along, **of, watch=on_terminal())
     _show_comparison(found)
     tell([out / SCORES, write_control_report(found, out)])
 
 
 def _show_comparison(found: ControlComparison) -> None:
-    from pneudrive.control.measures import SHOWN
+    from pneudrive.control.measures import SHOWN, SPREAD_SHOWN
 
     heads = ["law", *(title for title, *_ in SHOWN.values()), "lost"]
     shown = [0, *(1 + list(SHOWN).index(name) for name in TOLD), len(heads) - 1]
     for name, one in found.references.items():
         called = name if name == one.text else f"{name}, {one.text}"
+        if found.spread:
+            typer.echo(f"\n{called}, simulated, spread {found.spread}: 50 / 95 / 100 % of {_members(found)} stay below")
+            show_table(["law", *(SHOWN[one][0] for one in SPREAD_SHOWN), "lost"], found.spread_rows(name))
+            continue
         typer.echo(f"\n{called}, simulated, median of the seeds")
         rows = found.rows(name)
         used = [i for i in shown if i == 0 or any(row[i] for row in rows)]
         show_table([heads[i] for i in used], [[row[i] for i in used] for row in rows])
+
+
+def _members(found: ControlComparison) -> int:
+    return len({run.seed for run in found.runs})
 
 
 def reference(
@@ -196,7 +225,8 @@ def reference(
     plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Check a reference against a drive: its stroke, and the share of its speed."""
+    """Check a reference against a drive: stroke, and its shares of valve, force and speed; how far to slow it."""
+    from pneudrive.control.demand import feasibility
     from pneudrive.control.references import check_reach
     from pneudrive.control.references import reference as read
     from pneudrive.control.tuning import tune as tuned
@@ -206,25 +236,15 @@ def reference(
 
     if plot is not None:
         check_target(plot, PICTURES)
-    plant = tuned(load_described(drive)).plant
+    tuning = tuned(load_described(drive))
     found = read(along)
-    _show_reference(found, plant)
+    typer.echo(f"{found.text}\n{aligned(feasibility(tuning, found).rows())}")
     if plot is not None:
         from pneudrive.report.control import plot_reference
 
-        plot_reference(found, plant, plot)
+        plot_reference(found, tuning.plant, plot)
     tell([plot])
-    check_reach(found, plant.stroke_m, plant.speed_m_s)
-
-
-def _show_reference(found: Reference, plant: Plant) -> None:
-    reach = found.reach()
-    share = 100.0 * reach.fastest_m_s / plant.speed_m_s
-    rows = [
-        ("positions", f"{1e3 * reach.lowest_m:g} .. {1e3 * reach.highest_m:g} mm of {1e3 * plant.stroke_m:g} mm"),
-        ("largest speed", f"{reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s, {share:.0f} % of the drive's"),
-    ]
-    typer.echo(f"{found.text}\n{aligned(rows)}")
+    check_reach(found, tuning.plant.stroke_m, tuning.plant.speed_m_s)
 
 
 def export(

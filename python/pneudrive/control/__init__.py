@@ -18,10 +18,13 @@ from pneudrive.lazy import lazy
 if TYPE_CHECKING:
     from pneudrive.control.comparison import ControlComparison, compare, standard
     from pneudrive.control.controller import Controller
+    from pneudrive.control.demand import Feasibility, feasibility
     from pneudrive.control.loop import run
-    from pneudrive.control.measures import Score, score
+    from pneudrive.control.measures import Score, iso230, score
+    from pneudrive.control.mismatch import Mismatch, read_mismatch, ready_mismatches
+    from pneudrive.control.motion import Reference
     from pneudrive.control.own_law import c_header, signals
-    from pneudrive.control.references import Reference, reference
+    from pneudrive.control.references import program_references, reference
     from pneudrive.control.setup import Setup, read_setup
     from pneudrive.control.source_code import export
     from pneudrive.control.tuning import LawModel, Plant, TunedGain, Tuning, laws, tune
@@ -29,7 +32,9 @@ if TYPE_CHECKING:
 __all__ = [
     "ControlComparison",
     "Controller",
+    "Feasibility",
     "LawModel",
+    "Mismatch",
     "Plant",
     "Reference",
     "Score",
@@ -39,8 +44,13 @@ __all__ = [
     "c_header",
     "compare",
     "export",
+    "feasibility",
+    "iso230",
     "laws",
+    "program_references",
+    "read_mismatch",
     "read_setup",
+    "ready_mismatches",
     "reference",
     "run",
     "score",
@@ -55,10 +65,13 @@ __getattr__ = lazy(
         "comparison": ["ControlComparison", "compare", "standard"],
         "controller": ["Controller"],
         "source_code": ["export"],
-        "loop": ["run"],
-        "measures": ["Score", "score"],
         "own_law": ["c_header", "signals"],
-        "references": ["Reference", "reference"],
+        "demand": ["Feasibility", "feasibility"],
+        "loop": ["run"],
+        "measures": ["Score", "iso230", "score"],
+        "mismatch": ["Mismatch", "read_mismatch", "ready_mismatches"],
+        "motion": ["Reference"],
+        "references": ["program_references", "reference"],
         "setup": ["Setup", "read_setup"],
         "tuning": ["LawModel", "Plant", "TunedGain", "Tuning", "laws", "tune"],
     },

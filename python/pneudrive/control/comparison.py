@@ -1,24 +1,29 @@
-"""Laws beside each other: each along each reference with each seed, kept run by run in a folder."""
+"""Laws beside each other: each along each reference with each seed or member of a spread, kept run by run."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 import re
+import threading
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
-from pneudrive import __version__
 from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
-from pneudrive.control.measures import SHOWN, Score, written
+from pneudrive.control.measures import SHOWN, SPREAD_SHOWN, Score, written
+from pneudrive.control.mismatch import mismatched, read_mismatch
 from pneudrive.control.own_law import is_own
-from pneudrive.control.references import Reference, reference, standard_references
+from pneudrive.control.references import reference
 from pneudrive.control.setup import Setup, read_setup
+from pneudrive.control.standard_references import USUAL, standard_references
 from pneudrive.control.tuning import Tuning, laws, tune
+from pneudrive.ensemble.engine import processors
 from pneudrive.errors import CommandError, RecordingError, SimulationError
 from pneudrive.files.tables import open_table
 from pneudrive.show import Card, Shown
@@ -26,14 +31,22 @@ from pneudrive.trajectory import read_columns, save_columns, write_frame
 from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
+    import numpy as np
+
+    from pneudrive.control.mismatch import Mismatch, Truth
+    from pneudrive.control.motion import Reference
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.watch import Flag
 
-RUNS, SCORES = "runs", "score.csv"
-MOST_SEEDS = 1000
+RUNS, SCORES, KEPT = "runs", "score.csv", "scores.jsonl"
+MOST_SEEDS = 100_000
+MEMBERS = 200  # of a spread, where nothing is said
+STEP_REPEATS = 3  # of each step of the runs that are kept, for its time undisturbed
+SPREAD_SEED, MOST_TRUTHS = 0, 64  # of the draws of a spread; members that are held at a time
+SHARES = (0.5, 0.95, 1.0)  # of the members of a spread, that are told
 
 
 class ControlledRun(NamedTuple):
@@ -44,12 +57,15 @@ class ControlledRun(NamedTuple):
     law, reference : str
         Names in the comparison.
     seed : int
+        Of the noise; in a spread also the member.
     score : Score or None
         None where the drive could not go on.
     reason : str
         Why it could not; empty where it could.
     file : Path
-        Of the run; it is there where it has a score.
+        Of the run; of a spread only the first member's is there, unless all were asked for.
+    truth : dict
+        Name of what differs from the description -> its value.
     """
 
     law: str
@@ -58,6 +74,7 @@ class ControlledRun(NamedTuple):
     score: Score | None
     reason: str
     file: Path
+    truth: Mapping[str, float]
 
     def columns(self, *names: str) -> dict[str, np.ndarray]:
         """Read columns of the run's file."""
@@ -79,6 +96,8 @@ class ControlComparison(Shown):
     setup : Setup
     setup_name : str
     runs : tuple of ControlledRun
+    mismatch, spread : str
+        Name of how the drive differs from its description, and of the spread of its members; empty: it does not.
     """
 
     drive: str
@@ -87,6 +106,8 @@ class ControlComparison(Shown):
     setup: Setup
     setup_name: str
     runs: tuple[ControlledRun, ...]
+    mismatch: str = ""
+    spread: str = ""
 
     def of(self, law: str, along: str) -> list[ControlledRun]:
         """Return the runs of a law along a reference, by seed."""
@@ -94,14 +115,41 @@ class ControlComparison(Shown):
 
     def middle(self, law: str, along: str, measure: str) -> float | None:
         """Return the median of a measure over the seeds; None where the reference has no such part, or a run failed."""
+        return self.within(law, along, measure, 0.5)
+
+    def within(self, law: str, along: str, measure: str, share: float) -> float | None:
+        """Return below what a measure stays in a share of the runs; a run that failed counts as infinite.
+
+        None where the reference has no such part, or each run failed.
+        """
         each = [None if run.score is None else getattr(run.score, measure) for run in self.of(law, along)]
+        failed = sum(run.score is None for run in self.of(law, along))
         known = [float(value) for value in each if value is not None]
-        return float(np.median(known)) if known and len(known) == len(each) else None
+        if not known or len(known) + failed < len(each):
+            return None
+        found = sorted([*known, *[math.inf] * failed])
+        place = share * (len(found) - 1)
+        low, high = found[math.floor(place)], found[math.ceil(place)]
+        return low if low == high else low + (place - math.floor(place)) * (high - low)
 
     def rows(self, along: str) -> list[tuple[str, ...]]:
         """Return a row for each law: its name and the medians, with units."""
         return [
             (law, *(written(name, self.middle(law, along, name)) for name in SHOWN), self._lost(law, along))
+            for law in self.tunings
+        ]
+
+    def spread_rows(self, along: str) -> list[tuple[str, ...]]:
+        """Return a row for each law: its name, and for the measures of a spread what 50, 95 and 100 % stay below."""
+        return [
+            (
+                law,
+                *(
+                    " / ".join(written(name, self.within(law, along, name, share)) or "-" for share in SHARES)
+                    for name in SPREAD_SHOWN
+                ),
+                self._lost(law, along),
+            )
             for law in self.tunings
         ]
 
@@ -116,7 +164,7 @@ class ControlComparison(Shown):
         return f"{lost} of {len(self.of(law, along))}" if lost else ""
 
     def save(self, path: str | Path) -> Path:
-        """Write the score of each run as CSV, a row for each law, reference and seed.
+        """Write the score of each run, and what was true, as CSV or Parquet: a row for each law, reference and seed.
 
         Raises
         ------
@@ -129,6 +177,7 @@ class ControlComparison(Shown):
         rows = [
             {"law": run.law, "reference": self.references[run.reference].text, "seed": run.seed, "reason": run.reason}
             | (dict.fromkeys(names) if run.score is None else run.score.to_dict())
+            | {f"true_{name}": value for name, value in run.truth.items()}
             for run in self.runs
         ]
         write_frame(pl.DataFrame(rows, infer_schema_length=None), Path(path))
@@ -144,9 +193,10 @@ class ControlComparison(Shown):
 
 
 def standard(drive: Drive | Circuit) -> dict[str, Reference]:
-    """Return the standard references for a drive: R1 and R2 sines, R3 stairs, R5 a step and rest, R6 a long fast move.
+    """Return the standard references for a drive, slowed where it could not follow.
 
-    They are slowed where the drive could not follow.
+    R1 and R2 are sines, R3 stairs, R4 ramps, R5 a step and a long rest, R6 a long fast move, R7 targets that are
+    approached from both sides, R8 a hand that leads the piston.
 
     Raises
     ------
@@ -172,6 +222,11 @@ def compare(
     seeds: int = 5,
     setup: Setup | str | Path = "real",
     believes: Drive | Circuit | None = None,
+    mismatch: Mismatch | str | Path | None = None,
+    spread: Mismatch | str | Path | None = None,
+    members: int | None = None,
+    threads: int | None = None,
+    keep_runs: bool | None = None,
     rtol: float = RTOL,
     allow_code: str | None = None,
     progress: Callable[[float, float, str], None] | None = None,
@@ -196,6 +251,17 @@ def compare(
     setup : Setup, str or path-like
     believes : Drive or Circuit, optional
         What the laws believe of the drive.
+    mismatch : Mismatch, str or path-like, optional
+        How the drive that is run differs from `drive`, as for `pneudrive.control.run`.
+    spread : Mismatch, str or path-like, optional
+        ``"standard"``, or a TOML file with ranges: each member is a drive of its own, in place of the seeds.
+    members : int, optional
+        Of the spread; 200 by default. Member 7 is the same in every comparison.
+    threads : int, optional
+        Runs at the same time; by default as many as there are processors. Results do not depend on it. With a law of
+        one's own it is one.
+    keep_runs : bool, optional
+        Keep the samples of each run and not only its score; by default without a spread.
     rtol : float
     allow_code : str, optional
         SHA-256 of the file of a law of one's own that only a controller's file names.
@@ -209,9 +275,10 @@ def compare(
     Cancelled
         `cancel` was set; finished runs are kept.
     """
-    watch = Watch(progress, cancel)
-    told: dict[str, Any] = {"setup": setup, "believes": believes, "rtol": rtol, "allow_code": allow_code}
-    return compare_watched(drive, laws, references, out=out, seeds=seeds, watch=watch, **told)
+    of: dict[str, Any] = {"mismatch": mismatch, "spread": spread, "members": members, "threads": threads}
+    of |= {"out": out, "seeds": seeds, "setup": setup, "believes": believes, "keep_runs": keep_runs, "rtol": rtol}
+    of["allow_code"] = allow_code
+    return compare_watched(drive, laws, references, **of, watch=Watch(progress, cancel))
 
 
 def compare_watched(
@@ -223,31 +290,91 @@ def compare_watched(
     seeds: int = 5,
     setup: Setup | str | Path = "real",
     believes: Drive | Circuit | None = None,
+    mismatch: Mismatch | str | Path | None = None,
+    spread: Mismatch | str | Path | None = None,
+    members: int | None = None,
+    threads: int | None = None,
+    keep_runs: bool | None = None,
     rtol: float = RTOL,
     allow_code: str | None = None,
     watch: Watch = UNWATCHED,
 ) -> ControlComparison:
     """Compare, and report progress to a watch. Arguments and errors are those of `compare`."""
-    if isinstance(seeds, bool) or not 1 <= seeds <= MOST_SEEDS:
-        raise CommandError(f"seeds = {seeds} is out of bounds", rule=f"1 to {MOST_SEEDS}")
+    own = read_mismatch(spread) if spread is not None else None
+    if own is not None and mismatch is not None:
+        raise CommandError(
+            "a spread and a mismatch are given", remedy="Write the values of the mismatch into the spread's file."
+        )
+    if members is not None and own is None:
+        raise CommandError(f"members = {members} without a spread", remedy='Give a spread, for instance "standard".')
+    count = seeds if own is None else MEMBERS if members is None else members
+    _check_count("seeds" if own is None else "members", count)
+    if threads is not None:
+        _check_count("threads", threads)
     read, name = read_setup(setup)
     tunings = _tunings(drive, asked_laws, {"setup": read, "believes": believes, "allow_code": allow_code})
     to_follow = _references(drive if believes is None else believes, references)
     prepared = {
-        (law, along): prepare(drive, None, one, setup=read, controller=tuning, rtol=rtol)._replace(setup_name=name)
+        (law, along): prepare(drive, None, one, setup=read, controller=tuning, rtol=rtol, mismatch=mismatch)._replace(
+            setup_name=name
+        )
         for law, tuning in tunings.items()
         for along, one in to_follow.items()
     }
-    folder = Path(out) / RUNS
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise CommandError(f"the folder {folder} cannot be made", value=error.strerror) from None
-    asked = [(law, along, seed) for along in to_follow for law in tunings for seed in range(1, seeds + 1)]
-    runs = tuple(_kept(folder, prepared[one[:2]], *one) for one in watch.each(asked, "runs"))
-    found = ControlComparison(drive.name, tunings, to_follow, read, name, runs)
-    found.save(Path(out) / SCORES)
-    return found
+    keeps = own is None if keep_runs is None else keep_runs
+    store = _Store.of(Path(out), keeps=keeps)
+    first = next(iter(prepared.values()))
+    truths = _truths(first, own)
+
+    def one_of(asked: tuple[str, str, int]) -> ControlledRun:
+        law, along, seed = asked
+        return store.run(prepared[law, along]._replace(truth=truths(seed)), law, along, seed)
+
+    # Members outermost, so that each of their circuits is compiled once.
+    each = [(law, along, seed) for seed in range(1, count + 1) for along in to_follow for law in tunings]
+    if any(tuning.own is not None for tuning in tunings.values()):
+        threads = 1  # an object of the user's is one for all runs
+    found = dict(zip(each, _on_threads(one_of, each, threads or processors(), watch), strict=True))
+    runs = tuple(found[law, along, seed] for along in to_follow for law in tunings for seed in range(1, count + 1))
+    spread_name = own[1] if own is not None else ""
+    made = ControlComparison(drive.name, tunings, to_follow, read, name, runs, first.mismatch, spread_name)
+    for suffix in (".csv", ".parquet"):
+        made.save(Path(out) / Path(SCORES).with_suffix(suffix))
+    return made
+
+
+def _check_count(name: str, count: object) -> None:
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_SEEDS:
+        raise CommandError(f"{name} = {count} is out of bounds", rule=f"a whole number, 1 to {MOST_SEEDS}")
+
+
+def _truths(first: Prepared, spread: tuple[Mismatch, str] | None) -> Callable[[int], Truth]:
+    """Return what gives the true drive of a seed; of a spread it is one for each member."""
+    if spread is None:
+        return lambda _: first.truth
+    core_json, plant, setup = first.circuit.core_json(), first.tuning.plant, first.setup
+
+    @lru_cache(maxsize=MOST_TRUTHS)
+    def of(member: int) -> Truth:
+        return mismatched(core_json, plant, setup, spread[0], spread[0].drawn(SPREAD_SEED, member))
+
+    return of
+
+
+def _on_threads(
+    call: Callable[[tuple[str, str, int]], ControlledRun],
+    asked: Sequence[tuple[str, str, int]],
+    threads: int,
+    watch: Watch,
+) -> Iterator[ControlledRun]:
+    """Yield the runs in the order in which they were asked for; what is not begun is dropped once one fails."""
+    with ThreadPoolExecutor(threads) as pool:
+        futures = [pool.submit(call, one) for one in asked]
+        try:
+            yield from (future.result() for future in watch.each(futures, "runs"))
+        finally:
+            for future in futures:
+                future.cancel()
 
 
 def _tunings(
@@ -280,7 +407,7 @@ def _references(
         return dict(asked)
     usual = standard(drive)
     if asked == "standard":
-        return usual
+        return {name: usual[name] for name in USUAL}
     out: dict[str, Reference] = {}
     for one in [asked] if isinstance(asked, str) else asked:
         read = usual[one] if isinstance(one, str) and one in usual else reference(one)
@@ -290,15 +417,24 @@ def _references(
     return out
 
 
+@lru_cache(maxsize=1)
+def core_hash() -> str:
+    """Return the SHA-256 of the core that runs: another core may give other bits."""
+    from pneudrive import _core
+
+    return hashlib.sha256(Path(_core.__file__).read_bytes()).hexdigest()
+
+
 def _key(prepared: Prepared, seed: int) -> str:
-    """Return the SHA-256 of all that decides a run."""
+    """Return the SHA-256 of all that decides a run and its score."""
     decides = {
-        "version": __version__,
-        "drive": prepared.circuit.core_json(),
+        "core": core_hash(),
+        "measures": list(Score.__dataclass_fields__),
+        "drive": prepared.truth.core_json,
         "controller": prepared.tuning.core(),
         "motion": prepared.reference.core(),
-        "setup": prepared.setup.core(seed, prepared.circuit.ambient.pressure_pa),
-        "start": prepared.start,
+        "setup": prepared.truth.setup.core(seed, prepared.circuit.ambient.pressure_pa),
+        "start": prepared.start | prepared.truth.start,
         "duration_s": prepared.duration_s,
         "rtol": prepared.rtol,
     }
@@ -307,20 +443,63 @@ def _key(prepared: Prepared, seed: int) -> str:
     return hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()
 
 
-def _kept(folder: Path, prepared: Prepared, law: str, along: str, seed: int) -> ControlledRun:
-    """Return a run from its file, or run it and keep it."""
-    key = _key(prepared, seed)
-    plain = re.sub(r"[^A-Za-z0-9]+", "-", f"{law}_{along}").strip("-")[:60]
-    file = folder / f"{plain}_{seed}_{key[:12]}.parquet"
-    score = _score_in(file, key)
-    if score is None:
+@dataclass
+class _Store:
+    """Runs of a comparison: files of those that are kept, a line of all others with the score alone."""
+
+    folder: Path
+    lines: Path
+    keeps: bool
+    known: dict[str, dict[str, Any]]
+    lock: threading.Lock
+
+    @classmethod
+    def of(cls, out: Path, *, keeps: bool) -> _Store:
+        folder, lines = out / RUNS, out / KEPT
         try:
-            run = run_prepared(prepared, seed)
+            folder.mkdir(parents=True, exist_ok=True)
+            text = lines.read_text("utf-8") if lines.exists() else ""
+        except OSError as error:
+            raise CommandError(f"the folder {folder} cannot be made", value=error.strerror) from None
+        known: dict[str, dict[str, Any]] = {}
+        for line in text.splitlines():
+            with suppress(ValueError, KeyError, TypeError):  # a line that a kill has cut
+                one = json.loads(line)
+                known[one["key"]] = one
+        if text and not text.endswith("\n"):
+            with lines.open("a", encoding="utf-8") as file:
+                file.write("\n")
+        return cls(folder, lines, keeps, known, threading.Lock())
+
+    def run(self, prepared: Prepared, law: str, along: str, seed: int) -> ControlledRun:
+        """Return a run that is there, or run it and keep it."""
+        key = _key(prepared, seed)
+        plain = re.sub(r"[^A-Za-z0-9]+", "-", f"{law}_{along}").strip("-")[:60]
+        file = self.folder / f"{plain}_{seed}_{key[:12]}.parquet"
+        truth = prepared.truth.values
+        is_kept = self.keeps or seed == 1
+        said = self.known.get(key)
+        if said is not None and said["score"] is None:
+            return ControlledRun(law, along, seed, None, said["reason"], file, truth)
+        score = _score_in(file, key) if is_kept else None if said is None else Score(**said["score"])
+        if score is not None:
+            return ControlledRun(law, along, seed, score, "", file, truth)
+        try:
+            run = run_prepared(prepared._replace(step_repeats=STEP_REPEATS if is_kept else 1), seed)
         except SimulationError as error:
-            return ControlledRun(law, along, seed, None, error.what, file)
-        save_columns(run.columns, run.provenance | {"key": key}, file)
+            self._note(key, None, error.what)
+            return ControlledRun(law, along, seed, None, error.what, file, truth)
         score = Score(**run.provenance["score"])
-    return ControlledRun(law, along, seed, score, "", file)
+        if is_kept:
+            save_columns(run.columns, run.provenance | {"key": key}, file)
+        else:
+            self._note(key, score, "")
+        return ControlledRun(law, along, seed, score, "", file, truth)
+
+    def _note(self, key: str, score: Score | None, reason: str) -> None:
+        line = json.dumps({"key": key, "score": None if score is None else score.to_dict(), "reason": reason})
+        with self.lock, self.lines.open("a", encoding="utf-8") as file:
+            file.write(f"{line}\n")
 
 
 def _score_in(file: Path, key: str) -> Score | None:

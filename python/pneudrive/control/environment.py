@@ -12,8 +12,9 @@ from gymnasium import spaces
 from pneudrive import _core, units
 from pneudrive.control.controller import Controller
 from pneudrive.control.loop import Prepared, prepare
+from pneudrive.control.motion import Reference
 from pneudrive.control.own_law import OWN, signals
-from pneudrive.control.references import Reference, reference
+from pneudrive.control.references import reference
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.describe.circuit import compiled
 from pneudrive.describe.drive import Drive

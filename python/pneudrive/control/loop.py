@@ -6,8 +6,9 @@ import json
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import __version__, _core
-from pneudrive.control.measures import score_of
-from pneudrive.control.references import Reference, check_reach, reference
+from pneudrive.control.measures import air_of, score_of
+from pneudrive.control.mismatch import Truth, mismatched, one_value, read_mismatch
+from pneudrive.control.references import check_reach, reference
 from pneudrive.control.setup import Setup, read_setup, ready_setups
 from pneudrive.control.tuning import Tuning, tune
 from pneudrive.describe.circuit import compiled
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.control.controller import Controller
+    from pneudrive.control.mismatch import Mismatch
+    from pneudrive.control.motion import Reference
+    from pneudrive.control.tuning import Plant
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.parts import Initial
@@ -40,6 +44,7 @@ MEANINGS = {
     "disturbance_n": "force that the law's observer needs beside those that it knows",
     "holds": "1 while the law stands still and keeps the force",
     "step_time_s": "time that a step of the law took on this machine",
+    "least_step_time_s": "the same, the least of its repeats",
 }
 
 
@@ -54,6 +59,9 @@ class Prepared(NamedTuple):
     start: dict[str, float]
     duration_s: float
     rtol: float
+    truth: Truth
+    mismatch: str = ""
+    step_repeats: int = 1
 
 
 def run(
@@ -66,6 +74,7 @@ def run(
     seed: int = 1,
     controller: Controller | Tuning | str | Path | None = None,
     believes: Drive | Circuit | None = None,
+    mismatch: Mismatch | str | Path | None = None,
     initial: Initial | Mapping[str, object] | str | None = None,
     rtol: float = RTOL,
     allow_code: str | None = None,
@@ -95,9 +104,12 @@ def run(
         In place of `law`: a controller, its TOML file, or what `pneudrive.control.tune` returned.
     believes : Drive or Circuit, optional
         What the law believes of the drive; by default the drive of the controller's file, or `drive`.
+    mismatch : Mismatch, str or path-like, optional
+        How the drive that is run differs from `drive`: ``"all"``, ``"mass+30"``, ... of
+        `pneudrive.control.ready_mismatches`, or a TOML file.
     initial : Initial, dict or str, optional
-        Start state. By default at rest at the reference's first position, both chambers at the mean of supply and
-        ambient pressure.
+        Start state. By default at rest at the reference's first position, both chambers about the mean of supply and
+        ambient pressure, so that the piston rests without friction.
     rtol : float
         Relative tolerance of the solver.
     allow_code : str, optional
@@ -109,10 +121,10 @@ def run(
     -------
     xarray.Dataset
         Dimension time, one entry for each sample of the law; position, velocity, pressure_a, pressure_b, reference,
-        command, estimated_velocity, disturbance, holds, step_time, each with ``units`` and ``long_name``. Its ``attrs``
-        hold score (a dict, see `pneudrive.control.Score`), law_failure (where a law of one's own failed and another one
-        took over), law, gains, period_s, setup, seed, reference, motion,
-        belief_hash, and what `pneudrive.simulate` tells of a description.
+        command, estimated_velocity, disturbance, holds, step_time, least_step_time, each with ``units`` and
+        ``long_name``. Its ``attrs`` hold score (a dict, see `pneudrive.control.Score`), law_failure (where a law of
+        one's own failed and another one took over), law, gains, period_s, setup, mismatch, deviations, seed, reference,
+        motion, air, belief_hash, and what `pneudrive.simulate` tells of a description.
 
     Raises
     ------
@@ -134,7 +146,7 @@ def run(
     (501, 'N', False)
     """
     told: dict[str, Any] = {"setup": setup, "duration": duration, "controller": controller, "believes": believes}
-    told["allow_code"] = allow_code
+    told |= {"mismatch": mismatch, "allow_code": allow_code}
     prepared = prepare(drive, law, reference, **told, initial=initial, rtol=rtol)
     return run_prepared(prepared, seed, Watch(progress, cancel)).dataset()
 
@@ -148,6 +160,7 @@ def prepare(
     duration: str | float | None = None,
     controller: Controller | Tuning | str | Path | None = None,
     believes: Drive | Circuit | None = None,
+    mismatch: Mismatch | str | Path | None = None,
     initial: Initial | Mapping[str, object] | str | None = None,
     rtol: float = RTOL,
     allow_code: str | None = None,
@@ -168,8 +181,12 @@ def prepare(
         what = f"duration = {seconds:g} s at a period of {1e3 * tuning.period_s:g} ms makes {samples:.3g} samples"
         raise CommandError(what, rule=f"1 to {MOST_SAMPLES:.0e} samples")
     circuit = circuit_of(drive)
-    start = _start(drive, tuning.plant.cylinder, float(to_follow.at([0.0])[0, 0]), initial)
-    return Prepared(circuit, tuning, to_follow, read, name, start, seconds, rtol)
+    start = _start(drive, tuning.plant, float(to_follow.at([0.0])[0, 0]), initial)
+    truth, called = Truth(circuit.core_json(), {}, read, {}), ""
+    if mismatch is not None:
+        own, called = read_mismatch(mismatch)
+        truth = mismatched(circuit.core_json(), tuning.plant, read, own, one_value(own, called))
+    return Prepared(circuit, tuning, to_follow, read, name, start, seconds, rtol, truth, called)
 
 
 def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run:
@@ -178,13 +195,14 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
         raise CommandError(f"seed = {seed} is out of bounds", rule=f"a whole number, 0 to {MOST_SEED}")
     circuit, tuning, motion = prepared.circuit, prepared.tuning, prepared.reference.core()
     ambient_pa, seconds = circuit.ambient.pressure_pa, prepared.duration_s
-    setup = prepared.setup.core(seed, ambient_pa)
+    truth = prepared.truth
+    setup = truth.setup.core(seed, ambient_pa) | {"step_repeats": prepared.step_repeats}
     watch.look()
     own = None if tuning.own is None else tuning.own.begin(tuning.model, motion, tuning.period_s, seconds)
     try:
-        columns = _core.control_run(
-            compiled(circuit.core_json()),
-            prepared.start,
+        columns, mass_kg = _core.control_run(
+            compiled(truth.core_json),
+            prepared.start | truth.start,
             json.dumps(tuning.core()),
             json.dumps(motion),
             json.dumps(setup),
@@ -203,11 +221,19 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
         if own is not None and own.stopped is not None:
             raise own.stopped
     named = {meaning(column)[0]: values for column, values in columns.items()}
-    found = score_of(named["time"], named, motion)
-    said: dict[str, Any] = {"score": found.to_dict()}
+    air = air_of(mass_kg, _supply(truth), (ambient_pa, circuit.ambient.temperature_k))
+    found = score_of(named["time"], named, motion, air)
+    said: dict[str, Any] = {"air": air, "score": found.to_dict()}
     if own is not None and own.failure is not None:  # another law has taken over
         said["law_failure"] = str(own.failure)
     return Run(columns, _provenance(prepared, seed) | said, MEANINGS)
+
+
+def _supply(truth: Truth) -> tuple[float, float]:
+    """Return absolute pressure, Pa, and temperature, K, of the supply."""
+    form = json.loads(truth.core_json)
+    numbers = next(one["numbers"] for one in form["components"] if one["kind"] == "reservoir")
+    return numbers["pressure"], numbers.get("temperature", form["ambient"]["temperature_k"])
 
 
 def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:
@@ -224,6 +250,8 @@ def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:
         "period_s": tuning.period_s,
         "belief_hash": tuning.belief.description_hash,
         "setup": name,
+        "mismatch": prepared.mismatch,
+        "deviations": prepared.truth.values,
         "seed": seed,
         "reference": prepared.reference.text,
         "motion": prepared.reference.core(),
@@ -234,19 +262,18 @@ def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:
     }
 
 
-def _start(drive: Drive | Circuit, cylinder: str, position_m: float, initial: Any) -> dict[str, float]:  # noqa: ANN401
-    """Return the start state in the core's form: at the reference, chambers at the mean pressure, unless given."""
-    circuit = circuit_of(drive)
-    ambient_pa = circuit.ambient.pressure_pa
-    held = [one.numbers(ambient_pa)["pressure"] for one in circuit.components.values() if one.kind == "reservoir"]
-    pressure = f"{0.5 * (max(held, default=ambient_pa) + ambient_pa)!r} Pa abs"
+def _start(drive: Drive | Circuit, plant: Plant, position_m: float, initial: Any) -> dict[str, float]:  # noqa: ANN401
+    """Return the start state in the core's form: at the reference, the piston in balance, unless given."""
+    circuit, cylinder = circuit_of(drive), plant.cylinder
+    pressure_a, pressure_b = (f"{pressure!r} Pa abs" for pressure in plant.rest_pressures_pa)
     position = f"{position_m!r} m"
     if not is_circuit(drive):
-        usual = {"position": position, "pressure_a": pressure, "pressure_b": pressure}
+        usual = {"position": position, "pressure_a": pressure_a, "pressure_b": pressure_b}
         given = read_initial(initial)
         return drive.circuit_initial(read_initial(usual | (given.to_dict() if given else {})))
     given = dict(start_table(initial))
     names = circuit.start_names
-    usual = {f"{cylinder}.position": position, f"{cylinder}.a.pressure": pressure, f"{cylinder}.b.pressure": pressure}
+    usual = {f"{cylinder}.position": position}
+    usual |= {f"{cylinder}.a.pressure": pressure_a, f"{cylinder}.b.pressure": pressure_b}
     taken = {names.get(key) for key in given}
     return circuit.core_initial({key: value for key, value in usual.items() if names[key] not in taken} | given)

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.control.references import ReferenceMove
+from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, AIR_HEAT_CAPACITY_RATIO, ANR_DENSITY_KG_M3
+from pneudrive.control.motion import ReferenceMove, moves_of
 from pneudrive.errors import CommandError
 from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     import xarray as xr
     from numpy.typing import NDArray
@@ -26,6 +27,7 @@ REST_S, HUNTING_S = 0.2, 0.6  # ends of a dwell in which rest and hunting are me
 LONG_DWELL_S = 10.0  # a dwell that lasts longer is looked at behind this time, for hunting
 BANDS_M = (1e-4, 5e-4, 1e-3)  # of settling
 SLIP_M_S = 1e-3  # speed in a dwell that counts as a slip
+LEAST_APPROACHES, LEAST_TARGETS = 2, 2  # of each side, and of targets, from which on repeatability is measured
 LOST_M = 0.02  # error beyond which a run is lost
 
 
@@ -56,8 +58,18 @@ class Score(Shown):
         Sum of the changes of the command, per second.
     saturated_share : float
         Share of the samples with the command at its limit.
+    air_anr_m3_s, exergy_w : float or None
+        Air from the reservoirs per second, as volume at the standard reference atmosphere (ANR), and its exergy over
+        the ambient. None: the dataset does not say.
+    peak_pressure_rate_pa_s : float
+        Largest change of a chamber's pressure from one sample to the next, per second.
+    iso_repeatability_m, iso_accuracy_m, iso_reversal_m : float or None
+        In the way of ISO 230-2, of a reference that comes to the same targets several times from each side; see
+        `pneudrive.control.iso230`.
     step_median_s, step_999_s, step_worst_s : float
         Time that a step of the law took on this machine: median, 99.9 %, worst. It differs from run to run.
+    step_undisturbed_s : float
+        The worst again, of the least time of each step where steps are repeated, so that other programs do not count.
     lost : bool
         Whether the error exceeded 20 mm.
     """
@@ -77,9 +89,16 @@ class Score(Shown):
     itae_m_s2: float
     valve_travel_per_s: float
     saturated_share: float
+    air_anr_m3_s: float | None
+    exergy_w: float | None
+    peak_pressure_rate_pa_s: float
+    iso_repeatability_m: float | None
+    iso_accuracy_m: float | None
+    iso_reversal_m: float | None
     step_median_s: float
     step_999_s: float
     step_worst_s: float
+    step_undisturbed_s: float
     lost: bool
 
     def to_dict(self) -> dict[str, Any]:
@@ -103,9 +122,19 @@ SHOWN: dict[str, tuple[str, float, str]] = {
     "overshoot_m": ("overshoot", 1e6, "um"),
     "valve_travel_per_s": ("valve travel", 1.0, "1/s"),
     "saturated_share": ("saturated", 100.0, "%"),
+    "air_anr_m3_s": ("air", 1e3, "l/s ANR"),
+    "exergy_w": ("exergy", 1.0, "W"),
+    "peak_pressure_rate_pa_s": ("pressure rate", 1e-5, "bar/s"),
+    "iso_repeatability_m": ("repeatability R", 1e6, "um"),
+    "iso_accuracy_m": ("accuracy A", 1e6, "um"),
+    "iso_reversal_m": ("reversal B", 1e6, "um"),
     "step_median_s": ("step, median", 1e6, "us"),
     "step_999_s": ("step, 99.9 %", 1e6, "us"),
+    "step_undisturbed_s": ("step, worst", 1e6, "us"),
 }
+
+#: Measures that are told of a spread.
+SPREAD_SHOWN = ("max_error_m", "settling_100_um_s", "rest_error_m", "hunting_m", "iso_repeatability_m")
 
 THOUSAND, _LARGER = 1e3, {"um": "mm", "ms": "s", "us": "ms"}
 
@@ -142,16 +171,32 @@ def score(run: xr.Dataset) -> Score:
         The dataset is no run under control.
     """
     motion = run.attrs.get("motion")
-    names = ("position", "velocity", "reference", "command", "step_time")
+    names = tuple(SCORED)
     if not isinstance(motion, dict) or not all(name in run for name in names):
         raise CommandError(
             "this dataset is no run under control", remedy="Pass a dataset that pn.control.run returned."
         )
-    return score_of(run["time"].to_numpy(), {name: run[name].to_numpy() for name in names}, motion)
+    named = {name: run[name].to_numpy() for name in names}
+    return score_of(run["time"].to_numpy(), named, motion, run.attrs.get("air"))
 
 
-def score_of(time: Array, of: Mapping[str, Array], motion: Mapping[str, Any]) -> Score:
-    """Score arrays over time, s, by name; `motion` is the reference in the core's form."""
+#: Variables of a run that a score is of.
+SCORED = (
+    "position",
+    "velocity",
+    "pressure_a",
+    "pressure_b",
+    "reference",
+    "command",
+    "step_time",
+    "least_step_time",
+)
+
+
+def score_of(
+    time: Array, of: Mapping[str, Array], motion: Mapping[str, Any], air: Mapping[str, float] | None = None
+) -> Score:
+    """Score arrays over time, s, by name; `motion` is the reference in the core's form, `air` what `air_of` gives."""
     x, command = of["position"], of["command"]
     error = of["reference"] - x
     last_s = max(LAST_S, 1.0 / motion["frequency_hz"]) if motion["kind"] == "sine" else math.inf
@@ -160,19 +205,26 @@ def score_of(time: Array, of: Mapping[str, Array], motion: Mapping[str, Any]) ->
     step = float(time[1] - time[0]) if len(time) > 1 else 0.0
     span = max(float(time[-1]), step)
     took = of["step_time"]
+    jumps = [np.abs(np.diff(of[name])).max(initial=0.0) for name in ("pressure_a", "pressure_b")]
+    each = moves_of(motion)
     return Score(
         rmse_m=_rms(scored),
         max_error_m=float(np.abs(scored).max()),
         first_rmse_m=_rms(first),
         first_max_error_m=float(np.abs(first).max()),
-        **_of_moves(time, x, of["velocity"], error, motion),
+        **_of_moves(time, x, of["velocity"], error, (motion.get("start_m", 0.0), each)),
         iae_m_s=float(np.sum(np.abs(error))) * step,
         itae_m_s2=float(np.sum(time * np.abs(error))) * step,
         valve_travel_per_s=float(np.abs(np.diff(command)).sum()) / span if span else 0.0,
         saturated_share=float(np.mean(np.abs(command) >= 1.0)),
+        air_anr_m3_s=air["anr_m3"] / span if air else None,
+        exergy_w=air["exergy_j"] / span if air else None,
+        peak_pressure_rate_pa_s=float(max(jumps)) / step if step else 0.0,
+        **_of_targets(time, x, (motion.get("start_m", 0.0), each)),
         step_median_s=float(np.median(took)),
         step_999_s=float(np.quantile(took, 0.999)),
         step_worst_s=float(took.max()),
+        step_undisturbed_s=float(of["least_step_time"].max()),
         lost=bool(np.abs(error).max() > LOST_M),
     )
 
@@ -181,21 +233,93 @@ def _rms(error: Array) -> float:
     return float(np.sqrt(np.mean(error**2)))
 
 
-def _spans(motion: Mapping[str, Any], end_s: float) -> Iterator[tuple[ReferenceMove, float, float]]:
+def air_of(mass_kg: float, supply: tuple[float, float], ambient: tuple[float, float]) -> dict[str, float]:
+    """Return volume and exergy of air that a reservoir gave.
+
+    Flow exergy of an ideal gas, e = cp (T - T0) - T0 (cp ln(T/T0) - R ln(p/p0)).
+
+    Parameters
+    ----------
+    mass_kg : float
+    supply, ambient : tuple of float
+        Absolute pressure, Pa, and temperature, K.
+
+    Returns
+    -------
+    dict
+        ``mass_kg``, ``anr_m3`` (volume at the standard reference atmosphere), ``exergy_j``.
+
+    Examples
+    --------
+    >>> found = air_of(1.185e-3, (7e5, 293.15), (1e5, 293.15))
+    >>> round(1e3 * found["anr_m3"], 6), round(found["exergy_j"], 1)
+    (1.0, 194.0)
+    """
+    (p, t), (p0, t0) = supply, ambient
+    k, r = AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K
+    cp = k * r / (k - 1.0)
+    specific = cp * (t - t0) - t0 * (cp * math.log(t / t0) - r * math.log(p / p0))
+    return {"mass_kg": mass_kg, "anr_m3": mass_kg / ANR_DENSITY_KG_M3, "exergy_j": mass_kg * specific}
+
+
+_Moves = tuple[float, list[ReferenceMove]]
+
+
+def _spans(of: _Moves, end_s: float) -> Iterator[tuple[ReferenceMove, float, float]]:
     """Yield each move, where it comes from, and when the next one begins or the run ends."""
-    moves = [ReferenceMove(*move) for move in motion.get("moves", ())]
+    start, moves = of
     begins = [*(move.begin_s for move in moves[1:]), end_s]
-    start = motion.get("start_m", 0.0)
     for move, next_s in zip(moves, begins, strict=True) if moves else ():
         yield move, start, min(next_s, end_s)
         start = move.to_m
 
 
-def _of_moves(time: Array, x: Array, v: Array, error: Array, motion: Mapping[str, Any]) -> dict[str, Any]:
+def _of_targets(time: Array, x: Array, of: _Moves) -> dict[str, Any]:
+    """Measure how repeatably targets are reached that moves come to from both sides."""
+    visits: dict[float, tuple[list[float], list[float]]] = {}
+    for move, start, until in _spans(of, float(time[-1])):
+        rest = (time >= max(move.end_s, until - REST_S)) & (time <= until)
+        if until - move.end_s >= REST_S and rest.any():
+            up, down = visits.setdefault(round(move.to_m, 9), ([], []))
+            (up if move.to_m > start else down).append(float(x[rest].mean()) - move.to_m)
+    often = [both for both in visits.values() if min(map(len, both)) >= LEAST_APPROACHES]
+    found = iso230(often) if len(often) >= LEAST_TARGETS else None
+    return dict(zip(("iso_repeatability_m", "iso_accuracy_m", "iso_reversal_m"), found or (None,) * 3, strict=True))
+
+
+def iso230(deviations: Sequence[tuple[Sequence[float], Sequence[float]]]) -> tuple[float, float, float]:
+    """Return repeatability R, accuracy A and largest reversal B of targets that were approached from both sides.
+
+    With the mean and the standard deviation s of the deviations of each direction: B is the difference of the means,
+    R_i = max(2 s_up + 2 s_down + abs(B), 4 s_up, 4 s_down), R the largest R_i,
+    A = max(mean + 2 s) - min(mean - 2 s), both over all targets and directions. These formulas are in the way of ISO
+    230-2; checked against the standard's text: no.
+
+    Parameters
+    ----------
+    deviations : sequence of pairs
+        For each target the deviations reached from below and from above, m; at least two of each.
+
+    Examples
+    --------
+    >>> iso230([([1.0, 3.0], [-1.0, -1.0])])[2]
+    3.0
+    """
+    ends, reversals, repeatabilities = [], [], []
+    for pair in deviations:
+        means, spreads = zip(*((float(np.mean(one)), float(np.std(one, ddof=1))) for one in pair), strict=True)
+        reversal = abs(means[0] - means[1])
+        reversals.append(reversal)
+        repeatabilities.append(max(2.0 * sum(spreads) + reversal, 4.0 * spreads[0], 4.0 * spreads[1]))
+        ends += [(mean - 2.0 * s, mean + 2.0 * s) for mean, s in zip(means, spreads, strict=True)]
+    return max(repeatabilities), max(high for _, high in ends) - min(low for low, _ in ends), max(reversals)
+
+
+def _of_moves(time: Array, x: Array, v: Array, error: Array, of: _Moves) -> dict[str, Any]:
     """Measure what follows each move: settling, rest, hunting, overshoot."""
     found: dict[str, list[float]] = {name: [] for name in ("rest_error_m", "hunting_m", "slips", "overshoot_m")}
     settling: dict[float, list[float]] = {band: [] for band in BANDS_M}
-    for move, start, until in _spans(motion, float(time[-1])):
+    for move, start, until in _spans(of, float(time[-1])):
         way = math.copysign(1.0, move.to_m - start)
         moving = (time >= move.begin_s) & (time <= until)
         if not moving.any():

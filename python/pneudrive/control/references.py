@@ -2,183 +2,96 @@
 
 from __future__ import annotations
 
-import json
 import re
-from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from pneudrive import _core, units
+from pneudrive import units
+from pneudrive.control import gcode, paths
+from pneudrive.control.motion import Reference, ReferenceMove, polynomials
 from pneudrive.describe import toml
-from pneudrive.describe.base import Bounds, Described, Position, Quantity
+from pneudrive.describe.base import Bounds, Described, Position, Quantity, wrong
+from pneudrive.describe.marks import Choice
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.show import Card, Shown
+from pneudrive.files.bounds import bound
+from pneudrive.trajectory import columns_in, read_columns
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
-
-#: How long a reference is run where nothing is said: a sine at least so, and what follows the last move.
-SINE_S, SINE_PERIODS, REST_S = 16.0, 4.0, 2.0
 LONGEST_S = 1e6
 LONGEST_REMEDY = 200  # characters of a slower reference in a message
-_EVERY, _PERIODS = 400, 2.0  # samples of a move or a period of a sine in which the fastest moment is looked for
+KNOT_S = 0.05  # distance of the knots of the spline through a record (assumed)
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*[A-Za-zµ]+"
 _SINE = re.compile(rf"sine\s+({_NUMBER})\s+({_NUMBER})\s+around\s+({_NUMBER})", re.IGNORECASE)
-FORMS = '"sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s; 3 s: 220 mm in 0.3 s", or a TOML file'
+_ORDER = re.compile(r"order\s+(\d+)\s*;", re.IGNORECASE)
+FORMS = (
+    '"sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s; 3 s: 220 mm in 0.3 s", a TOML file, a record '
+    "(.csv or .parquet with time_s and position_m), or a program (.gcode, .nc, .ngc)"
+)
+RECORDS, PROGRAMS = (".csv", ".parquet"), (".gcode", ".nc", ".ngc")
 
 
-class ReferenceMove(NamedTuple):
-    """A move to a position, from where the one before it ends; blended with continuous jerk.
-
-    Attributes
-    ----------
-    begin_s, duration_s, to_m : float
-    """
-
-    begin_s: float
-    duration_s: float
-    to_m: float
-
-    @property
-    def end_s(self) -> float:
-        """Time at which it ends."""
-        return self.begin_s + self.duration_s
-
-
-class Reach(NamedTuple):
-    """Where a reference goes, and how fast.
-
-    Attributes
-    ----------
-    lowest_m, highest_m, fastest_m_s : float
-    at_s : float
-        Time of the largest speed.
-    """
-
-    lowest_m: float
-    highest_m: float
-    fastest_m_s: float
-    at_s: float
-
-
-@dataclass(frozen=True, repr=False)
-class Reference(Shown):
-    """Where a drive is to go over time: moves one after the other, or a sine.
-
-    Attributes
-    ----------
-    text : str
-        As it was given.
-    start_m : float
-        First position; of a sine its centre.
-    moves : tuple of ReferenceMove
-        Empty for a sine.
-    amplitude_m, frequency_hz : float
-        Of a sine, whose amplitude grows from nothing within its first period; 0 for moves.
-    rest_s : float
-        Behind the last move, where no duration of a run is said.
-    """
-
-    text: str
-    start_m: float
-    moves: tuple[ReferenceMove, ...] = ()
-    amplitude_m: float = 0.0
-    frequency_hz: float = 0.0
-    rest_s: float = REST_S
-
-    @property
-    def is_sine(self) -> bool:
-        """Whether it is a sine, which never stands."""
-        return self.frequency_hz > 0.0
-
-    @property
-    def duration_s(self) -> float:
-        """Duration of a run where nothing is said: 16 s or four periods of a sine, 2 s of rest behind moves."""
-        if self.is_sine:
-            return max(SINE_S, SINE_PERIODS / self.frequency_hz)
-        return (self.moves[-1].end_s if self.moves else 0.0) + self.rest_s
-
-    def core(self) -> dict[str, Any]:
-        """Return it in the core's form, SI."""
-        if self.is_sine:
-            sizes = {"amplitude_m": self.amplitude_m, "frequency_hz": self.frequency_hz}
-            return {"kind": "sine", "centre_m": self.start_m, **sizes}
-        return {"kind": "moves", "start_m": self.start_m, "moves": [list(move) for move in self.moves]}
-
-    def at(self, times_s: Sequence[float] | Array) -> Array:
-        """Return position, velocity, acceleration and jerk at times, shape (n, 4), SI."""
-        return _core.reference_at(json.dumps(self.core()), np.ascontiguousarray(times_s, dtype=np.float64))
-
-    def reach(self) -> Reach:
-        """Return where it goes and how fast."""
-        if self.is_sine:
-            times = np.linspace(0.0, _PERIODS / self.frequency_hz, int(_PERIODS) * _EVERY + 1)
-        else:
-            each = [np.linspace(move.begin_s, move.end_s, _EVERY + 1) for move in self.moves]
-            times = np.concatenate([np.zeros(1), *each])
-        position, velocity, *_ = self.at(times).T
-        fastest = int(np.argmax(np.abs(velocity)))
-        lowest, highest = float(position.min()), float(position.max())
-        return Reach(lowest, highest, float(abs(velocity[fastest])), float(times[fastest]))
-
-    def stretched(self, factor: float) -> Reference:
-        """Return it slower by a factor in time, rounded up to a thousandth; unchanged for a factor of up to 1."""
-        if factor <= 1.0:
-            return self
-        factor = np.ceil(1e3 * factor) / 1e3
-        if self.is_sine:
-            return sine(self.amplitude_m, round(self.frequency_hz / factor, 9), self.start_m)
-        moves: list[ReferenceMove] = []
-        for move in self.moves:
-            free_s = moves[-1].end_s if moves else 0.0
-            begin_s = max(free_s, round(factor * move.begin_s, 6))
-            moves.append(ReferenceMove(begin_s, round(factor * move.duration_s, 6), move.to_m))
-        return stairs(self.start_m, moves, self.rest_s)
-
-    def _card(self) -> Card:
-        reach = self.reach()
-        rows = [
-            ("positions", f"{1e3 * reach.lowest_m:g} .. {1e3 * reach.highest_m:g} mm"),
-            ("largest speed", f"{reach.fastest_m_s:.4g} m/s at {reach.at_s:.4g} s"),
-        ]
-        return Card(self.text, rows=rows)
-
-
-def sine(amplitude_m: float, frequency_hz: float, centre_m: float) -> Reference:
-    """Return a sine."""
-    sizes = f"{units.write(amplitude_m, 'm', 'mm')} {units.write(frequency_hz, '1/s', 'Hz')}"
-    text = f"sine {sizes} around {units.write(centre_m, 'm', 'mm')}"
-    return Reference(text, centre_m, amplitude_m=amplitude_m, frequency_hz=frequency_hz)
-
-
-def stairs(start_m: float, moves: Sequence[ReferenceMove], rest_s: float = REST_S) -> Reference:
-    """Return moves, one after the other."""
-    each = (f"{move.begin_s:.9g} s: {units.write(move.to_m, 'm', 'mm')} in {move.duration_s:.9g} s" for move in moves)
-    text = "; ".join([units.write(start_m, "m", "mm"), *each])
-    return Reference(text, start_m, tuple(moves), rest_s=rest_s)
+_Time = Annotated[float, Quantity("s", "s", Bounds(at_least=0.0, at_most=LONGEST_S))]
+_Over = Bounds(above=0.0)
 
 
 class MoveTable(Described):
     """A move of a reference file."""
 
-    at_s: Annotated[float, Quantity("s", "s", Bounds(at_least=0.0, at_most=LONGEST_S))]
+    at_s: _Time
     to_m: Position
-    duration_s: Annotated[float, Quantity("s", "s", Bounds(above=0.0, at_most=LONGEST_S))]
+    duration_s: Annotated[float | None, Quantity("s", "s", Bounds(above=0.0, at_most=LONGEST_S))] = Field(
+        default=None, description="absent: as short as the limits of the file allow"
+    )
+
+
+class PointTable(Described):
+    """A point of a reference file."""
+
+    at_s: _Time
+    to_m: Position
+
+
+class LimitTable(Described):
+    """Limits of the moves that have no duration: 15 pieces of constant snap."""
+
+    table_name: ClassVar[str] = "limits"
+    velocity_m_s: Annotated[float, Quantity("m/s", "m/s", _Over)]
+    acceleration_m_s2: Annotated[float, Quantity("m/s^2", "m/s2", _Over)]
+    jerk_m_s3: Annotated[float, Quantity("m/s^3", "m/s3", _Over)]
+    snap_m_s4: Annotated[float, Quantity("m/s^4", "m/s4", _Over)]
 
 
 class ReferenceFile(Described):
-    """Reference as a file: ``start``, and a table ``[[moves]]`` with ``at``, ``to`` and ``duration`` for each move."""
+    """Reference as a file: ``start`` and a table ``[[moves]]`` for each move, or tables ``[[points]]``."""
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
-    start_m: Position
+    start_m: Position | None = None
+    order: Literal[7, 9] = Field(default=7, description="of the blends; 9 has continuous snap")
     moves: tuple[MoveTable, ...] = ()
+    limits: LimitTable | None = None
+    points: tuple[PointTable, ...] = ()
+    through: Annotated[str, Choice(("pass", "stop"))] = Field(
+        default="pass", description="pass: a spline of order 7 through the points; stop: at rest in each"
+    )
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> ReferenceFile:
+        if self.points and (self.moves or self.start_m is not None):
+            raise wrong("points", "points and moves are given", remedy="Give one: points begin at the first of them.")
+        if not self.points and self.start_m is None:
+            raise wrong("start", "start is missing", remedy='For instance start = "220 mm".')
+        if len(self.points) == 1:
+            raise wrong("points", "there is one point", rule="two points or more")
+        for number, (before, after) in enumerate(pairwise(self.points), start=1):
+            if not after.at_s > before.at_s:
+                raise wrong(f"points.{number}.at", f"{after.at_s:g} s follows {before.at_s:g} s", rule="times rise")
+        for number, move in enumerate(self.moves):
+            if move.duration_s is None and self.limits is None:
+                raise wrong(f"moves.{number}.duration", "duration is missing", remedy="Give it, or a table [limits].")
+        return self
 
 
 def reference(given: Reference | str | Path) -> Reference:
@@ -188,8 +101,10 @@ def reference(given: Reference | str | Path) -> Reference:
     ----------
     given : Reference, str or path-like
         ``"sine 60 mm 0.5 Hz around 250 mm"``; a position and moves with their durations, ``"220 mm; 1 s: 280 mm in
-        0.3 s; 3 s: 220 mm in 0.3 s"``; or a TOML file with ``start`` and tables ``[[moves]]``. A reference is returned
-        unchanged.
+        0.3 s; 3 s: 220 mm in 0.3 s"``, with ``"order 9; "`` in front for continuous snap; a TOML file with ``start``
+        and tables ``[[moves]]``, or with tables ``[[points]]``; a record, .csv or .parquet with the columns ``time_s``
+        and ``position_m``; a program, .gcode, .nc or .ngc, behind it ``:Y`` where it has several axes. A reference is
+        returned unchanged.
 
     Raises
     ------
@@ -208,13 +123,22 @@ def reference(given: Reference | str | Path) -> Reference:
     text = str(given).strip()
     if text.endswith(".toml"):
         return _from_file(Path(text))
+    if text.endswith(RECORDS):
+        return _of_record(Path(text))
+    program, axis = _axis_of(text)
+    if program.endswith(PROGRAMS):
+        return _of_program(Path(program), axis)
     if not text:
         raise CommandError("the reference is empty", remedy=f"Give {FORMS}.")
     if text.lower().startswith("sine"):
         return _sine_of(text)
-    first, *rest = (entry.strip() for entry in text.split(";"))
+    ordered = _ORDER.match(text)
+    order = int(ordered[1]) if ordered else 7
+    if order not in paths.BLENDS:
+        raise CommandError(f"reference: there is no blend of order {order}", value=text, rule="7 or 9")
+    first, *rest = (entry.strip() for entry in text[ordered.end() if ordered else 0 :].split(";"))
     start = _quantity(first, "m", text)
-    return _checked(text, start, [_move_of(entry, text) for entry in rest if entry])
+    return _checked(text, start, [_move_of(entry, text) for entry in rest if entry], order)
 
 
 def _sine_of(text: str) -> Reference:
@@ -256,21 +180,112 @@ def _from_file(path: Path) -> Reference:
     tables, text = toml.read(path, start='For instance: start = "220 mm", then [[moves]] with at, to and duration.')
     with toml.locating(path, text):
         read: Any = ReferenceFile.model_validate(tables)
-    moves = [ReferenceMove(one.at_s, one.duration_s, one.to_m) for one in read.moves]
-    return _checked(str(path), read.start_m, moves)
+    if read.points:
+        return _of_points(str(path), read)
+    if all(one.duration_s is not None for one in read.moves):
+        moves = [ReferenceMove(one.at_s, one.duration_s, one.to_m) for one in read.moves]
+        return _checked(str(path), read.start_m, moves, read.order)
+    limits = read.limits
+    asked = paths.PathLimits(limits.velocity_m_s, limits.acceleration_m_s2, limits.jerk_m_s3, limits.snap_m_s4)
+    rows, free_s, at = [], 0.0, read.start_m
+    for one in read.moves:
+        _after(free_s, one.at_s, str(path))
+        made = (
+            paths.within_limits(one.at_s, at, one.to_m, asked)
+            if one.duration_s is None
+            else paths.blended(one.at_s, one.duration_s, at, one.to_m, read.order)
+        )
+        rows += made
+        free_s, at = (made[-1][0] + made[-1][1] if made else one.at_s), one.to_m
+    return polynomials(str(path), read.start_m, rows)
 
 
-def _checked(text: str, start_m: float, moves: list[ReferenceMove]) -> Reference:
+def _of_points(text: str, read: ReferenceFile) -> Reference:
+    times, points = [one.at_s for one in read.points], [one.to_m for one in read.points]
+    if read.through == "stop":
+        each = zip(times, times[1:], points[1:], strict=False)
+        moves = [ReferenceMove(begin, end - begin, to) for begin, end, to in each]
+        return _checked(text, points[0], moves, read.order)
+    return _missing(polynomials(text, points[0], paths.through(times, points)), times, points)
+
+
+def _missing(made: Reference, times: Any, points: Any) -> Reference:  # noqa: ANN401 - arrays or lists
+    missed = np.abs(made.at(times)[:, 0] - np.asarray(points)).max()
+    return polynomials(made.text, made.start_m, made.pieces, points_missed_m=float(missed))
+
+
+def _of_record(path: Path) -> Reference:
+    names = ("time_s", "position_m")
+    if columns_in(path, names) != list(names):
+        raise CommandError(f"the record {path} lacks a column", rule="columns time_s and position_m")
+    time, position = read_columns(path, names).values()
+    if len(time) <= paths.REST or not (np.isfinite(time).all() and np.isfinite(position).all()):
+        raise CommandError(f"the record {path} is too short or holds no numbers", value=f"{len(time)} samples")
+    if not (np.diff(time) > 0.0).all() or time[0] < 0.0 or time[-1] > LONGEST_S:
+        raise CommandError(f"the times of the record {path} are not valid", rule=f"they rise, 0 to {LONGEST_S:g} s")
+    sparse = float(np.diff(time).max())
+    made = polynomials(str(path), float(position[0]), paths.near(time, position, max(KNOT_S, 2.0 * sparse)))
+    return _missing(made, time, position)
+
+
+def _axis_of(text: str) -> tuple[str, str]:
+    """Return the file of a program and the axis that is asked for."""
+    program, colon, axis = text.rpartition(":")
+    return (program, axis.strip().upper()) if colon and program.endswith(PROGRAMS) else (text, "")
+
+
+def _of_program(path: Path, axis: str) -> Reference:
+    each = program_references(path)
+    if not axis and len(each) == 1:
+        return next(iter(each.values()))
+    if axis not in each:
+        what = f"{path} has the axes {', '.join(each)}" if not axis else f"{path} has no axis {axis}"
+        raise CommandError(what, remedy=f"Say which: {path}:{next(iter(each))}.")
+    return each[axis]
+
+
+def program_references(path: str | Path) -> dict[str, Reference]:
+    """Read a program of moves, a subset of G-code: one reference for each of its axes, all on one clock.
+
+    G0, G1 with F, G4 P, G90, G91, G20 and G21.
+
+    Raises
+    ------
+    CommandError
+        The file is not there or too large, or a block is not valid; with its line.
+    """
+    file = Path(path)
+    try:
+        if file.stat().st_size > bound("text_bytes"):
+            raise CommandError(f"the program {path} is too large")
+        text = file.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CommandError(f"the program {path} cannot be read", value=str(error)) from None
+    each = gcode.read_program(text, str(path))
+    named = {axis: str(path) if len(each) == 1 else f"{path}:{axis}" for axis in each}
+    return {axis: polynomials(named[axis], own.start_m, own.pieces) for axis, own in each.items()}
+
+
+def _after(free_s: float, begin_s: float, text: str) -> None:
+    if not free_s <= begin_s <= LONGEST_S:
+        what = f"reference: a move begins at {begin_s:g} s"
+        rule = f"after the one before it has ended, here from {free_s:g} s to {LONGEST_S:g} s"
+        raise CommandError(what, value=text, rule=rule)
+
+
+def _checked(text: str, start_m: float, moves: list[ReferenceMove], order: int = 7) -> Reference:
     free_s = 0.0
     for move in moves:
         if not move.duration_s > 0.0:
             raise CommandError(f"reference: a move takes {move.duration_s:g} s", value=text, rule="greater than 0")
-        if not free_s <= move.begin_s <= LONGEST_S:
-            what = f"reference: a move begins at {move.begin_s:g} s"
-            rule = f"after the one before it has ended, here from {free_s:g} s to {LONGEST_S:g} s"
-            raise CommandError(what, value=text, rule=rule)
+        _after(free_s, move.begin_s, text)
         free_s = move.end_s
-    return Reference(text, start_m, tuple(moves))
+    if order == 7:
+        return Reference(text, start_m, tuple(moves))
+    starts = [start_m, *(move.to_m for move in moves)]
+    each = zip(moves, starts, strict=False)
+    rows = [row for move, at in each for row in paths.blended(move.begin_s, move.duration_s, at, move.to_m, order)]
+    return polynomials(text, start_m, rows)
 
 
 def check_reach(of: Reference, stroke_m: float, speed_m_s: float) -> None:
@@ -303,41 +318,3 @@ def check_reach(of: Reference, stroke_m: float, speed_m_s: float) -> None:
             rule=f"at most {speed_m_s:.3g} m/s, the steady speed at full opening",
             remedy=f"{by}: {slower}" if len(slower) < LONGEST_REMEDY else f"{by}.",
         )
-
-
-#: Share of a drive's speed that a standard reference takes at most, and of its stroke that a sine takes (assumed).
-_SPEED_SHARE, _STROKE_SHARE = 0.85, 0.3
-
-
-def standard_references(stroke_m: float, speed_m_s: float) -> dict[str, Reference]:
-    """Return the standard references for a drive, slowed where it could not follow.
-
-    R1 and R2: sines of 60 mm, 0.5 and 1 Hz, about mid stroke. R3: stairs, 60 mm forth and back in 0.3 s, then to 0.8
-    and to 0.2 of the stroke. R5: 60 mm in 0.3 s and 40 s of rest. R6: 0.6 of the stroke in 0.25 s. In a stroke below
-    200 mm, 0.3 of it takes the place of 60 mm.
-
-    Parameters
-    ----------
-    stroke_m, speed_m_s : float
-        Stroke, and steady speed at full opening.
-
-    Returns
-    -------
-    dict
-        Name -> reference.
-    """
-    step = min(0.06, _STROKE_SHARE * stroke_m)
-    low, middle, right, left = (round(share * stroke_m, 6) for share in (0.46, 0.5, 0.8, 0.2))
-    high = round(low + step, 6)
-    made = {
-        "R1": sine(step, 0.5, middle),
-        "R2": sine(step, 1.0, middle),
-        "R3": _moves(low, (1.0, 0.3, high), (3.0, 0.3, low), (5.0, 0.5, right), (7.0, 0.6, left)),
-        "R5": _moves(low, (1.0, 0.3, high), rest_s=40.0),
-        "R6": _moves(left, (1.0, 0.25, right)),
-    }
-    return {name: one.stretched(one.reach().fastest_m_s / (_SPEED_SHARE * speed_m_s)) for name, one in made.items()}
-
-
-def _moves(start_m: float, *moves: tuple[float, float, float], rest_s: float = REST_S) -> Reference:
-    return stairs(start_m, [ReferenceMove(*one) for one in moves], rest_s)

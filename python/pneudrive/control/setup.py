@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -15,6 +15,7 @@ from pneudrive.errors import nearest
 from pneudrive.rig.description import BELOW_ZERO
 from pneudrive.rig.keys import KEYS, any_sign, not_negative
 
+_Kind = TypeVar("_Kind", bound=Described)
 SETUPS = Path(__file__).with_name("setups")
 LEAST_BITS, MOST_BITS = 4, 32  # as of the converters of a rig
 _ENCODER, _PRESSURE = KEYS["encoder"], KEYS["pressure_sensor"]
@@ -171,12 +172,24 @@ def read_setup(given: Setup | str | Path) -> tuple[Setup, str]:
     """
     if isinstance(given, Setup):
         return given, "own"
-    ready = ready_setups()
+    start = 'For instance: schema = 1, then [sensors.position] resolution = "5 um".'
+    return read_ready(Setup, given, ready_setups(), start)
+
+
+def read_ready(kind: type[_Kind], given: str | Path, ready: dict[str, Path], start: str) -> tuple[_Kind, str]:
+    """Read a table of a kind: the name of a ready one, or a TOML file; and its name.
+
+    Raises
+    ------
+    DescriptionError
+        There is no such name or file, or the file is not valid.
+    """
     path = ready.get(str(given), Path(given))
     if not path.suffix and not path.exists():
-        raise wrong("", f'there is no setup "{given}"', remedy=f"{nearest(str(given), ready)} Or give a TOML file.")
-    tables, text = toml.read(path, start='For instance: schema = 1, then [sensors.position] resolution = "5 um".')
+        what = f'there is no {kind.__name__.lower()} "{given}"'
+        raise wrong("", what, remedy=f"{nearest(str(given), ready)} Or give a TOML file.")
+    tables, text = toml.read(path, start=start)
     with toml.locating(path, text):
-        setup = Setup.model_validate(tables)
-    assert isinstance(setup, Setup)
-    return setup, str(given) if str(given) in ready else path.name
+        found = kind.model_validate(tables)
+    assert isinstance(found, kind)
+    return found, str(given) if str(given) in ready else path.name

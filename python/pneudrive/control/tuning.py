@@ -78,6 +78,8 @@ class Plant(Shown):
         By which a command acts late: dead time of the valve, its spool, half a period.
     coulomb_n : float
     stroke_m : float
+    rest_pressures_pa : list of float
+        Of chambers a and b, absolute, about the mean of supply and ambient pressure: the piston rests without friction.
     cylinder, valve : str
         Names of the components.
     left_out : list of str
@@ -91,6 +93,7 @@ class Plant(Shown):
     lag_s: float
     coulomb_n: float
     stroke_m: float
+    rest_pressures_pa: list[float]
     cylinder: str
     valve: str
     left_out: list[str]

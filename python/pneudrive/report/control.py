@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pneudrive.control.comparison import ControlComparison
-    from pneudrive.control.references import Reference
+    from pneudrive.control.motion import Reference
     from pneudrive.control.tuning import Plant
 
 MOST_DRAWN = 4000  # samples of a curve
@@ -158,6 +158,26 @@ def tracks(found: ControlComparison, along: str) -> Figure:
     handles, labels = track.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=MOST_IN_A_ROW)
     figure.align_ylabels()
+    return figure
+
+
+def boxes(found: ControlComparison, along: str) -> Figure:
+    """Draw the largest errors of all members along one reference, a box for each law."""
+    figure = style.new_figure(0.5 + 0.34 * len(found.tunings))
+    axis = figure.subplots()
+    each = [[run.score.max_error_m for run in found.of(law, along) if run.score is not None] for law in found.tunings]
+    factor, unit = _error_unit([np.asarray(one) for one in each if one])
+    axis.boxplot(
+        [factor * np.asarray(one) for one in each],
+        orientation="horizontal",
+        whis=(5, 95),
+        tick_labels=list(found.tunings),
+        medianprops={"color": style.ORANGE},
+        flierprops={"marker": ".", "markersize": 3},
+    )
+    axis.invert_yaxis()
+    axis.set_xscale("log")
+    axis.set_xlabel(f"largest error / {unit}")
     return figure
 
 

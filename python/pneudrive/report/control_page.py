@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pneudrive.control.measures import SHOWN, written
+from pneudrive.control.measures import SHOWN, SPREAD_SHOWN, written
 from pneudrive.report import style
-from pneudrive.report.control import tracks
+from pneudrive.report.control import boxes, tracks
 from pneudrive.report.page import Items, PageTable, Paragraph, Picture, Report, section
 from pneudrive.report.words import plural
 
@@ -38,7 +38,8 @@ def write_control_report(found: ControlComparison, folder: str | Path) -> Path:
     CommandError
         The folder cannot be written to.
     """
-    parts = [_method(found), *(_reference(found, number) for number in range(len(found.references))), _told(found)]
+    each = [_reference(found, number) for number in range(len(found.references))]
+    parts = [_method(found), *each, _told(found), *_true(found)]
     title = f"{found.drive} under {plural(len(found.tunings), 'law')} of control"
     return Report(title, _verdict(found), parts, synthetic=True).write(folder)
 
@@ -61,15 +62,40 @@ def _called(name: str, text: str) -> str:
 
 def _method(found: ControlComparison) -> Section:
     setup = found.setup
-    lines = [f"{plural(len({run.seed for run in found.runs}), 'seed')} of noise for each law and reference"]
+    count = len({run.seed for run in found.runs})
+    each = plural(count, "member") if found.spread else f"{plural(count, 'seed')} of noise"
+    lines = [f"{each} for each law and reference"]
     lines.append(f"setup {found.setup_name}: {setup.about}" if setup.about else f"setup {found.setup_name}")
     for name, tuning in found.tunings.items():
         if tuning.belief.name != found.drive:
             lines.append(f"{name} believes that it commands {tuning.belief.name}")
+    if found.mismatch:
+        lines.append(f"the drive differs from what the laws believe by the mismatch {found.mismatch}")
+    if found.spread:
+        lines.append(f"each member is a drive of its own, drawn from the spread {found.spread}, with a seed of its own")
     return section("method", "What was compared", Paragraph(SAID), Items(tuple(lines)))
 
 
+def _spread(found: ControlComparison, number: int) -> Section:
+    """Show the members of a spread: a table of shares, boxes, and the first member's tracks."""
+    name = list(found.references)[number]
+    called = _called(name, found.references[name].text)
+    heads = ("law", *(SHOWN[one][0] for one in SPREAD_SHOWN), "lost")
+    title = f"Along {called}, simulated: 50 / 95 / 100 % of the members of {found.spread} stay below"
+    table = PageTable(heads, tuple(found.spread_rows(name)), title)
+    boxes_said = f"Largest error along {called} over the members of {found.spread}, simulated: box from 25 to 75 %, "
+    boxes_said += "whiskers from 5 to 95 %, dots beyond. Members that failed are not drawn."
+    tracks_said = f"Tracks and errors along {called}, simulated; of each law member 1."
+    pictures = (
+        Picture(f"boxes-{number + 1}", boxes_said, boxes(found, name)),
+        Picture(f"tracks-{number + 1}", tracks_said, tracks(found, name)),
+    )
+    return section(f"reference-{number + 1}", called, table, *pictures)
+
+
 def _reference(found: ControlComparison, number: int) -> Section:
+    if found.spread:
+        return _spread(found, number)
     name = list(found.references)[number]
     called = _called(name, found.references[name].text)
     rows = found.rows(name)
@@ -83,6 +109,20 @@ def _reference(found: ControlComparison, number: int) -> Section:
     caption = f"Tracks and errors along {called}, simulated; of each law its first seed."
     picture = Picture(f"tracks-{number + 1}", caption, tracks(found, name))
     return section(f"reference-{number + 1}", called, table, picture)
+
+
+def _true(found: ControlComparison) -> list[Section]:
+    """Say what was true where it was not what the laws were told: over all members least and largest."""
+    each: dict[str, list[float]] = {}
+    for run in found.runs:
+        for name, value in run.truth.items():
+            each.setdefault(name, []).append(value)
+    if not each:
+        return []
+    rows = tuple((name, f"{min(values):.4g}", f"{max(values):.4g}") for name, values in each.items())
+    heads = ("deviation of the true drive", "least", "largest")
+    text = "Factors of what was described, values in SI. Each member's are in score.csv."
+    return [section("true", "What was true", Paragraph(text), PageTable(heads, rows, "What was true"))]
 
 
 def _told(found: ControlComparison) -> Section:

@@ -1,0 +1,132 @@
+//! Whether a drive can follow a reference: the inverse of its model, run along the reference.
+
+use crate::law::Plant;
+use crate::model::Model;
+use crate::observer::State;
+use crate::reference::Reference;
+
+/// What a reference takes of a drive along a time, the largest of each.
+#[derive(Clone, Copy, Debug)]
+pub struct Demand {
+    /// Share of the valve's opening; infinite where no opening will do.
+    pub opening: f64,
+    /// When that is, s.
+    pub opening_time: f64,
+    /// Share of the force that the supply has in that direction.
+    pub force: f64,
+    /// Share of the steady speed at full opening.
+    pub speed: f64,
+    /// Rate of the spool's position, 1/s.
+    pub spool_rate: f64,
+    /// Least and largest pressure in the chambers, Pa absolute.
+    pub pressures: [f64; 2],
+}
+
+impl Demand {
+    /// The largest of the shares that have a limit.
+    pub fn most(&self) -> f64 {
+        self.opening.max(self.force).max(self.speed)
+    }
+}
+
+/// Step along the reference, s.
+const STEP: f64 = 1e-3;
+/// Rate at which the force of the gas is drawn to the wanted one, 1/s (assumed: well above a law's bandwidth).
+const FOLLOWS: f64 = 300.0;
+/// Slowest that a reference is tried, as a factor in time, and relative width at which the search ends.
+const SLOWEST: f64 = 1e4;
+const FOUND: f64 = 1e-3;
+
+/// What a reference slowed by a factor in time takes of a drive during `duration` s of the reference's own time. The
+/// piston is where the reference is; the gas runs by the model under the opening that gives the force for that motion.
+pub fn demand(model: &Model, plant: &Plant, reference: &Reference, duration: f64, factor: f64) -> Demand {
+    let gauge = model.supply.pressure - model.ambient.pressure;
+    let highest = model.sides.each_ref().map(|side| side.area * gauge);
+    let first = reference.slowed(0.0, factor);
+    let mut state = State {
+        position: first.position,
+        velocity: first.velocity,
+        disturbance: 0.0,
+        friction: 0.0,
+        pressures: model.rest_pressures(),
+        temperatures: [model.supply.temperature; 2],
+    };
+    let mut found = Demand {
+        opening: 0.0,
+        opening_time: 0.0,
+        force: 0.0,
+        speed: 0.0,
+        spool_rate: 0.0,
+        pressures: [f64::INFINITY, f64::NEG_INFINITY],
+    };
+    let wanted_force = |state: &mut State, t: f64| {
+        let wanted = reference.slowed(t, factor);
+        (state.position, state.velocity) = (wanted.position, wanted.velocity);
+        let [level, viscous] = model.friction_levels([wanted.position, wanted.velocity], state.pressures);
+        let rate = model.stick_rate(wanted.velocity, state.friction, level, STEP);
+        state.friction += STEP * rate;
+        let friction = state.friction + model.stick_damping_time * rate + viscous * wanted.velocity;
+        model.mass * wanted.acceleration + friction - model.load
+    };
+    let mut force = wanted_force(&mut state, 0.0);
+    let mut before = None;
+    for step in 0..(factor * duration / STEP).ceil() as u64 {
+        let t = STEP * step as f64;
+        let now = state;
+        let next = wanted_force(&mut state, t + STEP);
+        let rate = (next - force) / STEP + FOLLOWS * (force - model.gas_force(now.pressures));
+        let (way, share) = model.opening_for(&now, rate);
+        let share = if share >= 0.0 { share } else { f64::INFINITY };
+        if share > found.opening {
+            (found.opening, found.opening_time) = (share, t);
+        }
+        let given = way * share.min(1.0);
+        found.spool_rate = found.spool_rate.max((given - before.unwrap_or(given)).abs() / STEP);
+        before = Some(given);
+        let high = if force > 0.0 { highest[0] } else { highest[1] };
+        found.force = found.force.max(force.abs() / high);
+        found.speed = found.speed.max(now.velocity.abs() / plant.speed);
+        let [a, b] = now.pressures;
+        found.pressures = [found.pressures[0].min(a).min(b), found.pressures[1].max(a).max(b)];
+        let leak = model.openings(0.0);
+        let open = [given.max(0.0) + leak[0], (-given).max(0.0) + leak[1]];
+        let halfway = now.flow(model, open, 0.5 * STEP, &now);
+        let end = now.flow(model, open, STEP, &halfway);
+        (state.pressures, state.temperatures) = (end.pressures, end.temperatures);
+        force = next;
+    }
+    found
+}
+
+/// The least factor in time, from 1 on, by which a reference is to be slowed so that it takes at most a share of each
+/// limit, by bisection, with what it takes then; none where slowing does not help.
+pub fn least_factor(
+    model: &Model,
+    plant: &Plant,
+    reference: &Reference,
+    duration: f64,
+    share: f64,
+) -> Option<(f64, Demand)> {
+    let of = |factor| demand(model, plant, reference, duration, factor);
+    let fits = |factor| Some((factor, of(factor))).filter(|(_, demand)| demand.most() <= share);
+    if let Some(found) = fits(1.0) {
+        return Some(found);
+    }
+    let (mut low, mut high) = (1.0, 2.0);
+    let mut found = fits(high);
+    while found.is_none() {
+        (low, high) = (high, 2.0 * high);
+        if high > SLOWEST {
+            return None;
+        }
+        found = fits(high);
+    }
+    while high / low > 1.0 + FOUND {
+        let middle = (low * high).sqrt();
+        match fits(middle) {
+            Some(better) => (found, high) = (Some(better), middle),
+            None => low = middle,
+        }
+    }
+    found
+}

@@ -1,0 +1,146 @@
+"""Whether a drive can follow a reference: its inverse, run along the reference."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pneudrive import _core
+from pneudrive.show import Card, Shown
+
+if TYPE_CHECKING:
+    from pneudrive.control.motion import Reference
+    from pneudrive.control.tuning import Tuning
+
+#: Share of each limit up to which a reference is taken for feasible (assumed).
+SHARE = 0.85
+_PERIODS = 3.0  # of a sine that are looked at: the first one begins it
+_SEEN_S = 0.2  # behind the last move
+
+
+class Demand(NamedTuple):
+    """What a reference takes of a drive, the largest of each.
+
+    Attributes
+    ----------
+    valve_share : float
+        Opening, of the full one; infinite where no opening gives the force.
+    valve_at_s : float
+    force_share : float
+        Force of the air, of that at supply pressure against ambient.
+    speed_share : float
+        Of the steady speed at full opening.
+    spool_rate_per_s : float
+        Change of the opening in a second.
+    lowest_pressure_pa, highest_pressure_pa : float
+        In the chambers, absolute.
+    """
+
+    valve_share: float
+    valve_at_s: float
+    force_share: float
+    speed_share: float
+    spool_rate_per_s: float
+    lowest_pressure_pa: float
+    highest_pressure_pa: float
+
+
+@dataclass(frozen=True, repr=False)
+class Feasibility(Shown):
+    """Whether a drive can follow a reference.
+
+    Attributes
+    ----------
+    reference : Reference
+    demand : Demand
+        What it takes as it is.
+    factor : float or None
+        Least factor in time with which it takes at most 85 % of valve, force and speed; 1: as it is. None: none helps.
+    slowed : Demand or None
+        What it takes then.
+    stroke_m, speed_m_s : float
+        Of the drive.
+    """
+
+    reference: Reference
+    demand: Demand
+    factor: float | None
+    slowed: Demand | None
+    stroke_m: float
+    speed_m_s: float
+
+    @property
+    def is_feasible(self) -> bool:
+        """Whether it takes at most 85 % of each limit as it is."""
+        return self.factor == 1.0
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return name and value with unit of each number."""
+        reach, own = self.reference.reach(), self.demand
+        low, high = (1e-5 * p for p in (own.lowest_pressure_pa, own.highest_pressure_pa))
+        rows = [
+            ("positions", f"{1e3 * reach.lowest_m:g} .. {1e3 * reach.highest_m:g} mm of {1e3 * self.stroke_m:g} mm"),
+            (
+                "largest speed",
+                f"{reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s, {100.0 * own.speed_share:.0f} % of the drive's",
+            ),
+            ("valve", f"{_percent(own.valve_share)} of its opening at {own.valve_at_s:.3g} s"),
+            ("force", f"{_percent(own.force_share)} of the supply's; pressures {low:.3g} .. {high:.3g} bar abs"),
+        ]
+        if self.reference.points_missed_m is not None:
+            rows.append(("points missed by", f"{1e6 * self.reference.points_missed_m:.3g} um at most"))
+        return [*rows, ("feasible", self._verdict())]
+
+    def _verdict(self) -> str:
+        limit = f"{100.0 * SHARE:.0f} % of each limit"
+        if self.is_feasible:
+            return f"yes: it takes at most {limit}"
+        if self.factor is None:
+            return f"no, however slow: it never takes less than {limit}"
+        slower = self.reference.stretched(self.factor).text
+        return f"no: {limit} would be kept if it were slower by {self.factor:.3g}, as {slower}"
+
+    def _card(self) -> Card:
+        return Card(self.reference.text, rows=self.rows())
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.0f} %" if share < 1e3 else "more than all"
+
+
+def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
+    """Return what a reference takes of a drive, and how far it has to be slowed.
+
+    The inverse of the model that a law believes in is run along the reference: the piston is where the reference is,
+    the gas follows the opening that gives the force for that motion.
+
+    Parameters
+    ----------
+    tuning : Tuning
+        From `pneudrive.control.tune`.
+    reference : Reference
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> tuning = pn.control.tune(pn.Drive.load("catalogue:reference"))
+    >>> found = pn.control.feasibility(tuning, pn.control.reference("250 mm; 1 s: 400 mm in 0.1 s"))
+    >>> found.is_feasible, found.factor > 1.0
+    (False, True)
+    """
+    seen_s = (
+        _PERIODS / reference.frequency_hz if reference.is_sine else reference.duration_s - reference.rest_s + _SEEN_S
+    )
+    motion, form = json.dumps(reference.core()), json.dumps(tuning.core())
+    told, slowed = _core.control_feasibility(form, motion, seen_s, SHARE)
+    factor: Any = None if slowed is None else slowed[0]
+    plant = tuning.plant
+    return Feasibility(
+        reference,
+        Demand(**told),
+        factor,
+        None if slowed is None else Demand(**slowed[1]),
+        plant.stroke_m,
+        plant.speed_m_s,
+    )

@@ -1,0 +1,149 @@
+"""Programs of moves in a subset of G-code: G0, G1 with F, G4 P, G90, G91, G20, G21; one axis or several."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, NamedTuple
+
+from pneudrive.control.paths import along_line, blended
+from pneudrive.errors import CommandError
+
+if TYPE_CHECKING:
+    from pneudrive.control.paths import Row
+
+#: Speed of a rapid move, m/s, and time in which a velocity is taken up, s (both assumed).
+RAPID_M_S, RUN_UP_S = 0.5, 0.1
+PEAK = 2.1875  # largest speed of a blend of order 7 over its mean
+AXES = "XYZABCUVW"
+_INCH_M, _MM_M, _MINUTE_S = 0.0254, 1e-3, 60.0
+_WORD = re.compile(r"([A-Z])\s*([-+]?(?:\d+\.?\d*|\.\d+))")
+_KNOWN = {0, 1, 4, 20, 21, 90, 91}
+RULE = "G0, G1 with F, G4 P, G90, G91, G20, G21, and axes of " + ", ".join(AXES)
+
+
+class AxisPath(NamedTuple):
+    """Path of one axis.
+
+    Attributes
+    ----------
+    start_m : float
+    pieces : list
+        As of `pneudrive.control.paths`.
+    """
+
+    start_m: float
+    pieces: list[Row]
+
+
+class _Modal:
+    """What holds from block to block: G-code is modal."""
+
+    def __init__(self) -> None:
+        self.scale_m, self.is_relative, self.motion = _MM_M, False, 0
+        self.feed_m_s: float | None = None
+        self.time_s = 0.0
+        self.at: dict[str, float] = {}
+        self.paths: dict[str, AxisPath] = {}
+
+
+def read_program(text: str, origin: str = "program") -> dict[str, AxisPath]:
+    r"""Read a program: the path of each of its axes.
+
+    The first block with axes says where the program begins, if it is a G0 in absolute positions. Positions are in mm
+    (G21) unless G20 says inch; F in the same unit per minute, P in seconds. All axes of a block move in the same time:
+    a G0 so that the longest way reaches 0.5 m/s, a G1 with F along the straight line, which it takes up within 0.1 s;
+    both assumed. Comments are in parentheses or behind a semicolon.
+
+    Raises
+    ------
+    CommandError
+        A word is not known, a number is not valid, or F or P is missing; with the line.
+
+    Examples
+    --------
+    >>> found = read_program("G21 G90\nG0 X220\nG1 X280 F6000\nG4 P1\nX220")
+    >>> found["X"].start_m, round(found["X"].pieces[-1][0] + found["X"].pieces[-1][1], 3)
+    (0.22, 2.4)
+    """
+    state = _Modal()
+    for number, line in enumerate(text.splitlines(), start=1):
+        plain = re.sub(r"\(.*?\)", " ", line.upper()).split(";")[0].replace("%", " ").strip()
+        if plain:
+            try:
+                _block(plain, state)
+            except CommandError as error:
+                raise CommandError(error.what, where=f"{origin}:{number}", value=line.strip(), rule=RULE) from None
+    if not state.paths:
+        raise CommandError(f"{origin} has no block with an axis", rule=RULE)
+    return state.paths
+
+
+def _block(plain: str, state: _Modal) -> None:
+    rest = _WORD.sub("", plain).strip()
+    if rest:
+        raise CommandError(f'"{rest}" is no word of a letter and a number')
+    words = [(letter, float(value)) for letter, value in _WORD.findall(plain)]
+    codes = [value for letter, value in words if letter == "G"]
+    for code in codes:
+        _code(code, state)
+    named = {letter: value for letter, value in words if letter not in "GN"}
+    if "F" in named:
+        state.feed_m_s = named.pop("F") * state.scale_m / _MINUTE_S
+        if not state.feed_m_s > 0.0:
+            raise CommandError("F must be greater than 0")
+    if 4 in codes:
+        pause = named.pop("P", None)
+        if pause is None or pause < 0.0:
+            raise CommandError("G4 needs P with a time in seconds, from 0 on")
+        state.time_s += pause
+    strange = next((letter for letter in named if letter not in AXES), None)
+    if strange is not None:
+        raise CommandError(f"{strange} is not known")
+    if named:
+        _move({axis: value * state.scale_m for axis, value in named.items()}, state)
+
+
+def _code(code: float, state: _Modal) -> None:
+    if code not in _KNOWN:
+        raise CommandError(f"G{code:g} is not known")
+    if code in (20, 21):
+        state.scale_m = _INCH_M if code == 20 else _MM_M
+    elif code in (90, 91):
+        state.is_relative = code == 91
+    elif code in (0, 1):
+        state.motion = int(code)
+
+
+def _move(asked: dict[str, float], state: _Modal) -> None:
+    ways = {}
+    for axis, value in asked.items():
+        if axis not in state.at:
+            if state.is_relative or state.motion == 1 or state.time_s > 0.0:
+                raise CommandError(f"where {axis} begins is not said: give it in a first block with G0 and G90")
+            state.at[axis] = value
+            state.paths[axis] = AxisPath(value, [])
+        to = state.at[axis] + value if state.is_relative else value
+        ways[axis] = (state.at[axis], to)
+    longest = max(abs(to - start) for start, to in ways.values())
+    if longest == 0.0:
+        return
+    if state.motion == 0:
+        duration_s = PEAK * longest / RAPID_M_S
+        ends_s = duration_s
+    else:
+        if state.feed_m_s is None:
+            raise CommandError("G1 needs a feed F")
+        length = sum((to - start) ** 2 for start, to in ways.values()) ** 0.5
+        duration_s = length / state.feed_m_s
+        ends_s = duration_s + min(RUN_UP_S, duration_s)
+    for axis, (start, to) in ways.items():
+        if to != start:
+            begin = state.time_s
+            made = (
+                blended(begin, duration_s, start, to, 7)
+                if state.motion == 0
+                else along_line(begin, start, to, duration_s, RUN_UP_S)
+            )
+            state.paths[axis].pieces.extend(made)
+        state.at[axis] = to
+    state.time_s += ends_s

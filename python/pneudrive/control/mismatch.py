@@ -1,0 +1,337 @@
+"""Mismatch: how a drive differs from its description, which the laws believe: one drive, or a spread of members."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from pneudrive import _core, units
+from pneudrive.control.setup import Disturbance, Setup, read_ready
+from pneudrive.describe.base import Bounds, Described, Mark, WrongValueError, number, quantity, wrong
+from pneudrive.describe.marks import Choice
+from pneudrive.errors import CommandError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.control.tuning import Plant
+
+READY = Path(__file__).with_name("mismatches")
+#: Volume behind the conductance of a weak supply, and its critical pressure ratio (assumed).
+SUPPLY_VOLUME_M3, SUPPLY_RATIO = 0.2e-3, 0.5
+
+
+ABOVE_ZERO = Bounds(above=0.0)
+
+
+@dataclass(frozen=True)
+class ValueOrRange(Mark):
+    """Annotation of a value or of a range in which members lie evenly: ``"75 Hz .. 125 Hz"``; both ends are stored."""
+
+    si_unit: str = ""
+    written: str = ""
+    bounds: Bounds = ABOVE_ZERO
+
+    def read(self, given: object) -> tuple[float, float]:
+        """Convert and check."""
+        ends = given.split("..") if isinstance(given, str) else [given]
+        if len(ends) > 2:
+            raise WrongValueError(f'"{given}" is not a range', remedy='Write "0.8 .. 1.2".')
+        low, high = (self._end(ends[0]), self._end(ends[-1]))
+        if not low <= high:
+            raise WrongValueError(f'range "{given}" is empty', rule="the first end lies below the second")
+        return low, high
+
+    def _end(self, given: object) -> float:
+        if self.si_unit:
+            return quantity(given.strip() if isinstance(given, str) else given, self.si_unit, self.bounds)
+        try:
+            plain = float(given) if isinstance(given, str) else given
+        except ValueError:
+            raise WrongValueError(f'"{given}" is not a number', remedy='Write 1.2, or "0.8 .. 1.2".') from None
+        return number(plain, self.bounds)
+
+    def show(self, value: tuple[float, float]) -> str | float:
+        """Write the value as users would."""
+        if not self.si_unit:
+            return value[0] if value[0] == value[1] else f"{value[0]:g} .. {value[1]:g}"
+        ends = [units.write(end, self.si_unit, self.written) for end in value]
+        return ends[0] if ends[0] == ends[1] else " .. ".join(ends)
+
+    def schema(self) -> dict[str, Any]:
+        """Return the JSON schema of the form that users write."""
+        form = {"type": "string", "x-unit": self.si_unit} if self.si_unit else {"type": ["number", "string"]}
+        return form | {"description": "a value, or a range LOW .. HIGH"}
+
+
+_Range = tuple[float, float]
+Factor = Annotated[_Range | None, ValueOrRange()]
+_POSITIVE, _SHARE = Bounds(at_least=0.0), Bounds(at_least=0.0, below=1.0)
+_ANY = Bounds()
+
+
+def _factor(of: str) -> Any:  # noqa: ANN401 - pydantic's own
+    return Field(default=None, description=f"factor of {of}")
+
+
+class Mismatch(Described):
+    """How a drive differs from its description. Values; or ranges in which the members of a spread lie evenly.
+
+    Examples
+    --------
+    >>> Mismatch(moving_mass=1.3, overlap="0.005 .. 0.04").ranges
+    {'moving_mass': (1.3, 1.3), 'overlap': (0.005, 0.04)}
+    """
+
+    table_name: ClassVar[str] = "mismatch"
+    schema_version: Literal[1] = Field(default=1, alias="schema")
+    about: str = ""
+    friction_level: Factor = _factor("the Coulomb and the breakaway friction")
+    viscous: Factor = _factor("the viscous friction")
+    stribeck_velocity: Factor = _factor("the Stribeck velocity")
+    bristle_stiffness: Factor = _factor("the stiffness of the contact in stick")
+    conductance: Factor = _factor("the conductance of the valve")
+    moving_mass: Factor = _factor("the moving mass")
+    heat_transfer: Factor = _factor("the heat-transfer coefficient")
+    dead_volume: Factor = _factor("both dead volumes")
+    supply_pressure: Factor = _factor("the absolute pressure of the supply")
+    supply_conductance: Factor = Field(
+        default=None, description="conductance from the supply to 0.2 l before the valve, as a factor of the valve's"
+    )
+    spool_frequency_hz: Annotated[_Range | None, ValueOrRange("1/s", "Hz")] = None
+    delay_s: Annotated[_Range | None, ValueOrRange("s", "ms", _POSITIVE)] = None
+    overlap: Annotated[_Range | None, ValueOrRange(bounds=_SHARE)] = None
+    leakage: Annotated[_Range | None, ValueOrRange(bounds=_SHARE)] = None
+    hysteresis: Annotated[_Range | None, ValueOrRange(bounds=_SHARE)] = None
+    pressure_zero_pa: Annotated[_Range | None, ValueOrRange("Pa", "kPa", _ANY)] = Field(
+        default=None, description="zero of each pressure sensor"
+    )
+    pressure_gain: Annotated[_Range | None, ValueOrRange(bounds=_ANY)] = Field(
+        default=None, description="relative error of the gain of each pressure sensor"
+    )
+    friction_law: Annotated[str | None, Choice(tuple(str(own["name"]) for own in _core.friction_laws()))] = Field(
+        default=None, description="law in the place of the drive's, with the numbers that both have"
+    )
+    disturbances: tuple[Disturbance, ...] = ()
+
+    @property
+    def ranges(self) -> dict[str, _Range]:
+        """Name of what deviates -> the ends of its range."""
+        return {name: getattr(self, name) for name in PLACES if getattr(self, name) is not None}
+
+    @property
+    def is_spread(self) -> bool:
+        """Whether members differ."""
+        return any(low < high for low, high in self.ranges.values())
+
+    def drawn(self, seed: int, member: int) -> dict[str, float]:
+        """Return the values of a member: a pure function of seed, member and name.
+
+        Parameters
+        ----------
+        seed, member : int
+            Key of the counter-based generator.
+
+        Returns
+        -------
+        dict
+            Name -> value; those of the second pressure sensor end in ``_b``.
+        """
+        shares = np.random.Generator(np.random.Philox(key=[seed, member])).random(len(DRAWS))
+        out = {}
+        for name, share in zip(DRAWS, shares, strict=True):
+            ends = self.ranges.get(name.removesuffix("_b"))
+            if ends is not None:
+                out[name] = ends[0] + float(share) * (ends[1] - ends[0])
+        return out
+
+
+#: Numbers of a drive's description that a factor moves: of the cylinder's friction, and of components.
+_FRICTION = {
+    "friction_level": ("coulomb", "breakaway"),
+    "viscous": ("viscous",),
+    "stribeck_velocity": ("stribeck_velocity",),
+    "bristle_stiffness": ("bristle_stiffness",),
+}
+_CYLINDER = {
+    "moving_mass": ("moving_mass",),
+    "heat_transfer": ("heat_transfer",),
+    "dead_volume": ("dead_volume_a", "dead_volume_b"),
+}
+_VALVE = {
+    "spool_frequency_hz": "frequency",
+    "delay_s": "delay",
+    "overlap": "overlap",
+    "leakage": "leakage",
+    "hysteresis": "hysteresis",
+}
+_SENSORS = {"pressure_zero_pa": "zero_pa", "pressure_gain": "gain_error"}
+PLACES = (
+    *_FRICTION,
+    "conductance",
+    *_CYLINDER,
+    "supply_pressure",
+    "supply_conductance",
+    *_VALVE,
+    *_SENSORS,
+)
+DRAWS = (*PLACES, *(f"{name}_b" for name in _SENSORS))
+
+
+class Truth(NamedTuple):
+    """What a drive really is, where its description says otherwise.
+
+    Attributes
+    ----------
+    core_json : str
+        The circuit in the core's form.
+    start : dict
+        Numbers of its start that the description does not have.
+    setup : Setup
+    values : dict
+        Name of what deviates -> its value.
+    """
+
+    core_json: str
+    start: dict[str, float]
+    setup: Setup
+    values: dict[str, float]
+
+
+def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, drawn: Mapping[str, float]) -> Truth:
+    """Return a drive, given in the core's form, as it is with a mismatch and the values that were drawn of it.
+
+    Raises
+    ------
+    DescriptionError
+        The drive lacks what is to deviate.
+    """
+    form = json.loads(core_json)
+    named = {one["name"]: one for one in form["components"]}
+    cylinder, valve = named[plant.cylinder], named[plant.valve]
+    conductance = valve["numbers"]["conductance"]
+    for name, value in drawn.items():
+        for key in _FRICTION.get(name, ()):
+            _scale(cylinder["friction"]["parameters"], key, value)
+        for key in _CYLINDER.get(name, ()):
+            _scale(cylinder["numbers"], key, value)
+        if name in _VALVE:
+            valve["numbers"][_VALVE[name]] = value
+    valve["numbers"]["conductance"] = conductance * drawn.get("conductance", 1.0)
+    if mismatch.friction_law is not None:
+        cylinder["friction"] |= _other_law(mismatch.friction_law, cylinder["friction"]["parameters"])
+    start = _supply(form, drawn, conductance)
+    return Truth(json.dumps(form, sort_keys=True), start, _sensors(setup, mismatch, drawn), dict(drawn))
+
+
+def _scale(numbers: dict[str, float], key: str, factor: float) -> None:
+    if key in numbers:
+        numbers[key] *= factor
+
+
+def _other_law(word: str, has: dict[str, float]) -> dict[str, Any]:
+    law = next(one for one in _core.friction_laws() if one["name"] == word)
+    parameters = {}
+    for one in law["parameters"]:
+        name, usual = one["key"], one["default"]
+        if name in has:
+            parameters[name] = has[name]
+        elif usual is None:
+            what = f"friction_law: {word} needs {name}, which the friction of the drive does not have"
+            raise wrong("friction_law", what, remedy="Choose a law with the same numbers.")
+    return {"law": word, "parameters": parameters}
+
+
+def _supply(form: dict[str, Any], drawn: Mapping[str, float], conductance: float) -> dict[str, float]:
+    """Deviate the supply in place; return the start of the volume behind it."""
+    reservoirs = [one for one in form["components"] if one["kind"] == "reservoir"]
+    for one in reservoirs:
+        _scale(one["numbers"], "pressure", drawn.get("supply_pressure", 1.0))
+    if "supply_conductance" not in drawn:
+        return {}
+    (supply,) = reservoirs  # a law commands a circuit with one
+    names = [f"{supply['name']}_{what}" for what in ("restriction", "volume")]
+    restriction, volume = names
+    for name, kind, numbers in (
+        (volume, "tank", {"volume": SUPPLY_VOLUME_M3}),
+        (
+            restriction,
+            "fitting",
+            {"conductance": drawn["supply_conductance"] * conductance, "critical_pressure_ratio": SUPPLY_RATIO},
+        ),
+    ):
+        form["components"].append({"name": name, "kind": kind, "choices": {}, "friction": None, "numbers": numbers})
+    form["joints"] = [
+        [f"{volume}.1" if port == f"{supply['name']}.1" else port for port in joint] for joint in form["joints"]
+    ]
+    for joint in form["joints"]:
+        if f"{volume}.1" in joint:
+            joint.append(f"{restriction}.2")
+    form["joints"].append([f"{supply['name']}.1", f"{restriction}.1"])
+    pressure = supply["numbers"]["pressure"]
+    temperature = supply["numbers"].get("temperature", form["ambient"]["temperature_k"])
+    return {f"{volume}.pressure_pa": pressure, f"{volume}.temperature_k": temperature}
+
+
+def _sensors(setup: Setup, mismatch: Mismatch, drawn: Mapping[str, float]) -> Setup:
+    changed = setup.sensors
+    for sensor, mark in (("pressure_a", ""), ("pressure_b", "_b")):
+        own = getattr(changed, sensor)
+        if own is not None:
+            values = {key: drawn[name + mark] for name, key in _SENSORS.items() if name + mark in drawn}
+            changed = changed.model_copy(update={sensor: own.model_copy(update=values)})
+    each = sorted((*setup.disturbances, *mismatch.disturbances), key=lambda one: one.at_s)
+    return setup.model_copy(update={"sensors": changed, "disturbances": tuple(each)})
+
+
+def ready_mismatches() -> dict[str, Path]:
+    """Return the files of the mismatches that come with the package, by name."""
+    return {path.stem: path for path in sorted(READY.glob("*.toml"))}
+
+
+def read_mismatch(given: Mismatch | str | Path) -> tuple[Mismatch, str]:
+    """Read a mismatch: the name of a ready one, or a TOML file.
+
+    Parameters
+    ----------
+    given : Mismatch, str or path-like
+        A mismatch is returned unchanged.
+
+    Returns
+    -------
+    Mismatch, str
+        And its name: of the ready one, of the file, or ``"own"``.
+
+    Raises
+    ------
+    DescriptionError
+        The file is not valid; the message gives file, line, value, rule and remedy.
+
+    Examples
+    --------
+    >>> read_mismatch("mass+30")[0].moving_mass
+    (1.3, 1.3)
+    """
+    if isinstance(given, Mismatch):
+        return given, "own"
+    return read_ready(Mismatch, given, ready_mismatches(), "For instance: schema = 1, then moving_mass = 1.3.")
+
+
+def one_value(mismatch: Mismatch, name: str) -> dict[str, float]:
+    """Return the values of a mismatch that is no spread.
+
+    Raises
+    ------
+    CommandError
+        It is one.
+    """
+    if mismatch.is_spread:
+        wide = next(key for key, (low, high) in mismatch.ranges.items() if low < high)
+        what = f"the mismatch {name} is a spread: {wide} has a range"
+        raise CommandError(what, remedy=f"Give it as --spread {name}, or a value in place of each range.")
+    return mismatch.drawn(0, 0)

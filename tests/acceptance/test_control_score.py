@@ -1,0 +1,252 @@
+"""The score card of control: mismatches and spreads of the true drive, references of files, feasibility, air."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import pneudrive as pn
+from pneudrive.cli.main import run
+from pneudrive.control.measures import SCORED, score_of
+from pneudrive.control.mismatch import Mismatch, ready_mismatches
+
+AXIS = Path(__file__).parents[2] / "examples" / "controlled_axis.toml"
+STEP = "220 mm; 0.1 s: 280 mm in 0.3 s"
+CLOCKS = ("step_time", "least_step_time")
+
+
+@pytest.fixture(scope="module")
+def axis():
+    return pn.Circuit.load(AXIS)
+
+
+def test_a_mismatch_is_the_drive_that_it_says(axis):
+    """Of a heavier drive with less friction: the bits of that drive under a law that believes in the other one."""
+    true = axis.replace(
+        {
+            "components.cylinder.moving_mass": "2.6 kg",
+            "components.cylinder.friction.coulomb": "15 N",
+            "components.cylinder.friction.breakaway": "22.5 N",
+            "components.valve.delay": "1.5 ms",
+        }
+    )
+    told = {"reference": STEP, "duration": "0.6 s", "seed": 2}
+    expected = pn.control.run(true, "pva", believes=axis, **told)
+    mismatch = Mismatch(moving_mass=1.3, friction_level=0.5, delay="1.5 ms")
+    found = pn.control.run(axis, "pva", mismatch=mismatch, **told)
+    assert found.drop_vars(CLOCKS).equals(expected.drop_vars(CLOCKS))
+    assert found.attrs["deviations"] == {"moving_mass": 1.3, "friction_level": 0.5, "delay_s": 0.0015}
+
+
+def test_ready_mismatches_change_what_a_law_that_does_not_learn_reaches(axis, tmp_path):
+    """Each makes another run; a weak supply and a force of 20 N a worse one."""
+    (tmp_path / "fixed.toml").write_text('schema = 1\nlaw = "super-twisting"\nadaptation = false\n')
+    load = Mismatch(disturbances=[{"at": "0.2 s", "force": "-20 N"}])
+    cases = {name: name for name in ready_mismatches() if name not in ("standard", "load-step")} | {"load": load}
+    error = {
+        name: pn.control.run(
+            axis, controller=tmp_path / "fixed.toml", reference=STEP, duration="0.8 s", mismatch=given
+        ).attrs["score"]["max_error_m"]
+        for name, given in ({"none": None} | cases).items()
+    }
+    assert len(set(error.values())) == len(error)
+    assert min(error["all"], error["load"]) > 1.5 * error["none"]
+
+
+def test_air_is_that_of_the_supply(axis):
+    """The mass from the ledger against the flow from the supply along the same commands."""
+    found = pn.control.run(axis, "pva", reference=STEP, setup="ideal", duration="0.6 s")
+    start = {"cylinder.position": "220 mm", "cylinder.a.pressure": "4.006625 bar abs"}
+    start["cylinder.b.pressure"] = start["cylinder.a.pressure"]
+    commands = list(zip(found.time.to_numpy(), found.command.to_numpy(), strict=True))
+    again = pn.simulate(axis, commands, "0.6 s", initial=start, sample_rate="10 kHz")
+    mass = np.trapezoid(again["supply.mass_flow"], again.time)
+    assert found.attrs["air"]["mass_kg"] == pytest.approx(abs(mass), rel=2e-3)
+    volume = found.attrs["score"]["air_anr_m3_s"] * 0.6
+    assert volume == pytest.approx(found.attrs["air"]["mass_kg"] / 1.185)
+
+
+def test_members_of_a_spread_are_the_same_for_any_number_of_threads(axis, tmp_path, capsys):
+    command = ["control", "compare", str(AXIS), "--laws", "pva,inversion", "--references", STEP]
+    options = ["--spread", "standard", "--members", "4", "--threads", "1", "--out", str(tmp_path / "one")]
+    assert run([*command, *options]) == 0
+    told = {"laws": ["pva", "inversion"], "references": [STEP], "spread": "standard"}
+    pn.control.compare(axis, **told, members=4, threads=3, out=tmp_path / "three")
+    pn.control.compare(axis, **told, members=2, threads=2, out=tmp_path / "two")
+    tables = [pl.read_parquet(tmp_path / name / "score.parquet") for name in ("one", "three", "two")]
+    clocks = [name for name in tables[0].columns if name.startswith("step_")]
+    one, three, two = (table.drop(clocks) for table in tables)
+    assert one.equals(three)
+    assert one.filter(pl.col("seed") <= 2).equals(two)
+    truths = one.unique("seed", keep="first")["true_moving_mass"]
+    assert truths.n_unique() == 4
+    assert truths.is_between(1.0, 1.6).all()
+    assert "50 / 95 / 100 %" in capsys.readouterr().out
+    page = (tmp_path / "one" / "report.html").read_text("utf-8")
+    assert "What was true" in page
+    assert "whiskers from 5 to 95 %" in page
+    # A line that a kill has cut is run again, all others are not.
+    kept = tmp_path / "one" / "scores.jsonl"
+    lines = kept.read_text("utf-8").splitlines()
+    assert len(lines) == 6  # of 8 runs: member 1 has files
+    kept.write_text("\n".join([*lines[:-1], lines[-1][:40]]), "utf-8")
+    again = pn.control.compare(axis, **told, members=4, threads=1, out=tmp_path / "one")
+    assert len(kept.read_text("utf-8").splitlines()) == 7
+    largest = one.filter(pl.col("law") == "pva")["max_error_m"].max()
+    assert again.within("pva", pn.control.reference(STEP).text, "max_error_m", 1.0) == largest
+
+
+def test_repeatability_in_the_way_of_iso_230():
+    """Two targets by hand: s = sqrt(2) and 0 um; means 1 and -1 um, then 3 and 2 um."""
+    found = pn.control.iso230([([0.0, 2.0], [-1.0, -1.0]), ([3.0, 3.0], [2.0, 2.0])])
+    s = 2.0**0.5
+    assert found == pytest.approx((max(2 * s + 2, 4 * s), max(1 + 2 * s, 3) - min(1 - 2 * s, -1), 2.0))
+
+
+def test_targets_of_a_reference_are_found_from_both_sides():
+    """Five targets, each from below 20 um too far and from above 10 um: B is 30 um, and so is R."""
+    reference = pn.control.standard(pn.Drive.load("catalogue:reference"))["R7"]
+    time = np.arange(0.0, reference.duration_s, 1e-3)
+    wanted, speed, *_ = reference.at(time).T
+    way = np.sign(speed)
+    for i in np.flatnonzero(way == 0.0):
+        way[i] = way[i - 1]
+    named = dict.fromkeys(SCORED, 0.0 * time) | {"reference": wanted}
+    named["position"] = wanted + np.where(way > 0.0, 20e-6, -10e-6)
+    found = score_of(time, named, reference.core())
+    assert found.iso_reversal_m == pytest.approx(30e-6)
+    assert found.iso_repeatability_m == pytest.approx(30e-6)
+
+
+GCODE = "(two axes)\nG21 G90\nG0 X100 Y50\nG1 X200 Y50 F6000\nG4 P0.5\nG91\nY30\nG0 X-20\n"
+POINTS = """schema = 1
+through = "{}"
+[[points]]
+at = "0 s"
+to = "100 mm"
+[[points]]
+at = "0.6 s"
+to = "250 mm"
+[[points]]
+at = "1 s"
+to = "200 mm"
+"""
+LIMITED = """schema = 1
+start = "100 mm"
+[limits]
+velocity = "0.8 m/s"
+acceleration = "8 m/s2"
+jerk = "300 m/s3"
+snap = "3e4 m/s4"
+[[moves]]
+at = "0.2 s"
+to = "400 mm"
+"""
+
+
+def test_references_of_files(tmp_path):
+    """Each goes where its file says, with continuous jerk, within its limits."""
+    read = pn.control.reference
+    for name, text in {
+        "two.gcode": GCODE,
+        "pass.toml": POINTS.format("pass"),
+        "stop.toml": POINTS.format("stop"),
+        "limited.toml": LIMITED,
+    }.items():
+        (tmp_path / name).write_text(text)
+    x, y = pn.control.program_references(tmp_path / "two.gcode").values()
+    # 100 mm at 100 mm/s, which is taken up within 0.1 s, 0.5 s of rest, then 30 mm of Y alone, then X back.
+    assert x.at([0.0, 0.6, 1.1, 1.6, 9.0])[:, 0] == pytest.approx([0.1, 0.155, 0.2, 0.2, 0.18])
+    assert y.at([1.6, 1.8, 2.0])[:, 0] == pytest.approx([0.05, 0.065, 0.08])
+    assert read(f"{tmp_path}/two.gcode:y").core() == y.core()
+    passes, stops = read(tmp_path / "pass.toml"), read(tmp_path / "stop.toml")
+    for one in (passes, stops):
+        assert one.at([0.0, 0.6, 1.0])[:, 0] == pytest.approx([0.1, 0.25, 0.2])
+    assert abs(passes.at([0.6])[0, 1]) > 0.01
+    assert stops.at([0.6])[0, 1] == pytest.approx(0.0, abs=1e-12)
+    limited = read(tmp_path / "limited.toml")
+    time = np.linspace(0.0, limited.duration_s, 40_001)
+    most = np.abs(limited.at(time)).max(axis=0)
+    assert most[1:] == pytest.approx([0.8, 8.0, 300.0], rel=1e-3)
+    assert limited.at([limited.duration_s])[0] == pytest.approx([0.4, 0, 0, 0], abs=1e-9)
+    ninth = read("order 9; 100 mm; 0.2 s: 400 mm in 0.5 s")
+    time = np.linspace(0.0, 1.0, 1001)
+    pl.DataFrame({"time_s": time, "position_m": ninth.at(time)[:, 0]}).write_csv(tmp_path / "record.csv")
+    record = read(tmp_path / "record.csv")
+    assert record.points_missed_m < 2e-5
+    for one in (ninth, record, limited, passes, x):
+        time = np.arange(0.0, one.duration_s, 1e-4)
+        slopes = np.gradient(one.at(time), 1e-4, axis=0)
+        largest = np.abs(one.at(time)).max(axis=0)
+        for order in range(3):
+            off = np.abs(slopes[1:-1, order] - one.at(time)[1:-1, order + 1]).max()
+            assert off < 0.02 * largest[order + 1], (one.text, order)
+
+
+WRONG = {
+    "a.csv": ("t,x\n0,1\n", "lacks a column"),
+    "b.csv": ("time_s,position_m\n0,0.1\n1,0.1\n1,0.2\n2,0.2\n3,0.2\n", "times"),
+    "c.gcode": ("G21\nG2 X10\n", "c.gcode:2"),
+    "d.gcode": ("G0 X10\nG1 X20\n", "needs a feed F"),
+    "e.gcode": (GCODE, "has the axes X, Y"),
+    "f.toml": (LIMITED.split("[limits]")[0] + '[[moves]]\nat = "1 s"\nto = "2 mm"\n', "duration is missing"),
+    "g.toml": (POINTS.format("fly"), "'fly' is not known"),
+    "h.toml": (POINTS.format("pass") + '[[points]]\nat = "1 s"\nto = "1 mm"\n', "times rise"),
+    "i.gcode": ("G91 X10", "begins is not said"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_references_give_one_message(name, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text, said = WRONG[name]
+    Path(name).write_text(text)
+    assert run(["control", "run", str(AXIS), "--reference", name]) == 2
+    error = capsys.readouterr().err
+    assert error.count("Error:") == 1
+    assert said in error
+    assert "Traceback" not in error
+
+
+def test_a_reference_is_checked_against_the_valve_and_slowed(axis, capsys):
+    """A move that the drive's speed allows and its valve does not; slowed by the factor, it is feasible."""
+    fast = "100 mm; 0.2 s: 400 mm in 0.22 s"
+    assert run(["control", "reference", fast, "--drive", str(AXIS)]) == 0
+    said = capsys.readouterr().out
+    assert "slower by" in said
+    tuning = pn.control.tune(axis)
+    found = pn.control.feasibility(tuning, pn.control.reference(fast))
+    assert not found.is_feasible
+    assert found.demand.valve_share > found.demand.speed_share
+    slower = pn.control.feasibility(tuning, found.reference.stretched(found.factor))
+    assert max(slower.demand.valve_share, slower.demand.force_share, slower.demand.speed_share) <= 0.855
+    for reference, bound in ((found.reference, 1e-3), (slower.reference, 5e-4)):
+        reached = pn.control.run(axis, "nmpc", reference=reference, setup="ideal").attrs["score"]["max_error_m"]
+        assert (reached > bound) is (reference is found.reference)
+
+
+SPREADS = {
+    "both": (["--spread", "standard", "--mismatch", "all"], "a spread and a mismatch are given"),
+    "members": (["--members", "3"], "members = 3 without a spread"),
+    "a range as a mismatch": (["--mismatch", "standard"], "is a spread"),
+    "unknown": (["--spread", "standart"], "'standard'"),
+    "threads": (["--threads", "0"], "threads = 0 is out of bounds"),
+    "file": (["--spread", "given.toml"], "LOW .. HIGH"),
+}
+
+
+@pytest.mark.parametrize("case", SPREADS)
+def test_wrong_spreads_give_one_message(case, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("given.toml").write_text('schema = 1\nmoving_mass = "1.6 .. 1"\n')
+    options, said = SPREADS[case]
+    said = "the first end lies below" if said == "LOW .. HIGH" else said
+    assert run(["control", "compare", str(AXIS), "--laws", "pva", *options, "--out", "out"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("Error:") == 1
+    assert said in error
+    shutil.rmtree("out", ignore_errors=True)
