@@ -69,7 +69,21 @@ def _setting(text: str, one: Characteristic) -> tuple[str, Any]:
     if name not in one.settings:
         raise CommandError(f"{one.name} has no setting {name!r}", remedy=nearest(name, one.settings))
     values = [_number(part.strip()) for part in value.split(",")]
-    return name, values if len(values) > 1 or name.endswith("s") else values[0]
+    default = one.settings[name][0]
+    if isinstance(default, int):
+        return name, _whole(name, values)
+    many = isinstance(default, tuple) or (default is None and name.endswith("s"))
+    if len(values) > 1 and not many:
+        raise CommandError(f"{name} = {value} is more than one value", rule=f"{one.name} takes one {name}")
+    return name, values if many else values[0]
+
+
+def _whole(name: str, values: list[str | float]) -> int:
+    """Return a whole number greater than 0."""
+    value = values[0]
+    if len(values) > 1 or not isinstance(value, float) or not value.is_integer() or value < 1.0:
+        raise CommandError(f"{name} = {', '.join(map(str, values))} is out of bounds", rule="a whole number from 1 on")
+    return int(value)
 
 
 def _number(text: str) -> str | float:
@@ -85,17 +99,20 @@ def _show(found: xr.Dataset) -> None:
     screen = console()
     for line in (found.attrs["title"], found.attrs["definition"], f"Standard: {found.attrs['standard']}"):
         screen.print(line)
-    rows = []
+    rows, long = [], []
     for name, place, value, low, high in rows_of(found):
+        if found[name].size > MOST:
+            long += [] if name in long else [name]
+            continue
         shown = written_value(value, found[name].attrs["units"], low, high)
         rows.append((in_words(name), place, shown, found[name].attrs["long_name"]))
-    show_table(("result", "<at", "<value", "<meaning"), rows[:MOST])
-    if len(rows) > MOST:
-        screen.print(f"... {len(rows) - MOST} more: --out FILE.csv has all of them")
+    show_table(("result", "<at", "<value", "<meaning"), rows)
+    if long:
+        screen.print(f"More than {MOST} values each, in --out FILE.csv: {', '.join(map(in_words, long))}")
     screen.print(f"Interval: {found.attrs.get('interval', 'not asked for')}")
 
 
-MOST = 60  # rows on the terminal
+MOST = 24  # values of one result on the terminal
 
 
 def rows_of(found: xr.Dataset) -> list[tuple[str, str, float, float | None, float | None]]:

@@ -123,8 +123,6 @@ def equilibrium(
     """
     plant = HeldDrive(drive).static
     x = 0.5 * plant.stroke_m if position is None else number_of(position, "m", "position")
-    if not 0.0 <= x <= plant.stroke_m:
-        raise CommandError(f"position = {x:g} m is out of bounds", rule=f"0 to the stroke, {plant.stroke_m:g} m")
     if load is None:
         return at_velocity(plant, command, x, 0.0 if velocity is None else number_of(velocity, "m/s", "velocity"))
     if velocity is not None:

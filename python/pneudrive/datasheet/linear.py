@@ -121,6 +121,7 @@ def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - 
     if pressures is None:
         pressures = 0.5 * (plant.supply_pa + plant.ambient[0])
     pair = (pressures, pressures) if isinstance(pressures, str | int | float) else tuple(pressures)
+    pair = pair * 2 if len(pair) == 1 else pair
     if len(pair) != 2:
         raise CommandError(f"pressures = {pressures!r} are not two", remedy='("3 bar abs", "2 bar abs")')
     a, b = (_pressure(one, plant) for one in pair)

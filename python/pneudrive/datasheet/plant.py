@@ -178,6 +178,9 @@ class HeldDrive:
         rtol : float
             Of the solver.
         """
+        if not 0.0 <= position <= self.stroke_m:
+            rule = f"0 to the stroke, {self.stroke_m:g} m"
+            raise CommandError(f"position = {position:g} m is out of bounds", rule=rule)
         start = dict(self.start_values)
         start |= {f"{self.piston}.position_m": position, f"{self.piston}.velocity_m_s": velocity}
         if gas is not None:

@@ -6,6 +6,7 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.datasheet.equilibrium import number_of
 from pneudrive.datasheet.intervals import with_intervals
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.errors import CommandError, nearest
@@ -111,11 +112,32 @@ def found_under(
     for setting in settings:
         if setting not in one.settings:
             raise CommandError(f"{name} has no setting {setting!r}", remedy=nearest(setting, one.settings))
+    settings = {setting: _read_setting(one, setting, value) for setting, value in settings.items()}
     watch.look()
     plain = _seen(drive, one, settings)
     if not intervals:
         return plain
     return with_intervals(drive, plain, lambda other: _seen(other, one, settings), watch)
+
+
+#: Settings that are quantities, and their unit.
+_UNITS = {"position": "m", "half_period": "s", "duration": "s", "speed": "m/s", "end_speed": "m/s", "volume": "m3"}
+
+
+def _read_setting(one: Characteristic, name: str, value: Any) -> Any:  # noqa: ANN401 - of each setting its own
+    """Return a setting in SI: a quantity with or without its unit, or a number.
+
+    Raises
+    ------
+    CommandError
+        It is neither.
+    """
+    default = one.settings[name][0]
+    if value is None or (name not in _UNITS and not isinstance(default, float)):
+        return value
+    if isinstance(value, str) and name not in _UNITS:
+        raise CommandError(f"{name} = {value} is not a number", remedy=f"{name}: {one.settings[name][1]}")
+    return number_of(value, _UNITS.get(name, ""), name)
 
 
 def _seen(drive: Drive | Circuit, one: Characteristic, settings: dict[str, Any]) -> xr.Dataset:

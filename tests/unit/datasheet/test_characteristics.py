@@ -164,7 +164,7 @@ def test_intervals_of_identified_values_go_through():
     assert low < float(found.speed[0, 0]) < high
 
 
-def test_every_characteristic_says_what_it_is(tmp_path):
+def test_every_characteristic_says_what_it_is(tmp_path, capsys):
     from pneudrive.cli.main import run
     from pneudrive.references import entries
 
@@ -179,6 +179,14 @@ def test_every_characteristic_says_what_it_is(tmp_path):
     assert {row["unit"] for row in rows} == {"N/m"}
     assert len(rows) == 15 * 4
     assert run(["characteristic", "catalogue:reference", "stifness"]) == 2
+    step = ["characteristic", "catalogue:reference", "step-response", "--set", "command = 0.6"]
+    start = ["--set", "position = 0.05", "--set", "pressures = 3 bar abs"]
+    assert run([*step, *start]) == 0
+    assert "0.20843 s" in capsys.readouterr().out
+    for wrong in ("command = abc", "command = 3", "position = 3", "position = 3 bar"):
+        assert run(["characteristic", "catalogue:reference", "step-response", "--set", wrong]) in (1, 2), wrong
+    for wrong in ("points = 2.5", "points = 3, 4", "pressure = 1", "points"):
+        assert run(["characteristic", "catalogue:reference", "force-speed", "--set", wrong]) == 2
 
 
 def test_dynamic_stiffness_is_that_of_the_springs():
