@@ -112,6 +112,26 @@ def test_a_command_is_never_a_file(served: Served, command: str, monkeypatch: py
     assert "root" not in json.dumps(head)
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"friction.law": "file:../secret.toml"},
+        {"friction": "file:secret.toml"},
+        {"cylinder.bore.x": "1 mm"},
+        {"provenance": "x"},
+        {"": 3, ".": "x"},
+        {"friction.coulomb": "28 bar"},
+        {"unknown.key": 1.0},
+    ],
+)
+def test_a_change_that_is_none_is_answered_in_words(served: Served, changes: dict) -> None:
+    (served.folder.parent / "secret.toml").write_text("secret = 1\n")
+    head, arrays = unpack(answer(Workspace.at(served.folder), json.dumps(ASKED | {"changes": changes})))
+    assert head["problems"][0]["what"]
+    assert not arrays
+    assert "secret = 1" not in json.dumps(head)
+
+
 def test_a_long_run_is_drawn_without_losing_an_extreme(served: Served) -> None:
     asked = ASKED | {"duration": "3 s", "rate": "10 kHz", "pixels": 300, "command": "0 s: 1, 1 s: -1"}
     head, drawn = unpack(answer(Workspace.at(served.folder), json.dumps(asked)))

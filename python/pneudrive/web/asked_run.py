@@ -8,10 +8,12 @@ import shlex
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.load import described_in
+from pneudrive.describe.written import FILE_PREFIX
 from pneudrive.errors import CommandError
 from pneudrive.simulate import positive, run
 from pneudrive.start import is_circuit
@@ -35,6 +37,7 @@ _COMMAND = re.compile(r"\s*(?:[A-Za-z_][\w-]*(?:\.command)?\s*:)?\s*[-+.\d][^/\\
 _FILE = re.compile(r"\.csv\s*$", re.IGNORECASE)
 
 _read: dict[tuple[str, str, str], Drive | Circuit] = {}
+_reading = Lock()
 
 
 class RunLimit:
@@ -97,6 +100,9 @@ class AskedRun:
         right = right and isinstance(pixels, int) and not isinstance(pixels, bool)
         if not right or not all(isinstance(one, str | int | float) for one in changes.values()):
             raise CommandError("the request is not one of this page", remedy="Reload the page.")
+        for key, value in changes.items():
+            if isinstance(value, str) and FILE_PREFIX in value:
+                raise CommandError(f"{key} = {value[:80]!r} names a file", remedy="Change it in the text of the file.")
         for one in lines:
             if one.strip() and (not _COMMAND.fullmatch(one) or _FILE.search(one)):
                 raise CommandError(f'command "{one}" is not one', rule='a number, or "0 s: 1, 1 s: -1"')
@@ -119,7 +125,12 @@ class AskedRun:
             The name leads out of the workspace, or the description is not valid.
         """
         base = described_at(workspace, self.path, self.text)
-        return base.replace(dict(self.changes)) if self.changes else base
+        try:
+            return base.replace(dict(self.changes)) if self.changes else base
+        except TypeError:  # a key that leads through a value, which no field of the page does
+            raise CommandError(
+                f"{', '.join(self.changes)[:200]} cannot be changed so", remedy="Reload the page."
+            ) from None
 
     def run(self, workspace: Workspace, cancel: Flag | None = None) -> Run:
         """Simulate.
@@ -188,13 +199,15 @@ def described_at(workspace: Workspace, path: str, text: str | None = None) -> Dr
         text = workspace.read(path)[0] if text is None else text
         key = (str(workspace.root), path, text)
     found = _read.get(key)
-    if found is None:
-        if text is None:
-            found = Drive.load(path)
-        else:
-            place = workspace.root / "unnamed.toml" if is_in_catalogue(path) else workspace.path(path)
-            name = place.relative_to(workspace.root).as_posix()
-            found = described_in(text, place, lambda tables: workspace.check_named(name, tables))
+    if found is not None:
+        return found
+    if text is None:
+        found = Drive.load(path)
+    else:
+        place = workspace.root / "unnamed.toml" if is_in_catalogue(path) else workspace.path(path)
+        name = place.relative_to(workspace.root).as_posix()
+        found = described_in(text, place, lambda tables: workspace.check_named(name, tables))
+    with _reading:
         while len(_read) >= _KEPT:
             _read.pop(next(iter(_read)))
         _read[key] = found

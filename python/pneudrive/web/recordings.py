@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 CACHE = ".pneudrive/cache"
 ENDS = 1 << 16  # bytes at both ends of a file that its key is made of
 MOST_CHANNELS = 16
+MOST_OPEN = 16  # recordings
 MOST_SAMPLES_OF_STROKES = 5_000_000  # beyond, strokes take longer than a page waits
 MOST_STROKES = 5000
 _TIME_NAMES = ("time", "t", "time_s", "time (s)", "time [s]")
@@ -101,6 +102,8 @@ class Recordings:
         with self._lock:
             found = self._open.get(key)
             if found is None:
+                while len(self._open) >= MOST_OPEN:
+                    self._open.pop(next(iter(self._open)))
                 found = self._open[key] = Reading()
                 threading.Thread(target=self._read, args=(path, layout, key[0], found), daemon=True).start()
         found.ended.wait(0.2)
