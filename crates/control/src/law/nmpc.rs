@@ -30,7 +30,7 @@ law! {
     /// least within -1 .. 1, e in mm, h in ms, w in %. The whole horizon is run once a sample, on numbers with derivatives
     /// by all moves, from the state when a command of now will act; one Gauss-Newton step follows.
     pub struct Nmpc {
-        bandwidth: "rad/s", above(0.0), "lambda", rule "90 rad/s, assumed";
+        bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, of a lag of 3 ms at least";
         move_penalty: "1", above(0.0), "r", rule "0.1, assumed";
     } memory<S> { plan: [S; MOVES] = [S::zero(); MOVES], last: S = S::zero() }
 }
@@ -135,8 +135,8 @@ impl Nmpc {
 impl Tuned for Nmpc {
     const KEY: &'static str = "nmpc";
 
-    fn tuned(_model: &Model, _plant: &Plant) -> Self {
-        Nmpc::new(90.0, 0.1)
+    fn tuned(_model: &Model, plant: &Plant) -> Self {
+        Nmpc::new(plant.bandwidth(), 0.1)
     }
 }
 
