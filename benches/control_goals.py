@@ -1,6 +1,6 @@
 """Goals of control: each cell of the table in docs/guide/control.md, measured.
 
-    python -m benches.control_goals --out FOLDER [--members 200] [--seeds 5] [--axes controlled_axis,bench] [--law nmpc]
+    python -m benches.control_goals --out FOLDER [--members 200] [--seeds 5] [--axes P1,P2,P3,P3h] [--law nmpc]
 
 Runs are kept in FOLDER, so that a call that was interrupted goes on. All of it is simulated.
 """
