@@ -1,6 +1,6 @@
 """What pruning removes before a sizing, on random tasks: the removed choices nearest to their bounds are simulated.
 
-    python benches/sizing_prune.py [TASKS]
+    python -m benches.sizing_prune [TASKS]
 
 Each is run fully open at the favourable end of every spread. One that keeps its times there would show a bound that is
 not safe; then it is also tuned and simulated over the spreads. A search by hand, too slow for the tests.

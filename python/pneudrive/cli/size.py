@@ -30,13 +30,15 @@ def size(
     """
     from pneudrive.cli.progress import on_terminal
     from pneudrive.report.sizing import plot_sizing
-    from pneudrive.sizing.result import HEAD, SUMMARY, TABLE, WRITTEN, row_of, sentences
+    from pneudrive.sizing.result import HEAD, PARTS, SUMMARY, TABLE, WRITTEN, row_of, sentences, set_to
     from pneudrive.sizing.search import watched
 
     found = watched(task, on_terminal(), least=least, draws=draws, draws_best=4 * draws, out=out)
     show_lines([f"{found.task.name}: feasible = {str(found.feasible).lower()}"])
-    if found.ranked:
-        show_table(HEAD, [row_of(one) for one in found.ranked[:WRITTEN]], left=4)
+    best = found.ranked[:WRITTEN]
+    if best:
+        show_table(("", *HEAD[PARTS:]), [(str(place), *row_of(one)[PARTS:]) for place, one in enumerate(best, start=1)])
+        show_lines(f"{place:2d}  {' + '.join(one.parts.values())}; {set_to(one)}" for place, one in enumerate(best, 1))
     show_lines(sentences(found))
     if out is not None:
         plot_sizing(found, out / "candidates.png")

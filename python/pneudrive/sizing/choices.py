@@ -124,6 +124,12 @@ class DriveChoice:
         return self.flow_control.name != WITHOUT
 
     @property
+    def sizes(self) -> tuple[float, ...]:
+        """Bore, conductance of the valve, of the needle fully open (0 without), bore of the tubes, SI."""
+        needle = self.flow_control.numbers["needle_conductance"] if self.is_throttled else 0.0
+        return self.cylinder.numbers["bore"], self.valve.numbers["conductance"], needle, self.tube.numbers["diameter"]
+
+    @property
     def swiftness(self) -> tuple[float, float, float, float]:
         """Sizes of its flow paths and how early its valve opens: on the same cylinder and tubes, more is faster."""
         valve = self.valve.numbers

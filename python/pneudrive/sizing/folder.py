@@ -83,15 +83,15 @@ class SizingFolder:
         """Take in a line; the one that was being written when the search was killed is left out."""
         try:
             one: dict[str, Any] = json.loads(line)
-        except ValueError:
+            if "short" in one:
+                name, limit, value = one["short"]
+                self._short[one["name"]] = Tuned(Setting(*one["setting"]), one["nominal"], (name, limit, value))
+            else:
+                one["worst"] = {name: tuple(each) for name, each in one["worst"].items()}
+                made = SizedDrive(**one | {"sizes": tuple(one["sizes"])})
+                self._of[made.name, made.draws] = made
+        except (ValueError, KeyError, TypeError):
             return False
-        if "short" in one:
-            name, limit, value = one["short"]
-            self._short[one["name"]] = Tuned(Setting(*one["setting"]), one["nominal"], (name, limit, value))
-        else:
-            one["worst"] = {name: tuple(each) for name, each in one["worst"].items()}
-            made = SizedDrive(**one)
-            self._of[made.name, made.draws] = made
         return True
 
     def kept(self, name: str, draws: int) -> SizedDrive | Tuned | None:

@@ -15,7 +15,7 @@ from pneudrive.sizing.strokes import Setting, circuit_of
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from matplotlib.figure import Figure
 
@@ -59,7 +59,8 @@ class SizedDrive:
         The assumed value that most of the margin goes with; empty where none does.
     explains : float
         Share of the variance of the margin's ranks that goes with it.
-    bore : float
+    sizes : tuple of float
+        Bore, conductance of the valve, of the needle fully open (0 without), bore of the tubes.
     """
 
     parts: Mapping[str, str]
@@ -77,7 +78,7 @@ class SizedDrive:
     worst: Mapping[str, tuple[float, float, str]]
     measure: str
     explains: float
-    bore: float
+    sizes: Sequence[float]
 
     @property
     def name(self) -> str:
@@ -105,10 +106,10 @@ class SizedDrive:
         return self.air / ANR_DENSITY_KG_M3 * 1e3
 
     @property
-    def rank(self) -> tuple[int, float, float, str]:
-        """Key of the ranking: air in steps of 2 %, then margin, then bore."""
+    def rank(self) -> tuple[int, float, tuple[float, ...], str]:
+        """Key of the ranking: air in steps of 2 %, then margin in steps of 1 %, then sizes."""
         step = round(math.log(self.air) / math.log(SAME_AIR)) if 0.0 < self.air < math.inf else 10**9
-        return step, -self.margin, self.bore, self.name
+        return step, -round(self.margin, 2), tuple(self.sizes), self.name
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
@@ -206,6 +207,15 @@ HEAD = (
     *("air l ANR", "met", "at least", "margin", "binds"),
 )
 
+#: Columns of `HEAD` that name parts.
+PARTS = 4
+
+
+def set_to(one: SizedDrive) -> str:
+    """Say how the needles of a drive are set."""
+    said = [f"{name.replace('_', ' ')} {100.0 * share:.3g} %" for name, share in one.setting.items() if share < 1.0]
+    return f"needles: {', '.join(said)} of fully open" if said else "needles fully open"
+
 
 def row_of(one: SizedDrive) -> tuple[str, ...]:
     """Write a drive as a row of a table under `HEAD`."""
@@ -291,7 +301,7 @@ def write(result: SizingResult, folder: Path) -> list[Path]:
     """Write ranking, summary and the circuit files of the ten best; return their paths."""
     folder.mkdir(parents=True, exist_ok=True)
     rows = [",".join(HEAD), *(",".join(row_of(one)) for one in result.ranked)]
-    files = {TABLE: "\n".join(rows) + "\n", SUMMARY: json.dumps(summary(result), indent=1) + "\n"}
+    files = {TABLE: "\n".join(rows) + "\n", SUMMARY: json.dumps(_strict(summary(result)), indent=1) + "\n"}
     for place in range(min(len(result.ranked), WRITTEN)):
         files[f"{place + 1:02d}.toml"] = result.circuit(place).to_toml()
     for name, text in files.items():
@@ -318,3 +328,12 @@ def summary(result: SizingResult) -> dict[str, Any]:
         "assumed": result.circuit().assumed() if best is not None else [],
         "notes": list(result.notes),
     }
+
+
+def _strict(given: Any) -> Any:  # noqa: ANN401 - plain data
+    """Return plain data that any reader of JSON takes: what is not finite as null."""
+    if isinstance(given, dict):
+        return {key: _strict(one) for key, one in given.items()}
+    if isinstance(given, list | tuple):
+        return [_strict(one) for one in given]
+    return None if isinstance(given, float) and not math.isfinite(given) else given

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.errors import CommandError
 from pneudrive.sizing import judge
 from pneudrive.sizing.choices import choices, combined
 from pneudrive.sizing.folder import SizingFolder
@@ -84,7 +85,7 @@ def size(
     DescriptionError
         The task is not valid.
     CommandError
-        `out` holds another task, or cannot be written to.
+        A number is not positive, or `out` holds another task or cannot be written to.
     Cancelled
         `cancel` was set; finished choices in `out` are kept.
 
@@ -113,6 +114,9 @@ def watched(
     threads: int | None = None,
 ) -> SizingResult:
     """Run `size` under a watch."""
+    for name, value in (("draws", draws), ("draws_best", draws_best), ("most", most)):
+        if value < 1:
+            raise CommandError(f"{name} = {value} is out of bounds", rule="at least 1")
     read = _read(task)
     folder = None if out is None else SizingFolder(Path(out), read, (draws, draws_best))
     return Search(read, least, most, (draws, draws_best), threads, watch, folder).result()
@@ -326,7 +330,7 @@ def sized(strokes: DriveStrokes, setting: Setting, draws: Array) -> SizedDrive:
         worst={one.name: (one.worst, one.limit, one.unit) for one in found},
         measure=f"{first} of {choice.parts[assumed[first]]}" if first else "",
         explains=explained[first] if first else 0.0,
-        bore=choice.cylinder.numbers["bore"],
+        sizes=choice.sizes,
     )
 
 
