@@ -206,10 +206,8 @@ impl<R: Lane> Circuit<R> {
             },
             scale: (0..each[0].scale.len()).map(|i| R::from_lanes(|lane| each[lane].scale[i])).collect(),
             open: {
-                let mut open: Vec<usize> = each.iter().flat_map(|circuit| circuit.open.clone()).collect();
-                open.sort_unstable();
-                open.dedup();
-                open
+                let restrictions = 0..each[0].parts.restrictions.len();
+                restrictions.filter(|i| each.iter().any(|circuit| circuit.open.contains(i))).collect()
             },
             gas_nodes: each[0].gas_nodes,
             axis_nodes: each[0].axis_nodes,

@@ -3,10 +3,11 @@
 
 use crate::reduction::Follower;
 use crate::run::{Came, Status, Worker};
-use circuit::{Assembly, Circuit, failure_of};
+use circuit::{Circuit, failure_of};
 use math::Lane;
 use ode::Stepper;
 use std::ops::Range;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Attempts between two looks at whether to stop.
@@ -15,7 +16,6 @@ const LOOK: u64 = 5000;
 /// A member in a lane.
 struct Seat {
     member: usize,
-    assembly: Assembly,
     /// Its equations with the inputs and modes that it has by now.
     circuit: Circuit<f64>,
     /// What is commanded yet, in order; the first comes last.
@@ -60,13 +60,14 @@ impl<R: Lane> Queue<'_, '_, R> {
                 self.enter(member, came);
                 continue;
             }
-            let (circuit, y) = self.worker.start(&assembly, member);
+            let template = planned.ensemble.template();
+            let circuit = Arc::unwrap_or_clone(assembly.circuit);
+            let (circuit, y) = self.worker.start(circuit, template, member);
             let mut due = planned.due(member);
             due.reverse();
-            let mut seat =
-                Seat { member, assembly, circuit, due, duration: planned.asked.duration.row(member)[0] };
+            let mut seat = Seat { member, circuit, due, duration: planned.asked.duration.row(member)[0] };
             while let Some((_, input, value)) = seat.due.pop_if(|due| due.0 <= 0.0) {
-                seat.assembly.set(&mut seat.circuit, input, 0, value);
+                template.set(&mut seat.circuit, input, 0, value);
             }
             return Some((seat, y));
         }
@@ -151,9 +152,10 @@ impl<'g, 'w, 'a, 'f, R: Lane> Group<'g, 'w, 'a, 'f, R> {
             return;
         }
         if failure.is_none() && !seat.due.is_empty() {
+            let template = self.queue.worker.planned.ensemble.template();
             while let Some((_, input, value)) = seat.due.pop_if(|due| due.0 <= now) {
-                seat.assembly.set(&mut seat.circuit, input, 0, value);
-                seat.assembly.set(self.stepper.system_mut(), input, lane, R::c(value));
+                template.set(&mut seat.circuit, input, 0, value);
+                template.set(self.stepper.system_mut(), input, lane, R::c(value));
             }
             return;
         }

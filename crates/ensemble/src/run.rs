@@ -460,19 +460,24 @@ impl<R: Lane> Worker<'_, R> {
         self.members.member(&self.planned.asked.values[member * k..][..k])
     }
 
-    /// The start of a member.
-    pub fn start(&self, assembly: &Assembly, member: usize) -> (Circuit<f64>, Vec<f64>) {
+    /// The start of a member with these equations.
+    pub fn start(
+        &self,
+        circuit: Circuit<f64>,
+        assembly: &Assembly,
+        member: usize,
+    ) -> (Circuit<f64>, Vec<f64>) {
         let Planned { asked, inputs, .. } = self.planned;
         let plans = inputs.iter().zip(&asked.plans);
         let first: Vec<_> = plans.map(|(&input, plan)| (input, plan.values.row(member)[0])).collect();
-        assembly.stand(&first, asked.initial.row(member), asked.contact_age)
+        assembly.stand_in(circuit, &first, asked.initial.row(member), asked.contact_age)
     }
 
     /// Runs a member without neighbours.
     pub fn run_alone(&mut self, assembly: &Assembly, member: usize, stop: &AtomicBool) -> Came {
         self.follower.init(0);
         let duration = self.planned.asked.duration.row(member)[0];
-        let start = self.start(assembly, member);
+        let start = self.start(Circuit::clone(&assembly.circuit), assembly, member);
         let mut session = Session::new(assembly, 0.0, start, self.planned.options);
         for (time, input, value) in self.planned.due(member) {
             session.plan(input, [(time, value)]);

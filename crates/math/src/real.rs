@@ -208,9 +208,31 @@ pub trait Lane: Real + From<Self::Plain> {
     }
 }
 
+/// The most lanes of any number.
+const MOST_LANES: usize = 16;
+
+/// A field of the struct of each lane, without memory of its own.
+pub struct Fields<'e, U> {
+    each: [&'e U; MOST_LANES],
+    lanes: usize,
+}
+
+impl<'e, U> std::ops::Deref for Fields<'e, U> {
+    type Target = [&'e U];
+    #[inline(always)]
+    fn deref(&self) -> &[&'e U] {
+        &self.each[..self.lanes]
+    }
+}
+
 /// A field of the struct of each lane; see [`Lane::of_each`].
-pub fn field<'e, T, U>(each: &[&'e T], field: for<'a> fn(&'a T) -> &'a U) -> Vec<&'e U> {
-    each.iter().map(|one| field(one)).collect()
+#[inline(always)]
+pub fn field<'e, T, U>(each: &[&'e T], field: impl Fn(&'e T) -> &'e U) -> Fields<'e, U> {
+    let mut fields = [field(each[0]); MOST_LANES];
+    for (own, one) in fields.iter_mut().zip(each) {
+        *own = field(one);
+    }
+    Fields { each: fields, lanes: each.len() }
 }
 
 /// `base^exponent`, out of line: for a law of which an exponent of two or a half is the usual case.

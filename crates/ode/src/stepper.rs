@@ -75,7 +75,8 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     /// Whether the attempt ends within what the equations hold for, once that is asked for.
     inside: Option<R::Plain>,
     g_look: Vec<R>,
-    ahead: Vec<R>,
+    /// How far obstacles are, at the beginning of an attempt and at its end.
+    obstacles: [Vec<R>; 2],
     /// How far the time of the present event moves with what is differentiated: value zero.
     event_shift: R,
     seeded: bool,
@@ -138,7 +139,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             looked: false,
             inside: None,
             g_look: vec![R::zero(); n_events],
-            ahead: vec![R::zero(); n_obstacles],
+            obstacles: std::array::from_fn(|_| vec![R::zero(); n_obstacles]),
             event_shift: R::zero(),
             seeded: false,
             fresh: false,
@@ -409,7 +410,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             if !control.judge(h_lane, error.get(lane), factor.get(lane)) {
                 self.check_progress(lane, error.get(lane));
                 let error = error.get(lane);
-                if !self.ahead.is_empty() && (error > FAR_OFF || error.is_nan()) {
+                if !self.obstacles[0].is_empty() && (error > FAR_OFF || error.is_nan()) {
                     self.stop_before_obstacle(lane, h_lane);
                 }
                 continue;

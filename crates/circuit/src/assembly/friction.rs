@@ -87,19 +87,8 @@ pub(super) fn meta(
     Ok((meta, None))
 }
 
-fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, Error> {
-    let spec = lifted.value;
-    let (meta, own) = meta(spec)?;
-    for key in lifted.tables().flat_map(|spec| spec.parameters.keys()) {
-        if !meta.parameters.iter().any(|parameter| parameter.key == key) {
-            let names: Vec<&str> = meta.parameters.iter().map(|parameter| parameter.key).collect();
-            return refuse(format!(
-                "friction.{key} is not a parameter of \"{}\"; it has {}",
-                meta.key,
-                names.join(", ")
-            ));
-        }
-    }
+/// Refuses values of parameters that are missing, out of bounds, or do not go together.
+fn check_values(spec: &specification::Friction, meta: &Meta) -> Result<(), Error> {
     for parameter in meta.parameters {
         match spec.parameters.get(parameter.key).copied().or(parameter.default) {
             None => {
@@ -119,6 +108,37 @@ fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, E
     {
         return refuse(format!("friction.breakaway = {fs} N must not be below friction.coulomb = {fc} N"));
     }
+    Ok(())
+}
+
+/// The same friction with other values of its law's parameters. None where more follows from them.
+pub(super) fn with_values(
+    like: &Contact<f64>,
+    spec: &specification::Friction,
+) -> Result<Option<Contact<f64>>, Error> {
+    let (meta, own) = meta(spec)?;
+    if own.is_some() || meta.elements {
+        return Ok(None);
+    }
+    check_values(spec, meta)?;
+    let plain = Lifted::plain(spec);
+    Ok(Some(like.with_law(like.law.lifted(&mut |parameter| number(&plain, parameter)))))
+}
+
+fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, Error> {
+    let spec = lifted.value;
+    let (meta, own) = meta(spec)?;
+    for key in lifted.tables().flat_map(|spec| spec.parameters.keys()) {
+        if !meta.parameters.iter().any(|parameter| parameter.key == key) {
+            let names: Vec<&str> = meta.parameters.iter().map(|parameter| parameter.key).collect();
+            return refuse(format!(
+                "friction.{key} is not a parameter of \"{}\"; it has {}",
+                meta.key,
+                names.join(", ")
+            ));
+        }
+    }
+    check_values(spec, meta)?;
     if let Some(own) = own {
         check_levels(spec, own)?;
         Formula::new(own, numbers(lifted, meta)).examine().map_err(Error::Specification)?;

@@ -1,7 +1,7 @@
 //! Circuits of one topology that differ in numbers: it is analysed once, and each member sets its own.
 
 use super::drive::{CYLINDER, Drive, Wired, components};
-use super::friction::{contact, meta};
+use super::friction::{contact, meta, with_values};
 use super::gas::gas;
 use super::network::Network;
 use super::numbers::{place, refuse, split, unfit};
@@ -181,6 +181,18 @@ impl Members {
         Ok(())
     }
 
+    /// The same once the parts of its law are chosen, from which no member departs.
+    fn rub_on(&mut self, component: usize) -> Result<(), Error> {
+        let like = self.each[component].friction.as_ref().filter(|_| self.general);
+        if let (Some(like), Some(own)) = (like, &self.friction[component])
+            && let Some(contact) = with_values(like, &own.value)?
+        {
+            self.each[component].friction = Some(contact);
+            return Ok(());
+        }
+        self.rub(component)
+    }
+
     /// The circuit that all of them are like.
     pub fn template(&self) -> &Assembly {
         &self.template
@@ -247,7 +259,7 @@ impl Members {
             }
         }
         for component in rubs {
-            self.rub(component)?;
+            self.rub_on(component)?;
         }
         self.each.iter().try_for_each(check)?;
         self.wired(Some(&self.template))

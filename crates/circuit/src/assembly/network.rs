@@ -414,6 +414,17 @@ impl Assembly {
     /// The equations and their state at a start, its numbers in the order of [`Assembly::given_names`], of contacts of
     /// this age, s, where spools and locks stand at the commands `first`: an input and its value.
     pub fn stand(&self, first: &[(usize, f64)], start: &[f64], age: f64) -> (Circuit<f64>, Vec<f64>) {
+        self.stand_in(Circuit::clone(&self.circuit), first, start, age)
+    }
+
+    /// The same of another circuit of this make.
+    pub fn stand_in(
+        &self,
+        mut circuit: Circuit<f64>,
+        first: &[(usize, f64)],
+        start: &[f64],
+        age: f64,
+    ) -> (Circuit<f64>, Vec<f64>) {
         let (mut gas, mut axes, mut ages, mut signals) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mut rest = start.iter().copied();
         let mut next = || rest.next().expect("a number for each name");
@@ -428,7 +439,6 @@ impl Assembly {
                 Starting::Inner(_) | Starting::Alike(_) => {}
             }
         }
-        let mut circuit = Circuit::clone(&self.circuit);
         let (inputs, timings) = (&self.variables.inputs, &self.timings);
         for &(input, value) in first {
             if matches!(inputs[input].target, Target::Timed(timing) if timings[timing].stands_at_first()) {

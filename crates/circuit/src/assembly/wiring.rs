@@ -111,7 +111,7 @@ where
         let (mut held, mut volume, mut own_name, mut ports) = (Vec::new(), None, None, 0.0);
         let mut room = None::<P>;
         if joint.ambient {
-            held.push((AMBIENT.to_string(), None));
+            held.push((if self.build.is_like { String::new() } else { AMBIENT.into() }, None));
         }
         for &(component, port) in &joint.ports {
             let name = self.name((component, port));
@@ -123,7 +123,8 @@ where
                 Brings::Volume(vessel) => {
                     let owner = &self.each[component];
                     let is_alone = owner.kind().ports.len() == 1;
-                    if let Some(other) = own_name.replace(if is_alone { owner.name.clone() } else { name }) {
+                    let is_named = is_alone && !self.build.is_like;
+                    if let Some(other) = own_name.replace(if is_named { owner.name.clone() } else { name }) {
                         return refuse(format!(
                             "{other} and {} are one joint and have a volume each: put a fitting between them",
                             own_name.unwrap_or_default()
@@ -180,21 +181,22 @@ where
     fn axis(&mut self, joint: &Joint) -> Result<AxisId, Error> {
         let (mut sum, mut force, mut incline, mut friction) = (None::<P>, P::zero(), None, None);
         // What moves it, by its own line or as commanded; and what else has a mass.
-        let (mut name, mut load, mut driven, mut has_more) = (String::new(), String::new(), false, false);
+        let (mut name, mut load, mut driven, mut has_more) = ("", "", false, false);
+        let each = self.each;
         for &(component, port) in &joint.ports {
-            let one = &self.each[component].name;
+            let one = &each[component].name;
             let mut moves = false;
             match bring(&self.each[component], port, self.build.ambient[1]) {
                 Brings::Mass { mass, incline: own, force: pushes, friction: rubs } => {
                     sum = Some(sum.map_or(mass, |sum| sum + mass));
                     force += pushes;
-                    load.clone_from(one);
+                    load = one;
                     if own.is_some() {
                         (incline, friction, moves) = (own, rubs, true);
                     }
                 }
                 Brings::Motion => (driven, moves) = (true, true),
-                Brings::Along => (has_more, load) = (true, one.clone()),
+                Brings::Along => (has_more, load) = (true, one),
                 _ => {}
             }
             if moves && !name.is_empty() {
@@ -203,7 +205,7 @@ where
                 ));
             }
             if moves {
-                name.clone_from(one);
+                name = one;
             }
         }
         if driven && (sum.is_some() || has_more) {
@@ -228,7 +230,7 @@ where
         if self.build.is_like {
             return Ok(axis);
         }
-        self.own(&name);
+        self.own(name);
         self.build.circuit.call_axis(axis, format!("{name}."));
         let names = ["position_m", "velocity_m_s"].map(|quantity| format!("{name}.{quantity}"));
         self.build.starts.push((Starting::Axis(axis), names.to_vec()));

@@ -364,6 +364,9 @@ impl<R: Lane> Circuit<R> {
 
     /// Sets all modes to match state `y`, and what they demand of it.
     pub fn find_modes(&mut self, y: &mut [R]) {
+        if self.topology.events.is_empty() {
+            return;
+        }
         let mut net = self.work::<R>();
         self.evaluate(y, &mut net);
         for &id in &self.topology.events {

@@ -130,16 +130,16 @@ impl<R: Lane> Fused<R> {
     /// Takes over which restrictions are open, and what the reservoirs hold.
     fn connect(&mut self, open: &[usize], parts: &Parts<R>) {
         let is_open = |edge: &&Edge| open.binary_search(&edge.restriction).is_ok();
-        let [a, b] = self.edges.each_ref().map(|edges| edges.iter().filter(is_open).collect::<Vec<_>>());
+        let mut each = self.edges.each_ref().map(|edges| edges.iter().filter(is_open));
         self.ports.clear();
-        for k in 0..a.len().max(b.len()) {
-            let edges = [a.get(k), b.get(k)];
-            let of = |edge: Option<&&Edge>| edge.map(|edge| &parts.restrictions[edge.restriction].1);
+        loop {
+            let edges = each.each_mut().map(Iterator::next);
+            let of = |edge: Option<&Edge>| edge.map(|edge| &parts.restrictions[edge.restriction].1);
             // Where one chamber has fewer, nothing passes a copy of the other's.
-            let any = of(edges[0]).or(of(edges[1])).expect("one of both");
+            let Some(any) = of(edges[0]).or(of(edges[1])) else { break };
             let [law_a, law_b] = edges.map(|edge| &of(edge).unwrap_or(any).law);
             let number = |f: &dyn Fn(&Edge) -> R, without: R| {
-                Both(edges.map(|edge| edge.map_or(without, |edge| f(edge))))
+                Both(edges.map(|edge| edge.map_or(without, f)))
             };
             let state = |edge: &Edge| parts.reservoirs[edge.reservoir].1.state();
             let end = |edge: &Edge| GasNode::at(state(edge)).end();

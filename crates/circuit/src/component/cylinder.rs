@@ -137,24 +137,34 @@ fn chamber_law<P: Lane>(own: &Instance<P>) -> ChamberLaw {
 
 /// Whether there is a cushion at an end.
 fn cushioned<P: Lane>(own: &Instance<P>, end: &str) -> bool {
-    let key = format!("cushion_{end}_length");
-    own.kind().parameters.iter().any(|row| row.key == key) && own.given(&key).is_some()
+    let is_length = |key: &str| {
+        key.strip_prefix("cushion_").and_then(|key| key.strip_suffix("_length")).is_some_and(|of| of == end)
+    };
+    let rows = own.kind().parameters.iter().zip(&own.numbers);
+    rows.into_iter().any(|(row, number)| number.is_some() && is_length(row.key))
 }
 
 /// The volume at the port of a chamber: the chamber, or the one behind its cushion.
 fn bring_port<P: Lane>(own: &Instance<P>, end: &str, ambient_temperature: P) -> Brings<P> {
-    let dead_volume =
-        if cushioned(own, end) { format!("cushion_{end}_port_volume") } else { format!("dead_volume_{end}") };
-    Brings::Volume(vessel(own, &dead_volume, ambient_temperature))
+    let behind = || own.number(&format!("cushion_{end}_port_volume"));
+    let volume = if cushioned(own, end) { behind() } else { dead_volume(own, end) };
+    Brings::Volume(vessel(own, volume, ambient_temperature))
 }
 
-/// The chamber whose dead volume has this key.
-fn vessel<P: Lane>(own: &Instance<P>, dead_volume: &str, ambient_temperature: P) -> Vessel<P> {
+/// The dead volume of the chamber at an end, m3.
+fn dead_volume<P: Lane>(own: &Instance<P>, end: &str) -> P {
+    let mut each = own.kind().parameters.iter().zip(&own.numbers);
+    let own = each.find(|(row, _)| row.key.strip_prefix("dead_volume_") == Some(end));
+    own.and_then(|(_, number)| *number).expect("a number that was checked")
+}
+
+/// A chamber with this dead volume, m3.
+fn vessel<P: Lane>(own: &Instance<P>, dead_volume: P, ambient_temperature: P) -> Vessel<P> {
     // A wall that stores heat gives it by itself.
     let by_wall = own.given("wall_capacity").is_some();
     Vessel {
         law: chamber_law(own),
-        dead_volume: own.number(dead_volume),
+        dead_volume,
         wall: P::zero(),
         heat_transfer: if by_wall { P::zero() } else { own.number("heat_transfer") },
         wall_temperature: own.given("wall_temperature").unwrap_or(ambient_temperature),
@@ -255,7 +265,7 @@ fn cushion<P: Lane>(
     if !cushioned(own, end) {
         return port;
     }
-    let chamber = build.volume(vessel(own, &format!("dead_volume_{end}"), build.ambient[1]));
+    let chamber = build.volume(vessel(own, dead_volume(own, end), build.ambient[1]));
     build.circuit.starts_as(chamber, port);
     build.circuit.call_gas(chamber, format!("{}.{end}.", own.name));
     build.circuit.call_gas(port, format!("{}.{end}.port_", own.name));
@@ -302,7 +312,7 @@ fn cushion<P: Lane>(
 /// Volume that an end stop may use, m3: the dead volume, or so much that the plunger of a cushion is not through what lies
 /// behind it.
 fn room<P: Lane>(own: &Instance<P>, end: &str, area: P) -> P {
-    let chamber = own.number(&format!("dead_volume_{end}"));
+    let chamber = dead_volume(own, end);
     if !cushioned(own, end) {
         return chamber;
     }
@@ -583,7 +593,7 @@ impl Component for SingleActing {
 
     fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
         match port {
-            0 => Brings::Volume(vessel(own, "dead_volume_a", ambient_temperature)),
+            0 => Brings::Volume(vessel(own, dead_volume(own, "a"), ambient_temperature)),
             1 => Brings::Nothing,
             _ => bring_rod(own),
         }
@@ -595,7 +605,7 @@ impl Component for SingleActing {
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(a), Some(around), Some(axis)) = (at.gas(0), at.gas(1), at.axis(2)) else { return };
-        let b = build.volume(vessel(own, "dead_volume_b", build.ambient[1]));
+        let b = build.volume(vessel(own, dead_volume(own, "b"), build.ambient[1]));
         build.gas_starts(b, format_args!("{}.b", own.name));
         build.passage(own.path("breather_conductance", build), b, around);
         let stiffness = own.number("spring_stiffness");
@@ -644,7 +654,7 @@ impl Component for Tandem {
         match port {
             0..4 => {
                 let key = ["dead_volume_a", "dead_volume_b", "dead_volume_a2", "dead_volume_b2"][port];
-                Brings::Volume(vessel(own, key, ambient_temperature))
+                Brings::Volume(vessel(own, own.number(key), ambient_temperature))
             }
             _ => bring_rod(own),
         }

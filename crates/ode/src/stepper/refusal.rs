@@ -17,17 +17,20 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     /// length, the next attempt ends shortly before it.
     pub(super) fn stop_before_obstacle(&mut self, lane: usize, h: f64) {
         let n = self.structure.n();
-        self.system.obstacles(&self.y.as_flattened()[..n], &mut self.ahead, &mut self.work);
-        let before: Vec<f64> = self.ahead.iter().map(|k| k.get(lane)).collect();
         let (y, f0) = (self.y.as_flattened(), self.f0.as_flattened());
         for ((end, y), f) in self.stage.as_flattened_mut().iter_mut().zip(y).zip(f0) {
             *end = f.fma(R::c(h), *y);
         }
-        self.system.obstacles(&self.stage.as_flattened()[..n], &mut self.ahead, &mut self.work);
+        let [ahead, behind] = &mut self.obstacles;
+        self.system.obstacles(&self.stage.as_flattened()[..n], behind, &mut self.work);
+        if !behind.iter().any(|behind| behind.get(lane) < 0.0) {
+            return;
+        }
+        self.system.obstacles(&self.y.as_flattened()[..n], ahead, &mut self.work);
         let mut first = 1.0_f64;
-        for (before, behind) in before.iter().zip(&self.ahead) {
-            let behind = behind.get(lane);
-            if *before > 0.0 && behind < 0.0 {
+        for (before, behind) in ahead.iter().zip(&*behind) {
+            let (before, behind) = (before.get(lane), behind.get(lane));
+            if before > 0.0 && behind < 0.0 {
                 first = first.min(before / (before - behind));
             }
         }

@@ -76,6 +76,12 @@ impl<P: Real> Contact<P> {
         Contact { usual: composition.is_none() && law.is_usual(), law, seal_lips, composition }
     }
 
+    /// With other numbers of the same law.
+    #[must_use]
+    pub fn with_law(&self, law: AnyLaw<P>) -> Self {
+        Contact { law, seal_lips: self.seal_lips.clone(), composition: self.composition.clone(), ..*self }
+    }
+
     /// Whether the law is evaluated in line: it is one of the usual ones, with seal lips only.
     #[inline(always)]
     pub fn is_usual(&self) -> bool {
