@@ -228,7 +228,10 @@ impl<R: Lane> Circuit<R> {
     /// Sets an input in one lane, derivatives included.
     pub fn set_input(&mut self, id: InputId, lane: usize, value: R) {
         if id.kind == PartKind::Restriction {
-            return self.set_opening(id.index, lane, value);
+            if self.set_opening(id.index, lane, value) {
+                self.connect();
+            }
+            return;
         }
         self.parts.input_mut(id).take(lane, &value);
         if id.kind == PartKind::Reservoir {
@@ -241,17 +244,22 @@ impl<R: Lane> Circuit<R> {
     #[inline(always)]
     pub(crate) fn set_openings(&mut self, edges: &[InputId; 4], lane: usize, values: [R; 4]) {
         let is_usual = edges[0].kind == PartKind::Restriction;
+        let mut others_open = false;
         for (edge, value) in edges.iter().zip(values) {
             if is_usual {
-                self.set_opening(edge.index, lane, value);
+                others_open |= self.set_opening(edge.index, lane, value);
             } else {
                 self.set_input(*edge, lane, value);
             }
         }
+        if others_open {
+            self.connect();
+        }
     }
 
+    /// Opens a restriction; whether others are open then than before, to which those without nodes are to be connected.
     #[inline(always)]
-    fn set_opening(&mut self, index: usize, lane: usize, value: R) {
+    fn set_opening(&mut self, index: usize, lane: usize, value: R) -> bool {
         let Restriction { opening, closed, .. } = &mut self.parts.restrictions[index].1;
         opening.take(lane, &value);
         let is_open = (0..R::L).any(|lane| opening.get(lane) != 0.0)
@@ -263,10 +271,12 @@ impl<R: Lane> Circuit<R> {
                 Err(at) => self.open.insert(at, index),
                 Ok(at) => drop(self.open.remove(at)),
             }
-            self.connect();
-        } else if is_open {
+            return true;
+        }
+        if is_open {
             self.widen(index);
         }
+        false
     }
 
     /// The value of an input.

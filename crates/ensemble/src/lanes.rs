@@ -120,7 +120,11 @@ impl<'g, 'w, 'a, 'f, R: Lane> Group<'g, 'w, 'a, 'f, R> {
         let mut seats: Vec<Option<Seat>> = seats.into_iter().map(Some).collect();
         (0..seats.len()).for_each(|lane| follower.init(lane));
         seats.resize_with(R::L, || None);
-        let stepper = Stepper::new(gathered(&seats), 0.0, &y, queue.worker.planned.options);
+        let planned = queue.worker.planned;
+        let mut stepper = Stepper::new(gathered(&seats), 0.0, &y, planned.options);
+        for (lane, seat) in seats.iter().enumerate() {
+            stepper.allow_in(lane, seat.as_ref().map_or(0, |seat| planned.budget(seat.member)));
+        }
         Group { queue, follower, stepper, seats }
     }
 
@@ -201,6 +205,9 @@ impl<'g, 'w, 'a, 'f, R: Lane> Group<'g, 'w, 'a, 'f, R> {
         *system = gathered(&self.seats);
         for (lane, y) in starts {
             self.stepper.load(lane, 0.0, &y);
+            let member = self.seats[lane].as_ref().map(|seat| seat.member);
+            let planned = self.queue.worker.planned;
+            self.stepper.allow_in(lane, member.map_or(0, |member| planned.budget(member)));
             self.follower.init(lane);
         }
     }

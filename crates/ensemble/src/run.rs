@@ -311,16 +311,20 @@ impl<'a> Planned<'a> {
             }
         }
         let inputs = asked.plans.iter().map(|plan| check_plan(template, plan, asked.members));
-        let longest = asked.duration.values.iter().copied().fold(0.0, f64::max);
-        let commands = asked.plans.iter().map(|plan| plan.times.len()).sum();
-        let most = || budget(longest, commands, template.circuit.n_states());
-        let max_attempts = asked.budget.unwrap_or_else(most);
-        let options = Options { rtol: asked.rtol, max_attempts, ..Options::default() };
+        let options = Options { rtol: asked.rtol, ..Options::default() };
         let kernel = asked.kernel.unwrap_or_else(Kernel::best);
         if !kernel.is_there() {
             return refuse("the kernel of eight members needs a processor with AVX-512: leave it out");
         }
         Ok(Planned { inputs: inputs.collect::<Result<_, _>>()?, ensemble, asked, options, kernel })
+    }
+
+    /// Attempts that a member may take, whatever its neighbours do.
+    pub fn budget(&self, member: usize) -> u64 {
+        let commands = self.asked.plans.iter().map(|plan| plan.times.len()).sum();
+        let states = self.ensemble.template().circuit.n_states();
+        let duration = self.asked.duration.row(member)[0];
+        self.asked.budget.unwrap_or_else(|| budget(duration, commands, states))
     }
 
     /// How many numbers an output has for each member.
@@ -478,7 +482,8 @@ impl<R: Lane> Worker<'_, R> {
         self.follower.init(0);
         let duration = self.planned.asked.duration.row(member)[0];
         let start = self.start(Circuit::clone(&assembly.circuit), assembly, member);
-        let mut session = Session::new(assembly, 0.0, start, self.planned.options);
+        let options = Options { max_attempts: self.planned.budget(member), ..self.planned.options };
+        let mut session = Session::new(assembly, 0.0, start, options);
         for (time, input, value) in self.planned.due(member) {
             session.plan(input, [(time, value)]);
         }

@@ -84,6 +84,8 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     started: Vec<bool>,
     /// Where each lane goes, s; minus infinity where it has nothing to do.
     until: Vec<f64>,
+    /// Attempts that each may take.
+    allowed: Vec<u64>,
     completes: bool,
     work: Sys::Work<R>,
     dual_work: Sys::Work<Direction<R>>,
@@ -145,6 +147,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             fresh: false,
             started: vec![false; R::L],
             until: vec![f64::NEG_INFINITY; R::L],
+            allowed: vec![options.max_attempts; R::L],
             completes: system.completes(),
             work,
             dual_work,
@@ -184,7 +187,12 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     /// Allows so many further attempts.
     pub fn allow(&mut self, attempts: u64) {
         let done = self.lanes.iter().map(|lane| lane.statistics.factorisations).max().unwrap_or(0);
-        self.options.max_attempts = done.saturating_add(attempts);
+        self.allowed.fill(done.saturating_add(attempts));
+    }
+
+    /// Allows what was loaded into a lane so many attempts.
+    pub fn allow_in(&mut self, lane: usize, attempts: u64) {
+        self.allowed[lane] = attempts;
     }
 
     /// Reason why a lane stopped early, if any.
@@ -360,7 +368,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             let (t, until) = (self.t[lane], self.until[lane]);
             let control = &mut self.lanes[lane];
             let attempts = control.statistics.factorisations;
-            if attempts >= self.options.max_attempts && t < until && control.failure.is_none() {
+            if attempts >= self.allowed[lane] && t < until && control.failure.is_none() {
                 control.failure = Some(Failure::TooManyAttempts { t, attempts });
             }
             let idle = self.finished(lane);

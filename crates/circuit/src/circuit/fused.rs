@@ -138,24 +138,23 @@ impl<R: Lane> Fused<R> {
             // Where one chamber has fewer, nothing passes a copy of the other's.
             let Some(any) = of(edges[0]).or(of(edges[1])) else { break };
             let [law_a, law_b] = edges.map(|edge| &of(edge).unwrap_or(any).law);
-            let number = |f: &dyn Fn(&Edge) -> R, without: R| {
-                Both(edges.map(|edge| edge.map_or(without, f)))
-            };
+            let number = |f: &dyn Fn(&Edge) -> R, without: R| Both(edges.map(|edge| edge.map_or(without, f)));
             let state = |edge: &Edge| parts.reservoirs[edge.reservoir].1.state();
-            let end = |edge: &Edge| GasNode::at(state(edge)).end();
+            let (zero, one) = (R::zero(), R::one());
+            let ends = edges.map(|edge| edge.map(|edge| GasNode::at(state(edge)).end()));
+            let of_end = |f: fn(&End<R>) -> R| Both(ends.each_ref().map(|end| end.as_ref().map_or(one, f)));
             let limit = |edge: &Edge| {
                 let p = state(edge).p;
                 let below = p.with_value(R::Plain::from_lanes(|lane| p.get(lane).next_down()));
                 if edge.inward { p } else { below }
             };
-            let (zero, one) = (R::zero(), R::one());
             self.ports.push(Ports {
                 law: law_a.beside(law_b),
                 gain: number(&|edge| parts.restrictions[edge.restriction].1.gain(), zero),
                 reservoir: End {
-                    p: number(&|edge| end(edge).p, one),
-                    inverse_p: number(&|edge| end(edge).inverse_p, one),
-                    choked: number(&|edge| end(edge).choked, one),
+                    p: of_end(|end| end.p),
+                    inverse_p: of_end(|end| end.inverse_p),
+                    choked: of_end(|end| end.choked),
                 },
                 temperature: number(&|edge| state(edge).t, one),
                 limit: number(&limit, one),

@@ -174,3 +174,17 @@ fn a_failure_of_any_lane_ends_the_run_with_its_reason() {
     assert!(message.contains("t = 0.0") && message.contains("chamber a"), "{message}");
     assert!(message.contains("position_m = -3.000000e-1"), "{message}");
 }
+
+#[test]
+fn each_lane_has_a_budget_of_its_own() {
+    let (circuit, y, _) = side_by_side(&four(&reference()), &[at_rest(0.25, 3e5); 4]);
+    let mut stepper = Stepper::new(circuit, 0.0, &y, Options::default());
+    stepper.allow_in(1, 5);
+    stepper.advance(0.1, 10_000, &mut NoOutput);
+    for lane in 0..4 {
+        let attempts = stepper.statistics(lane).factorisations;
+        let failed = matches!(stepper.failure(lane), Some(ode::Failure::TooManyAttempts { attempts: 5, .. }));
+        assert_eq!((failed, attempts == 5), (lane == 1, lane == 1), "lane {lane} took {attempts}");
+        assert_eq!(stepper.time(lane) == 0.1, lane != 1);
+    }
+}
