@@ -88,7 +88,8 @@ class SizingFolder:
                 self._short[one["name"]] = Tuned(Setting(*one["setting"]), one["nominal"], (name, limit, value))
             else:
                 one["worst"] = {name: tuple(each) for name, each in one["worst"].items()}
-                made = SizedDrive(**one | {"sizes": tuple(one["sizes"])})
+                one["sizes"] = tuple(one["sizes"])
+                made = SizedDrive(**one)
                 self._of[made.name, made.draws] = made
         except (ValueError, KeyError, TypeError):
             return False
