@@ -178,7 +178,7 @@ def test_every_characteristic_says_what_it_is(tmp_path, capsys):
         rows = [row for row in csv.DictReader(stream) if row["result"] == "adiabatic_stiffness"]
     assert {row["unit"] for row in rows} == {"N/m"}
     assert len(rows) == 15 * 4
-    assert run(["characteristic", "catalogue:reference", "stifness"]) == 2
+    assert run(["characteristic", "catalogue:reference", "stiffness-map"]) == 2
     step = ["characteristic", "catalogue:reference", "step-response", "--set", "command = 0.6"]
     start = ["--set", "position = 0.05", "--set", "pressures = 3 bar abs"]
     assert run([*step, *start]) == 0
