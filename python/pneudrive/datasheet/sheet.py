@@ -12,6 +12,7 @@ from pneudrive.datasheet.measured import MeasuredBeside, beside
 from pneudrive.datasheet.registry import characteristics, found_under
 from pneudrive.datasheet.words import written_value
 from pneudrive.errors import Cancelled, PneudriveError
+from pneudrive.show import Card, Shown
 from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
@@ -47,8 +48,8 @@ class SheetValue(NamedTuple):
     origin: str
 
 
-@dataclass(frozen=True, eq=False)
-class Datasheet:
+@dataclass(frozen=True, eq=False, repr=False)
+class Datasheet(Shown):
     """All that a datasheet shows.
 
     Attributes
@@ -71,6 +72,14 @@ class Datasheet:
     values: tuple[SheetValue, ...]
     assumed: tuple[str, ...]
     measured: MeasuredBeside | None
+
+    def _card(self) -> Card:
+        return Card(
+            f"datasheet of {self.drive.name}, simulated",
+            ("number", "out, or the only one", "back", "standard"),
+            self.numbers,
+            self.headlines,
+        )
 
     @property
     def headlines(self) -> list[str]:
