@@ -112,7 +112,8 @@ SETUPS = {
     "one pressure": ('[sensors.pressure_a]\nrange = "10 bar"', "without sensors.pressure_b", "Give both"),
     "bits": ("[converter]\nbits = 64", "64 is out of bounds", "4 to 32"),
     "slow computer": ('[computer]\ntime = "2 ms"', "0.002 s", "shorter than the period"),
-    "jitter": ('[computer]\njitter = "1 us"', "jitter is not a known key", ":3"),
+    "fault": ('[[faults]]\nkind = "stuck"\nat = "1 s"', "needs a channel", "pressure_a"),
+    "unit of a fault": ('[[faults]]\nkind = "clock"\nat = "1 s"\nvalue = "3 mm"', "faults", "a time"),
     "times fall": (FALLING, "1 s follows 2 s", "times rise"),
 }
 
@@ -170,3 +171,37 @@ def test_a_comparison_goes_on_after_a_kill(tmp_path, capsys):
     assert len(_scores(whole)) == 16
     page = (killed / "report.html").read_text("utf-8")
     assert page.count("simulated, median of the seeds") == 2
+
+
+FAULTY = """schema = 1
+[sensors.position]
+resolution = "5 um"
+noise = "1 um"
+jitter = "10 us"
+[computer]
+time = "0.3 ms"
+jitter = "20 us"
+[[faults]]
+kind = "offset"
+channel = "position"
+at = "0.3 s"
+value = "20 mm"
+"""
+
+
+def test_a_supervisor_tells_what_it_does_about_a_fault(tmp_path, capsys, axis):
+    """A sensor jumps in the midst of a move: the valve is shut, or a ramp stops the drive if the controller says so."""
+    setup, controller = tmp_path / "faulty.toml", tmp_path / "controller.toml"
+    setup.write_text(FAULTY)
+    tuned = pn.control.tune(axis, controller=pn.control.Controller(law="inversion", on_fault={"position": "stop"}))
+    tuned.save(controller)
+    assert 'position = "stop"' in controller.read_text()
+    head = ["control", "run", str(AXIS), "--reference", STEP, "--duration", "1 s", "--setup", str(setup)]
+    assert run([*head, "--controller", str(controller)]) == 0
+    said = capsys.readouterr().out
+    assert "0.302 s  position-lost" in said
+    assert "stopped" in said
+    shut = pn.control.run(axis, "inversion", reference=STEP, duration="1 s", setup=setup)
+    assert [one["kind"] for one in shut.attrs["events"]] == ["position-predicted", "position-lost"]
+    assert abs(float(shut.velocity[-1])) < 5e-3
+    assert abs(float(shut.position[-1]) - 0.28) > 1e-3  # it does not arrive

@@ -1,13 +1,15 @@
 //! A law with its observer: from samples to commands.
 
 use crate::adaptation::Adaptation;
+use crate::course::Course;
 use crate::gains::{Gain, Gains};
 use crate::law::{Fuzzy, Inversion, Law, Nmpc, Pid, Plant, Pva, Sliding, SuperTwisting, Tick, Tuned};
 use crate::model::Model;
 use crate::number::{Memory, Number};
 use crate::observer::{Noise, Observer, Sample, State};
 use crate::own::{Own, Seen};
-use crate::reference::{Reference, Wanted};
+use crate::reference::{Reference, Wanted, blend};
+use crate::supervisor::{Rules, Supervisor};
 
 macro_rules! laws {
     ($($name:ident),* $(,)?) => {
@@ -42,6 +44,13 @@ macro_rules! laws {
                     $(AnyLaw::$name(law) => $name::GAINS.iter().zip(law.gains_mut()),)*
                     AnyLaw::Own(_) => [].iter().zip(vec![]),
                 }
+            }
+        }
+
+        impl AnyLaw {
+            /// It knows references alone, no way back to one.
+            pub(crate) fn needs_reference(&self) -> bool {
+                matches!(self, AnyLaw::Own(_))
             }
         }
 
@@ -136,12 +145,49 @@ pub struct Controller<L = AnyLaw, S = f64> {
     pub adaptation: Option<Adaptation>,
     /// The period, s.
     pub period: f64,
+    /// Who stands in front of the law, if anybody.
+    pub supervisor: Option<Box<Supervisor>>,
+    pub(crate) takeover: Takeover,
     pub(crate) noise: Noise,
     pub(crate) observer: Option<Observer<S>>,
     pub(crate) friction: Option<S>,
     /// The force that breaks a resting drive away, N.
     pub(crate) push: S,
 }
+
+/// How a law takes over from another one, and gains from others.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Takeover {
+    /// The last command of the law.
+    last: f64,
+    bump: Option<Bump>,
+    ramps: Vec<Ramp>,
+}
+
+/// A law took over at a time: what its command then lacked to that of the law before.
+#[derive(Clone, Copy, Debug)]
+struct Bump {
+    begin: Option<f64>,
+    offset: f64,
+}
+
+/// A gain on its way from a value to another one.
+#[derive(Clone, Copy, Debug)]
+struct Ramp {
+    key: &'static str,
+    begin: Option<f64>,
+    from: f64,
+    to: f64,
+}
+
+/// Time in which a law takes over, and a gain changes, s (assumed).
+const TAKEOVER: f64 = 0.2;
+/// Position, m, and speed, m/s, beyond which no drive is (assumed).
+const FARTHEST: f64 = 1e3;
+/// The law that stands by unless another one is named.
+const STANDBY: &str = "inversion";
+/// Deviations of a position whose noise is that of its counts, in a count.
+const COUNT: f64 = 3.464_101_615_137_754_6;
 
 /// Where a drive is to be now and when a command of now will act, whether it stands between them, and the reference.
 #[derive(Clone, Copy, Debug)]
@@ -150,7 +196,7 @@ pub(crate) struct Ahead<'r, S> {
     pub then: Wanted<S>,
     /// 1 while the reference stands, else 0.
     pub stands: S,
-    pub preview: &'r Reference,
+    pub preview: &'r Course<'r>,
 }
 
 /// What a law with its observer makes of a sample.
@@ -186,8 +232,11 @@ impl Controller {
         let middle = 0.5 * (model.supply.pressure + model.ambient.pressure);
         let plant = Plant::of(model, 0.5 * model.stroke, [middle; 2], period);
         let noise = Noise { disturbance: 0.5 * plant.coulomb, position: deviation };
+        let standby = AnyLaw::tuned(STANDBY, model, &plant)?;
         Some(Controller {
             law: AnyLaw::tuned(key, model, &plant)?,
+            supervisor: Some(Box::new(Supervisor::new(Rules::default(), standby))),
+            takeover: Takeover::default(),
             hold: Some(Hold::new(30e-6, 20e-3)),
             adaptation: Some(Adaptation::new(model)),
             model: model.clone(),
@@ -212,26 +261,143 @@ impl Controller {
         self.observer.as_ref().map(|observer| Seen::of(&self.model, sample, observer)).unwrap_or_default()
     }
 
-    /// The command for a sample, on the way along a reference; [`Controller::told`] comes next.
+    /// The command for a sample, on the way along a reference; [`Controller::told`] comes next. Without a supervisor a
+    /// sample that is no number gives a command that is none.
     pub fn decide(&mut self, sample: &Sample, reference: &Reference) -> Answer {
+        if let Some(mut supervisor) = self.supervisor.take() {
+            let answer = supervisor.decide(self, sample, reference);
+            self.supervisor = Some(supervisor);
+            return answer;
+        }
+        let numbers = [sample.position].into_iter().chain(sample.pressures.into_iter().flatten());
+        if numbers.into_iter().any(|own| !own.is_finite()) {
+            return self.rest(reference.at(sample.time), f64::NAN);
+        }
+        self.learn(sample, true);
+        self.ask(sample, &reference.into())
+    }
+
+    /// The observer takes over a sample, and the model what is learned from it.
+    pub(crate) fn learn(&mut self, sample: &Sample, measured: bool) {
         self.observe(sample);
-        let (Some(observer), period) = (&self.observer, self.period) else {
-            unreachable!("it has just been made")
+        let lost = self.state().is_some_and(|own| {
+            let State { position, velocity, disturbance, friction, pressures: [a, b], temperatures: [c, d] } =
+                own;
+            [disturbance, friction, a, b, c, d].iter().any(|own| !own.is_finite())
+                || !(position.abs() < FARTHEST && velocity.abs() < FARTHEST)
+        });
+        if lost {
+            // A sample far behind the last one, or one that no model follows: it begins anew.
+            self.restart();
+            self.observe(sample);
+        }
+        let measured = measured && sample.pressures.is_some();
+        if let (Some(adaptation), Some(observer), true) = (&mut self.adaptation, &self.observer, measured) {
+            adaptation.learn(&mut self.model, &observer.state, observer.spool.state(), self.period);
+        }
+    }
+
+    /// The law's command for a sample that the observer has taken over.
+    pub(crate) fn ask(&mut self, sample: &Sample, course: &Course) -> Answer {
+        self.go_on_tuning(sample.time);
+        let now = course.at(sample.time);
+        let Some(observer) = &self.observer else { return self.rest(now, f64::NAN) };
+        let mut answer = if let AnyLaw::Own(own) = &self.law {
+            let seen = Seen::of(&self.model, sample, observer);
+            let command = course.reference().map_or(f64::NAN, |reference| own.step(&seen, reference));
+            self.rest(now, command)
+        } else {
+            let stands = f64::from(u8::from(course.stands(sample.time, self.plant.lag)));
+            let then = course.at(sample.time + self.ahead());
+            let ahead = Ahead { now, then, stands, preview: course };
+            let Decided { command, velocity, disturbance, holds } = self.command(sample, &ahead);
+            Answer { command, wanted: now, velocity, disturbance, holds }
         };
-        if let (Some(adaptation), true) = (&mut self.adaptation, sample.pressures.is_some()) {
-            adaptation.learn(&mut self.model, &observer.state, observer.spool.state(), period);
+        let Takeover { last, bump: slot, .. } = &mut self.takeover;
+        if let (Some(bump), true) = (slot.as_mut(), answer.command.is_finite()) {
+            let begin = *bump.begin.get_or_insert_with(|| {
+                bump.offset = *last - answer.command;
+                sample.time
+            });
+            let [gone, ..] = blend((sample.time - begin) / TAKEOVER);
+            answer.command = (answer.command + bump.offset * (1.0 - gone)).clamp(-1.0, 1.0);
+            if gone >= 1.0 {
+                *slot = None;
+            }
         }
-        let now = reference.at(sample.time);
-        if let AnyLaw::Own(own) = &self.law {
-            let State { velocity, disturbance, .. } = observer.state;
-            let command = own.step(&Seen::of(&self.model, sample, observer), reference);
-            return Answer { command, wanted: now, velocity, disturbance, holds: false };
+        if answer.command.is_finite() {
+            *last = answer.command;
         }
-        let stands = f64::from(u8::from(reference.stands(sample.time, self.plant.lag)));
-        let then = reference.at(sample.time + self.ahead());
-        let ahead = Ahead { now, then, stands, preview: reference };
-        let Decided { command, velocity, disturbance, holds } = self.command(sample, &ahead);
-        Answer { command, wanted: now, velocity, disturbance, holds }
+        answer
+    }
+
+    /// Another law takes over without a bump: its command begins at that of the law before.
+    pub fn switch(&mut self, law: AnyLaw) {
+        self.law = law;
+        self.takeover.ramps.clear();
+        self.takeover.bump = Some(Bump { begin: None, offset: 0.0 });
+    }
+
+    /// A gain of the law goes to another value, in 0.2 s; false: it has no such gain.
+    pub fn retune(&mut self, key: &str, to: f64) -> bool {
+        let found = self.law.gains().find(|(gain, _)| gain.key == key).map(|(gain, own)| (gain.key, *own));
+        let Some((key, from)) = found else { return false };
+        self.takeover.ramps.retain(|own| own.key != key);
+        self.takeover.ramps.push(Ramp { key, begin: None, from, to });
+        true
+    }
+
+    /// Gains on their way at a time, s.
+    fn go_on_tuning(&mut self, time: f64) {
+        for own in &mut self.takeover.ramps {
+            let [share, ..] = blend((time - *own.begin.get_or_insert(time)) / TAKEOVER);
+            let value = own.from + share * (own.to - own.from);
+            self.law.gains().filter(|(gain, _)| gain.key == own.key).for_each(|(_, gain)| *gain = value);
+        }
+        self.takeover.ramps.retain(|own| own.begin.is_none_or(|begin| time - begin < TAKEOVER));
+    }
+
+    /// The observer begins anew with the next sample.
+    pub(crate) fn restart(&mut self) {
+        self.observer = None;
+    }
+
+    /// The law goes on from a command without a bump; nothing is held or pushed.
+    pub(crate) fn begin_anew(&mut self, command: f64) {
+        (self.push, self.takeover.last) = (0.0, command);
+        self.friction = self.observer.as_ref().map(|own| own.state.friction);
+        self.takeover.bump = Some(Bump { begin: None, offset: 0.0 });
+        if let Some(hold) = &mut self.hold {
+            *hold = Hold::new(hold.band, hold.after);
+        }
+    }
+
+    /// The state at the last sample.
+    pub(crate) fn state(&self) -> Option<State> {
+        self.observer.as_ref().map(|observer| observer.state)
+    }
+
+    /// The state and where the spool was halfway, at the next sample as the model foresees it.
+    pub(crate) fn foresee(&self, time: f64) -> Option<(State, f64)> {
+        let observer = self.observer.as_ref()?;
+        let (state, _) = observer.predict(&self.model, time, self.period);
+        Some((state, observer.spool.clone().halfway(observer.time(), time)))
+    }
+
+    /// Distance of two readings of the position sensor, m.
+    pub(crate) fn count(&self) -> f64 {
+        COUNT * self.noise.position
+    }
+
+    /// See [`crate::supervisor`].
+    pub(crate) fn brakes(&self, model: &Model, command: (f64, bool)) -> Option<f64> {
+        crate::supervisor::brakes(model, self.observer.as_ref()?, command, self.period)
+    }
+
+    /// Without the law: a command, and what the observer says.
+    pub(crate) fn rest(&self, wanted: Wanted, command: f64) -> Answer {
+        let (velocity, disturbance) = self.state().map_or((0.0, 0.0), |own| (own.velocity, own.disturbance));
+        Answer { command, wanted, velocity, disturbance, holds: false }
     }
 }
 

@@ -7,7 +7,8 @@ mod traced;
 pub use print::Language;
 pub use traced::{Function, Graph, Node, Operator, Traced, record};
 
-use crate::controller::{Ahead, AnyLaw, Controller, Decided, Hold};
+use crate::controller::{Ahead, AnyLaw, Controller, Decided, Hold, Takeover};
+use crate::course::Course;
 use crate::gains::Gain;
 use crate::law::Law;
 use crate::observer::{Observer, Sample};
@@ -183,6 +184,8 @@ impl Recorder<'_> {
             hold: hold.as_ref().map(|own| Hold::new(own.band, own.after)),
             adaptation: None,
             period: *period,
+            supervisor: None,
+            takeover: Takeover::default(),
             noise: *noise,
             observer: Some(observer.at_rest()),
             friction: Some(Traced::zero()),
@@ -262,7 +265,8 @@ impl Recorder<'_> {
             Piece::Command => {
                 let nowhere = Reference::Moves { start: 0.0, moves: vec![] };
                 let Inputs { now, then, stands, .. } = *given;
-                let ahead = Ahead { now, then, stands, preview: &nowhere };
+                let preview = Course::from(&nowhere);
+                let ahead = Ahead { now, then, stands, preview: &preview };
                 let Decided { command, velocity, disturbance, holds } = own.command(&at, &ahead);
                 own.told(at.time, command);
                 let holds = Traced::select(holds, Traced::one(), Traced::zero());

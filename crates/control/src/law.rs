@@ -7,11 +7,12 @@ mod pid;
 mod pva;
 mod sliding;
 
+use crate::course::Course;
 use crate::gains::Gains;
 use crate::model::Model;
 use crate::number::{Memory, Number};
 use crate::observer::State;
-use crate::reference::{Reference, Wanted};
+use crate::reference::Wanted;
 use crate::spool::Spool;
 pub use fuzzy::{Fuzzy, sugeno};
 pub use inversion::Inversion;
@@ -58,7 +59,7 @@ impl Plant {
         let [coulomb, viscous] = model.friction_levels([x, 1.0], p);
         let area = 0.5 * (model.sides[0].area + model.sides[1].area);
         // Choked exhaust: the gas leaves at its density times this volume flow.
-        let volume_flow = model.valve.flow.gain * model.gas.gas_constant * model.supply.temperature.sqrt();
+        let volume_flow = model.volume_flow();
         let volume = 0.5 * (model.sides[0].volume(x) + model.sides[1].volume(x));
         Plant {
             natural_frequency,
@@ -95,7 +96,7 @@ pub struct Tick<'a, S = f64> {
     /// The spool then.
     pub spool: &'a Spool<S>,
     /// Where the drive is to go.
-    pub preview: &'a Reference,
+    pub preview: &'a Course<'a>,
 }
 
 impl<S: Number> Tick<'_, S> {

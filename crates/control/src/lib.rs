@@ -6,6 +6,7 @@
 
 pub mod adaptation;
 pub mod controller;
+pub mod course;
 pub mod export;
 pub mod feasibility;
 pub mod gains;
@@ -16,9 +17,11 @@ pub mod observer;
 pub mod own;
 pub mod reference;
 pub mod spool;
+pub mod supervisor;
 
 pub use adaptation::Adaptation;
 pub use controller::{Answer, AnyLaw, Controller, Hold, LAWS};
+pub use course::{Course, Fade};
 pub use feasibility::{Demand, demand, least_factor};
 pub use gains::{Gain, Gains};
 pub use law::{Law, Plant, Tick, Tuned, sugeno};
@@ -27,3 +30,4 @@ pub use number::{Memory, Number};
 pub use observer::{Noise, Observer, Sample, State};
 pub use own::{Own, OwnLaw, SIGNALS, Seen, Signal};
 pub use reference::{COEFFICIENTS, Move, Piece, Reference, Wanted, blend};
+pub use supervisor::{Event, EventKind, Inputs, Log, MotionRules, Reaction, Rules, Supervisor};

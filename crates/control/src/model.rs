@@ -126,6 +126,17 @@ pub struct Chambers<S> {
 }
 
 impl Model {
+    /// Volume flow at which gas leaves a chamber through the open valve, choked, m3/s.
+    pub fn volume_flow(&self) -> f64 {
+        self.valve.flow.gain * self.gas.gas_constant * self.supply.temperature.sqrt()
+    }
+
+    /// Rate at which the open valve fills a chamber with the piston at x, Pa/s.
+    pub fn most_rate(&self, side: usize, x: f64) -> f64 {
+        let k = self.gas.heat_capacity_ratio;
+        k * self.volume_flow() * self.supply.pressure / self.sides[side].volume(x)
+    }
+
     /// Force of the gas in +x, N.
     #[inline(always)]
     pub fn gas_force<S: Over<f64>>(&self, pressures: [S; 2]) -> S {
@@ -166,11 +177,23 @@ impl Model {
     #[inline(always)]
     pub fn chambers<S: Over<f64>>(
         &self,
+        place: [S; 2],
+        contents: [[S; 2]; 2],
+        openings: [S; 2],
+    ) -> Chambers<S> {
+        self.chambers_on(&self.supply, place, contents, openings)
+    }
+
+    /// The same on another supply.
+    #[inline(always)]
+    pub fn chambers_on<S: Over<f64>>(
+        &self,
+        supply: &Held,
         [x, v]: [S; 2],
         contents: [[S; 2]; 2],
         openings: [S; 2],
     ) -> Chambers<S> {
-        let (supply, exhaust) = (self.supply.end(), self.ambient.end());
+        let (supply, exhaust) = (supply.end(), self.ambient.end());
         let cp = self.gas.cp;
         let each: [_; 2] = std::array::from_fn(|i| {
             let side = &self.sides[i];

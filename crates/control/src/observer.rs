@@ -234,6 +234,11 @@ impl<S: Number> Observer<S> {
         state.disturbance += force + (state.friction - before);
     }
 
+    /// The time of the last sample, s.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
     /// State and spool at a later time, s, under the commands given so far.
     pub fn predict(&self, model: &Model, to: f64, step: f64) -> (State<S>, Spool<S>) {
         // A whole number of steps stays one, however times are rounded.

@@ -4,7 +4,7 @@ use crate::convert::{Table, Teller, parse, to_python, watched};
 use crate::network::PyCircuit;
 use circuit::Look;
 use control::export::program;
-use control::{AnyLaw, Demand, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
+use control::{AnyLaw, Demand, EventKind, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use ode::Options;
 use pyo3::exceptions::PyValueError;
@@ -229,7 +229,9 @@ impl PyLoop {
         let (spec, setup): (Controller, Setup) = (parse(spec)?, parse(setup)?);
         let reference = Reference::from(&parse::<Motion>(motion)?);
         let deviation = Encoder::from(setup.position).deviation();
-        let (controller, axis) = controller(&spec, deviation).map_err(to_python)?;
+        let (mut controller, axis) = controller(&spec, deviation).map_err(to_python)?;
+        // Its caller decides.
+        controller.supervisor = None;
         let options = Options { rtol, ..Options::default() };
         let session = circuit.network().session(&start, options).map_err(to_python)?;
         let under = Loop::new(session, &axis, &setup).map_err(to_python)?;
@@ -274,7 +276,14 @@ impl PyLoop {
     }
 }
 
-/// Runs a circuit from a start under a controller along a reference: columns by name, SI units. `own` is a law of one's own:
+/// Key, unit of the value, and meaning of what a supervisor tells.
+#[pyfunction]
+pub fn control_events() -> Vec<(&'static str, &'static str, &'static str)> {
+    EventKind::ALL.iter().map(|own| (own.key(), own.unit(), own.text())).collect()
+}
+
+/// Runs a circuit from a start under a controller along a reference: columns by name, SI units, and `events`: time, key and
+/// value of what the supervisor told. `own` is a law of one's own:
 /// a callable of a tuple of the signals that are named beside it.
 #[pyfunction]
 #[pyo3(signature = (circuit, start, spec, motion, setup, duration, rtol, look = None, own = None))]
@@ -295,7 +304,7 @@ pub fn control_run<'py>(
     let reference = Reference::from(&parse::<Motion>(motion)?);
     let network = circuit.accounted().map_err(to_python)?;
     let own = own.map(|(call, names)| places(&names).map(|places| Called { call, places })).transpose()?;
-    let (rows, air) = watched(py, look, move |interrupted| {
+    let (rows, air, events) = watched(py, look, move |interrupted| {
         let (mut controller, axis) = controller(&spec, Encoder::from(setup.position).deviation())?;
         if let Some(own) = own {
             controller.law = AnyLaw::Own(Own::new(own));
@@ -303,7 +312,13 @@ pub fn control_run<'py>(
         let session = network.session(&start, Options { rtol, ..Options::default() })?;
         let mut under = Loop::new(session, &axis, &setup)?;
         let rows = under.run(&mut controller, &reference, duration, &mut Look::new(interrupted))?;
-        Ok((rows, under.air_drawn()))
+        let told = controller.supervisor.map_or(vec![], |own| own.log().events().to_vec());
+        Ok((rows, under.air_drawn(), told))
     })?;
-    Ok((columns(py, &rows)?, air))
+    let out = columns(py, &rows)?;
+    out.set_item(
+        "events",
+        events.iter().map(|own| (own.time, own.kind.key(), own.value)).collect::<Vec<_>>(),
+    )?;
+    Ok((out, air))
 }

@@ -78,6 +78,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(friction::seal_warming, m)?)?;
     m.add_function(wrap_pyfunction!(friction::steady_friction, m)?)?;
     m.add_function(wrap_pyfunction!(friction::steady_friction_sensitivity, m)?)?;
+    m.add_function(wrap_pyfunction!(control::control_events, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_export, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_laws, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_run, m)?)?;

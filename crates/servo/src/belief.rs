@@ -15,6 +15,8 @@ pub struct Axis {
     pub cylinder: String,
     /// Of its valve.
     pub valve: String,
+    /// Of its supply.
+    pub supply: String,
     /// Components of which a law knows nothing: it takes the valve to stand at the cylinder and at its supply.
     pub left_out: Vec<String>,
 }
@@ -120,5 +122,6 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
         gas: Gas::from(&gas),
     };
     let left_out = others.into_iter().map(|own| own.name.clone()).collect();
-    Ok((model, Axis { cylinder: cylinder.name.clone(), valve: valve.name.clone(), left_out }))
+    let name = |own: &Component| own.name.clone();
+    Ok((model, Axis { cylinder: name(cylinder), valve: name(valve), supply: name(supply), left_out }))
 }

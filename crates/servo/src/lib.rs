@@ -4,6 +4,7 @@
 
 mod air;
 mod belief;
+pub mod faults;
 mod noise;
 mod run;
 mod sensor;

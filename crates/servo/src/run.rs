@@ -2,12 +2,13 @@
 
 use crate::air::drawn;
 use crate::belief::{Axis, belief};
+use crate::faults::Faults;
 use crate::noise::Noise;
 use crate::refuse;
 use crate::sensor::{Encoder, Sensor};
 use crate::specification;
 use circuit::{Error, Look, Session};
-use control::{Answer, AnyLaw, Controller, Gain, LAWS, Reference, Sample};
+use control::{Answer, AnyLaw, Controller, Gain, LAWS, Reference, Rules, Sample};
 use std::time::Instant;
 
 /// A controller as it is described, with the axis that it commands. Position sensors have this deviation, m.
@@ -41,6 +42,15 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
         controller.adaptation = None;
     }
     controller.hold = spec.hold.map(|hold| control::Hold::new(hold.band_m, hold.after_s));
+    if let (Some(rules), Some(own)) = (&spec.supervision, &mut controller.supervisor) {
+        own.rules = rules.into();
+        if let Some(key) = &rules.standby {
+            let Some(standby) = AnyLaw::tuned(key, &model, &controller.plant) else {
+                return refuse(format!("there is no law \"{key}\"; there are {}", LAWS.join(", ")));
+            };
+            (own.standby, own.serves_own) = (standby, true);
+        }
+    }
     Ok((controller, axis))
 }
 
@@ -64,6 +74,11 @@ pub const COLUMNS: [&str; 12] = [
     "least_step_time_s",
 ];
 
+/// Channels of the noise of times, from this one on.
+const JITTER: u32 = 16;
+/// Latest time of a command as a share of the period.
+const LATEST: f64 = 0.999;
+
 /// A session under a controller.
 pub struct Loop {
     session: Session,
@@ -77,6 +92,8 @@ pub struct Loop {
     /// Columns of position, velocity and both pressures.
     columns: [usize; 4],
     command: usize,
+    faults: Faults,
+    jitter: [f64; 4],
     /// Both pressures at the last sample, as they were and behind the sensors' lag.
     last: Option<[[f64; 2]; 2]>,
 }
@@ -84,6 +101,8 @@ pub struct Loop {
 /// A sample whose command has not been given yet.
 #[derive(Clone, Copy, Debug)]
 pub struct Turn {
+    /// Its number.
+    pub tick: u64,
     /// What the sensors say.
     pub sample: Sample,
     /// Position, m, velocity, m/s, and pressures, Pa, as they are.
@@ -123,7 +142,16 @@ impl Loop {
             let (times, values): (Vec<f64>, Vec<f64>) = setup.forces.iter().map(|&[t, f]| (t, f)).unzip();
             session.schedule(force, &times, &values)?;
         }
+        let faults = Faults::new(setup.faults.clone(), setup.switches_m);
+        if faults.falls() {
+            let supply = input(&session, format!("{}.pressure_pa", axis.supply))?;
+            let changes = faults.supply(session.input(supply));
+            let (times, values): (Vec<f64>, Vec<f64>) = changes.into_iter().unzip();
+            session.schedule(supply, &times, &values)?;
+        }
         Ok(Loop {
+            faults,
+            jitter: setup.jitter_s,
             command: input(&session, format!("{}.command", axis.valve))?,
             session,
             encoder: setup.position.into(),
@@ -137,15 +165,28 @@ impl Loop {
         })
     }
 
-    fn sample(&mut self, tick: u64, period: f64, [x, _, a, b]: [f64; 4]) -> Sample {
-        let noise = |channel| Noise { seed: self.seed, member: 0, channel };
-        let position = self.encoder.read(x, noise(0), tick);
+    /// How late a sample of a sensor, or a command, is, s.
+    fn late(&self, what: usize, tick: u64) -> f64 {
+        let jitter = self.jitter[what];
+        let channel = JITTER + what as u32;
+        if jitter > 0.0 { jitter * Noise { seed: self.seed, member: 0, channel }.normal(tick) } else { 0.0 }
+    }
+
+    /// What sensors say. At another time by jitter they say what the signal is by its slope.
+    fn sample(&mut self, tick: u64, period: f64, [x, v, a, b]: [f64; 4]) -> Sample {
+        let seed = self.seed;
+        let noise = |channel| Noise { seed, member: 0, channel };
+        let late = [1, 2].map(|what| self.late(what, tick));
+        let position = self.encoder.read(x + v * self.late(0, tick), noise(0), tick);
         let pressures = self.pressures.map(|sensors| {
             let [before, behind] = self.last.unwrap_or([[a, b]; 2]);
             let now = [a, b];
             let lagged = [0, 1].map(|i| sensors[i].follow(behind[i], [before[i], now[i]], period));
             self.last = Some([now, lagged]);
-            [0, 1].map(|i| sensors[i].read(lagged[i], noise(1 + i as u32), tick))
+            [0, 1].map(|i| {
+                let slope = (lagged[i] - behind[i]) / period;
+                sensors[i].read(lagged[i] + slope * late[i], noise(1 + i as u32), tick)
+            })
         });
         Sample { time: self.session.time(), position, pressures }
     }
@@ -160,15 +201,14 @@ impl Loop {
             ));
         }
         let stroke = controller.model.stroke;
+        let free = Rules::default();
+        let rules = controller.supervisor.as_ref().map_or(&free, |own| &own.rules);
         let ticks = (duration / period).round() as u64;
-        let leaves = (0..=ticks).map(|tick| tick as f64 * period).find_map(|t| {
-            let x = reference.at(t).position;
-            (!(0.0..=stroke).contains(&x)).then_some((t, x))
-        });
-        if let Some((t, x)) = leaves {
-            return refuse(format!(
-                "the reference asks for {x} m at t = {t} s: it must stay within the stroke, 0 to {stroke} m"
-            ));
+        let refused = (0..=ticks)
+            .map(|tick| tick as f64 * period)
+            .find_map(|t| rules.refuses(&reference.at(t), stroke).map(|why| (t, why)));
+        if let Some((t, why)) = refused {
+            return refuse(format!("at t = {t} s {why}"));
         }
         Ok(ticks)
     }
@@ -207,22 +247,28 @@ impl Loop {
         self.session.go_on(tick as f64 * period, look)?;
         let truth = self.columns.map(|column| self.session.now(column));
         let sample = self.sample(tick, period, truth);
+        let t = sample.time;
+        if let Some(supervisor) = &mut controller.supervisor {
+            supervisor.inputs = self.faults.inputs(t, truth[0]);
+        }
+        let seen = self.faults.spoil(&sample);
+        let reference = self.faults.reference(t, reference);
         // A law of one's own may have a memory that is not copied.
         let is_repeated = self.repeats > 1 && !matches!(controller.law, AnyLaw::Own(_));
         let before = is_repeated.then(|| controller.clone());
         let begin = Instant::now();
-        let answer = controller.decide(&sample, reference);
+        let answer = controller.decide(&seen, reference);
         let took = begin.elapsed().as_secs_f64();
         let least = before.map_or(took, |before| {
             let again = |_| {
                 let mut own = before.clone();
                 let begin = Instant::now();
-                std::hint::black_box(own.decide(&sample, reference));
+                std::hint::black_box(own.decide(&seen, reference));
                 begin.elapsed().as_secs_f64()
             };
             (1..self.repeats).map(again).fold(took, f64::min)
         });
-        Ok(Turn { sample, truth, answer, took, least })
+        Ok(Turn { tick, sample, truth, answer, took, least })
     }
 
     /// Gives a command, which may be another one than the law's: the [`COLUMNS`] of this sample.
@@ -241,10 +287,13 @@ impl Loop {
             let half = ((1_u64 << self.command_bits) - 1) as f64 / 2.0;
             command = ((command + 1.0) * half).round_ties_even() / half - 1.0;
         }
-        if self.computing_time > 0.0 {
-            self.session.schedule(self.command, &[t + self.computing_time], &[command])?;
+        let acts = self.faults.command(t, command);
+        let computing = self.computing_time + self.late(3, turn.tick).abs();
+        if computing > 0.0 {
+            let computing = computing.min(LATEST * controller.period);
+            self.session.schedule(self.command, &[t + computing], &[acts])?;
         } else {
-            self.session.set(self.command, command)?;
+            self.session.set(self.command, acts)?;
         }
         let Answer { wanted, velocity, disturbance, holds, .. } = turn.answer;
         let ([x, v, a, b], holds) = (turn.truth, f64::from(u8::from(holds)));

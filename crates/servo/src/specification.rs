@@ -2,7 +2,7 @@
 
 use crate::sensor::{Encoder, Sensor};
 use circuit::specification::Circuit;
-use control::{COEFFICIENTS, Move, Piece, Reference};
+use control::{COEFFICIENTS, MotionRules, Move, Piece, Reaction, Reference, Rules};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -22,6 +22,8 @@ pub struct Controller {
     /// It learns friction and valve of its drive while it runs.
     #[serde(default = "yes")]
     pub adaptation: bool,
+    /// Who stands in front of the law; none: one with the usual rules.
+    pub supervision: Option<Supervision>,
     /// The drive as the law believes it to be.
     pub belief: Circuit,
 }
@@ -157,4 +159,155 @@ pub struct Setup {
     /// Times that each step of the law is run, for its time.
     #[serde(default = "once")]
     pub step_repeats: u32,
+    /// Standard deviation of the times of samples, s: of the position, of chambers a and b; and of the computing time.
+    #[serde(default)]
+    pub jitter_s: [f64; 4],
+    /// Positions of limit switches at x = 0 and at the stroke, m.
+    #[serde(default)]
+    pub switches_m: Option<[f64; 2]>,
+    /// What goes wrong.
+    #[serde(default)]
+    pub faults: Vec<Fault>,
+}
+
+/// What a fault acts on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Channel {
+    /// The position.
+    Position,
+    /// Pressure of chamber a.
+    PressureA,
+    /// Pressure of chamber b.
+    PressureB,
+}
+
+/// What goes wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FaultKind {
+    /// A channel keeps its value.
+    Stuck,
+    /// A channel is no number.
+    Nan,
+    /// A channel shows `value`.
+    Saturated,
+    /// A channel shows too much by `value`.
+    Offset,
+    /// A single sample of a channel shows too much by `value`.
+    Jump,
+    /// The clock is back by `value`, s.
+    Clock,
+    /// The valve's spool stays where it is.
+    ValveStuck,
+    /// The valve's spool goes to its centre.
+    ValveDead,
+    /// The supply has the pressure `value`, Pa absolute.
+    SupplyFallen,
+    /// The law is not ready in time.
+    Late,
+    /// The reference is no number, or stands at `value`, m.
+    Reference,
+    /// Enable is lost.
+    EnableLost,
+    /// Emergency stop.
+    EmergencyStop,
+}
+
+impl FaultKind {
+    /// It is the valve's.
+    pub fn is_of_valve(self) -> bool {
+        matches!(self, FaultKind::ValveStuck | FaultKind::ValveDead)
+    }
+}
+
+/// A fault.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fault {
+    /// What goes wrong.
+    pub kind: FaultKind,
+    /// What it acts on.
+    pub channel: Option<Channel>,
+    /// s.
+    pub begin_s: f64,
+    /// s; none: it stays.
+    pub end_s: Option<f64>,
+    /// See the kinds.
+    pub value: Option<f64>,
+}
+
+impl Fault {
+    /// It acts at a time, s.
+    pub fn acts(&self, t: f64) -> bool {
+        self.begin_s <= t && self.end_s.is_none_or(|end| t < end)
+    }
+}
+
+/// What is done about a fault.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Answering {
+    /// It is told.
+    Tell,
+    /// The model takes the place of what is lost.
+    Model,
+    /// Stop ramp, then hold.
+    Stop,
+    /// The valve is shut at once.
+    Block,
+}
+
+impl From<Answering> for Reaction {
+    fn from(own: Answering) -> Self {
+        match own {
+            Answering::Tell | Answering::Model => Reaction::Tell,
+            Answering::Stop => Reaction::Stop,
+            Answering::Block => Reaction::Block,
+        }
+    }
+}
+
+/// A supervisor.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Supervision {
+    /// Positions that the drive may reach, m; none: those of its stroke.
+    pub position_m: Option<[f64; 2]>,
+    /// m/s.
+    pub speed_m_s: Option<f64>,
+    /// Pa absolute.
+    pub pressure_pa: Option<[f64; 2]>,
+    /// m/s2.
+    pub stop_deceleration_m_s2: f64,
+    /// Error within which a motion is complete, m, for how long, s, and time until then, s.
+    pub motion: [f64; 3],
+    /// On a lost position sensor.
+    pub on_position: Answering,
+    /// On a lost pressure sensor.
+    pub on_pressure: Answering,
+    /// On a valve that does not answer.
+    pub on_valve: Answering,
+    /// On a fallen supply.
+    pub on_supply: Answering,
+    /// The law that stands by; none: the usual one, which does not serve laws of one's own.
+    pub standby: Option<String>,
+}
+
+impl From<&Supervision> for Rules {
+    fn from(own: &Supervision) -> Self {
+        let free = Rules::default();
+        let [tolerance, settled_for, timeout] = own.motion;
+        Rules {
+            position: own.position_m.unwrap_or(free.position),
+            speed: own.speed_m_s.unwrap_or(free.speed),
+            pressure: own.pressure_pa.unwrap_or(free.pressure),
+            stop_deceleration: own.stop_deceleration_m_s2,
+            motion: MotionRules { tolerance, settled_for, timeout },
+            on_position: own.on_position.into(),
+            on_pressure: own.on_pressure.into(),
+            on_valve: own.on_valve.into(),
+            on_supply: own.on_supply.into(),
+        }
+    }
 }

@@ -46,6 +46,9 @@ fn setup(seed: u64) -> Setup {
         forces: vec![],
         seed,
         step_repeats: 1,
+        jitter_s: [0.0; 4],
+        switches_m: None,
+        faults: vec![],
     }
 }
 
@@ -63,6 +66,7 @@ fn run(
         period_s: 1e-3,
         gains: BTreeMap::new(),
         adaptation: true,
+        supervision: None,
         hold: Some(Hold { band_m: 3e-5, after_s: 0.02 }),
         belief: axis(),
     };

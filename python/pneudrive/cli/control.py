@@ -129,6 +129,8 @@ def run(
     title = f"{prepared.tuning.law} on {prepared.circuit.name} along {prepared.reference.text}"
     typer.echo(f"{title}, setup {prepared.setup_name}, seed {seed}, simulated:")
     typer.echo(_score(Score(**found.provenance["score"])))
+    for event in found.provenance["events"]:
+        typer.echo(f"{event['time_s']:.3f} s  {event['kind']}: {event['text']} {event['value']:.4g} {event['unit']}")
     if "law_failure" in found.provenance:
         typer.echo(f"\n{found.provenance['law_failure']}\nAnother law took over.", err=True)
     if out is not None:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from pneudrive import _core, own_code, units
+from pneudrive.control.supervision import ControlLimits, MotionComplete, OnFault, Supervision
 from pneudrive.describe.base import Bounds, Described, Length, Quantity, WrongValueError
 from pneudrive.describe.marks import Choice, Reads
 
@@ -76,6 +77,14 @@ class Controller(Described):
     adaptation: bool = Field(default=True, description="it learns friction and valve of its drive while it runs")
     gains: Annotated[dict[str, Any], Reads(_gains)] = Field(default_factory=dict)
     hold: Annotated[HoldBand | None, Reads(_hold)] = Field(default=HoldBand(), description="false: it never holds")
+    limits: ControlLimits = ControlLimits()
+    motion: MotionComplete = MotionComplete()
+    on_fault: OnFault = OnFault()
+
+    @property
+    def supervision(self) -> Supervision:
+        """Its supervisor."""
+        return Supervision(self.limits, self.motion, self.on_fault)
 
 
 def gain_quantity(unit: str) -> Quantity:

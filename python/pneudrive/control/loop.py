@@ -10,6 +10,7 @@ from pneudrive.control.measures import air_of, score_of
 from pneudrive.control.mismatch import Truth, mismatched, one_value, read_mismatch
 from pneudrive.control.references import check_reach, reference
 from pneudrive.control.setup import Setup, read_setup, ready_setups
+from pneudrive.control.supervision import told
 from pneudrive.control.tuning import Tuning, tune
 from pneudrive.describe.circuit import compiled
 from pneudrive.errors import CommandError, SimulationError
@@ -122,9 +123,10 @@ def run(
     xarray.Dataset
         Dimension time, one entry for each sample of the law; position, velocity, pressure_a, pressure_b, reference,
         command, estimated_velocity, disturbance, holds, step_time, least_step_time, each with ``units`` and
-        ``long_name``. Its ``attrs`` hold score (a dict, see `pneudrive.control.Score`), law_failure (where a law of
-        one's own failed and another one took over), law, gains, period_s, setup, mismatch, deviations, seed, reference,
-        motion, air, belief_hash, and what `pneudrive.simulate` tells of a description.
+        ``long_name``. Its ``attrs`` hold score (a dict, see `pneudrive.control.Score`), events (what the supervisor
+        told: time_s, kind, value, unit, text), law_failure (where a law of one's own failed and another one took
+        over), law, gains, period_s, setup, mismatch, deviations, seed, reference, motion, air, belief_hash, and what
+        `pneudrive.simulate` tells of a description.
 
     Raises
     ------
@@ -220,10 +222,11 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     finally:
         if own is not None and own.stopped is not None:
             raise own.stopped
+    events = told(columns.pop("events", []))
     named = {meaning(column)[0]: values for column, values in columns.items()}
     air = air_of(mass_kg, _supply(truth), (ambient_pa, circuit.ambient.temperature_k))
     found = score_of(named["time"], named, motion, air)
-    said: dict[str, Any] = {"air": air, "score": found.to_dict()}
+    said: dict[str, Any] = {"air": air, "score": found.to_dict(), "events": events}
     if own is not None and own.failure is not None:  # another law has taken over
         said["law_failure"] = str(own.failure)
     return Run(columns, _provenance(prepared, seed) | said, MEANINGS)

@@ -8,9 +8,10 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
+from pneudrive import units
 from pneudrive.describe import toml
-from pneudrive.describe.base import Described, Force, WrongValueError, wrong
-from pneudrive.describe.marks import Reads, Whole
+from pneudrive.describe.base import Described, Force, Position, WrongValueError, wrong
+from pneudrive.describe.marks import Choice, Reads, Whole
 from pneudrive.errors import nearest
 from pneudrive.rig.description import BELOW_ZERO
 from pneudrive.rig.keys import KEYS, any_sign, not_negative
@@ -41,6 +42,7 @@ class PositionSensor(Described):
         default=None, description="distance of two counts; absent: it shows the position itself"
     )
     noise_m: Annotated[float, not_negative("m", "").mark] = Field(default=0.0, description="standard deviation")
+    jitter_s: Seconds = Field(default=0.0, description="standard deviation of the time of a sample")
 
     def core(self) -> dict[str, float]:
         """Return it in the core's form, SI."""
@@ -56,6 +58,7 @@ class PressureSensor(Described):
     zero_pa: Annotated[float, _PRESSURE["zero"].mark] = Field(default=0.0, description="error of the zero")
     gain_error: Annotated[float, any_sign("1", "").mark] = Field(default=0.0, description="relative")
     lag_s: Seconds = Field(default=0.0, description="time constant of the amplifier")
+    jitter_s: Seconds = Field(default=0.0, description="standard deviation of the time of a sample")
 
     def core(self, ambient_pa: float) -> dict[str, Any]:
         """Return it in the core's form, SI, pressures absolute."""
@@ -93,6 +96,74 @@ class ControlComputer(Described):
 
     table_name: ClassVar[str] = "computer"
     time_s: Seconds = Field(default=0.0, description="from a sample to its command; shorter than the period")
+    jitter_s: Seconds = Field(default=0.0, description="standard deviation of that time, which only grows by it")
+
+
+class LimitSwitches(Described):
+    """Limit switches: beyond them the command may only lead away."""
+
+    table_name: ClassVar[str] = "switches"
+    low_m: Position
+    high_m: Position
+
+
+#: Kind of fault -> what goes wrong, and the unit of its value; a dash: it has none.
+FAULTS = {
+    "stuck": ("a channel keeps its value", "-"),
+    "nan": ("a channel is no number", "-"),
+    "saturated": ("a channel shows `value`, pressures absolute", "channel"),
+    "offset": ("a channel shows too much by `value`", "channel"),
+    "jump": ("a single sample of a channel shows too much by `value`", "channel"),
+    "clock": ("the clock is back by `value`", "s"),
+    "valve-stuck": ("the valve's spool stays where it is", "-"),
+    "valve-dead": ("the valve's spool goes to its centre", "-"),
+    "supply-fallen": ("the supply has the absolute pressure `value`", "Pa"),
+    "late": ("the law is not ready in time", "-"),
+    "reference": ("the reference is no number, or stands at `value`", "m"),
+    "enable-lost": ("the drive may not move", "-"),
+    "emergency-stop": ("emergency stop", "-"),
+}
+CHANNEL_UNITS = {"position": "m", "pressure_a": "Pa", "pressure_b": "Pa"}
+MAY_LACK_A_VALUE = ("reference",)
+
+
+class ControlFault(Described):
+    """Something that goes wrong, from a time on, until another one or for good."""
+
+    kind: Annotated[str, Choice(tuple(FAULTS))]
+    channel: Annotated[str | None, Choice(tuple(CHANNEL_UNITS))] = None
+    at_s: Seconds
+    until_s: Annotated[float | None, not_negative("s", "").mark] = None
+    value: Annotated[str | None, Reads(str)] = Field(default=None, description="quantity with its unit; see the kinds")
+
+    @model_validator(mode="after")
+    def _fits(self) -> ControlFault:
+        unit = FAULTS[self.kind][1]
+        acts_on_channel = unit == "channel" or self.kind in ("stuck", "nan")
+        if acts_on_channel != (self.channel is not None):
+            what = f"a fault of kind {self.kind} {'needs a' if acts_on_channel else 'has no'} channel"
+            raise wrong("channel", what, remedy=f"One of {', '.join(CHANNEL_UNITS)}." if acts_on_channel else "")
+        if unit == "-" and self.value is not None:
+            raise wrong("value", f"a fault of kind {self.kind} has no value")
+        if unit != "-" and self.value is None and self.kind not in MAY_LACK_A_VALUE:
+            raise wrong("value", f"a fault of kind {self.kind} needs a value")
+        if self.until_s is not None and not self.until_s > self.at_s:
+            raise wrong("until", f"until = {self.until_s:g} s", rule=f"after at = {self.at_s:g} s")
+        self.core()
+        return self
+
+    def core(self) -> dict[str, Any]:
+        """Return it in the core's form, SI."""
+        unit = FAULTS[self.kind][1]
+        si_unit = CHANNEL_UNITS[self.channel] if self.channel is not None and unit == "channel" else unit
+        value = None if self.value is None else units.parse(self.value, si_unit)
+        return {
+            "kind": self.kind,
+            "channel": self.channel,
+            "begin_s": self.at_s,
+            "end_s": self.until_s,
+            "value": value,
+        }
 
 
 class Disturbance(Described):
@@ -117,7 +188,9 @@ class Setup(Described):
     sensors: ControlSensors = ControlSensors()
     converter: CommandConverter = CommandConverter()
     computer: ControlComputer = ControlComputer()
+    switches: LimitSwitches | None = None
     disturbances: tuple[Disturbance, ...] = ()
+    faults: tuple[ControlFault, ...] = ()
 
     @model_validator(mode="after")
     def _times_rise(self) -> Setup:
@@ -131,7 +204,15 @@ class Setup(Described):
     def core(self, seed: int, ambient_pa: float) -> dict[str, Any]:
         """Return it in the core's form, SI, with the seed of all noise and the pressure of the ambient."""
         a, b = self.sensors.pressure_a, self.sensors.pressure_b
-        return {
+        jitter = [self.sensors.position.jitter_s, 0.0, 0.0, self.computer.jitter_s]
+        if a is not None and b is not None:
+            jitter[1:3] = [a.jitter_s, b.jitter_s]
+        wrongs: dict[str, Any] = {"jitter_s": jitter} if any(jitter) else {}
+        if self.faults:
+            wrongs["faults"] = [one.core() for one in self.faults]
+        if self.switches is not None:
+            wrongs["switches_m"] = [self.switches.low_m, self.switches.high_m]
+        return wrongs | {
             "position": self.sensors.position.core(),
             "pressures": None if a is None or b is None else [a.core(ambient_pa), b.core(ambient_pa)],
             "command_bits": self.converter.bits or 0,

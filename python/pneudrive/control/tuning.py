@@ -12,6 +12,7 @@ from pneudrive import _core, units
 from pneudrive.control.controller import AFTER_S, BAND_M, Controller, HoldBand, gain_quantity
 from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
 from pneudrive.control.setup import Setup, read_setup
+from pneudrive.control.supervision import USUAL, Supervision
 from pneudrive.describe import toml
 from pneudrive.describe.base import wrong
 from pneudrive.errors import CommandError, DescriptionError, nearest
@@ -149,6 +150,8 @@ class Tuning(Shown):
         What limits the law, in words.
     own : OwnLaw or None
         The law, where it is one of one's own: it has no gains here.
+    supervision : Supervision
+        Limits, when a motion is complete, and what is done about faults.
     """
 
     law: str
@@ -161,6 +164,7 @@ class Tuning(Shown):
     source: str = ""
     limits: tuple[str, ...] = ()
     own: OwnLaw | None = None
+    supervision: Supervision = USUAL
 
     @property
     def model(self) -> LawModel:
@@ -171,7 +175,8 @@ class Tuning(Shown):
         """Return it in the core's form, SI."""
         gains = {gain.key: gain.value for gain in self.gains}
         word = self.law if self.own is None else OWN
-        return _core_form(word, self.period_s, (self.hold, self.adaptation), self.belief, gains)
+        form = _core_form(word, self.period_s, (self.hold, self.adaptation), self.belief, gains)
+        return form | self.supervision.core(self.belief.ambient.pressure_pa)
 
     def to_toml(self) -> str:
         """Write it as a controller file, with meaning and rule beside each gain."""
@@ -192,6 +197,7 @@ class Tuning(Shown):
             lines += ["", "[hold]", f'band = "{band}"', f'after = "{after}"']
             if (self.hold.band_m, self.hold.after_s) == (BAND_M, AFTER_S):
                 lines[-2:] = [f"{line}  # assumed" for line in lines[-2:]]
+        lines += self.supervision.lines()
         return "\n".join([*lines, ""])
 
     def save(self, path: str | Path) -> Path:
@@ -355,7 +361,8 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
         TunedGain(key, unit, given.get(key, value), meaning, rule, key in given)
         for key, unit, value, meaning, rule in ruled
     )
-    return Tuning(table.law, table.period_s, table.hold, table.adaptation, gains, Plant(**plant), belief, source)
+    made = Tuning(table.law, table.period_s, table.hold, table.adaptation, gains, Plant(**plant), belief, source)
+    return replace(made, supervision=table.supervision)
 
 
 def believed_by(controller: str | None) -> Drive | Circuit:

@@ -1,0 +1,148 @@
+//! What a law follows: a reference, or a place to stand at, and the way there from where the drive is.
+
+use crate::reference::{Reference, Wanted};
+
+/// A way that starts with a distance, a speed and an acceleration and ends without any, with three continuous
+/// derivatives: with s the share of its duration T,
+///
+///   x_0 (1-s)^4 (1 + 4 s + 10 s^2 + 20 s^3) + v_0 T s (1-s)^4 (1 + 4 s + 10 s^2) + a_0 T^2 s^2/2 (1-s)^4 (1 + 4 s)
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fade {
+    /// s.
+    pub begin: f64,
+    /// s.
+    pub duration: f64,
+    /// At its beginning: m, m/s, m/s2.
+    pub from: [f64; 3],
+}
+
+/// (1 - s)^4 p(s) with the numbers of p, and three derivatives.
+fn faded(p: [f64; 6], s: f64) -> [f64; 4] {
+    // Horner's rule of p and of its derivatives over their factorials.
+    let [mut p0, mut p1, mut p2, mut p3] = [0.0; 4];
+    for own in p.iter().rev() {
+        p3 = p3 * s + p2;
+        p2 = p2 * s + p1;
+        p1 = p1 * s + p0;
+        p0 = p0 * s + own;
+    }
+    let r = 1.0 - s;
+    let [q0, q1, q2, q3] = [r.powi(4), -4.0 * r.powi(3), 6.0 * r * r, -4.0 * r];
+    // Products of series, then the factorials.
+    [
+        p0 * q0,
+        p1 * q0 + p0 * q1,
+        2.0 * (p2 * q0 + p1 * q1 + p0 * q2),
+        6.0 * (p3 * q0 + p2 * q1 + p1 * q2 + p0 * q3),
+    ]
+}
+
+impl Fade {
+    /// Its distance and derivatives at a time, s.
+    pub fn at(&self, t: f64) -> Wanted {
+        let s = ((t - self.begin) / self.duration).max(0.0);
+        if s >= 1.0 {
+            return Wanted::default();
+        }
+        let [x, v, a] = self.from;
+        let (v, a) = (v * self.duration, 0.5 * a * self.duration * self.duration);
+        let p = [x, 4.0 * x + v, 10.0 * x + 4.0 * v + a, 20.0 * x + 10.0 * v + 4.0 * a, 0.0, 0.0];
+        let [position, velocity, acceleration, jerk] = faded(p, s);
+        let rate = 1.0 / self.duration;
+        Wanted {
+            position,
+            velocity: velocity * rate,
+            acceleration: acceleration * rate * rate,
+            jerk: jerk * rate.powi(3),
+        }
+    }
+
+    /// The time at which it ends, s.
+    pub fn end(&self) -> f64 {
+        self.begin + self.duration
+    }
+
+    /// From a position, a speed and an acceleration to a stand, at a deceleration, m/s2, that grows where there is less
+    /// than this room ahead, m; and the place where it ends, m.
+    pub fn stop(begin: f64, [x, v, a]: [f64; 3], deceleration: f64, room: f64) -> (Self, f64) {
+        let a = a.clamp(-deceleration, deceleration);
+        // The speed falls as 1 - 10 s^3 + 15 s^4 - 6 s^5: its way is half of v T, its steepest fall 1.875 v/T.
+        let way = |duration: f64| duration * (0.5 * v + 0.1 * a * duration);
+        let mut duration = (STEEPEST * v.abs() / deceleration).max(LEAST_STOP);
+        let mut a = a;
+        if way(duration) * v.signum() > room {
+            a = 0.0;
+            duration = (2.0 * room.max(0.0) / v.abs().max(f64::MIN_POSITIVE)).clamp(LEAST_STOP, duration);
+        }
+        let end = x + duration * (0.5 * v + 0.1 * a * duration);
+        (Fade { begin, duration, from: [x - end, v, a] }, end)
+    }
+
+    /// Back to a reference from a distance, a speed and an acceleration relative to it, at an acceleration, m/s2.
+    pub fn back(begin: f64, from: [f64; 3], acceleration: f64) -> Self {
+        let [x, v, _] = from;
+        let duration = (MOST_BENT * x.abs() / acceleration).sqrt().max(STEEPEST * v.abs() / acceleration);
+        Fade { begin, duration: duration.max(LEAST_BACK), from }
+    }
+}
+
+/// Largest derivatives of the ways: of a speed that falls by one, and of a distance that does, twice.
+const STEEPEST: f64 = 1.875;
+const MOST_BENT: f64 = 7.5132;
+/// Least times of a stop and of a way back, s (assumed).
+const LEAST_STOP: f64 = 0.02;
+const LEAST_BACK: f64 = 0.2;
+
+/// What a law follows.
+#[derive(Clone, Copy, Debug)]
+pub struct Course<'a> {
+    /// The reference; none: it stands.
+    reference: Option<&'a Reference>,
+    stands_at: f64,
+    fade: Option<Fade>,
+}
+
+impl<'a> From<&'a Reference> for Course<'a> {
+    fn from(reference: &'a Reference) -> Self {
+        Course { reference: Some(reference), stands_at: 0.0, fade: None }
+    }
+}
+
+impl<'a> Course<'a> {
+    /// Along a reference, beside which a way ends.
+    pub fn back_to(reference: &'a Reference, fade: Fade) -> Self {
+        Course { fade: Some(fade), ..reference.into() }
+    }
+
+    /// To a place, m, where a way ends.
+    pub fn to_stand(at: f64, fade: Fade) -> Self {
+        Course { reference: None, stands_at: at, fade: Some(fade) }
+    }
+
+    /// The reference, if there is nothing beside it.
+    pub fn reference(&self) -> Option<&'a Reference> {
+        self.reference.filter(|_| self.fade.is_none())
+    }
+
+    /// Where the drive is to be at a time, s.
+    pub fn at(&self, t: f64) -> Wanted {
+        let base = match self.reference {
+            Some(reference) => reference.at(t),
+            None => Wanted { position: self.stands_at, ..Wanted::default() },
+        };
+        let Some(fade) = self.fade else { return base };
+        let own = fade.at(t);
+        Wanted {
+            position: base.position + own.position,
+            velocity: base.velocity + own.velocity,
+            acceleration: base.acceleration + own.acceleration,
+            jerk: base.jerk + own.jerk,
+        }
+    }
+
+    /// Whether it stands still from a time on for `span` s.
+    pub fn stands(&self, t: f64, span: f64) -> bool {
+        self.fade.is_none_or(|fade| fade.end() <= t)
+            && self.reference.is_none_or(|reference| reference.stands(t, span))
+    }
+}

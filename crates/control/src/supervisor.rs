@@ -1,0 +1,481 @@
+//! A supervisor in front of a law: what it does where sensors, references, the valve, the law or the user do what they
+//! should not. It is no safety function in the sense of a norm.
+//!
+//! It uses the observer and the model of the controller that it stands in front of. Where nothing happens, samples,
+//! reference and commands pass it as they are.
+
+mod brake;
+mod event;
+mod gas;
+mod motion;
+mod position;
+
+use crate::controller::{Answer, AnyLaw, Controller};
+use crate::course::{Course, Fade};
+use crate::model::Model;
+use crate::observer::{Sample, State};
+use crate::reference::{Reference, Wanted};
+pub(crate) use brake::brakes;
+pub use event::{Event, EventKind, Log};
+use gas::Gas;
+use motion::Motion;
+pub use motion::MotionRules;
+use position::Position;
+
+/// What is done about a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reaction {
+    /// It is told.
+    Tell,
+    /// Stop ramp, then the law holds the place.
+    Stop,
+    /// The valve is shut at once.
+    Block,
+}
+
+/// What a supervisor watches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rules {
+    /// Positions that the drive may reach, m.
+    pub position: [f64; 2],
+    /// m/s.
+    pub speed: f64,
+    /// Pa absolute.
+    pub pressure: [f64; 2],
+    /// Of stop ramps, m/s2.
+    pub stop_deceleration: f64,
+    /// When a motion is complete.
+    pub motion: MotionRules,
+    /// A position sensor is lost.
+    pub on_position: Reaction,
+    /// A pressure sensor is lost: that chamber runs by the model.
+    pub on_pressure: Reaction,
+    /// The valve does not answer.
+    pub on_valve: Reaction,
+    /// The supply has fallen.
+    pub on_supply: Reaction,
+}
+
+impl Default for Rules {
+    fn default() -> Self {
+        Rules {
+            position: [f64::NEG_INFINITY, f64::INFINITY],
+            speed: f64::INFINITY,
+            pressure: [0.0, f64::INFINITY],
+            stop_deceleration: 10.0,
+            motion: MotionRules::default(),
+            on_position: Reaction::Block,
+            on_pressure: Reaction::Tell,
+            on_valve: Reaction::Block,
+            on_supply: Reaction::Tell,
+        }
+    }
+}
+
+impl Rules {
+    /// What a reference asks for that it may not, in words; none: nothing.
+    pub fn refuses(&self, wanted: &Wanted, stroke: f64) -> Option<String> {
+        let Wanted { position: x, velocity: v, .. } = *wanted;
+        let [low, high] = [self.position[0].max(0.0), self.position[1].min(stroke)];
+        if !(low - ROUNDING..=high + ROUNDING).contains(&x) {
+            let whose = if [low, high] == [0.0, stroke] { "the stroke" } else { "limits.position" };
+            return Some(format!(
+                "the reference asks for {x} m: it must stay within {whose}, {low} to {high} m"
+            ));
+        }
+        let fastest = self.speed;
+        (v.is_nan() || v.abs() > fastest + ROUNDING)
+            .then(|| format!("the reference asks for {v} m/s: limits.speed is {fastest} m/s"))
+    }
+}
+
+/// What rounding may do to a reference at a limit, m and m/s.
+const ROUNDING: f64 = 1e-9;
+
+/// What others tell a supervisor at a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Inputs {
+    /// The drive may move.
+    pub enabled: bool,
+    /// Emergency stop.
+    pub emergency_stop: bool,
+    /// Limit switches at x = 0 and at the stroke.
+    pub switches: [bool; 2],
+    /// The law has not been ready in time.
+    pub late: bool,
+}
+
+impl Default for Inputs {
+    fn default() -> Self {
+        Inputs { enabled: true, emergency_stop: false, switches: [false; 2], late: false }
+    }
+}
+
+/// What the drive does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Mode {
+    Follows,
+    /// Back to the reference.
+    Returns(Fade),
+    /// To a stand, where the law holds the place.
+    Stops {
+        fade: Fade,
+        at: f64,
+        stood: bool,
+    },
+    /// The valve is shut.
+    Shut,
+    /// So it is, until it is enabled.
+    Off,
+}
+
+/// A supervisor with what it remembers.
+#[derive(Clone, Debug)]
+pub struct Supervisor {
+    /// What it watches.
+    pub rules: Rules,
+    /// What others tell it.
+    pub inputs: Inputs,
+    /// The law that takes over where the first one fails.
+    pub standby: AnyLaw,
+    /// It takes over from laws of one's own, too; else what these fail in ends the run.
+    pub serves_own: bool,
+    log: Log,
+    mode: Mode,
+    position: Position,
+    gas: Gas,
+    motion: Motion,
+    /// Time of the last sample, s, and what the clock is to be corrected by.
+    clock: Option<f64>,
+    correction: f64,
+    /// Reference and course at the last sample.
+    asked: Option<Wanted>,
+    followed: Option<Wanted>,
+    command: f64,
+    /// Steps in a row without a command of the law.
+    missed: u32,
+    stands_by: bool,
+    brakes: bool,
+    /// What braking is foreseen by, if it is another model than the law's.
+    weaker: Option<Box<Model>>,
+    /// A chamber runs by the model.
+    modelled: bool,
+    /// For how long the position has been lost, s.
+    lost_for: f64,
+    switched: [bool; 2],
+}
+
+/// Periods that may lie between two samples, a jump of a reference that no law can follow, m, and the distance from a reference
+/// up to which a stop begins on it, m (assumed).
+const SKIPPED: [f64; 2] = [0.5, 1.5];
+const JUMP: f64 = 1e-3;
+const NEAR: f64 = 2e-3;
+/// Distance from an end stop at which a stop ramp ends, m, and time for which the model knows where the drive is, s
+/// (assumed).
+const APART: f64 = 2e-3;
+const TRUSTED: f64 = 0.08;
+
+impl Supervisor {
+    /// With a law that stands by.
+    pub fn new(rules: Rules, standby: AnyLaw) -> Self {
+        Supervisor {
+            rules,
+            inputs: Inputs::default(),
+            standby,
+            serves_own: false,
+            log: Log::default(),
+            mode: Mode::Follows,
+            position: Position::default(),
+            gas: Gas::default(),
+            motion: Motion::default(),
+            clock: None,
+            correction: 0.0,
+            asked: None,
+            followed: None,
+            command: 0.0,
+            missed: 0,
+            stands_by: false,
+            brakes: false,
+            weaker: None,
+            modelled: false,
+            lost_for: 0.0,
+            switched: [false; 2],
+        }
+    }
+
+    /// What happened.
+    pub fn log(&self) -> &Log {
+        &self.log
+    }
+
+    /// The command for a sample.
+    pub(crate) fn decide(&mut self, own: &mut Controller, sample: &Sample, reference: &Reference) -> Answer {
+        let mut sample = *sample;
+        let skipped = self.keep_time(own.period, &mut sample);
+        let asked = reference.at(sample.time);
+        let returns = self.inputs.enabled && self.mode == Mode::Off;
+        if returns && (self.position.is_lost() || self.stands_by) {
+            // What was lost may be back: all begins anew.
+            own.restart();
+            (self.position, self.gas) = (Position::default(), Gas::default());
+            self.lost_for = 0.0;
+        }
+        let reaction = self.check_sensors(own, &mut sample);
+        if own.state().is_some() || sample.position.is_finite() {
+            own.learn(&sample, !self.modelled);
+        }
+        let Some(state) = own.state() else { return own.rest(asked, 0.0) };
+        if returns {
+            self.begin_return(own, &sample, &state, &asked);
+        }
+        if let Some(by) = skipped {
+            self.stop(own, &sample, (EventKind::Clock, by));
+        }
+        self.check_reference(own, &sample, &asked);
+        self.check_inputs(own, &sample, &state);
+        if let Some(reaction) = reaction {
+            self.react(own, &sample, reaction);
+        }
+        let course = self.course(sample.time, &state, reference);
+        let mut answer = self.ask(own, &sample, &course);
+        if !asked.position.is_nan() {
+            answer.wanted = asked;
+        }
+        let (wanted, stands) = (course.at(sample.time), course.stands(sample.time, own.plant.lag));
+        self.followed = Some(wanted);
+        answer.command = self.guarded(own, &sample, &state, answer.command);
+        if !self.is_shut() {
+            let rules = self.rules.motion;
+            let told = (&state, &wanted, stands);
+            self.motion.watch(&rules, &own.model, (sample.time, own.period), told, &mut self.log);
+        }
+        self.command = answer.command;
+        answer
+    }
+
+    /// By how much the clock went wrong; the sample's time is corrected.
+    fn keep_time(&mut self, period: f64, sample: &mut Sample) -> Option<f64> {
+        sample.time += self.correction;
+        let gone = self.clock.map_or(period, |last| sample.time - last);
+        let is_wrong = !(SKIPPED[0] * period..=SKIPPED[1] * period).contains(&gone);
+        if let (true, Some(last)) = (is_wrong, self.clock) {
+            self.correction += last + period - sample.time;
+            sample.time = last + period;
+        }
+        self.clock = Some(sample.time);
+        is_wrong.then_some(gone - period)
+    }
+
+    /// Readings that are not credible are replaced; what is to be done about them.
+    fn check_sensors(&mut self, own: &Controller, sample: &mut Sample) -> Option<Reaction> {
+        let Some((foreseen, spool)) = own.foresee(sample.time) else {
+            // Nothing to compare with yet; pressures that are no numbers are a usual mean.
+            sample.pressures = sample.pressures.filter(|own| own.iter().all(|p| p.is_finite()));
+            return None;
+        };
+        let before = own.state()?;
+        let was_lost = self.position.is_lost();
+        let scale = (own.count(), own.plant.speed, own.period);
+        let reading = (sample.time, sample.position);
+        sample.position = self.position.checked(reading, &foreseen, scale, &mut self.log);
+        let mut reactions = [(self.position.is_lost() && !was_lost).then_some(self.rules.on_position), None];
+        if let Some(pressures) = &mut sample.pressures {
+            let states = (&before, &foreseen);
+            let readings = (sample.time, pressures);
+            let found = self.gas.checked(&own.model, readings, states, (spool, own.period), &mut self.log);
+            self.modelled = found.modelled;
+            if found.supply {
+                let mut model = own.model.clone();
+                model.supply.pressure = self.gas.supply;
+                self.weaker = Some(Box::new(model));
+            }
+            let Rules { on_pressure, on_valve, on_supply, .. } = self.rules;
+            for (happened, reaction) in
+                [(found.supply, on_supply), (found.sensor, on_pressure), (found.valve, on_valve)]
+            {
+                if happened && reaction != Reaction::Tell {
+                    reactions[1] = Some(reaction);
+                }
+            }
+        }
+        let [position, gas] = reactions;
+        if position == Some(Reaction::Block) || gas.is_none() { position } else { gas }
+    }
+
+    fn check_reference(&mut self, own: &Controller, sample: &Sample, asked: &Wanted) {
+        let Wanted { position, velocity, acceleration, jerk } = *asked;
+        let is_number = [position, velocity, acceleration, jerk].iter().all(|own| own.is_finite());
+        let jumps = self.asked.is_some_and(|last| {
+            let way = 0.5 * (last.velocity + velocity) * own.period;
+            (position - last.position - way).abs() > JUMP
+        });
+        self.asked = is_number.then_some(*asked);
+        let refused = !is_number || jumps || self.rules.refuses(asked, own.model.stroke).is_some();
+        if refused && matches!(self.mode, Mode::Follows | Mode::Returns(_)) {
+            self.stop(own, sample, (EventKind::Reference, position));
+        }
+    }
+
+    fn check_inputs(&mut self, own: &Controller, sample: &Sample, state: &State) {
+        let v = state.velocity;
+        if !self.inputs.enabled {
+            if self.mode != Mode::Off {
+                self.log.tell(sample.time, EventKind::Disabled, v);
+                self.mode = Mode::Off;
+            }
+            return;
+        }
+        let moves = matches!(self.mode, Mode::Follows | Mode::Returns(_));
+        if moves && self.inputs.emergency_stop {
+            self.stop(own, sample, (EventKind::EmergencyStop, v));
+        } else if moves {
+            let Rules { position: [low, high], speed, pressure, .. } = self.rules;
+            let x = state.position;
+            let pressed = state.pressures.iter().any(|p| !(pressure[0]..=pressure[1]).contains(p));
+            if x < low || x > high || v.abs() > speed || pressed {
+                self.stop(own, sample, (EventKind::Limit, x));
+            }
+        }
+    }
+
+    fn react(&mut self, own: &Controller, sample: &Sample, reaction: Reaction) {
+        match (reaction, self.mode) {
+            (Reaction::Stop, Mode::Follows | Mode::Returns(_)) => self.begin_stop(own, sample),
+            (Reaction::Block, Mode::Follows | Mode::Returns(_) | Mode::Stops { .. }) => {
+                self.mode = Mode::Shut
+            }
+            _ => {}
+        }
+    }
+
+    fn stop(&mut self, own: &Controller, sample: &Sample, (kind, value): (EventKind, f64)) {
+        self.log.tell(sample.time, kind, value);
+        self.react(own, sample, Reaction::Stop);
+    }
+
+    /// A stop ramp from where the drive is to be, or from where it is if that is elsewhere.
+    fn begin_stop(&mut self, own: &Controller, sample: &Sample) {
+        let Some(state) = own.state() else { return };
+        let period = own.period;
+        let seen = [state.position, state.velocity, state.acceleration(&own.model)];
+        let from = self.followed.map_or(seen, |last| {
+            let Wanted { position, velocity, acceleration, jerk } = last;
+            let x = position + period * (velocity + 0.5 * period * acceleration);
+            let v = velocity + period * acceleration;
+            if (x - state.position).abs() < NEAR { [x, v, acceleration + period * jerk] } else { seen }
+        });
+        let ahead = if from[1] > 0.0 { own.model.stroke - from[0] } else { from[0] };
+        let (fade, at) = Fade::stop(sample.time, from, self.rules.stop_deceleration, ahead - APART);
+        self.mode = Mode::Stops { fade, at, stood: false };
+    }
+
+    fn begin_return(&mut self, own: &mut Controller, sample: &Sample, state: &State, asked: &Wanted) {
+        let from = [state.position - asked.position, state.velocity - asked.velocity, -asked.acceleration];
+        self.log.tell(sample.time, EventKind::Enabled, from[0]);
+        own.begin_anew(self.command);
+        self.motion = Motion::default();
+        self.asked = None;
+        self.followed = None;
+        self.mode = Mode::Returns(Fade::back(sample.time, from, self.rules.stop_deceleration));
+    }
+
+    fn course<'a>(&mut self, time: f64, state: &State, reference: &'a Reference) -> Course<'a> {
+        match &mut self.mode {
+            Mode::Returns(fade) if fade.end() > time => Course::back_to(reference, *fade),
+            Mode::Stops { fade, at, stood, .. } => {
+                if fade.end() <= time && !*stood {
+                    *stood = true;
+                    self.log.tell(time, EventKind::Stopped, state.position);
+                }
+                Course::to_stand(*at, *fade)
+            }
+            Mode::Shut | Mode::Off => reference.into(),
+            mode => {
+                *mode = Mode::Follows;
+                reference.into()
+            }
+        }
+    }
+
+    /// The law rests, and the valve is shut.
+    fn is_shut(&self) -> bool {
+        matches!(self.mode, Mode::Shut | Mode::Off)
+    }
+
+    /// The law's answer, or that of the one that stands by.
+    fn ask(&mut self, own: &mut Controller, sample: &Sample, course: &Course) -> Answer {
+        if self.is_shut() {
+            return own.rest(course.at(sample.time), 0.0);
+        }
+        let time = sample.time;
+        // A law of one's own knows references alone.
+        if own.law.needs_reference() && course.reference().is_none() {
+            self.stand_by(own, time);
+        }
+        let late = self.inputs.late && !self.stands_by;
+        let answer = if late { None } else { Some(own.ask(sample, course)) };
+        if let Some(answer) = answer.filter(|answer| answer.command.is_finite()) {
+            self.missed = 0;
+            return answer;
+        }
+        if !late && own.law.needs_reference() && !self.serves_own {
+            return own.rest(course.at(time), f64::NAN);
+        }
+        self.missed += 1;
+        let kind = if late { EventKind::Late } else { EventKind::LawFailed };
+        self.log.tell(time, kind, f64::from(self.missed));
+        let kept = own.rest(course.at(time), self.command);
+        if self.missed < 2 {
+            return kept;
+        }
+        if !self.stands_by {
+            self.stand_by(own, time);
+            let answer = own.ask(sample, course);
+            if answer.command.is_finite() {
+                self.missed = 0;
+                return answer;
+            }
+        }
+        self.react(own, sample, Reaction::Block);
+        Answer { command: 0.0, ..kept }
+    }
+
+    fn stand_by(&mut self, own: &mut Controller, time: f64) {
+        self.stands_by = true;
+        let number = crate::LAWS.iter().position(|key| *key == self.standby.key()).unwrap_or(0);
+        self.log.tell(time, EventKind::StandBy, number as f64);
+        own.switch(self.standby.clone());
+    }
+
+    /// A command that keeps off end stops and limit switches.
+    fn guarded(&mut self, own: &Controller, sample: &Sample, state: &State, command: f64) -> f64 {
+        let mut command = command;
+        if command.is_nan() {
+            return command;
+        }
+        // Without readings the model is soon not to be trusted.
+        self.lost_for = if self.position.is_lost() { self.lost_for + own.period } else { 0.0 };
+        let is_known = self.lost_for < TRUSTED;
+        let model = self.weaker.as_deref().unwrap_or(&own.model);
+        if let Some(brake) = own.brakes(model, (command, self.brakes)).filter(|_| is_known) {
+            if !self.brakes {
+                self.log.tell(sample.time, EventKind::EndStop, state.velocity);
+            }
+            self.brakes = true;
+            command = brake;
+        } else {
+            self.brakes = false;
+        }
+        let switches = self.inputs.switches;
+        for (end, reached) in switches.into_iter().enumerate() {
+            if reached && !self.switched[end] {
+                self.log.tell(sample.time, EventKind::LimitSwitch, state.position);
+            }
+            if reached {
+                command = if end == 0 { command.max(0.0) } else { command.min(0.0) };
+            }
+        }
+        self.switched = switches;
+        command
+    }
+}

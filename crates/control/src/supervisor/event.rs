@@ -1,0 +1,102 @@
+//! What a supervisor tells.
+
+macro_rules! events {
+    ($($name:ident: $key:literal, $unit:literal, $text:literal;)*) => {
+        /// What happened.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum EventKind {
+            $(#[doc = $text] $name,)*
+        }
+
+        impl EventKind {
+            /// All of them.
+            pub const ALL: &'static [EventKind] = &[$(EventKind::$name),*];
+
+            /// Its word.
+            pub fn key(self) -> &'static str {
+                match self { $(EventKind::$name => $key,)* }
+            }
+
+            /// The unit of its value in SI; `1` for a pure number.
+            pub fn unit(self) -> &'static str {
+                match self { $(EventKind::$name => $unit,)* }
+            }
+
+            /// Its meaning, in words, with that of its value.
+            pub fn text(self) -> &'static str {
+                match self { $(EventKind::$name => $text,)* }
+            }
+        }
+    };
+}
+
+events! {
+    Reference: "reference", "m", "the reference is no number, jumps or leaves the limits: stop ramp; value: the position asked for";
+    Clock: "clock", "s", "the clock goes back or skips samples: stop ramp; value: by how much";
+    PositionPredicted: "position-predicted", "m", "a reading of the position is not credible and is replaced by the model; value: its distance from the model";
+    PositionLost: "position-lost", "m", "three readings of the position in a row are not credible; value: the distance from the model";
+    PressureLost: "pressure-lost", "1", "a pressure sensor is not credible: that chamber runs by the model; value: 0 chamber a, 1 chamber b";
+    Supply: "supply", "Pa", "the supply pressure has fallen; value: the supply pressure that explains the filling of the chambers";
+    Valve: "valve", "Pa", "the valve does not answer: both pressures leave the model; value: the larger distance";
+    EndStop: "end-stop", "m/s", "the drive nears an end stop faster than it can be braked: full braking; value: the velocity";
+    Limit: "limit", "m", "a limit of position, speed or pressure is passed: stop ramp; value: the position";
+    LimitSwitch: "limit-switch", "m", "a limit switch is reached: the command may only lead away; value: the position";
+    EmergencyStop: "emergency-stop", "m/s", "emergency stop: stop ramp, then hold; value: the velocity";
+    Disabled: "disabled", "m/s", "enable is lost: the valve is shut, the law rests; value: the velocity";
+    Enabled: "enabled", "m", "enable is back: the drive is led back to the reference; value: the distance from it";
+    Late: "late", "1", "a step of the law is late: the last command stays; value: late steps in a row";
+    LawFailed: "law-failed", "1", "the law gives no number: the last command stays; value: such steps in a row";
+    StandBy: "stand-by", "1", "the stand-by law takes over; value: its number among the laws";
+    Stopped: "stopped", "m", "the drive stands behind a stop ramp; value: the position";
+    NoAir: "no-air", "Pa", "the drive does not move: the air does not press; value: the higher pressure above ambient";
+    Blocked: "blocked", "N", "the drive does not move: its air force is above its friction; value: the air force";
+    Stuck: "stuck", "N", "the drive does not move: its air force is within its friction; value: the air force";
+    NotSettled: "not-settled", "m", "the drive rests outside its tolerance; value: the error";
+    LimitCycle: "limit-cycle", "m", "the drive does not settle: it swings about its target; value: peak to peak";
+}
+
+/// Something that happened.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Event {
+    /// s.
+    pub time: f64,
+    /// What.
+    pub kind: EventKind,
+    /// In the kind's unit.
+    pub value: f64,
+}
+
+/// Events that are kept; further ones are counted alone.
+const KEPT: usize = 256;
+
+/// What happened, in the order of its time.
+#[derive(Clone, Debug)]
+pub struct Log {
+    events: Vec<Event>,
+    counts: [u32; EventKind::ALL.len()],
+}
+
+impl Default for Log {
+    fn default() -> Self {
+        Log { events: Vec::with_capacity(KEPT), counts: [0; EventKind::ALL.len()] }
+    }
+}
+
+impl Log {
+    pub(super) fn tell(&mut self, time: f64, kind: EventKind, value: f64) {
+        self.counts[kind as usize] += 1;
+        if self.events.len() < KEPT {
+            self.events.push(Event { time, kind, value });
+        }
+    }
+
+    /// The first events.
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+
+    /// How often something happened.
+    pub fn count(&self, kind: EventKind) -> u32 {
+        self.counts[kind as usize]
+    }
+}

@@ -1,0 +1,105 @@
+//! Whether the drive moves where it is to move, and settles where it is to stand.
+
+use super::event::{EventKind, Log};
+use crate::model::Model;
+use crate::observer::State;
+use crate::reference::Wanted;
+
+/// When a motion is complete.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionRules {
+    /// Error within which a drive has settled, m.
+    pub tolerance: f64,
+    /// For how long, s.
+    pub settled_for: f64,
+    /// Time within which it has to have moved, or settled, s.
+    pub timeout: f64,
+}
+
+impl Default for MotionRules {
+    fn default() -> Self {
+        MotionRules { tolerance: 0.1e-3, settled_for: 0.05, timeout: 2.0 }
+    }
+}
+
+/// Way that counts as moving, m.
+const MOVED: f64 = 1e-3;
+/// Shares of the supply below which there is no air, and of the friction above which something else holds the drive
+/// (assumed).
+const AIR: f64 = 0.3;
+const HELD: f64 = 1.5;
+
+/// What is known of a motion.
+#[derive(Clone, Debug, Default)]
+pub struct Motion {
+    /// Where the drive was when it last moved, m, and the time since then with a target elsewhere, s.
+    from: Option<f64>,
+    waits: f64,
+    /// Times since the reference stands, and since the error is within the tolerance, s.
+    stands: f64,
+    within: f64,
+    /// Least and largest position since the reference stands, after half of the time that it has to settle, m.
+    range: Option<[f64; 2]>,
+    told: bool,
+    /// It has settled since the reference stands.
+    settled: bool,
+}
+
+impl Motion {
+    /// Goes on by a period, s; what is wrong is told once for each motion.
+    pub fn watch(
+        &mut self,
+        rules: &MotionRules,
+        model: &Model,
+        (time, period): (f64, f64),
+        (state, wanted, stands): (&State, &Wanted, bool),
+        log: &mut Log,
+    ) {
+        let (x, e) = (state.position, wanted.position - state.position);
+        let from = *self.from.get_or_insert(x);
+        if (x - from).abs() > MOVED {
+            self.from = Some(x);
+            self.waits = 0.0;
+        }
+        self.waits = if e.abs() > MOVED { self.waits + period } else { 0.0 };
+        if !stands {
+            let waits = self.waits;
+            *self = Motion { from: self.from, waits, told: self.told && waits > 0.0, ..Motion::default() };
+        } else {
+            self.stands += period;
+            self.within = if e.abs() <= rules.tolerance { self.within + period } else { 0.0 };
+            self.settled |= self.within >= rules.settled_for;
+            if self.stands > 0.5 * rules.timeout {
+                let [low, high] = self.range.unwrap_or([x; 2]);
+                self.range = Some([low.min(x), high.max(x)]);
+            }
+        }
+        if self.told {
+            return;
+        }
+        if self.waits >= rules.timeout {
+            let (kind, value) = held(model, state, e);
+            log.tell(time, kind, value);
+            self.told = true;
+        } else if self.stands >= rules.timeout && !self.settled {
+            let [low, high] = self.range.unwrap_or([x; 2]);
+            let swings = high - low > 2.0 * rules.tolerance;
+            let (kind, value) =
+                if swings { (EventKind::LimitCycle, high - low) } else { (EventKind::NotSettled, e) };
+            log.tell(time, kind, value);
+            self.told = true;
+        }
+    }
+}
+
+/// Why a drive with an error does not move.
+fn held(model: &Model, state: &State, e: f64) -> (EventKind, f64) {
+    let [a, b] = state.pressures.map(|p| p - model.ambient.pressure);
+    if a.max(b) < AIR * (model.supply.pressure - model.ambient.pressure) {
+        return (EventKind::NoAir, a.max(b));
+    }
+    let force = model.gas_force(state.pressures) + model.load;
+    let [level, _] = model.friction_levels([state.position, 0.0], state.pressures);
+    let kind = if force * e.signum() > HELD * level { EventKind::Blocked } else { EventKind::Stuck };
+    (kind, force)
+}

@@ -1,0 +1,118 @@
+//! Faults of a run: what sensors, valve, supply, computer and user do that they should not.
+
+use crate::specification::{Channel, Fault, FaultKind};
+use control::{Inputs, Reference, Sample};
+
+/// The faults of a run, with what they remember.
+#[derive(Clone, Debug)]
+pub struct Faults {
+    each: Vec<Fault>,
+    /// What a channel showed when it stuck.
+    kept: Vec<Option<f64>>,
+    /// The command at which the valve stuck.
+    stuck: Option<f64>,
+    /// Positions of limit switches, m.
+    switches: Option<[f64; 2]>,
+    elsewhere: Reference,
+}
+
+impl Faults {
+    /// Of a description, with limit switches at these positions, m.
+    pub fn new(each: Vec<Fault>, switches: Option<[f64; 2]>) -> Self {
+        let kept = vec![None; each.len()];
+        Faults { each, kept, stuck: None, switches, elsewhere: standing(f64::NAN) }
+    }
+
+    fn at(&self, t: f64) -> impl Iterator<Item = &Fault> {
+        self.each.iter().filter(move |own| own.acts(t))
+    }
+
+    /// What a law is given in place of a sample.
+    pub fn spoil(&mut self, sample: &Sample) -> Sample {
+        let mut seen = *sample;
+        for (fault, kept) in self.each.iter().zip(&mut self.kept) {
+            if !fault.acts(sample.time) {
+                *kept = None;
+                continue;
+            }
+            if fault.kind == FaultKind::Clock {
+                seen.time -= fault.value.unwrap_or(0.0);
+            }
+            let place = match (fault.channel, &mut seen.pressures) {
+                (Some(Channel::Position), _) => &mut seen.position,
+                (Some(Channel::PressureA), Some([a, _])) => a,
+                (Some(Channel::PressureB), Some([_, b])) => b,
+                _ => continue,
+            };
+            let is_first = kept.is_none();
+            let value = fault.value.unwrap_or(0.0);
+            *place = match fault.kind {
+                FaultKind::Stuck => *kept.get_or_insert(*place),
+                FaultKind::Nan => f64::NAN,
+                FaultKind::Saturated => value,
+                FaultKind::Offset => *place + value,
+                FaultKind::Jump if is_first => {
+                    *kept = Some(value);
+                    *place + value
+                }
+                _ => *place,
+            };
+        }
+        seen
+    }
+
+    /// What a supervisor is told with the drive at x.
+    pub fn inputs(&self, t: f64, x: f64) -> Inputs {
+        let has = |kind| self.at(t).any(|own| own.kind == kind);
+        Inputs {
+            enabled: !has(FaultKind::EnableLost),
+            emergency_stop: has(FaultKind::EmergencyStop),
+            switches: self.switches.map_or([false; 2], |[low, high]| [x <= low, x >= high]),
+            late: has(FaultKind::Late),
+        }
+    }
+
+    /// The reference that arrives.
+    pub fn reference<'a>(&'a mut self, t: f64, reference: &'a Reference) -> &'a Reference {
+        let lost = self.at(t).find(|own| own.kind == FaultKind::Reference).map(|own| own.value);
+        match lost {
+            Some(value) => {
+                self.elsewhere = standing(value.unwrap_or(f64::NAN));
+                &self.elsewhere
+            }
+            None => reference,
+        }
+    }
+
+    /// What the valve makes of a command.
+    pub fn command(&mut self, t: f64, command: f64) -> f64 {
+        let kind = self.at(t).map(|own| own.kind).find(|kind| kind.is_of_valve());
+        match kind {
+            Some(FaultKind::ValveDead) => 0.0,
+            Some(_) => *self.stuck.get_or_insert(command),
+            None => {
+                self.stuck = None;
+                command
+            }
+        }
+    }
+
+    /// The supply falls in it.
+    pub fn falls(&self) -> bool {
+        self.each.iter().any(|own| own.kind == FaultKind::SupplyFallen)
+    }
+
+    /// Times, s, and pressures, Pa, of a supply of this pressure.
+    pub fn supply(&self, pressure: f64) -> Vec<(f64, f64)> {
+        let falls = self.each.iter().filter(|own| own.kind == FaultKind::SupplyFallen);
+        let changes = falls.flat_map(|own| {
+            let back = own.end_s.map(|end| (end, pressure));
+            [Some((own.begin_s, own.value.unwrap_or(pressure))), back].into_iter().flatten()
+        });
+        changes.collect()
+    }
+}
+
+fn standing(at: f64) -> Reference {
+    Reference::Moves { start: at, moves: vec![] }
+}

@@ -1,0 +1,382 @@
+//! The supervisor on the reference axis: each row of what it answers, and random runs with faults.
+
+mod study;
+
+use circuit::Network;
+use circuit::specification::Circuit;
+use control::{AnyLaw, Controller, EventKind, LAWS, Move, Own, Reference, Seen};
+use ode::Options;
+use servo::specification::{
+    self, Answering, Channel, Fault, FaultKind, PositionSensor, PressureSensor, Setup,
+};
+use servo::{COLUMNS, Encoder, Loop, controller};
+use std::collections::BTreeMap;
+use study::{Class, is_lost_alone, outcome};
+
+const AXIS: &str = include_str!("data/reference_axis.json");
+const STROKE: f64 = 0.5;
+
+type Rows = Vec<[f64; COLUMNS.len()]>;
+
+fn axis() -> Circuit {
+    serde_json::from_str(AXIS).expect("a circuit")
+}
+
+fn setup(faults: Vec<Fault>) -> Setup {
+    let sensor = |sign: f64| PressureSensor {
+        range_pa: [0.0, 1e6],
+        bits: 12,
+        noise_pa: 200.0,
+        zero_pa: sign * 1500.0,
+        gain_error: sign * 0.002,
+        lag_s: 0.5e-3,
+    };
+    Setup {
+        position: PositionSensor { resolution_m: 5e-6, noise_m: 1e-6 },
+        pressures: Some([sensor(1.0), sensor(-1.0)]),
+        command_bits: 12,
+        computing_time_s: 0.3e-3,
+        forces: vec![],
+        seed: 1,
+        step_repeats: 1,
+        jitter_s: [10e-6; 4],
+        switches_m: None,
+        faults,
+    }
+}
+
+fn fault(kind: FaultKind, begin_s: f64, end_s: f64) -> Fault {
+    Fault { kind, channel: None, begin_s, end_s: Some(end_s), value: None }
+}
+
+fn on(channel: Channel, kind: FaultKind, value: f64) -> Fault {
+    Fault { channel: Some(channel), value: Some(value), ..fault(kind, 0.6, 9.0) }
+}
+
+fn supervision() -> specification::Supervision {
+    specification::Supervision {
+        position_m: None,
+        speed_m_s: None,
+        pressure_pa: None,
+        stop_deceleration_m_s2: 10.0,
+        motion: [1e-4, 0.05, 0.5],
+        on_position: Answering::Block,
+        on_pressure: Answering::Model,
+        on_valve: Answering::Block,
+        on_supply: Answering::Tell,
+        standby: None,
+    }
+}
+
+/// 60 mm in 0.4 s, from 0.5 s on.
+fn a_move() -> Reference {
+    Reference::Moves { start: 0.22, moves: vec![Move { begin: 0.5, duration: 0.4, to: 0.28 }] }
+}
+
+fn begin(plant: &Circuit, law: &str, setup: &Setup, x: f64) -> (Loop, Controller) {
+    let network = Network::assemble(plant, false).expect("it can be assembled");
+    let value = |name: &str| match name {
+        _ if name.ends_with("pressure_pa") => 4e5,
+        _ if name.ends_with("temperature_k") => 293.15,
+        _ if name.ends_with("position_m") => x,
+        _ => 0.0,
+    };
+    let start = network.start_names().iter().map(|name| (name.to_string(), value(name))).collect();
+    let session = network.session(&start, Options { rtol: 1e-5, ..Options::default() }).expect("a start");
+    let spec = specification::Controller {
+        law: law.into(),
+        period_s: 1e-3,
+        gains: BTreeMap::new(),
+        hold: Some(specification::Hold { band_m: 3e-5, after_s: 0.02 }),
+        adaptation: true,
+        supervision: Some(supervision()),
+        belief: axis(),
+    };
+    let deviation = Encoder::from(setup.position).deviation();
+    let (controller, names) = controller(&spec, deviation).expect("a controller");
+    (Loop::new(session, &names, setup).expect("the axis is there"), controller)
+}
+
+/// Runs a controller that may be changed before.
+fn run_with(
+    (law, setup): (&str, &Setup),
+    (reference, duration): (&Reference, f64),
+    change: impl FnOnce(&mut Controller),
+) -> (Rows, Controller) {
+    run_on(&axis(), (law, setup), (reference, duration), change)
+}
+
+fn run_on(
+    plant: &Circuit,
+    (law, setup): (&str, &Setup),
+    (reference, duration): (&Reference, f64),
+    change: impl FnOnce(&mut Controller),
+) -> (Rows, Controller) {
+    let (mut under, mut controller) = begin(plant, law, setup, reference.at(0.0).position);
+    change(&mut controller);
+    let mut never = |_| false;
+    let look = &mut circuit::Look::new(&mut never);
+    let rows = under.run(&mut controller, reference, duration, look).expect("it runs");
+    (rows, controller)
+}
+
+fn run(faults: Vec<Fault>) -> (Rows, Controller) {
+    run_with(("inversion", &setup(faults)), (&a_move(), 1.5), |_| ())
+}
+
+fn count(controller: &Controller, kind: EventKind) -> u32 {
+    controller.supervisor.as_ref().expect("a supervisor").log().count(kind)
+}
+
+fn told(controller: &Controller) -> Vec<(f64, EventKind)> {
+    let log = controller.supervisor.as_ref().expect("a supervisor").log();
+    log.events().iter().map(|own| (own.time, own.kind)).collect()
+}
+
+fn fastest(rows: &[[f64; COLUMNS.len()]]) -> f64 {
+    rows.iter().map(|row| row[2].abs()).fold(0.0, f64::max)
+}
+
+/// Largest step of the command between samples after a time, s.
+fn steepest(rows: &Rows, after: f64) -> f64 {
+    rows.windows(2)
+        .filter(|two| two[1][0] > after)
+        .map(|two| (two[1][6] - two[0][6]).abs())
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn without_faults_every_law_gives_the_same_bits_with_a_supervisor() {
+    for law in LAWS {
+        let setup = setup(vec![]);
+        let commands = |supervised: bool| -> Vec<u64> {
+            let change = |own: &mut Controller| {
+                if !supervised {
+                    own.supervisor = None;
+                }
+            };
+            let (rows, _) = run_with((law, &setup), (&a_move(), 1.2), change);
+            rows.iter().map(|row| row[6].to_bits()).collect()
+        };
+        assert_eq!(commands(true), commands(false), "{law}");
+    }
+}
+
+/// What happens from 0.6 s on, in the midst of a move: what is told, and that the drive stands at the end.
+#[test]
+fn faults_of_sensors_reference_clock_and_user_are_told_and_bring_the_drive_to_a_stand() {
+    let position = |kind, value| on(Channel::Position, kind, value);
+    let still = |kind| fault(kind, 0.6, 9.0);
+    let rows: [(Fault, EventKind); 9] = [
+        (position(FaultKind::Nan, 0.0), EventKind::PositionLost),
+        (position(FaultKind::Stuck, 0.0), EventKind::PositionLost),
+        (position(FaultKind::Offset, 0.02), EventKind::PositionLost),
+        (still(FaultKind::Reference), EventKind::Reference),
+        (Fault { value: Some(0.6), ..still(FaultKind::Reference) }, EventKind::Reference),
+        (Fault { value: Some(0.01), ..still(FaultKind::Clock) }, EventKind::Clock),
+        (still(FaultKind::EmergencyStop), EventKind::EmergencyStop),
+        (still(FaultKind::EnableLost), EventKind::Disabled),
+        (still(FaultKind::ValveDead), EventKind::Valve),
+    ];
+    for (fault, kind) in rows {
+        let (rows, controller) = run(vec![fault]);
+        let events = told(&controller);
+        let first = events.iter().find(|own| own.1 == kind);
+        assert!(first.is_some(), "{fault:?}: {events:?}");
+        assert!(events.iter().all(|own| own.0 >= 0.6), "{fault:?}: {events:?}");
+        let end = &rows[rows.len() - 100..];
+        assert!(fastest(end) < 5e-3, "{fault:?}: {} m/s at the end", fastest(end));
+        assert!(fastest(&rows) < 0.6, "{fault:?}: {} m/s", fastest(&rows));
+    }
+}
+
+#[test]
+fn a_single_wild_reading_is_replaced_and_the_move_goes_on() {
+    let (rows, controller) = run(vec![on(Channel::Position, FaultKind::Jump, 0.01)]);
+    assert_eq!(told(&controller).len(), 1, "{:?}", told(&controller));
+    assert_eq!(count(&controller, EventKind::PositionPredicted), 1);
+    assert!((rows[rows.len() - 1][1] - 0.28).abs() < 1e-4, "it arrives");
+    let error = rows.iter().map(|row| (row[5] - row[1]).abs()).fold(0.0, f64::max);
+    assert!(error < 1e-3, "{error} m");
+}
+
+#[test]
+fn a_lost_pressure_is_replaced_by_the_model_and_the_move_goes_on() {
+    for (kind, value) in [(FaultKind::Nan, 0.0), (FaultKind::Offset, 1e5), (FaultKind::Saturated, 1e6)] {
+        let (rows, controller) = run(vec![on(Channel::PressureA, kind, value)]);
+        assert_eq!(count(&controller, EventKind::PressureLost), 1, "{kind:?}: {:?}", told(&controller));
+        let error = rows.iter().map(|row| (row[5] - row[1]).abs()).fold(0.0, f64::max);
+        assert!(error < 3e-3, "{kind:?}: {error} m");
+        assert!((rows[rows.len() - 1][1] - 0.28).abs() < 5e-4, "{kind:?}");
+    }
+    // A reading that rests is told once the pressure has to have moved.
+    let (_, controller) = run_with(
+        ("inversion", &setup(vec![on(Channel::PressureA, FaultKind::Stuck, 0.0)])),
+        (&Reference::Moves { start: 0.1, moves: vec![Move { begin: 0.62, duration: 0.35, to: 0.4 }] }, 1.2),
+        |_| (),
+    );
+    assert_eq!(count(&controller, EventKind::PressureLost), 1, "{:?}", told(&controller));
+}
+
+#[test]
+fn integrals_stand_while_the_command_is_at_its_limit() {
+    // A step of 0.2 m saturates the valve; what a wound-up integral would add is many times this.
+    let moves = vec![Move { begin: 0.5, duration: 0.12, to: 0.35 }];
+    let reference = Reference::Moves { start: 0.15, moves };
+    for (law, most) in [("pid", 0.04), ("super-twisting", 0.06), ("nmpc", 0.03)] {
+        let (rows, _) = run_with((law, &setup(vec![])), (&reference, 1.5), |_| ());
+        assert!(rows.iter().any(|row| row[6].abs() > 0.99), "{law}: it is at its limit");
+        let overshoot = rows.iter().map(|row| row[1] - 0.35).fold(0.0, f64::max);
+        assert!(overshoot < most, "{law}: {overshoot} m");
+    }
+}
+
+#[test]
+fn the_end_stop_is_not_hit_by_a_law_that_runs_towards_it() {
+    let run_away = |_: &Seen, _: &Reference| 0.35;
+    let change = |own: &mut Controller| own.law = AnyLaw::Own(Own::new(run_away));
+    let (rows, controller) = run_with(("own", &setup(vec![])), (&a_move(), 1.5), change);
+    assert!(count(&controller, EventKind::EndStop) > 0);
+    let hit = rows.windows(2).filter(|two| two[1][1] >= STROKE).map(|two| two[0][2]).fold(0.0, f64::max);
+    assert!(fastest(&rows) > 0.3, "it runs: {} m/s", fastest(&rows));
+    assert!(hit < 0.05, "{hit} m/s");
+}
+
+#[test]
+fn limits_stop_the_drive_and_switches_let_it_go_away_alone() {
+    let limited = |own: &mut Controller| {
+        own.supervisor.as_mut().expect("a supervisor").rules.position = [0.1, 0.2805];
+    };
+    let load = Setup { forces: vec![[1.2, 150.0]], ..setup(vec![]) };
+    let (_, controller) = run_with(("inversion", &load), (&a_move(), 1.5), limited);
+    assert_eq!(count(&controller, EventKind::Limit), 1, "{:?}", told(&controller));
+    let (mut under, mut controller) = begin(&axis(), "inversion", &load, 0.22);
+    limited(&mut controller);
+    let beyond = Reference::Moves { start: 0.22, moves: vec![Move { begin: 0.1, duration: 0.4, to: 0.3 }] };
+    let mut never = |_| false;
+    let refused = under.run(&mut controller, &beyond, 1.0, &mut circuit::Look::new(&mut never));
+    let message = refused.expect_err("it leaves the limits").to_string();
+    assert!(message.contains("limits.position"), "{message}");
+    let switched = Setup { switches_m: Some([0.01, 0.26]), ..setup(vec![]) };
+    let (rows, controller) = run_with(("inversion", &switched), (&a_move(), 1.0), |_| ());
+    assert_eq!(count(&controller, EventKind::LimitSwitch), 1, "{:?}", told(&controller));
+    assert!(rows.iter().filter(|row| row[1] >= 0.26).all(|row| row[6] < 1e-3), "away alone");
+}
+
+#[test]
+fn after_enable_the_drive_returns_to_its_reference_without_a_bump() {
+    let (rows, controller) = run(vec![fault(FaultKind::EnableLost, 0.65, 0.9)]);
+    assert_eq!(count(&controller, EventKind::Enabled), 1);
+    let shut = rows.iter().filter(|row| row[0] > 0.652 && row[0] < 0.899);
+    assert!(shut.clone().count() > 200 && shut.clone().all(|row| row[6].abs() < 1e-3), "the valve is shut");
+    assert!((rows[rows.len() - 1][1] - 0.28).abs() < 1e-3, "it arrives at {}", rows[rows.len() - 1][1]);
+    assert!(steepest(&rows, 0.9) < 0.15, "{}", steepest(&rows, 0.9));
+}
+
+#[test]
+fn a_drive_that_does_not_move_or_settle_is_told_with_its_cause() {
+    let with = |change: &dyn Fn(&mut Circuit), law: &str, faults: Vec<Fault>| {
+        let mut plant = axis();
+        change(&mut plant);
+        // An encoder that shows its noise: what rests does not look like a reading that is stuck.
+        let fine = PositionSensor { resolution_m: 0.0, noise_m: 1e-6 };
+        let modelled = if law == "pva" { None } else { setup(vec![]).pressures };
+        let setup = Setup { position: fine, pressures: modelled, ..setup(faults) };
+        let (_, controller) = run_on(&plant, (law, &setup), (&a_move(), 2.5), |_| ());
+        controller
+    };
+    let jammed = |plant: &mut Circuit| {
+        for friction in plant.components.iter_mut().filter_map(|own| own.friction.as_mut()) {
+            for key in ["coulomb", "breakaway"] {
+                *friction.parameters.get_mut(key).expect("a level") *= 20.0;
+            }
+        }
+    };
+    let blocked = with(&jammed, "pva", vec![]);
+    assert!(count(&blocked, EventKind::Blocked) > 0, "{:?}", told(&blocked));
+    let supply = Fault { value: Some(1.1e5), ..fault(FaultKind::SupplyFallen, 0.0, 9.0) };
+    let no_air = with(&|_| (), "inversion", vec![supply]);
+    assert!(count(&no_air, EventKind::NoAir) + count(&no_air, EventKind::Supply) > 0, "{:?}", told(&no_air));
+    let swings = with(&|_| (), "pid", vec![]);
+    assert!(count(&swings, EventKind::LimitCycle) > 0, "{:?}", told(&swings));
+    let settles = with(&|_| (), "nmpc", vec![]);
+    assert_eq!(told(&settles), [], "it settles");
+}
+
+#[test]
+fn a_valve_that_does_not_answer_and_a_supply_that_falls_are_told() {
+    let sine = Reference::Sine { centre: 0.25, amplitude: 0.1, frequency: 1.0 };
+    let told_of = |fault: Fault| {
+        let (_, controller) = run_with(("inversion", &setup(vec![fault])), (&sine, 2.0), |_| ());
+        controller
+    };
+    let stuck = told_of(fault(FaultKind::ValveStuck, 1.3, 9.0));
+    assert_eq!(count(&stuck, EventKind::Valve), 1, "{:?}", told(&stuck));
+    let fallen = told_of(Fault { value: Some(4e5), ..fault(FaultKind::SupplyFallen, 1.0, 9.0) });
+    assert_eq!(count(&fallen, EventKind::Supply), 1, "{:?}", told(&fallen));
+}
+
+#[test]
+fn a_late_or_failing_law_is_bridged_then_replaced_without_a_bump() {
+    let (rows, controller) = run(vec![fault(FaultKind::Late, 0.6, 0.6005)]);
+    assert_eq!(told(&controller).iter().map(|own| own.1).collect::<Vec<_>>(), [EventKind::Late]);
+    let at = |t: f64| rows.iter().position(|row| row[0] >= t).expect("a sample");
+    assert_eq!(rows[at(0.5995)][6], rows[at(0.5985)][6], "the last command stays");
+    let (rows, controller) =
+        run_with(("nmpc", &setup(vec![fault(FaultKind::Late, 0.6, 9.0)])), (&a_move(), 1.5), |_| ());
+    assert_eq!(count(&controller, EventKind::StandBy), 1);
+    assert!((rows[rows.len() - 1][1] - 0.28).abs() < 1e-4, "it arrives");
+    let taken = rows.windows(2).find(|two| two[1][0] > 0.6015).expect("a sample");
+    assert!((taken[1][6] - taken[0][6]).abs() < 0.05, "{} {}", taken[0][6], taken[1][6]);
+    let fails = |seen: &Seen, _: &Reference| if seen.time < 0.6 { 0.0 } else { f64::NAN };
+    let change = |own: &mut Controller| {
+        own.law = AnyLaw::Own(Own::new(fails));
+        own.supervisor.as_mut().expect("a supervisor").serves_own = true;
+    };
+    let (rows, controller) = run_with(("own", &setup(vec![])), (&a_move(), 1.5), change);
+    assert_eq!(count(&controller, EventKind::LawFailed), 2);
+    assert!(rows.iter().all(|row| row[6].is_finite()));
+}
+
+/// The command of the sample at which another law takes over, and while a gain changes.
+#[test]
+fn laws_are_switched_and_gains_changed_without_a_bump() {
+    for law in ["pid", "super-twisting", "nmpc"] {
+        let setup = setup(vec![]);
+        let (mut under, mut controller) = begin(&axis(), "inversion", &setup, 0.22);
+        let (reference, mut never) =
+            (Reference::Sine { centre: 0.25, amplitude: 0.06, frequency: 1.0 }, |_| false);
+        let look = &mut circuit::Look::new(&mut never);
+        let mut rows = Rows::new();
+        for tick in 0..1600 {
+            if tick == 800 {
+                let other = AnyLaw::tuned(law, &controller.model, &controller.plant).expect("a law");
+                controller.switch(other);
+            }
+            if tick == 1200 && law == "pid" {
+                assert!(controller.retune("gain", 2.0) && !controller.retune("none", 1.0));
+            }
+            let turn = under.observe(tick, &mut controller, &reference, look).expect("it runs");
+            rows.push(under.give(&mut controller, &turn, turn.answer.command).expect("it runs"));
+        }
+        assert!((rows[800][6] - rows[799][6]).abs() < 1e-3, "{law}: {}", rows[800][6] - rows[799][6]);
+        assert!(steepest(&rows, 0.7) < 0.2, "{law}: {}", steepest(&rows, 0.7));
+        assert_eq!(controller.law.key(), law);
+        let gain = controller.law.gains().find(|own| own.0.key == "gain").map(|own| *own.1);
+        assert!(law != "pid" || gain == Some(2.0), "{gain:?}");
+    }
+}
+
+/// As the example `faults` does with ten thousand.
+#[test]
+fn random_runs_with_faults_do_not_hit_the_end_stops() {
+    let outcomes: Vec<_> = (0..40).map(|member| outcome(1, member)).collect();
+    let hits: Vec<_> =
+        outcomes.iter().filter(|own| matches!(own.class, Class::Hit | Class::Failed)).collect();
+    let words = |own: &&study::Outcome| format!("{} {} {} m/s: {}", own.fault, own.law, own.speed, own.told);
+    assert!(hits.is_empty(), "{:?}", hits.iter().map(words).collect::<Vec<_>>());
+    assert!(outcomes.iter().filter(|own| own.class == Class::Safe).count() >= 36);
+    assert!(outcomes.iter().all(|own| own.early == 0), "an alarm before the fault");
+    let alone = (0..20).filter(|&member| is_lost_alone(1, member)).count();
+    assert!(alone > 0, "without a supervisor they do");
+}

@@ -1,0 +1,106 @@
+"""Supervisor of a law: limits, when a motion is complete, what is done about faults. It is no safety function."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, NamedTuple
+
+from pydantic import Field
+
+from pneudrive import _core
+from pneudrive.describe import toml
+from pneudrive.describe.base import Bounds, Described, Length, Quantity
+from pneudrive.describe.marks import Between, Choice, PressureBetween
+
+_SECONDS = Quantity("s", "ms", Bounds(above=0.0))
+
+
+class ControlLimits(Described):
+    """Limits of a drive under control: a reference beyond them is refused, a drive beyond them is stopped."""
+
+    table_name: ClassVar[str] = "limits"
+    position: Annotated[tuple[float, float] | None, Between("m", "mm")] = Field(
+        default=None, description="positions that it may reach; absent: its stroke"
+    )
+    speed_m_s: Annotated[float | None, Quantity("m/s", "m/s", Bounds(above=0.0))] = Field(
+        default=None, description="largest speed; absent: none"
+    )
+    pressure: Annotated[Any, PressureBetween()] = Field(default=None, description="of the chambers; absent: none")
+    stop_deceleration_m_s2: Annotated[float, Quantity("m/s^2", "m/s2", Bounds(above=0.0))] = Field(
+        default=10.0, description="of stop ramps"
+    )
+
+
+class MotionComplete(Described):
+    """When a motion is complete, and after which time it is told that it is not."""
+
+    table_name: ClassVar[str] = "motion"
+    tolerance_m: Length = Field(default=1e-4, description="error within which the drive has settled")
+    settled_for_s: Annotated[float, _SECONDS] = Field(default=0.05, description="for how long")
+    timeout_s: Annotated[float, _SECONDS] = Field(default=2.0, description="time to move by 1 mm, or to settle")
+
+
+class OnFault(Described):
+    """What is done about a fault: it is told, the drive is stopped by a ramp, or the valve is shut."""
+
+    table_name: ClassVar[str] = "on_fault"
+    position: Annotated[str, Choice(("stop", "block"))] = Field(default="block", description="position sensor lost")
+    pressure: Annotated[str, Choice(("model", "stop", "block"))] = Field(
+        default="model", description="pressure sensor lost"
+    )
+    valve: Annotated[str, Choice(("tell", "stop", "block"))] = Field(
+        default="block", description="valve does not answer"
+    )
+    supply: Annotated[str, Choice(("tell", "stop", "block"))] = Field(default="tell", description="supply has fallen")
+    law: Annotated[str | None, Choice(tuple(_core.control_laws()))] = Field(
+        default=None, description="law that takes over; absent: inversion, which takes over from no law of your own"
+    )
+
+
+class Supervision(NamedTuple):
+    """The supervisor of a controller."""
+
+    limits: ControlLimits = ControlLimits()
+    motion: MotionComplete = MotionComplete()
+    on_fault: OnFault = OnFault()
+
+    def lines(self) -> list[str]:
+        """Return its tables as lines of a controller file, but for the usual ones."""
+        lines = []
+        for table, usual in zip(self, USUAL, strict=True):
+            if table != usual:
+                given = [f"{key} = {toml.value_text(value)}" for key, value in table.to_dict().items()]
+                lines += ["", f"[{table.table_name}]", *given]
+        return lines
+
+    def core(self, ambient_pa: float) -> dict[str, Any]:
+        """Return it in the core's form, SI, pressures absolute; nothing where it is the usual one."""
+        if self == USUAL:
+            return {}
+        limits, motion, fault = self
+        pressure = limits.pressure
+        made = {
+            "position_m": limits.position,
+            "speed_m_s": limits.speed_m_s,
+            "pressure_pa": None if pressure is None else [own.absolute_pa(ambient_pa) for own in pressure],
+            "stop_deceleration_m_s2": limits.stop_deceleration_m_s2,
+            "motion": [motion.tolerance_m, motion.settled_for_s, motion.timeout_s],
+            "on_position": fault.position,
+            "on_pressure": fault.pressure,
+            "on_valve": fault.valve,
+            "on_supply": fault.supply,
+            "standby": fault.law,
+        }
+        return {"supervision": made}
+
+
+#: Of a controller that says nothing of it.
+USUAL = Supervision()
+
+
+def told(events: list[tuple[float, str, float]]) -> list[dict[str, Any]]:
+    """Return what a supervisor told as records of time_s, kind, value, its unit, and text."""
+    known = {key: (unit, text) for key, unit, text in _core.control_events()} if events else {}
+    return [
+        {"time_s": time, "kind": kind, "value": value, "unit": known[kind][0], "text": known[kind][1]}
+        for time, kind, value in events
+    ]
