@@ -233,7 +233,7 @@ SPREADS = {
     "both": (["--spread", "standard", "--mismatch", "all"], "a spread and a mismatch are given"),
     "members": (["--members", "3"], "members = 3 without a spread"),
     "a range as a mismatch": (["--mismatch", "standard"], "is a spread"),
-    "unknown": (["--spread", "normal"], "'standard'"),
+    "unknown": (["--spread", "standards"], "'standard'"),
     "threads": (["--threads", "0"], "threads = 0 is out of bounds"),
     "file": (["--spread", "given.toml"], "LOW .. HIGH"),
 }
