@@ -26,14 +26,25 @@ fn errors(law: impl control::OwnLaw + 'static) -> Result<[f64; 2], Error> {
         network.start_names().iter().map(|name| (name.to_string(), value(name))).collect();
     let session = network.session(&start, Options { rtol: 1e-5, ..Options::default() })?;
     let position = PositionSensor { resolution_m: 5e-6, noise_m: 1e-6 };
-    let setup =
-        Setup { position, pressures: None, command_bits: 12, computing_time_s: 0.0, forces: vec![], seed: 1 };
+    let setup = Setup {
+        position,
+        pressures: None,
+        command_bits: 12,
+        computing_time_s: 0.0,
+        forces: vec![],
+        seed: 1,
+        step_repeats: 1,
+        jitter_s: [0.0; 4],
+        switches_m: None,
+        faults: vec![],
+    };
     let spec = Controller {
         law: Own::KEY.into(),
         period_s: 1e-3,
         gains: BTreeMap::new(),
         hold: None,
         adaptation: false,
+        supervision: None,
         belief,
     };
     let (mut controller, axis) = controller(&spec, Encoder::from(position).deviation())?;
