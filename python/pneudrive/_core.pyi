@@ -24,6 +24,7 @@ __all__ = [
     "constants",
     "control_events",
     "control_export",
+    "control_feasibility",
     "control_laws",
     "control_run",
     "control_signals",
