@@ -30,7 +30,7 @@ help:  ## this list
 
 setup: $(VENV)/.core $(VENV)/.built  ## .venv with locked dependencies, the compiled core, the page and the pneudrive command
 
-demo: setup  ## real recordings and a simulated rig: friction map, fit, stick-slip, one report
+demo: setup  ## real recordings, a simulated rig, a controlled axis: friction map, fit, stick-slip, one report
 	@$(BIN)/pneudrive demo
 
 test: test-rust test-python test-page  ## all tests
@@ -93,7 +93,7 @@ $(VENV)/.core: $(RUST) pyproject.toml $(VENV)/.deps
 	@PYTHON=$(PYTHON) tools/check_toolchain.sh
 	@touch $@.new
 	$(BIN)/maturin develop --release --uv --quiet
-	cargo build --release --locked --quiet -p pneudrive-fmu
+	cargo rustc --release --locked --quiet -p pneudrive-fmu --lib --crate-type cdylib
 	@tools/place_library.sh
 	@$(PY) -m compileall -q python/pneudrive
 	@mv $@.new $@

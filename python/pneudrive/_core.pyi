@@ -237,6 +237,7 @@ class Linear(TypedDict):
     b: NDArray[float64]
     c: NDArray[float64]
     d: NDArray[float64]
+    columns: list[int]
     state: NDArray[float64]
     rates: NDArray[float64]
     outputs: NDArray[float64]

@@ -293,23 +293,9 @@ class Session:
         states = tuple(name for name, _ in self._core.states)
         return Linear(
             *(found["a"], found["b"], found["c"], found["d"]),
-            *(states, names, tuple(self._linear_outputs(found["outputs"]))),
+            *(states, names, tuple(self._core.columns[place] for place in found["columns"])),
             *(found["state"], found["rates"], found["outputs"]),
         )
-
-    def _linear_outputs(self, outputs: np.ndarray) -> list[str]:
-        """Return the names of outputs that have derivatives: not time, commands, or spools that are their command."""
-        names = [name for name in self._core.columns if name.rpartition(".")[2] not in ("time_s", "command")]
-        spools, over = [name for name in names if name.endswith(".position")], len(names) - len(outputs)
-        kept: list[str] = []
-        for name in names:
-            mine = over and name in spools
-            if mine and (over == len(spools) or self._read(name) != outputs[len(kept)]):
-                over -= 1
-            else:
-                kept.append(name)
-            spools = spools[1:] if name in spools else spools
-        return kept
 
     def _refuse(self, error: Exception, names: Sequence[object], value: object, *, readable: bool = False) -> NoReturn:
         """Raise the core's error in words of a user; `readable` says whether names of outputs are valid too."""

@@ -23,7 +23,7 @@ import pneudrive as pn
 from oracle import fmu_calls
 from pneudrive.cli.main import run as command_line
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.fmu.library import library_path
+from pneudrive.fmu.binary import library_path
 
 SMOOTH = pn.Drive.load("catalogue:reference")  # bristles, no event
 STICKY = SMOOTH.replace({"friction": {"law": "coulomb", "coulomb": "30 N", "viscous": "40 N s/m"}})

@@ -55,6 +55,12 @@ def test_equal_seeds_give_equal_bits_also_with_drives_and_references_that_are_dr
     assert not np.array_equal(first[:4], other[:4])
 
 
+def test_a_reference_of_one_reset_does_not_stay_for_the_next(axis):
+    env = PositionEnv(axis, reference=STEP, duration="20 ms")
+    heard = [env.reset(seed=1, options=own)[1]["reference"] for own in (None, {"reference": "100 mm"}, None)]
+    assert heard == [STEP, "100 mm", STEP]
+
+
 def test_an_episode_ends_after_its_time_or_where_the_drive_is_lost(axis):
     env = PositionEnv(axis, reference=STEP, duration="0.3 s", lost="5 mm")
     *_, terminated, truncated, info = _episode(env, np.zeros((400, 1)), seed=1)

@@ -252,7 +252,8 @@ impl Controller {
     /// The command for a sample, on the way along a reference, given to the valve as it is.
     pub fn step(&mut self, sample: &Sample, reference: &Reference) -> Answer {
         let answer = self.decide(sample, reference);
-        self.told(sample.time, answer.command);
+        let time = self.supervisor.as_ref().map_or(sample.time, |own| own.corrected(sample.time));
+        self.told(time, answer.command);
         answer
     }
 
@@ -486,7 +487,7 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
         Decided { command, velocity, disturbance, holds }
     }
 
-    /// Takes over the command that was given at a sample.
+    /// Takes over the command that was given at a sample, with its true time.
     pub fn told(&mut self, time: f64, command: S) {
         if let Some(observer) = &mut self.observer {
             observer.spool.command(time + self.model.valve.delay, command);

@@ -1,6 +1,6 @@
 //! What a law follows: a reference, or a place to stand at, and the way there from where the drive is.
 
-use crate::reference::{Reference, Wanted};
+use crate::reference::{PEAKS, Reference, Wanted, series};
 
 /// A way that starts with a distance, a speed and an acceleration and ends without any, with three continuous
 /// derivatives: with s the share of its duration T,
@@ -18,14 +18,7 @@ pub struct Fade {
 
 /// (1 - s)^4 p(s) with the numbers of p, and three derivatives.
 fn faded(p: [f64; 6], s: f64) -> [f64; 4] {
-    // Horner's rule of p and of its derivatives over their factorials.
-    let [mut p0, mut p1, mut p2, mut p3] = [0.0; 4];
-    for own in p.iter().rev() {
-        p3 = p3 * s + p2;
-        p2 = p2 * s + p1;
-        p1 = p1 * s + p0;
-        p0 = p0 * s + own;
-    }
+    let [p0, p1, p2, p3] = series(&p, s);
     let r = 1.0 - s;
     let [q0, q1, q2, q3] = [r.powi(4), -4.0 * r.powi(3), 6.0 * r * r, -4.0 * r];
     // Products of series, then the factorials.
@@ -47,14 +40,7 @@ impl Fade {
         let [x, v, a] = self.from;
         let (v, a) = (v * self.duration, 0.5 * a * self.duration * self.duration);
         let p = [x, 4.0 * x + v, 10.0 * x + 4.0 * v + a, 20.0 * x + 10.0 * v + 4.0 * a, 0.0, 0.0];
-        let [position, velocity, acceleration, jerk] = faded(p, s);
-        let rate = 1.0 / self.duration;
-        Wanted {
-            position,
-            velocity: velocity * rate,
-            acceleration: acceleration * rate * rate,
-            jerk: jerk * rate.powi(3),
-        }
+        Wanted::at_rate(faded(p, s), 1.0 / self.duration)
     }
 
     /// The time at which it ends, s.
@@ -81,14 +67,13 @@ impl Fade {
     /// Back to a reference from a distance, a speed and an acceleration relative to it, at an acceleration, m/s2.
     pub fn back(begin: f64, from: [f64; 3], acceleration: f64) -> Self {
         let [x, v, _] = from;
-        let duration = (MOST_BENT * x.abs() / acceleration).sqrt().max(STEEPEST * v.abs() / acceleration);
+        let duration = (PEAKS[1] * x.abs() / acceleration).sqrt().max(STEEPEST * v.abs() / acceleration);
         Fade { begin, duration: duration.max(LEAST_BACK), from }
     }
 }
 
-/// Largest derivatives of the ways: of a speed that falls by one, and of a distance that does, twice.
+/// Steepest fall of a speed that ends, over its mean.
 const STEEPEST: f64 = 1.875;
-const MOST_BENT: f64 = 7.5132;
 /// Least times of a stop and of a way back, s (assumed).
 const LEAST_STOP: f64 = 0.02;
 const LEAST_BACK: f64 = 0.2;

@@ -193,7 +193,7 @@ impl Model {
         contents: [[S; 2]; 2],
         openings: [S; 2],
     ) -> Chambers<S> {
-        let (supply, exhaust) = (supply.end(), self.ambient.end());
+        let (source, exhaust) = (supply.end(), self.ambient.end());
         let cp = self.gas.cp;
         let each: [_; 2] = std::array::from_fn(|i| {
             let side = &self.sides[i];
@@ -201,9 +201,9 @@ impl Model {
             let gas = EnergyBalance::state(&*self.gas, contents[i], volume);
             let own = End { p: gas.p, inverse_p: gas.inverse_p, choked: gas.p * gas.inverse_sqrt_t };
             let [fills, vents] = if i == 0 { openings } else { [openings[1], openings[0]] };
-            let (inflow, back) = self.valve.flow.flow(fills, &supply, &own);
+            let (inflow, back) = self.valve.flow.flow(fills, &source, &own);
             let (outflow, drawn) = self.valve.flow.flow(vents, &own, &exhaust);
-            let filled = S::select(back, gas.t, S::c(self.supply.temperature));
+            let filled = S::select(back, gas.t, S::c(supply.temperature));
             let vented = S::select(drawn, S::c(self.ambient.temperature), gas.t);
             let wall = side.wall(x);
             let exchange = Exchange {

@@ -16,11 +16,33 @@ pub struct Wanted<S = f64> {
     pub jerk: S,
 }
 
+/// Largest derivatives of a blend: 35/16, 84/(5 sqrt 5) and 105/2.
+pub const PEAKS: [f64; 3] = [2.1875, 7.513188404399293, 52.5];
+
+impl<S: Number> Wanted<S> {
+    /// Of a motion over a share of a time, with its derivatives over that share; `rate` is one over the time, 1/s.
+    pub fn at_rate([position, v, a, j]: [S; 4], rate: S) -> Self {
+        Wanted { position, velocity: v * rate, acceleration: a * rate * rate, jerk: j * (rate * rate * rate) }
+    }
+}
+
+/// A polynomial and three derivatives over their factorials, by Horner's rule; the numbers of the powers 0, 1, ..
+pub fn series(coefficients: &[f64], at: f64) -> [f64; 4] {
+    let [mut p0, mut p1, mut p2, mut p3] = [0.0; 4];
+    for own in coefficients.iter().rev() {
+        p3 = p3 * at + p2;
+        p2 = p2 * at + p1;
+        p1 = p1 * at + p0;
+        p0 = p0 * at + own;
+    }
+    [p0, p1, p2, p3]
+}
+
 /// A blend from 0 to 1 with three continuous derivatives, and those, over the time 0 .. 1:
 ///
 ///   s = 35 t^4 - 84 t^5 + 70 t^6 - 20 t^7
 ///
-/// Its largest derivatives are 2.1875, 7.5132 and 52.5.
+/// Its largest derivatives are [`PEAKS`].
 pub fn blend<S: Number>(t: S) -> [S; 4] {
     let t = t.within(0.0, 1.0);
     let r = S::one() - t;
@@ -97,21 +119,8 @@ impl Piece {
         if share >= 1.0 {
             return Wanted { position: self.coefficients.iter().sum(), ..Wanted::default() };
         }
-        // Horner's rule of the polynomial and of its derivatives over their factorials.
-        let [mut x, mut v, mut a, mut j] = [0.0; 4];
-        for own in self.coefficients.iter().rev() {
-            j = j * share + a;
-            a = a * share + v;
-            v = v * share + x;
-            x = x * share + own;
-        }
-        let rate = 1.0 / self.duration;
-        Wanted {
-            position: x,
-            velocity: v * rate,
-            acceleration: 2.0 * a * rate * rate,
-            jerk: 6.0 * j * rate.powi(3),
-        }
+        let [x, v, a, j] = series(&self.coefficients, share);
+        Wanted::at_rate([x, v, 2.0 * a, 6.0 * j], 1.0 / self.duration)
     }
 }
 
@@ -164,13 +173,7 @@ impl Reference {
     /// The same slowed by a factor in time.
     pub fn slowed(&self, t: f64, factor: f64) -> Wanted {
         let Wanted { position, velocity, acceleration, jerk } = self.at(t / factor);
-        let rate = 1.0 / factor;
-        Wanted {
-            position,
-            velocity: velocity * rate,
-            acceleration: acceleration * rate * rate,
-            jerk: jerk * rate.powi(3),
-        }
+        Wanted::at_rate([position, velocity, acceleration, jerk], 1.0 / factor)
     }
 
     /// Whether it stands still from a time on for `span` s.

@@ -208,13 +208,19 @@ impl Supervisor {
         &self.log
     }
 
+    /// The time of a sample by a clock that goes on evenly; that of the last one where its own is no number.
+    pub(crate) fn corrected(&self, time: f64) -> f64 {
+        let time = time + self.correction;
+        if time.is_finite() { time } else { self.clock.unwrap_or(0.0) }
+    }
+
     /// The command for a sample.
     pub(crate) fn decide(&mut self, own: &mut Controller, sample: &Sample, reference: &Reference) -> Answer {
         let mut sample = *sample;
         let skipped = self.keep_time(own.period, &mut sample);
         let asked = reference.at(sample.time);
         let returns = self.inputs.enabled && self.mode == Mode::Off;
-        if returns && (self.position.is_lost() || self.stands_by) {
+        if returns && (self.position.is_lost() || self.gas.is_lost() || self.stands_by) {
             // What was lost may be back: all begins anew.
             own.restart();
             (self.position, self.gas) = (Position::default(), Gas::default());
@@ -255,12 +261,15 @@ impl Supervisor {
 
     /// By how much the clock went wrong; the sample's time is corrected.
     fn keep_time(&mut self, period: f64, sample: &mut Sample) -> Option<f64> {
-        sample.time += self.correction;
+        let clock = sample.time;
+        sample.time = self.corrected(clock);
         let gone = self.clock.map_or(period, |last| sample.time - last);
-        let is_wrong = !(SKIPPED[0] * period..=SKIPPED[1] * period).contains(&gone);
-        if let (true, Some(last)) = (is_wrong, self.clock) {
-            self.correction += last + period - sample.time;
-            sample.time = last + period;
+        let is_wrong = !(clock.is_finite() && (SKIPPED[0] * period..=SKIPPED[1] * period).contains(&gone));
+        if is_wrong {
+            sample.time = self.clock.unwrap_or(0.0) + period;
+            if clock.is_finite() {
+                self.correction = sample.time - clock;
+            }
         }
         self.clock = Some(sample.time);
         is_wrong.then_some(gone - period)

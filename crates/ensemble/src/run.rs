@@ -12,8 +12,8 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Members that one thread takes at once.
-const CHUNK: usize = 256;
+/// The most members that one thread takes at once.
+const MOST: usize = 256;
 
 /// Numbers of members: one row for all, or one for each.
 #[derive(Clone, Debug)]
@@ -220,8 +220,10 @@ impl Task for Run<'_, '_> {
         let Run { plan, total, widths, outcome, interrupted } = self;
         let asked = plan.asked;
         let done = std::cell::Cell::new(0);
-        let take = |chunk: usize, came: Vec<Came>| {
-            let first = chunk * CHUNK;
+        // Few members are shared by all threads.
+        let chunk = asked.members.div_ceil(asked.threads.max(1)).clamp(1, MOST);
+        let take = |at: usize, came: Vec<Came>| {
+            let first = at * chunk;
             for (i, Came { row, failure, attempts }) in came.into_iter().enumerate() {
                 let member = first + i;
                 outcome.attempts += attempts;
@@ -241,9 +243,9 @@ impl Task for Run<'_, '_> {
             Ok(())
         };
         run_jobs(
-            (asked.threads, asked.members.div_ceil(CHUNK)),
+            (asked.threads, asked.members.div_ceil(chunk)),
             || plan.worker::<R>(total),
-            |worker, chunk, stop| worker.run_all(chunk * CHUNK..asked.members.min((chunk + 1) * CHUNK), stop),
+            |worker, at, stop| worker.run_all(at * chunk..asked.members.min((at + 1) * chunk), stop),
             take,
             &mut || interrupted(done.get() as f64),
         )

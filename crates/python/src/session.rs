@@ -136,6 +136,7 @@ impl PySession {
         out.set_item("b", array(linear.b).reshape([states, inputs])?)?;
         out.set_item("c", array(linear.c).reshape([outputs, states])?)?;
         out.set_item("d", array(linear.d).reshape([outputs, inputs])?)?;
+        out.set_item("columns", linear.columns)?;
         out.set_item("state", array(linear.state))?;
         out.set_item("rates", array(linear.rates))?;
         out.set_item("outputs", array(linear.outputs))?;

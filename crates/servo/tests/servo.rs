@@ -1,56 +1,13 @@
 //! Drives under controllers: simulated, with the sensors, converters and valve of a usual axis (values assumed).
 
+mod axis;
+
+use axis::{MEAN, axis, begin, session, setup};
+use circuit::Look;
 use circuit::specification::{Circuit, Component};
-use circuit::{Look, Network, Session};
 use control::Reference;
-use ode::Options;
-use servo::specification::{Controller, Hold, PositionSensor, PressureSensor, Setup};
-use servo::{COLUMNS, Encoder, Loop, belief, controller, philox};
+use servo::{COLUMNS, belief, philox};
 use std::collections::BTreeMap;
-
-/// A cylinder on a proportional 5/3 valve with a spool.
-const AXIS: &str = include_str!("data/reference_axis.json");
-const MEAN: f64 = 4e5;
-
-fn axis() -> Circuit {
-    serde_json::from_str(AXIS).expect("a circuit")
-}
-
-fn session(circuit: &Circuit, position: f64) -> Session {
-    let network = Network::assemble(circuit, false).expect("it can be assembled");
-    let value = |name: &str| match name {
-        _ if name.ends_with("pressure_pa") => MEAN,
-        _ if name.ends_with("temperature_k") => 293.15,
-        _ if name.ends_with("position_m") => position,
-        _ => 0.0,
-    };
-    let start: BTreeMap<_, _> =
-        network.start_names().iter().map(|name| (name.to_string(), value(name))).collect();
-    network.session(&start, Options { rtol: 1e-5, ..Options::default() }).expect("a start")
-}
-
-fn setup(seed: u64) -> Setup {
-    let sensor = |sign: f64| PressureSensor {
-        range_pa: [0.0, 1e6],
-        bits: 12,
-        noise_pa: 200.0,
-        zero_pa: sign * 1500.0,
-        gain_error: sign * 0.002,
-        lag_s: 0.5e-3,
-    };
-    Setup {
-        position: PositionSensor { resolution_m: 5e-6, noise_m: 1e-6 },
-        pressures: Some([sensor(1.0), sensor(-1.0)]),
-        command_bits: 12,
-        computing_time_s: 0.0,
-        forces: vec![],
-        seed,
-        step_repeats: 1,
-        jitter_s: [0.0; 4],
-        switches_m: None,
-        faults: vec![],
-    }
-}
 
 type Rows = Vec<[f64; COLUMNS.len()]>;
 
@@ -61,20 +18,8 @@ fn run(
     duration: f64,
     seed: u64,
 ) -> (Rows, control::Controller) {
-    let spec = Controller {
-        law: law.into(),
-        period_s: 1e-3,
-        gains: BTreeMap::new(),
-        adaptation: true,
-        supervision: None,
-        hold: Some(Hold { band_m: 3e-5, after_s: 0.02 }),
-        belief: axis(),
-    };
-    let setup = setup(seed);
-    let deviation = Encoder::from(setup.position).deviation();
-    let (mut controller, axis) = controller(&spec, deviation).expect("a controller");
-    let session = session(plant, reference.at(0.0).position);
-    let mut under = Loop::new(session, &axis, &setup).expect("the axis is there");
+    let x = reference.at(0.0).position;
+    let (mut under, mut controller) = begin(plant, (law, None), &setup(seed), x);
     let mut never = |_| false;
     let rows = under.run(&mut controller, reference, duration, &mut Look::new(&mut never));
     (rows.expect("it runs"), controller)

@@ -2,47 +2,19 @@
 
 mod study;
 
-use circuit::Network;
 use circuit::specification::Circuit;
 use control::{AnyLaw, Controller, EventKind, LAWS, Move, Own, Reference, Seen};
-use ode::Options;
-use servo::specification::{
-    self, Answering, Channel, Fault, FaultKind, PositionSensor, PressureSensor, Setup,
-};
-use servo::{COLUMNS, Encoder, Loop, controller};
-use std::collections::BTreeMap;
+use servo::specification::{self, Answering, Channel, Fault, FaultKind, PositionSensor, Setup};
+use servo::{COLUMNS, Loop};
+use study::axis::{self, axis};
 use study::{Class, is_lost_alone, outcome};
 
-const AXIS: &str = include_str!("data/reference_axis.json");
 const STROKE: f64 = 0.5;
 
 type Rows = Vec<[f64; COLUMNS.len()]>;
 
-fn axis() -> Circuit {
-    serde_json::from_str(AXIS).expect("a circuit")
-}
-
 fn setup(faults: Vec<Fault>) -> Setup {
-    let sensor = |sign: f64| PressureSensor {
-        range_pa: [0.0, 1e6],
-        bits: 12,
-        noise_pa: 200.0,
-        zero_pa: sign * 1500.0,
-        gain_error: sign * 0.002,
-        lag_s: 0.5e-3,
-    };
-    Setup {
-        position: PositionSensor { resolution_m: 5e-6, noise_m: 1e-6 },
-        pressures: Some([sensor(1.0), sensor(-1.0)]),
-        command_bits: 12,
-        computing_time_s: 0.3e-3,
-        forces: vec![],
-        seed: 1,
-        step_repeats: 1,
-        jitter_s: [10e-6; 4],
-        switches_m: None,
-        faults,
-    }
+    Setup { computing_time_s: 0.3e-3, jitter_s: [10e-6; 4], faults, ..axis::setup(1) }
 }
 
 fn fault(kind: FaultKind, begin_s: f64, end_s: f64) -> Fault {
@@ -74,27 +46,7 @@ fn a_move() -> Reference {
 }
 
 fn begin(plant: &Circuit, law: &str, setup: &Setup, x: f64) -> (Loop, Controller) {
-    let network = Network::assemble(plant, false).expect("it can be assembled");
-    let value = |name: &str| match name {
-        _ if name.ends_with("pressure_pa") => 4e5,
-        _ if name.ends_with("temperature_k") => 293.15,
-        _ if name.ends_with("position_m") => x,
-        _ => 0.0,
-    };
-    let start = network.start_names().iter().map(|name| (name.to_string(), value(name))).collect();
-    let session = network.session(&start, Options { rtol: 1e-5, ..Options::default() }).expect("a start");
-    let spec = specification::Controller {
-        law: law.into(),
-        period_s: 1e-3,
-        gains: BTreeMap::new(),
-        hold: Some(specification::Hold { band_m: 3e-5, after_s: 0.02 }),
-        adaptation: true,
-        supervision: Some(supervision()),
-        belief: axis(),
-    };
-    let deviation = Encoder::from(setup.position).deviation();
-    let (controller, names) = controller(&spec, deviation).expect("a controller");
-    (Loop::new(session, &names, setup).expect("the axis is there"), controller)
+    axis::begin(plant, (law, Some(supervision())), setup, x)
 }
 
 /// Runs a controller that may be changed before.

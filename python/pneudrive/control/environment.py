@@ -14,6 +14,7 @@ from pneudrive.control.controller import Controller
 from pneudrive.control.loop import Prepared, prepare
 from pneudrive.control.motion import Reference
 from pneudrive.control.own_law import OWN, signals
+from pneudrive.control.paths import PEAK
 from pneudrive.control.references import reference
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.describe.circuit import compiled
@@ -33,8 +34,6 @@ ID = "pneudrive/Position-v0"
 #: Of an episode without a reference of its own (assumed): moves to places within this share of the stroke, by this
 #: share of the drive's speed at most, each followed by a rest, s.
 WITHIN, FASTEST, REST_S = (0.1, 0.9), (0.1, 0.5), (0.1, 0.5)
-#: Largest speed of a move of one metre in one second, m/s: that of the blend.
-PEAK = 2.1875
 
 
 class _Learner:
@@ -118,7 +117,8 @@ class PositionEnv(gymnasium.Env):
         #: Command of the law that runs beside, at the sample that waits for an action; not a number without a law.
         self.law_command = float("nan")
         # What an episode begins with but its drive and reference; it also refuses what is wrong now.
-        self._prepared = self._prepare(self.drive, "0 m; 0.1 s: 1 um in 0.1 s" if reference is None else reference)
+        self._first = self._prepare(self.drive, "0 m; 0.1 s: 1 um in 0.1 s" if reference is None else reference)
+        self._prepared = self._first
         self.observed = (
             *(units.column_name(name, known[name][0]) for name in self.inputs),
             *(f"reference_{1e3 * t:g}_ms_{what}" for t in self.ahead for what in ("m", "m_s")),
@@ -142,7 +142,7 @@ class PositionEnv(gymnasium.Env):
             along = self._drawn()
         drive = self.drive if self.spread is None else self.spread(self.drive, self.np_random)
         same = drive is self.drive and along is self._reference
-        prepared = self._prepared = self._prepared if same else self._prepare(drive, along)
+        prepared = self._prepared = self._first if same else self._prepare(drive, along)
         motion, circuit = prepared.reference.core(), prepared.circuit
         noise = prepared.setup.core(int(self.np_random.integers(2**63 - 1)), circuit.ambient.pressure_pa)
         try:

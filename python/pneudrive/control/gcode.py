@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
-from pneudrive.control.paths import along_line, blended
+from pneudrive.control.paths import PEAK, along_line, blended
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
 #: Speed of a rapid move, m/s, and time in which a velocity is taken up, s (both assumed).
 RAPID_M_S, RUN_UP_S = 0.5, 0.1
-PEAK = 2.1875  # largest speed of a blend of order 7 over its mean
 AXES = "XYZABCUVW"
 _INCH_M, _MM_M, _MINUTE_S = 0.0254, 1e-3, 60.0
 _WORD = re.compile(r"([A-Z])\s*([-+]?(?:\d+\.?\d*|\.\d+))")

@@ -216,10 +216,10 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
     cylinder, valve = named[plant.cylinder], named[plant.valve]
     conductance = valve["numbers"]["conductance"]
     for name, value in drawn.items():
-        for key in _FRICTION.get(name, ()):
-            _scale(cylinder["friction"]["parameters"], key, value)
-        for key in _CYLINDER.get(name, ()):
-            _scale(cylinder["numbers"], key, value)
+        if name in _FRICTION:
+            _scale((cylinder["friction"] or {}).get("parameters", {}), _FRICTION[name], name, value)
+        if name in _CYLINDER:
+            _scale(cylinder["numbers"], _CYLINDER[name], name, value)
         if name in _VALVE:
             valve["numbers"][_VALVE[name]] = value
     valve["numbers"]["conductance"] = conductance * drawn.get("conductance", 1.0)
@@ -229,8 +229,12 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
     return Truth(json.dumps(form, sort_keys=True), start, _sensors(setup, mismatch, drawn), dict(drawn))
 
 
-def _scale(numbers: dict[str, float], key: str, factor: float) -> None:
-    if key in numbers:
+def _scale(numbers: dict[str, float], keys: tuple[str, ...], name: str, factor: float) -> None:
+    has = [key for key in keys if key in numbers]
+    if not has:
+        what = f"{name}: the drive has no {' and no '.join(keys)} that could deviate"
+        raise wrong(name, what, remedy="Leave it out of the mismatch.")
+    for key in has:
         numbers[key] *= factor
 
 
@@ -251,7 +255,7 @@ def _supply(form: dict[str, Any], drawn: Mapping[str, float], conductance: float
     """Deviate the supply in place; return the start of the volume behind it."""
     reservoirs = [one for one in form["components"] if one["kind"] == "reservoir"]
     for one in reservoirs:
-        _scale(one["numbers"], "pressure", drawn.get("supply_pressure", 1.0))
+        one["numbers"]["pressure"] *= drawn.get("supply_pressure", 1.0)
     if "supply_conductance" not in drawn:
         return {}
     (supply,) = reservoirs  # a law commands a circuit with one
@@ -317,8 +321,6 @@ def read_mismatch(given: Mismatch | str | Path) -> tuple[Mismatch, str]:
     >>> read_mismatch("mass+30")[0].moving_mass
     (1.3, 1.3)
     """
-    if isinstance(given, Mismatch):
-        return given, "own"
     return read_ready(Mismatch, given, ready_mismatches(), "For instance: schema = 1, then moving_mass = 1.3.")
 
 

@@ -233,15 +233,16 @@ def _compiled(source: str, expected: str | None) -> tuple[str, Callable[..., Run
         sample = (ctypes.c_double * len(every))()
         command, memory = ctypes.c_double(), ctypes.create_string_buffer(MEMORY + 16)
         preview = _CPreview(period_s, AHEAD, rows.ctypes.data)
-        aligned = ctypes.addressof(memory) + -ctypes.addressof(memory) % 16
+        aligned = ctypes.byref(memory, -ctypes.addressof(memory) % 16)
         given = (ctypes.byref(sample), ctypes.byref(preview), ctypes.byref(command), aligned)
-        keep = [rows, memory]
 
         def call(values: tuple[float, ...]) -> float:
             sample[:] = values
+            # By the time of the sample: a period may have been missed.
+            place = min(max(round(values[0] / period_s), 0), count - 1 - AHEAD) if math.isfinite(values[0]) else 0
+            preview.wanted = rows.ctypes.data + place * rows.strides[0]
             command.value = math.nan
             function(*given)
-            preview.wanted += rows.strides[0] if keep else 0
             return command.value
 
         return RunningLaw(source, call, every)

@@ -24,6 +24,8 @@ ORDER = 7  # of splines
 REST = 4  # coefficients of a spline that are equal at an end where it is at rest with continuous jerk
 #: Blends from 0 to 1 by their order: with three and with four continuous derivatives.
 BLENDS = {7: (0, 0, 0, 0, 35, -84, 70, -20), 9: (0, 0, 0, 0, 0, 126, -420, 540, -315, 70)}
+#: Largest speed of the blend of order 7 over its mean.
+PEAK = 2.1875
 #: Velocity that grows from 0 to 1 by the blend of order 7, integrated.
 _RUN_UP = (0, 0, 0, 0, 0, 7, -14, 10, -2.5)
 _ROUNDS = 200  # of a bisection: to the last bit

@@ -251,20 +251,21 @@ def read_setup(given: Setup | str | Path) -> tuple[Setup, str]:
     >>> name, setup.converter.bits, setup.sensors.pressure_a
     ('cheap', 10, None)
     """
-    if isinstance(given, Setup):
-        return given, "own"
     start = 'For instance: schema = 1, then [sensors.position] resolution = "5 um".'
     return read_ready(Setup, given, ready_setups(), start)
 
 
-def read_ready(kind: type[_Kind], given: str | Path, ready: dict[str, Path], start: str) -> tuple[_Kind, str]:
-    """Read a table of a kind: the name of a ready one, or a TOML file; and its name.
+def read_ready(kind: type[_Kind], given: _Kind | str | Path, ready: dict[str, Path], start: str) -> tuple[_Kind, str]:
+    """Read a table of a kind: the name of a ready one, or a TOML file; and its name, "own" for a table.
 
     Raises
     ------
     DescriptionError
         There is no such name or file, or the file is not valid.
     """
+    if isinstance(given, kind):
+        return given, "own"
+    assert isinstance(given, (str, Path))
     path = ready.get(str(given), Path(given))
     if not path.suffix and not path.exists():
         what = f'there is no {kind.__name__.lower()} "{given}"'

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from pneudrive.describe.catalogue import Entry
 
 CONDUCTANCE, NOMINAL_FLOW = "m^3/(s Pa)", "m^3/s ANR"
-#: Critical pressure ratio where a part states none (assumed: of a fitting).
-ASSUMED_B = 0.3
+#: Critical pressure ratio where a part states none (assumed: of a fitting), and the usual subsonic index.
+ASSUMED_B, USUAL_INDEX = 0.3, 0.5
 #: Values count as equal within this share.
 NEAR = 1e-3
 
@@ -93,7 +93,7 @@ def _flow(entry: Entry, unit: str) -> float | None:
     before = next((before for before in ("", "needle_") if any(before + key in own for key in FLOW_KEYS)), None)
     if before is None:
         return None
-    b, m = own.get("critical_pressure_ratio", ASSUMED_B), own.get("subsonic_index", 0.5)
+    b, m = own.get("critical_pressure_ratio", ASSUMED_B), own.get("subsonic_index", USUAL_INDEX)
     written = (CONDUCTANCE, NOMINAL_FLOW, "Kv", "Cv")
     sizes = [
         units.parse(own[before + key], of) if before + key in own else None

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
-from pneudrive.fmu.library import library_path
+from pneudrive.fmu.binary import library_path
 from pneudrive.fmu.package import complete_plan
 from pneudrive.fmu.variables import RTOL
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError, DescriptionError, nearest
 from pneudrive.fmu.description import IDENTIFIER, description
-from pneudrive.fmu.library import PLATFORMS, count_events, library_path
+from pneudrive.fmu.binary import PLATFORMS, count_events, library_path
 from pneudrive.fmu.variables import RTOL, FmuVariable, plan_of
 from pneudrive.show import Shown
 from pneudrive.simulate import require

@@ -18,6 +18,7 @@ from starlette.routing import Route, WebSocketRoute
 from pneudrive import __version__
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.signals.layout import stem
+from pneudrive.start import is_circuit
 from pneudrive.web import description
 from pneudrive.web.asked_run import MOST_PIXELS, AskedRun, described_at
 from pneudrive.web.campaigns import WatchedCampaign
@@ -186,7 +187,7 @@ class _Views:
         """Return a run as a line of a shell and as Python."""
         asked = AskedRun.of(_table(body, "path"))
         described = described_at(self.workspace, asked.path, asked.text)
-        return {"command": asked.as_command(), "python": asked.as_python(circuit=hasattr(described, "components"))}
+        return {"command": asked.as_command(), "python": asked.as_python(circuit=is_circuit(described))}
 
     def recording(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Open a recording, or say how far its first reading is."""

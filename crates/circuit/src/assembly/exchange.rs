@@ -7,7 +7,7 @@ use crate::circuit::AxisId;
 use crate::run::Error;
 use ode::System;
 
-/// Changes of mode at one instant after which stick and slip are said to alternate for ever.
+/// Changes of mode at one instant after which stick and slip are said to alternate for ever (assumed).
 const MOST_CHANGES: usize = 64;
 
 impl Session {

@@ -65,6 +65,11 @@ pub struct Found {
 }
 
 impl Gas {
+    /// Whether a sensor or the valve does not answer.
+    pub fn is_lost(&self) -> bool {
+        self.valve_told || self.chambers.is_some_and(|own| own.iter().any(|own| own.is_lost))
+    }
+
     /// Readings that are not credible become what the model foresees; `state` is that of the observer before the sample, `seen` that
     /// which it foresees, `spool` the way of the spool between them, `mean`.
     pub fn checked(

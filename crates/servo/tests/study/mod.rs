@@ -1,16 +1,17 @@
 //! Random runs with faults: plants, references, laws and faults at random, and how fast the drive hits its end stops.
 
-use circuit::specification::Circuit;
-use circuit::{Look, Network};
-use control::{Controller, EventKind, LAWS, Move, Reference};
-use ode::Options;
-use servo::specification::{self, Channel, Fault, FaultKind, PositionSensor, PressureSensor, Setup};
-use servo::{Encoder, Loop, Noise, controller};
-use std::collections::BTreeMap;
+#[path = "../axis/mod.rs"]
+pub mod axis;
 
-const AXIS: &str = include_str!("../data/reference_axis.json");
+use axis::{PERIOD, axis as reference_axis, begin, setup};
+use circuit::Look;
+use circuit::specification::Circuit;
+use control::reference::PEAKS;
+use control::{Controller, EventKind, LAWS, Move, Reference};
+use servo::specification::{Channel, Fault, FaultKind, Setup};
+use servo::{Loop, Noise};
+
 const STROKE: f64 = 0.5;
-const PERIOD: f64 = 1e-3;
 const DURATION: f64 = 1.5;
 /// Speed of a hit that counts, m/s.
 pub const HARD: f64 = 0.05;
@@ -75,14 +76,13 @@ pub struct Outcome {
 
 struct Run {
     plant: Circuit,
-    belief: Circuit,
     law: &'static str,
     reference: Reference,
     setup: Setup,
 }
 
 fn plant(draw: &mut Draw) -> Circuit {
-    let mut plant: Circuit = serde_json::from_str(AXIS).expect("a circuit");
+    let mut plant = reference_axis();
     for own in &mut plant.components {
         for (key, [low, high]) in [
             ("conductance", [0.8, 1.2]),
@@ -129,7 +129,7 @@ fn reference(draw: &mut Draw) -> Reference {
     for _ in 0..3 {
         let to = draw.within(0.01, 0.49);
         let way = f64::abs(to - from);
-        let duration = (2.1875 * way / draw.within(0.3, 2.0)).max((7.5132 * way / 40.0).sqrt()).max(0.05);
+        let duration = (PEAKS[0] * way / draw.within(0.3, 2.0)).max((PEAKS[1] * way / 40.0).sqrt()).max(0.05);
         moves.push(Move { begin: t, duration, to });
         t += duration + draw.within(0.0, 0.3);
         from = to;
@@ -180,68 +180,31 @@ fn fault(draw: &mut Draw) -> Fault {
 
 fn run_of(seed: u64, member: u32) -> Run {
     let mut draw = Draw { noise: Noise { seed, member, channel: 1000 }, next: 0 };
-    let sensor = |sign: f64| PressureSensor {
-        range_pa: [0.0, 1e6],
-        bits: 12,
-        noise_pa: 200.0,
-        zero_pa: sign * 1500.0,
-        gain_error: sign * 0.002,
-        lag_s: 0.5e-3,
-    };
     let plant = plant(&mut draw);
-    let pressures = (draw.share() < 0.8).then(|| [sensor(1.0), sensor(-1.0)]);
+    let usual = setup(seed ^ u64::from(member) << 20);
+    let pressures = usual.pressures.filter(|_| draw.share() < 0.8);
     let mut faults = vec![fault(&mut draw)];
     if draw.share() < 0.1 {
         faults.push(fault(&mut draw));
     }
     Run {
         plant,
-        belief: serde_json::from_str(AXIS).expect("a circuit"),
         law: draw.one_of(LAWS),
         reference: reference(&mut draw),
         setup: Setup {
-            position: PositionSensor { resolution_m: 5e-6, noise_m: 1e-6 },
             pressures,
-            command_bits: 12,
             computing_time_s: draw.one_of(&[0.0, 0.3e-3]),
-            forces: vec![],
-            seed: seed ^ u64::from(member) << 20,
-            step_repeats: 1,
             jitter_s: [10e-6; 4],
             switches_m: draw.one_of(&[None, Some([0.005, STROKE - 0.005])]),
             faults,
+            ..usual
         },
     }
 }
 
 impl Run {
     fn loop_of(&self) -> (Loop, Controller) {
-        let network = Network::assemble(&self.plant, false).expect("it can be assembled");
-        let start: BTreeMap<_, _> = (network.start_names().iter())
-            .map(|name| {
-                let value = match *name {
-                    _ if name.ends_with("pressure_pa") => 4e5,
-                    _ if name.ends_with("temperature_k") => 293.15,
-                    _ if name.ends_with("position_m") => self.reference.at(0.0).position,
-                    _ => 0.0,
-                };
-                (name.to_string(), value)
-            })
-            .collect();
-        let options = Options { rtol: 1e-5, ..Options::default() };
-        let session = network.session(&start, options).expect("a start");
-        let spec = specification::Controller {
-            law: self.law.into(),
-            period_s: PERIOD,
-            gains: BTreeMap::new(),
-            adaptation: true,
-            hold: Some(specification::Hold { band_m: 3e-5, after_s: 0.02 }),
-            supervision: None,
-            belief: self.belief.clone(),
-        };
-        let deviation = Encoder::from(self.setup.position).deviation();
-        let (controller, axis) = controller(&spec, deviation).expect("a controller");
-        (Loop::new(session, &axis, &self.setup).expect("the axis is there"), controller)
+        begin(&self.plant, (self.law, None), &self.setup, self.reference.at(0.0).position)
     }
 
     /// The fastest hit, m/s, and the controller behind the run; with full braking at once from a time on, if there is one.

@@ -1,0 +1,75 @@
+//! The reference axis of the tests: its circuit, its usual setup, and a loop around it (values assumed).
+
+use circuit::specification::Circuit;
+use circuit::{Network, Session};
+use ode::Options;
+use servo::specification::{Controller, Hold, PositionSensor, PressureSensor, Setup, Supervision};
+use servo::{Encoder, Loop, controller};
+
+/// Period of the laws, s.
+pub const PERIOD: f64 = 1e-3;
+/// Of both chambers at the start, Pa absolute.
+pub const MEAN: f64 = 4e5;
+
+/// A cylinder on a proportional 5/3 valve with a spool.
+pub fn axis() -> Circuit {
+    serde_json::from_str(include_str!("../data/reference_axis.json")).expect("a circuit")
+}
+
+pub fn session(plant: &Circuit, position: f64) -> Session {
+    let network = Network::assemble(plant, false).expect("it can be assembled");
+    let value = |name: &str| match name {
+        _ if name.ends_with("pressure_pa") => MEAN,
+        _ if name.ends_with("temperature_k") => 293.15,
+        _ if name.ends_with("position_m") => position,
+        _ => 0.0,
+    };
+    let start = network.start_names().iter().map(|name| (name.to_string(), value(name))).collect();
+    network.session(&start, Options { rtol: 1e-5, ..Options::default() }).expect("a start")
+}
+
+/// Encoder, pressure sensors and converter of a usual axis, without jitter and faults.
+pub fn setup(seed: u64) -> Setup {
+    let sensor = |sign: f64| PressureSensor {
+        range_pa: [0.0, 1e6],
+        bits: 12,
+        noise_pa: 200.0,
+        zero_pa: sign * 1500.0,
+        gain_error: sign * 0.002,
+        lag_s: 0.5e-3,
+    };
+    Setup {
+        position: PositionSensor { resolution_m: 5e-6, noise_m: 1e-6 },
+        pressures: Some([sensor(1.0), sensor(-1.0)]),
+        command_bits: 12,
+        computing_time_s: 0.0,
+        forces: vec![],
+        seed,
+        step_repeats: 1,
+        jitter_s: [0.0; 4],
+        switches_m: None,
+        faults: vec![],
+    }
+}
+
+/// A loop around a plant at `position`, under a law that believes in the reference axis.
+pub fn begin(
+    plant: &Circuit,
+    (law, supervision): (&str, Option<Supervision>),
+    setup: &Setup,
+    position: f64,
+) -> (Loop, control::Controller) {
+    let spec = Controller {
+        law: law.into(),
+        period_s: PERIOD,
+        gains: Default::default(),
+        adaptation: true,
+        hold: Some(Hold { band_m: 3e-5, after_s: 0.02 }),
+        supervision,
+        belief: axis(),
+    };
+    let deviation = Encoder::from(setup.position).deviation();
+    let (controller, names) = controller(&spec, deviation).expect("a controller");
+    let session = session(plant, position);
+    (Loop::new(session, &names, setup).expect("the axis is there"), controller)
+}
