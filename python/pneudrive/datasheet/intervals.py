@@ -11,22 +11,26 @@ from pneudrive import units
 from pneudrive.describe.provenance import values
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     import xarray as xr
+    from numpy.typing import NDArray
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.watch import Watch
 
-SAID = "each identified value moved to both ends of its interval, the effects added as those of independent values"
+    Array = NDArray[np.float64]
+
+SAID = "each identified value moved to both ends of its interval, the effects added with the correlations of the values"
 
 
 class Ends(NamedTuple):
-    """A value with an interval, and the drive with the value at both of its ends."""
+    """A value with an interval, its correlations, and the drive with the value at both of its ends."""
 
     name: str
     confidence: float
+    correlation: dict[str, float]
     low: Drive
     high: Drive
 
@@ -49,7 +53,7 @@ def ends_of(drive: Any) -> tuple[list[Ends], list[str]]:  # noqa: ANN401 - a dri
             drive.replace({name: units.UnitFloat(end, unit, mark.written) if unit else end})  # type: ignore[union-attr]
             for end in (low, high)
         )
-        found.append(Ends(name, origin.confidence, low_end, high_end))  # type: ignore[arg-type]
+        found.append(Ends(name, origin.confidence, origin.correlation, low_end, high_end))  # type: ignore[arg-type]
     return found, left_out
 
 
@@ -58,8 +62,9 @@ def with_intervals(
 ) -> xr.Dataset:
     """Add the lower and upper end of each result, as variables ``NAME_low`` and ``NAME_high``.
 
-    A result at the ends of a value's interval differs from the plain one by some amount to each side; amounts of
-    several values are added in quadrature. A drive without identified values is returned as it is.
+    A result at the ends of a value's interval differs from the plain one by some amount d to each side; of several
+    values with correlations r, d^2 = sum r_ij d_i d_j, where d_i has the sign of the end that it belongs to: exact for
+    results that are linear in the values. A drive without identified values is returned as it is.
     """
     ends, left_out = ends_of(drive)
     if left_out:
@@ -67,14 +72,8 @@ def with_intervals(
     if not ends:
         plain.attrs["interval"] = "none: no value of the drive has an interval"
         return plain
-    below = {name: np.zeros(one.shape) for name, one in plain.data_vars.items()}
-    above = {name: np.zeros(one.shape) for name, one in plain.data_vars.items()}
-    for one in watch.each(ends, "values"):
-        moved = [compute(other) for other in (one.low, one.high)]
-        for name, value in plain.data_vars.items():
-            away = np.stack([np.zeros(value.shape), *(np.asarray(m[name]) - np.asarray(value) for m in moved)])
-            below[name] += np.nan_to_num(away.min(axis=0)) ** 2
-            above[name] += np.nan_to_num(away.max(axis=0)) ** 2
+    moved = [[compute(other) for other in (one.low, one.high)] for one in watch.each(ends, "values")]
+    shared = correlations(ends)
     confidence = min(one.confidence for one in ends)
     plain.attrs |= {
         "interval": SAID,
@@ -83,8 +82,41 @@ def with_intervals(
     }
     for name, value in list(plain.data_vars.items()):
         said = {"units": value.attrs["units"], "long_name": f"{value.attrs['long_name']}, {{}} end of the interval"}
-        low, high = np.asarray(value) - np.sqrt(below[name]), np.asarray(value) + np.sqrt(above[name])
+        away = np.array([[np.asarray(other[name]) - np.asarray(value) for other in pair] for pair in moved])
+        low, high = np.asarray(value) - together(-away, shared), np.asarray(value) + together(away, shared)
         for end, bound, word in (("low", low, "lower"), ("high", high, "upper")):
             plain[f"{name}_{end}"] = (value.dims, bound, said | {"long_name": said["long_name"].format(word)})
         plain[name].attrs |= {"interval": f"{name}_low, {name}_high", "confidence": confidence}
     return plain
+
+
+def correlations(ends: Sequence[Ends]) -> Array:
+    """Return the matrix of correlations of identified values, with ones on its diagonal."""
+    found = np.eye(len(ends))
+    for i, one in enumerate(ends):
+        for j, other in enumerate(ends):
+            if other.name in one.correlation:
+                found[i, j] = found[j, i] = one.correlation[other.name]
+    return found
+
+
+def together(away: Array, shared: Array) -> Array:
+    """Return how far a result goes up, from how far it goes at the ends of each value.
+
+    Parameters
+    ----------
+    away : ndarray, shape (n, 2, ...)
+        At the lower and at the upper end of n values; NaN counts as 0.
+    shared : ndarray, shape (n, n)
+        Correlations.
+
+    Examples
+    --------
+    >>> float(together(np.array([[-3.0, 3.0], [-4.0, 4.0]]), np.eye(2)))
+    5.0
+    >>> float(together(np.array([[-3.0, 3.0], [-4.0, 4.0]]), np.array([[1.0, -1.0], [-1.0, 1.0]])))
+    1.0
+    """
+    low, high = np.nan_to_num(np.moveaxis(away, 1, 0))
+    up = np.where(high > low, 1.0, -1.0) * np.maximum(np.maximum(low, high), 0.0)
+    return np.sqrt(np.maximum(np.einsum("i...,ij,j...->...", up, shared, up), 0.0))

@@ -20,7 +20,7 @@ SMALL = (0.05, 0.1)  # commands between which the velocity gain is taken
 SHARES = (0.0, 0.25, 0.5)  # of the stall force: loads against the motion
 COMMANDS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)
 BLOCKED = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1)
-TINY = 1e-6  # command at whose both sides the slope of a leaking valve is taken
+TINY = 1e-8  # command at whose both sides the slope of a leaking valve is taken: far below any leak
 LEAST_VELOCITY = 1e-5  # m/s: the contact just slides; its steady friction is the breakaway force
 
 

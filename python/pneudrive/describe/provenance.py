@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
+from pydantic import Field
+
 from pneudrive import units
 from pneudrive.describe.base import (
     Bounds,
@@ -57,7 +59,8 @@ class Origin(Described):
     """Origin of one value.
 
     `interval` holds two quantities, `confidence` its coverage probability, `source` the recordings, `fit` the hash of
-    the fit, `model_error` the lower limit of the model error, if known.
+    the fit, `model_error` the lower limit of the model error, if known, `correlation` that of its error with the errors
+    of other values, by their names.
     """
 
     table_name: ClassVar[str] = "provenance"
@@ -66,6 +69,9 @@ class Origin(Described):
     source: str
     fit: str = ""
     model_error: str | float = ""
+    correlation: dict[str, Annotated[float, Quantity("", bounds=Bounds(at_least=-1.0, at_most=1.0))]] = Field(
+        default_factory=dict
+    )
 
     def bounds_si(self, mark: Quantity | StatedPressure | None) -> tuple[float, float]:
         """Return the interval in SI, pressures absolute or gauge as written."""

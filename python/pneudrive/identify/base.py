@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -293,7 +294,26 @@ class Fit(Shown):
             fit=str(self.provenance.get("fit_hash", ""))
             or hashlib.sha256(self.toml().encode()).hexdigest()[:HASH_DIGITS],
             model_errors={keys[name]: error for name, error in self.model_errors.items() if name in keys},
+            correlations=self._correlations(
+                {name: key for name, key in keys.items() if key in ends and name in self.free}
+            ),
         )
+
+    def _correlations(self, keys: Mapping[str, str]) -> dict[str, dict[str, float]]:
+        """Return by key the correlations of values; systematic uncertainties are independent, so they lessen them."""
+        if not self.covariance.size:
+            return {}
+        places = {name: self.free.index(name) for name in keys}
+        whole = {
+            n: math.hypot(math.sqrt(max(self.covariance[i, i], 0.0)), self.systematic.get(n, 0.0))
+            for n, i in places.items()
+        }
+
+        def share(one: str, other: str) -> float:
+            size = whole[one] * whole[other]
+            return float(self.covariance[places[one], places[other]]) / size if size > 0.0 else 0.0
+
+        return {keys[one]: {keys[two]: share(one, two) for two in keys if two != one} for one in keys}
 
     # -- the file ---------------------------------------------------------------------------------------------
 

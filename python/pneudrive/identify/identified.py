@@ -31,6 +31,8 @@ DIGITS = 5
 ROUNDED_SHARE = 1e-2
 #: Digits of the lower limit of a model error.
 MODEL_DIGITS = 2
+#: Decimal places of a correlation.
+CORRELATION_PLACES = 3
 MOST_SOURCES = 6
 
 
@@ -53,6 +55,8 @@ class Identified:
         Coverage probability of the intervals.
     model_errors : dict
         Name -> lower limit of the model error, SI, if known.
+    correlations : dict
+        Name -> correlation of its error with that of other values, by their names.
     """
 
     values: Mapping[str, float]
@@ -61,6 +65,7 @@ class Identified:
     fit: str = ""
     confidence: float = 0.95
     model_errors: Mapping[str, float] = field(default_factory=dict)
+    correlations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def lowered(self, forces: Mapping[str, float]) -> Identified:
         """Subtract forces from values and intervals, by name."""
@@ -82,6 +87,11 @@ class Identified:
             }
             if name in self.model_errors:
                 origin["model_error"] = _rounded(self.model_errors[name], None, _size(mark), MODEL_DIGITS)
+            shared = {
+                other: round(share, CORRELATION_PLACES) for other, share in self.correlations.get(name, {}).items()
+            }
+            shared = {other: share for other, share in shared.items() if share}
+            origin |= {"correlation": shared} if shared else {}
             out[name] = origin | ({"fit": self.fit} if self.fit else {})
         return out
 

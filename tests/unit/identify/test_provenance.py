@@ -42,6 +42,9 @@ def test_applied_values_carry_interval_source_and_hash(drive, fit, tmp_path):
     recordings = fit.provenance["recordings"]
     assert origin.source.startswith(recordings[0])
     assert origin.fit == hashlib.sha256(fit.toml().encode()).hexdigest()[:16]
+    i, j = (fit.free.index(name) for name in ("coulomb", "viscous"))
+    assert origin.correlation["friction.viscous"] == pytest.approx(fit.correlation[i, j], abs=1e-3)
+    assert -1.0 < origin.correlation["friction.viscous"] < -0.3  # level and slope of a line trade places
     (tmp_path / "drive.toml").write_text(changed.to_toml())
     again = Drive.load(tmp_path / "drive.toml")
     assert again == changed
