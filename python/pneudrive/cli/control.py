@@ -186,7 +186,8 @@ def compare(
 ) -> None:
     """Compare laws along references, with seeds or a spread of drives: score.csv, score.parquet, and report.html."""
     from pneudrive.cli.progress import on_terminal
-    from pneudrive.control.comparison import SCORES, compare_watched
+    from pneudrive.control.card import SCORES
+    from pneudrive.control.comparison import compare_watched
     from pneudrive.describe.load import load_described
     from pneudrive.report.control_page import write_control_report
 
@@ -195,7 +196,7 @@ def compare(
     along = references if references == "standard" else names_in(references)
     of: dict[str, Any] = {"mismatch": mismatch, "spread": spread, "members": members, "threads": threads}
     of |= {"out": out, "seeds": seeds, "setup": setup, "keep_runs": keep_runs, "allow_code": allow_code}
-    found = compare_watched(described, words, along, **of, watch=on_terminal())
+    found = compare_watched(described, words, along, **of, named=drive, watch=on_terminal())
     _show_comparison(found)
     tell([out / SCORES, write_control_report(found, out)])
 

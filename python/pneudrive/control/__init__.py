@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from pneudrive.lazy import lazy
 
 if TYPE_CHECKING:
+    from pneudrive.control.card import StoredComparison, read_comparison
     from pneudrive.control.comparison import ControlComparison, compare, standard
     from pneudrive.control.controller import Controller
     from pneudrive.control.demand import Feasibility, feasibility
@@ -39,6 +40,7 @@ __all__ = [
     "Reference",
     "Score",
     "Setup",
+    "StoredComparison",
     "TunedGain",
     "Tuning",
     "c_header",
@@ -48,6 +50,7 @@ __all__ = [
     "iso230",
     "laws",
     "program_references",
+    "read_comparison",
     "read_mismatch",
     "read_setup",
     "ready_mismatches",
@@ -62,6 +65,7 @@ __all__ = [
 __getattr__ = lazy(
     __name__,
     {
+        "card": ["StoredComparison", "read_comparison"],
         "comparison": ["ControlComparison", "compare", "standard"],
         "controller": ["Controller"],
         "source_code": ["export"],

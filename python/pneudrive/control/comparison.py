@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import re
 import threading
 from collections.abc import Mapping
@@ -13,10 +12,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
+from pneudrive.control.card import KEPT, RUNS, SCORES, TABLE, ControlledRun, ScoreCard, begin, row_of, told
 from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
-from pneudrive.control.measures import SHOWN, SPREAD_SHOWN, Score, written
+from pneudrive.control.measures import Score, written
 from pneudrive.control.mismatch import mismatched, read_mismatch
 from pneudrive.control.own_law import is_own
 from pneudrive.control.references import reference
@@ -27,13 +27,11 @@ from pneudrive.ensemble.engine import processors
 from pneudrive.errors import CommandError, RecordingError, SimulationError
 from pneudrive.files.tables import open_table
 from pneudrive.show import Card, Shown
-from pneudrive.trajectory import read_columns, save_columns, write_frame
+from pneudrive.trajectory import save_columns, write_frame
 from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
-
-    import numpy as np
 
     from pneudrive.control.mismatch import Mismatch, Truth
     from pneudrive.control.motion import Reference
@@ -41,48 +39,14 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.watch import Flag
 
-RUNS, SCORES, KEPT = "runs", "score.csv", "scores.jsonl"
 MOST_SEEDS = 100_000
 MEMBERS = 200  # of a spread, where nothing is said
 STEP_REPEATS = 3  # of each step of the runs that are kept, for its time undisturbed
 SPREAD_SEED, MOST_TRUTHS = 0, 64  # of the draws of a spread; members that are held at a time
-SHARES = (0.5, 0.95, 1.0)  # of the members of a spread, that are told
-
-
-class ControlledRun(NamedTuple):
-    """One law along one reference with one seed.
-
-    Attributes
-    ----------
-    law, reference : str
-        Names in the comparison.
-    seed : int
-        Of the noise; in a spread also the member.
-    score : Score or None
-        None where the drive could not go on.
-    reason : str
-        Why it could not; empty where it could.
-    file : Path
-        Of the run; of a spread only the first member's is there, unless all were asked for.
-    truth : dict
-        Name of what differs from the description -> its value.
-    """
-
-    law: str
-    reference: str
-    seed: int
-    score: Score | None
-    reason: str
-    file: Path
-    truth: Mapping[str, float]
-
-    def columns(self, *names: str) -> dict[str, np.ndarray]:
-        """Read columns of the run's file."""
-        return read_columns(self.file, names)
 
 
 @dataclass(frozen=True, repr=False)
-class ControlComparison(Shown):
+class ControlComparison(ScoreCard, Shown):
     """Laws beside each other, simulated.
 
     Attributes
@@ -109,60 +73,6 @@ class ControlComparison(Shown):
     mismatch: str = ""
     spread: str = ""
 
-    def of(self, law: str, along: str) -> list[ControlledRun]:
-        """Return the runs of a law along a reference, by seed."""
-        return [run for run in self.runs if (run.law, run.reference) == (law, along)]
-
-    def middle(self, law: str, along: str, measure: str) -> float | None:
-        """Return the median of a measure over the seeds; None where the reference has no such part, or a run failed."""
-        return self.within(law, along, measure, 0.5)
-
-    def within(self, law: str, along: str, measure: str, share: float) -> float | None:
-        """Return below what a measure stays in a share of the runs; a run that failed counts as infinite.
-
-        None where the reference has no such part, or each run failed.
-        """
-        each = [None if run.score is None else getattr(run.score, measure) for run in self.of(law, along)]
-        failed = sum(run.score is None for run in self.of(law, along))
-        known = [float(value) for value in each if value is not None]
-        if not known or len(known) + failed < len(each):
-            return None
-        found = sorted([*known, *[math.inf] * failed])
-        place = share * (len(found) - 1)
-        low, high = found[math.floor(place)], found[math.ceil(place)]
-        return low if low == high else low + (place - math.floor(place)) * (high - low)
-
-    def rows(self, along: str) -> list[tuple[str, ...]]:
-        """Return a row for each law: its name and the medians, with units."""
-        return [
-            (law, *(written(name, self.middle(law, along, name)) for name in SHOWN), self._lost(law, along))
-            for law in self.tunings
-        ]
-
-    def spread_rows(self, along: str) -> list[tuple[str, ...]]:
-        """Return a row for each law: its name, and for the measures of a spread what 50, 95 and 100 % stay below."""
-        return [
-            (
-                law,
-                *(
-                    " / ".join(written(name, self.within(law, along, name, share)) or "-" for share in SHARES)
-                    for name in SPREAD_SHOWN
-                ),
-                self._lost(law, along),
-            )
-            for law in self.tunings
-        ]
-
-    def best(self, along: str) -> str | None:
-        """Return the law with the smallest largest error along a reference; None where each law failed."""
-        errors = {law: self.middle(law, along, "max_error_m") for law in self.tunings}
-        known = {law: error for law, error in errors.items() if error is not None}
-        return min(known, key=lambda law: known[law]) if known else None
-
-    def _lost(self, law: str, along: str) -> str:
-        lost = sum(run.score is None or run.score.lost for run in self.of(law, along))
-        return f"{lost} of {len(self.of(law, along))}" if lost else ""
-
     def save(self, path: str | Path) -> Path:
         """Write the score of each run, and what was true, as CSV or Parquet: a row for each law, reference and seed.
 
@@ -173,13 +83,7 @@ class ControlComparison(Shown):
         """
         import polars as pl
 
-        names = list(Score.__dataclass_fields__)
-        rows = [
-            {"law": run.law, "reference": self.references[run.reference].text, "seed": run.seed, "reason": run.reason}
-            | (dict.fromkeys(names) if run.score is None else run.score.to_dict())
-            | {f"true_{name}": value for name, value in run.truth.items()}
-            for run in self.runs
-        ]
+        rows = [row_of(run, self.references[run.reference]) for run in self.runs]
         write_frame(pl.DataFrame(rows, infer_schema_length=None), Path(path))
         return Path(path)
 
@@ -297,9 +201,13 @@ def compare_watched(
     keep_runs: bool | None = None,
     rtol: float = RTOL,
     allow_code: str | None = None,
+    named: str = "",
     watch: Watch = UNWATCHED,
 ) -> ControlComparison:
-    """Compare, and report progress to a watch. Arguments and errors are those of `compare`."""
+    """Compare, and report progress to a watch. Arguments and errors are those of `compare`.
+
+    `named` is the word by which a command line has the drive: it is kept in the folder, so that it can be repeated.
+    """
     own = read_mismatch(spread) if spread is not None else None
     if own is not None and mismatch is not None:
         raise CommandError(
@@ -325,6 +233,13 @@ def compare_watched(
     store = _Store.of(Path(out), keeps=keeps)
     first = next(iter(prepared.values()))
     truths = _truths(first, own)
+    spread_name = own[1] if own is not None else ""
+    about = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
+    about |= {"spread": spread_name, "count": count, "rtol": rtol}
+    about |= {"references": {along: one.text for along, one in to_follow.items()}, **told(tunings)}
+    asked = {"drive": named, "laws": asked_laws, "references": references, "setup": setup, "mismatch": mismatch}
+    asked |= {"spread": spread, "count": count}
+    begin(Path(out), about | {"asked": json.loads(json.dumps(asked, default=lambda _: None)) if named else None})
 
     def one_of(asked: tuple[str, str, int]) -> ControlledRun:
         law, along, seed = asked
@@ -336,10 +251,9 @@ def compare_watched(
         threads = 1  # an object of the user's is one for all runs
     found = dict(zip(each, _on_threads(one_of, each, threads or processors(), watch), strict=True))
     runs = tuple(found[law, along, seed] for along in to_follow for law in tunings for seed in range(1, count + 1))
-    spread_name = own[1] if own is not None else ""
     made = ControlComparison(drive.name, tunings, to_follow, read, name, runs, first.mismatch, spread_name)
-    for suffix in (".csv", ".parquet"):
-        made.save(Path(out) / Path(SCORES).with_suffix(suffix))
+    for table in (SCORES, TABLE):
+        made.save(Path(out) / table)
     return made
 
 

@@ -1,0 +1,281 @@
+"""Score card: runs of laws along references and what they say of each law; read from the folder of a comparison."""
+
+from __future__ import annotations
+
+import json
+import math
+from contextlib import suppress
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pneudrive.control.measures import SHOWN, SPREAD_SHOWN, Score, written
+from pneudrive.errors import CommandError
+from pneudrive.files.content import read_json
+from pneudrive.files.tables import open_table
+from pneudrive.show import Card, Shown
+from pneudrive.trajectory import read_columns, whole
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy as np
+
+    from pneudrive.control.motion import Reference
+    from pneudrive.control.tuning import Tuning
+
+RUNS, SCORES, KEPT, ABOUT = "runs", "score.csv", "scores.jsonl", "comparison.json"
+TABLE = "score.parquet"
+SHARES = (0.5, 0.95, 1.0)  # of the members of a spread, that are told
+_TRUE = "true_"  # before the names of what was true, in the tables
+
+
+class ControlledRun(NamedTuple):
+    """One law along one reference with one seed.
+
+    Attributes
+    ----------
+    law, reference : str
+        Names in the comparison.
+    seed : int
+        Of the noise; in a spread also the member.
+    score : Score or None
+        None where the drive could not go on.
+    reason : str
+        Why it could not; empty where it could.
+    file : Path
+        Of the run; of a spread only the first member's is there, unless all were asked for.
+    truth : dict
+        Name of what differs from the description -> its value.
+    """
+
+    law: str
+    reference: str
+    seed: int
+    score: Score | None
+    reason: str
+    file: Path
+    truth: Mapping[str, float]
+
+    def columns(self, *names: str) -> dict[str, np.ndarray]:
+        """Read columns of the run's file."""
+        return read_columns(self.file, names)
+
+
+class ScoreCard:
+    """Runs of laws along references, and what they say of each law."""
+
+    runs: tuple[ControlledRun, ...]
+
+    @property
+    def laws(self) -> list[str]:
+        """Names of the laws."""
+        return list(dict.fromkeys(run.law for run in self.runs))
+
+    def of(self, law: str, along: str) -> list[ControlledRun]:
+        """Return the runs of a law along a reference, by seed."""
+        return [run for run in self.runs if (run.law, run.reference) == (law, along)]
+
+    def middle(self, law: str, along: str, measure: str) -> float | None:
+        """Return the median of a measure over the seeds; None where the reference has no such part, or a run failed."""
+        return self.within(law, along, measure, 0.5)
+
+    def within(self, law: str, along: str, measure: str, share: float) -> float | None:
+        """Return below what a measure stays in a share of the runs; a run that failed counts as infinite.
+
+        None where the reference has no such part, or each run failed.
+        """
+        each = [None if run.score is None else getattr(run.score, measure) for run in self.of(law, along)]
+        failed = sum(run.score is None for run in self.of(law, along))
+        known = [float(value) for value in each if value is not None]
+        if not known or len(known) + failed < len(each):
+            return None
+        found = sorted([*known, *[math.inf] * failed])
+        place = share * (len(found) - 1)
+        low, high = found[math.floor(place)], found[math.ceil(place)]
+        return low if low == high else low + (place - math.floor(place)) * (high - low)
+
+    def rows(self, along: str) -> list[tuple[str, ...]]:
+        """Return a row for each law: its name and the medians, with units."""
+        return [
+            (law, *(written(name, self.middle(law, along, name)) for name in SHOWN), self._lost(law, along))
+            for law in self.laws
+        ]
+
+    def spread_rows(self, along: str) -> list[tuple[str, ...]]:
+        """Return a row for each law: its name, and for the measures of a spread what 50, 95 and 100 % stay below."""
+        return [
+            (
+                law,
+                *(
+                    " / ".join(written(name, self.within(law, along, name, share)) or "-" for share in SHARES)
+                    for name in SPREAD_SHOWN
+                ),
+                self._lost(law, along),
+            )
+            for law in self.laws
+        ]
+
+    def best(self, along: str, measure: str = "max_error_m") -> str | None:
+        """Return the law with the smallest measure along a reference; None where each law failed."""
+        errors = {law: self.middle(law, along, measure) for law in self.laws}
+        known = {law: error for law, error in errors.items() if error is not None}
+        return min(known, key=lambda law: known[law]) if known else None
+
+    def _lost(self, law: str, along: str) -> str:
+        lost = sum(run.score is None or run.score.lost for run in self.of(law, along))
+        return f"{lost} of {len(self.of(law, along))}" if lost else ""
+
+
+def told(tunings: Mapping[str, Tuning]) -> dict[str, Any]:
+    """Return what laws are told of their drive as plain data: numbers of the drive, and of each law its gains."""
+    first = next(iter(tunings.values()))
+    laws = {
+        name: {
+            "law": tuning.law,
+            "period_s": tuning.period_s,
+            "believes": tuning.belief.name,
+            "belief_hash": tuning.belief.description_hash,
+            "adaptation": tuning.adaptation,
+            "gains": [
+                {**gain._asdict(), "written": str(gain), "rule": "given" if gain.given else gain.rule}
+                for gain in tuning.gains
+            ],
+            "limits": list(tuning.limits),
+        }
+        for name, tuning in tunings.items()
+    }
+    return {"laws": laws, "plant": [list(row) for row in first.plant.rows()]}
+
+
+def begin(folder: Path, about: Mapping[str, Any]) -> None:
+    """Write what is compared into a folder; scores of another comparison are removed from it.
+
+    Raises
+    ------
+    CommandError
+        The folder cannot be written to.
+    """
+    text = json.dumps({"schema": 1, **about}, indent=1) + "\n"
+    path = folder / ABOUT
+    try:
+        if path.exists() and path.read_text("utf-8") == text:
+            return
+        for name in (SCORES, TABLE):
+            (folder / name).unlink(missing_ok=True)
+        with whole(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CommandError(f"{path} cannot be written", value=str(error)) from None
+
+
+def row_of(run: ControlledRun, reference: Reference) -> dict[str, Any]:
+    """Return the row of a run in the tables: law, reference, seed, reason, its score, its file, what was true."""
+    names = [one.name for one in fields(Score)]
+    row: dict[str, Any] = {"law": run.law, "reference": reference.text, "seed": run.seed, "reason": run.reason}
+    row |= dict.fromkeys(names) if run.score is None else run.score.to_dict()
+    row["run"] = run.file.name if run.file.is_file() else None
+    return row | {f"{_TRUE}{name}": value for name, value in run.truth.items()}
+
+
+@dataclass(frozen=True, repr=False)
+class StoredComparison(ScoreCard, Shown):
+    """Laws beside each other, as the folder of a comparison has them; simulated.
+
+    Attributes
+    ----------
+    folder : Path
+    drive : str
+        Name of the drive.
+    references : dict
+        Name -> text.
+    setup, mismatch, spread : str
+        Names.
+    count : int
+        Seeds, or members of the spread, of each law along each reference.
+    about : dict
+        All of ``comparison.json``: what the laws were told, what was asked for.
+    runs : tuple of ControlledRun
+        Empty as long as the comparison is not finished.
+    """
+
+    folder: Path
+    drive: str
+    references: dict[str, str]
+    setup: str
+    mismatch: str
+    spread: str
+    count: int
+    about: dict[str, Any]
+    runs: tuple[ControlledRun, ...]
+
+    def _card(self) -> Card:
+        rows = [
+            (law, *(written("max_error_m", self.middle(law, one, "max_error_m")) for one in self.references))
+            for law in self.laws
+        ]
+        return Card(f"{self.drive}, largest error, median, simulated", ("", *self.references), rows)
+
+
+def read_comparison(folder: str | Path) -> StoredComparison:
+    """Read the folder of a comparison that `compare` made.
+
+    Parameters
+    ----------
+    folder : path-like
+
+    Raises
+    ------
+    CommandError
+        The folder is none of a comparison, or what is in it is damaged.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pneudrive as pn
+    >>> drive, steps = pn.Drive.load("catalogue:reference"), "250 mm; 0.1 s: 260 mm in 0.2 s"
+    >>> made = tempfile.mkdtemp()
+    >>> _ = pn.control.compare(drive, ["pid", "pva"], [steps], seeds=1, out=made)
+    >>> pn.control.read_comparison(made).best(steps)
+    'pva'
+    """
+    place = Path(folder)
+    path = place / ABOUT
+    if not path.is_file():
+        raise CommandError(f"{place} is no comparison", rule=f"a folder with {ABOUT}", remedy="Name its --out.")
+    about = read_json(path, CommandError)
+    try:
+        asked: dict[str, Any] = {name: str(about[name]) for name in ("drive", "setup", "mismatch", "spread")}
+        asked |= {"references": dict(about["references"]), "count": int(about["count"]), "about": dict(about)}
+        runs = _runs(place, {text: name for name, text in asked["references"].items()})
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise CommandError(f"{path} is damaged", value=str(error), remedy="Run the comparison again.") from None
+    return StoredComparison(place, runs=runs, **asked)
+
+
+def _runs(folder: Path, names: Mapping[str, str]) -> tuple[ControlledRun, ...]:
+    import polars as pl
+
+    path = folder / TABLE
+    if not path.is_file():
+        return ()
+    if open_table(path, "parquet").own is None:  # its seal says that the bytes are ours
+        raise CommandError(f"{path} is damaged or was changed", remedy="Run the comparison again.")
+    table = pl.read_parquet(path)
+    measures = [one.name for one in fields(Score)]
+    true = [name for name in table.columns if name.startswith(_TRUE)]
+    out = []
+    for row in table.iter_rows(named=True):
+        score = None if row["reason"] else Score(**{name: row[name] for name in measures})
+        truth = {name.removeprefix(_TRUE): row[name] for name in true if row[name] is not None}
+        file = folder / RUNS / Path(row["run"] or "none.parquet").name
+        out.append(ControlledRun(row["law"], names[row["reference"]], row["seed"], score, row["reason"], file, truth))
+    return tuple(out)
+
+
+def finished(folder: Path) -> int:
+    """Count the runs that lie in the folder of a comparison, of this or of an earlier one."""
+    files = sum(1 for _ in (folder / RUNS).glob("[!.]*.parquet"))
+    with suppress(OSError):
+        files += (folder / KEPT).read_bytes().count(b"\n")
+    return files
