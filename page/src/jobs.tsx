@@ -1,18 +1,25 @@
 /** The jobs of the server: how they stand, their output, an end by Ctrl-C. */
 import { signal } from "@preact/signals";
-import { link } from "./routes";
+import { link, type View } from "./routes";
 import { ask, read, Refused } from "./server";
 
 interface Job {
   number: number;
   command: string;
+  kind: string;
   out: string;
   state: "running" | "done" | "failed" | "cancelled";
   tail: string;
+  progress: { done: number; total: number; task: string } | null;
 }
 
-const jobs = signal<Job[]>([]);
+export const jobs = signal<Job[]>([]);
 const LOOK_MS = 300;
+/** What a finished job of a kind is shown by: view, what follows the folder's name, words. */
+const RESULTS: Record<string, [View, string, string]> = {
+  characterise: ["friction", "/map.parquet", "Show the friction map of"],
+  control: ["control", "", "Show the score card of"],
+};
 
 /** Look at the jobs until none runs. */
 export async function follow(): Promise<void> {
@@ -27,14 +34,18 @@ export async function follow(): Promise<void> {
   }
 }
 
-export function JobList() {
+/** All jobs, or those of one folder. */
+export function JobList({ of }: { of?: string }) {
+  const shown = jobs.value.filter((one) => of === undefined || one.out === of);
   return (
     <>
-      {jobs.value.map((one) => (
+      {shown.map((one) => (
         <details key={one.number} class="job" data-state={one.state} open={one.state === "failed"}>
           <summary>
             <b>{one.out}</b>: {one.state}
+            {one.state === "running" && one.progress && `, ${one.progress.task}: ${one.progress.done} of ${one.progress.total}`}
           </summary>
+          {one.progress && <progress aria-label={`Progress of ${one.out}`} value={one.progress.done} max={Math.max(one.progress.total, one.progress.done, 1)} />}
           <pre tabIndex={0} aria-label={`Command of ${one.out}`}>{one.command}</pre>
           {one.tail && <pre tabIndex={0} aria-label={`Output of ${one.out}`}>{one.tail}</pre>}
           {one.state === "running" && (
@@ -44,11 +55,11 @@ export function JobList() {
           )}
         </details>
       ))}
-      {jobs.value
-        .filter((one) => one.state === "done" && one.out.startsWith("results/"))
+      {shown
+        .filter((one) => one.state === "done" && RESULTS[one.kind])
         .map((one) => (
           <p key={one.number}>
-            <a href={link("friction", `${one.out}/map.parquet`)}>Show the friction map of {one.out}</a>
+            <a href={link(RESULTS[one.kind]![0], `${one.out}${RESULTS[one.kind]![1]}`)}>{RESULTS[one.kind]![2]} {one.out}</a>
           </p>
         ))}
     </>

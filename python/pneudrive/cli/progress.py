@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import sys
 import time
 
@@ -9,6 +11,8 @@ from pneudrive.watch import Watch
 
 FIRST_S = 1.0  # s; shorter work shows nothing
 LINE_EVERY_S = 10.0  # s; between lines if stderr is a file
+#: Environment variable; where it is "json", each report is a line {"done": ..., "total": ..., "task": ...} on stderr.
+FORM, JSON = "PNEUDRIVE_PROGRESS", "json"
 
 
 class _Line:
@@ -37,6 +41,11 @@ class _Line:
         sys.stderr.flush()
 
 
+def _as_json(done: float, total: float, task: str) -> None:
+    sys.stderr.write(json.dumps({"done": done, "total": total, "task": task}) + "\n")
+    sys.stderr.flush()
+
+
 def on_terminal() -> Watch:
     """Return the watch of a command, which shows progress on stderr after the first second."""
-    return Watch(_Line())
+    return Watch(_as_json if os.environ.get(FORM) == JSON else _Line())

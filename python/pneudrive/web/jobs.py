@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
 import signal
 import subprocess
 import threading
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import count
 from typing import TYPE_CHECKING, Any
@@ -29,7 +31,8 @@ RESULTS, CAMPAIGNS = "results", "campaigns"
 READY = ("quick-look", "stops-pressure", "paper-speed", "paper-pressure", "paper-stops", "asymmetric-pressures")
 RIG = "default"  # simulated: a real rig is started from a terminal alone
 FASTEST = 1e6
-LAST_LINES = 40
+LAST_LINES, LAST_BYTES = 40, 1 << 16
+REPORT = '{"done": '  # how a line of progress begins
 MOST_RECORDINGS = 500
 _NAME = re.compile(r"[\w][\w .-]{0,80}")
 
@@ -71,7 +74,7 @@ def characterise_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob
         A recording is not in the workspace or has no layout there, or the name is none of a folder.
     """
     names: Any = given.get("recordings")
-    out = f"{RESULTS}/{_folder_name(given.get('name'))}"
+    out = f"{RESULTS}/{folder_name(given.get('name'))}"
     is_list = isinstance(names, list) and 0 < len(names) <= MOST_RECORDINGS
     if not is_list or not all(isinstance(one, str) for one in names):
         raise CommandError("no recording is named", remedy="Choose at least one.")
@@ -82,7 +85,7 @@ def characterise_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob
         if layout_in(workspace, path) is None and not (path.suffix in SUFFIXES and is_trajectory(path)):
             raise CommandError(f"{name} has no layout in the workspace", remedy="Propose one and accept it.")
     python = f"import pneudrive as pn\n\ncurves = pn.characterise({list(names)!r})\n"
-    return AskedJob(("characterise", *map(_safe, names), "--out", out), out, python=python)
+    return AskedJob(("characterise", *map(safe, names), "--out", out), out, python=python)
 
 
 def campaign_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
@@ -100,21 +103,22 @@ def campaign_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
     if isinstance(folder, str):
         if not workspace.folder(folder).is_dir():
             raise CommandError(f"there is no folder {folder}")
-        return AskedJob(("campaign", "resume", _safe(folder), *options), folder, is_new=False)
+        return AskedJob(("campaign", "resume", safe(folder), *options), folder, is_new=False)
     is_known = isinstance(protocol, str) and (protocol in READY or workspace.path(protocol, DESCRIPTIONS).is_file())
     if not is_known:
         raise CommandError(f"there is no protocol {str(protocol)[:80]}", rule=f"a file, or {', '.join(READY)}")
-    out = f"{CAMPAIGNS}/{_folder_name(given.get('name'))}"
-    return AskedJob(("campaign", "run", _safe(str(protocol)), "--rig", RIG, "--into", out, *options), out)
+    out = f"{CAMPAIGNS}/{folder_name(given.get('name'))}"
+    return AskedJob(("campaign", "run", safe(str(protocol)), "--rig", RIG, "--into", out, *options), out)
 
 
-def _folder_name(given: object) -> str:
+def folder_name(given: object) -> str:
+    """Return a name that a folder may have."""
     if not isinstance(given, str) or not _NAME.fullmatch(given):
         raise CommandError(f"{str(given)[:80]!r} is no name of a folder", rule="letters, digits, spaces, -, _ and .")
     return given
 
 
-def _safe(name: str) -> str:
+def safe(name: str) -> str:
     """Return a name that no command takes for an option."""
     return f"./{name}" if name.startswith("-") else name
 
@@ -124,6 +128,7 @@ class PageJob:
     """A running or finished job."""
 
     number: int
+    kind: str
     command: str
     out: str
     process: subprocess.Popen[bytes]
@@ -140,9 +145,31 @@ class PageJob:
 
     def about(self) -> dict[str, Any]:
         """Return what the page shows."""
-        text = self.log.read_text("utf-8", "replace") if self.log.is_file() else ""
-        tail = "\n".join(text.splitlines()[-LAST_LINES:])
-        return {"number": self.number, "command": self.command, "out": self.out, "state": self.state, "tail": tail}
+        about = {
+            "number": self.number,
+            "kind": self.kind,
+            "command": self.command,
+            "out": self.out,
+            "state": self.state,
+        }
+        return {**about, **_said(self.log)}
+
+
+def _said(log: Path) -> dict[str, Any]:
+    """Return the last lines of a job's output, and how far it is by its own last report."""
+    try:
+        with log.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(size - LAST_BYTES, 0))
+            lines = file.read().decode("utf-8", "replace").splitlines()
+    except OSError:
+        lines = []
+    reports = [line for line in lines if line.startswith(REPORT)]
+    progress = None
+    for line in reports[-2:]:  # the last one may be half written
+        with suppress(ValueError):
+            progress = json.loads(line)
+    return {"tail": "\n".join([line for line in lines if line not in reports][-LAST_LINES:]), "progress": progress}
 
 
 class PageJobs:
@@ -178,11 +205,12 @@ class PageJobs:
                 process = subprocess.Popen(
                     child.command("pneudrive.cli.main", *work.arguments),
                     cwd=self.workspace.root,
+                    env={**os.environ, "PNEUDRIVE_PROGRESS": "json"},
                     stdin=subprocess.DEVNULL,
                     stdout=file,
                     stderr=subprocess.STDOUT,
                 )
-            job = PageJob(number, work.command, work.out, process, log)
+            job = PageJob(number, work.arguments[0], work.command, work.out, process, log)
             self.all.append(job)
             return job
 
