@@ -1,6 +1,7 @@
 import { effect, signal } from "@preact/signals";
 import { render } from "preact";
 import { CampaignView } from "./campaign";
+import { ControlView } from "./control";
 import { DriveView } from "./drive";
 import { opened, open } from "./opened";
 import { ConnectionLine } from "./parts";
@@ -19,6 +20,7 @@ const VIEWS: [View, string][] = [
   ["recording", "Recordings"],
   ["friction", "Friction"],
   ["campaign", "Campaigns"],
+  ["control", "Control"],
 ];
 const OF_A_DESCRIPTION: View[] = ["drive", "simulate"];
 
@@ -51,6 +53,7 @@ function Page() {
         {connection.value !== "locked" && view === "recording" && <RecordingView />}
         {connection.value !== "locked" && view === "friction" && <FrictionView />}
         {connection.value !== "locked" && view === "campaign" && <CampaignView />}
+        {connection.value !== "locked" && view === "control" && <ControlView />}
       </main>
       <footer>This page shows and simulates. It is no safety function.</footer>
     </>

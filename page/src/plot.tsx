@@ -8,6 +8,7 @@ export interface Curve {
   label: string;
   x: ArrayLike<number>;
   y: ArrayLike<number>;
+  look?: number; // its look; absent: its place
 }
 
 /** A part of the time that is shaded: a stroke. */
@@ -72,7 +73,7 @@ export function Plot(props: PlotProps) {
         series: [
           { label: `time, ${props.xUnit ?? "s"}`, value: (_, v) => digits(v) },
           ...props.curves.map((one, index) => {
-            const { color, dash } = look(index);
+            const { color, dash } = look(one.look ?? index);
             return { label: one.label, stroke: color, dash, width: 1.4, spanGaps: props.curves.length > 1, points: { show: false }, value: (_: uPlot, v: number | null) => digits(v) };
           }),
         ],

@@ -1,7 +1,7 @@
 /** The address of a view: `#/simulate/<file>`. */
 import { signal } from "@preact/signals";
 
-export type View = "studies" | "drive" | "simulate" | "recording" | "friction" | "campaign";
+export type View = "studies" | "drive" | "simulate" | "recording" | "friction" | "campaign" | "control";
 
 export const route = signal<{ view: View; path: string }>({ view: "studies", path: "" });
 
@@ -9,6 +9,6 @@ export const link = (view: View, path = ""): string => `#/${view}/${encodeURICom
 
 export function follow(): void {
   const [, view, path] = /^#\/(\w+)\/?(.*)$/.exec(location.hash) ?? [];
-  const known: View[] = ["studies", "drive", "simulate", "recording", "friction", "campaign"];
+  const known: View[] = ["studies", "drive", "simulate", "recording", "friction", "campaign", "control"];
   route.value = { view: known.find((one) => one === view) ?? "studies", path: decodeURIComponent(path ?? "") };
 }

@@ -167,6 +167,11 @@ export class Live<Head extends { number: number }> {
     this.socket = socket;
   }
 
+  /** Whether a request waits for the one that is on its way. */
+  get isWaiting(): boolean {
+    return this.waiting !== null;
+  }
+
   /** Ask for a run; a request that waits is dropped. */
   request(asked: Record<string, unknown>): void {
     this.waiting = asked;

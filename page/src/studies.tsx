@@ -24,6 +24,7 @@ const TITLES: Record<string, string> = {
   circuit: "Circuits",
   recording: "Recordings",
   campaign: "Campaigns",
+  comparison: "Comparisons of laws",
   "friction map": "Friction maps",
   fit: "Fits",
   layout: "Layouts",
@@ -32,7 +33,7 @@ const TITLES: Record<string, string> = {
   setup: "Setups",
   controller: "Controllers",
 };
-const VIEW: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction", campaign: "campaign" };
+const VIEW: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction", campaign: "campaign", comparison: "control" };
 const MOST = 200; // rows of a kind on the page; the filter finds the others
 
 function size(bytes: number): string {

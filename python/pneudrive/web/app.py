@@ -19,7 +19,7 @@ from pneudrive import __version__
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.signals.layout import stem
 from pneudrive.start import is_circuit
-from pneudrive.web import description
+from pneudrive.web import control, description
 from pneudrive.web.asked_run import MOST_PIXELS, AskedRun, described_at
 from pneudrive.web.campaigns import WatchedCampaign
 from pneudrive.web.friction import shown_fit, shown_map
@@ -89,6 +89,10 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
         Route("/api/cancel", _answered(views.cancel), methods=["POST"]),
         Route("/api/campaign", _answered(views.campaign)),
         Route("/api/campaign", _answered(views.ask), methods=["POST"]),
+        Route("/api/control", _answered(views.control_choices)),
+        Route("/api/comparison", _answered(views.comparison)),
+        Route("/api/tracks", _answered(views.tracks)),
+        Route("/api/comparisons", _answered(views.compare), methods=["POST"]),
         Route("/api/campaigns", _answered(views.begin), methods=["POST"]),
         WebSocketRoute("/api/live", socket),
     ]
@@ -273,6 +277,25 @@ class _Views:
         asked = _table(body, "path")
         self._watched(asked["path"]).ask(asked.get("word"), control=self.control)
         return {}
+
+    def control_choices(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return what can be chosen for a drive under control."""
+        return control.choices(self.workspace, given.get("path", ""))
+
+    def comparison(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return the score card of a comparison."""
+        return control.shown_card(self.workspace, given.get("path", ""), given.get("measure", "max_error_m"))
+
+    def tracks(self, given: Mapping[str, str], _body: bytes) -> bytes:
+        """Return the tracks of a comparison's laws along a reference as a frame."""
+        pixels = given.get("pixels", "1000")
+        if not pixels.isdecimal() or not 1 <= int(pixels) <= MOST_PIXELS:
+            raise CommandError("the width is out of bounds", rule=f"1 to {MOST_PIXELS} pixels")
+        return control.shown_tracks(self.workspace, given.get("path", ""), given.get("reference", ""), int(pixels))
+
+    def compare(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Compare laws, or go on with a comparison."""
+        return self.running.start(control.comparison_job(_table(body), self.workspace)).about()
 
     def begin(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Run a campaign on the simulated rig, or resume one."""

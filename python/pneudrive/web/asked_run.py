@@ -44,8 +44,12 @@ class RunLimit:
     """Cancel flag of a run: set by whoever waits no longer, or by the clock."""
 
     def __init__(self, seconds: float = MOST_SECONDS) -> None:
-        self.end = time.monotonic() + seconds
         self.cancelled = False
+        self.allow(seconds)
+
+    def allow(self, seconds: float) -> None:
+        """End that many seconds from now."""
+        self.seconds, self.end = seconds, time.monotonic() + seconds
 
     def is_set(self) -> bool:
         """Return whether the run should end."""

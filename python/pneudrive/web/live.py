@@ -6,16 +6,16 @@ import asyncio
 import json
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from starlette.websockets import WebSocketDisconnect
 
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.trajectory import meaning
 from pneudrive.units import readable
-from pneudrive.web.asked_run import MOST_SECONDS, AskedRun, RunLimit
+from pneudrive.web import control
+from pneudrive.web.asked_run import AskedRun, RunLimit
 from pneudrive.web.guard import PROTOCOL
 from pneudrive.web.messages import pack, problems_of
-from pneudrive.web.tiles import low_high
+from pneudrive.web.tiles import per_pixel
 
 if TYPE_CHECKING:
     from starlette.websockets import WebSocket
@@ -89,11 +89,13 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
         if not isinstance(asked, dict):
             raise CommandError("the request is not a table", remedy="Reload the page.")
         number = asked.get("number")
+        if asked.get("what") == "control":
+            return control.answer(workspace, asked, limit)
         request = AskedRun.of(asked)
         return frame_of(request.run(workspace, limit), request.pixels, {"number": number})
     except Cancelled:
         error: PneudriveError = CommandError(
-            f"the run took longer than {MOST_SECONDS:g} s on the clock",
+            f"the run took longer than {(limit or RunLimit()).seconds:g} s on the clock",
             remedy="Make it shorter, or copy the command and run it in a terminal.",
         )
     except PneudriveError as wrong:
@@ -119,22 +121,8 @@ def frame_of(run: Run, pixels: int, head: dict[str, Any]) -> bytes:
     told |= {"steps": about["statistics"]["steps"], "samples": len(columns["time_s"]), "synthetic": True}
     ends = {name: float(values[-1]) for name, values in columns.items()}
     return pack(
-        {**head, **told, "panels": panels, "ends": ends, "hash": about["description_hash"]}, _drawn(columns, pixels)
+        {**head, **told, "panels": panels, "ends": ends, "hash": about["description_hash"]}, per_pixel(columns, pixels)
     )
-
-
-def _drawn(columns: dict[str, Any], pixels: int) -> dict[str, Any]:
-    """Return the columns, of a long run the lowest and the highest value of each pixel in place of its samples."""
-    time = columns["time_s"]
-    if len(time) <= 2 * pixels + 1:
-        return columns
-    edges = np.linspace(0, len(time), pixels + 1).astype(int)
-    middle = (edges[:-1] + edges[1:]) // 2
-    out = {"time_s": np.column_stack([time[edges[:-1]], time[middle]]).ravel()}
-    for name, values in columns.items():
-        if name != "time_s":
-            out[name] = np.column_stack(low_high(np.asarray(values), edges)).ravel()
-    return out
 
 
 def _quantity(column: str) -> tuple[str, str]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -66,6 +66,20 @@ def low_high(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
     """
     starts = edges[:-1]
     return np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
+
+
+def per_pixel(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
+    """Return columns over ``time_s``, of many samples the lowest and the highest value of each pixel in their place."""
+    time = columns["time_s"]
+    if len(time) <= 2 * pixels + 1:
+        return dict(columns)
+    edges = np.linspace(0, len(time), pixels + 1).astype(int)
+    middle = (edges[:-1] + edges[1:]) // 2
+    out = {"time_s": np.column_stack([time[edges[:-1]], time[middle]]).ravel()}
+    for name, values in columns.items():
+        if name != "time_s":
+            out[name] = np.column_stack(low_high(np.asarray(values), edges)).ravel()
+    return out
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.campaign.folder import ABOUT, RIG
+from pneudrive.control.card import ABOUT as COMPARISON
 from pneudrive.describe.catalogue import PREFIX
 from pneudrive.describe.written import FILE_PREFIX
 from pneudrive.errors import CommandError
@@ -41,6 +42,9 @@ _KINDS = tuple(
         ("rig", r"\[\s*(?:cylinder|rig)\b|kind\s*=\s*[\"']opc-ua"),
     )
 )
+
+#: Kinds of folders that are shown as one, by files in them.
+_FOLDERS = (("campaign", (ABOUT, RIG)), ("comparison", (COMPARISON,)))
 
 
 class ChangedError(Exception):
@@ -126,7 +130,7 @@ class Workspace:
         found: list[Listed] = []
         for entry, path in self._walk(self.root, ""):
             status = entry.stat()
-            kind = "campaign" if entry.is_dir() else _kind(entry.path, status.st_mtime_ns, status.st_size)
+            kind = _folder_kind(entry.path) if entry.is_dir() else _kind(entry.path, status.st_mtime_ns, status.st_size)
             found.append(Listed(path, kind, status.st_size, status.st_mtime))
             if len(found) == MOST_FILES:
                 break
@@ -140,7 +144,7 @@ class Workspace:
         for entry in entries:
             if entry.name.startswith("."):
                 continue
-            if entry.is_dir(follow_symlinks=False) and all(Path(entry.path, one).is_file() for one in (ABOUT, RIG)):
+            if entry.is_dir(follow_symlinks=False) and _folder_kind(entry.path):
                 yield entry, f"{before}{entry.name}"
             elif entry.is_dir(follow_symlinks=False):
                 yield from self._walk(Path(entry.path), f"{before}{entry.name}/")
@@ -206,6 +210,11 @@ def _texts(value: object) -> Iterator[str]:
     elif isinstance(value, list):
         for one in value:
             yield from _texts(one)
+
+
+def _folder_kind(path: str) -> str:
+    """Return the kind of a folder that is shown as one; empty for any other folder."""
+    return next((kind for kind, own in _FOLDERS if all(Path(path, one).is_file() for one in own)), "")
 
 
 @lru_cache(maxsize=MOST_FILES)

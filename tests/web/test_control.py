@@ -1,0 +1,248 @@
+"""Laws on the page: a run, its command and its Python give the same bits; the score card says what the files say."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import pneudrive as pn
+from pneudrive.control.measures import written
+from pneudrive.errors import Cancelled, CommandError
+from pneudrive.web.live import answer
+from pneudrive.web.messages import unpack
+from pneudrive.web.workspace import Workspace
+from web.conftest import DRIVE, Served
+from web.test_views import post
+
+STEP = "250 mm; 0.1 s: 280 mm in 0.2 s"
+SLOW = "sine 60 mm 0.5 Hz around 250 mm"
+ASKED = {
+    "what": "control",
+    "path": "axis.toml",
+    "law": "pid",
+    "gains": {"gain": "4 1/m", "friction_share": 0.25},
+    "reference": STEP,
+    "setup": "cheap",
+    "mismatch": "mass+30",
+    "seed": 7,
+    "duration": "0.6 s",
+}
+COLUMNS = {
+    "position_m": "position",
+    "pressure_a_pa": "pressure_a",
+    "command": "command",
+    "disturbance_n": "disturbance",
+}
+
+
+def asked(served: Served, **changes: object) -> tuple[dict, dict]:
+    return unpack(answer(Workspace.at(served.folder), json.dumps(ASKED | {"number": 3} | changes)))
+
+
+def shell(served: Served, lines: str) -> None:
+    """Run lines of a shell in the folder; `pneudrive` is the one of this package."""
+    tool = served.folder.parent / "bin" / "pneudrive"
+    tool.parent.mkdir(exist_ok=True)
+    tool.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m pneudrive "$@"\n')
+    tool.chmod(0o755)
+    environment = {**os.environ, "PATH": f"{tool.parent}:{os.environ['PATH']}"}
+    subprocess.run(["sh", "-ec", lines], cwd=served.folder, env=environment, check=True, capture_output=True)
+
+
+def test_run_command_and_python_give_the_same_bits(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    with served.client.websocket_connect("/api/live", **served.socket) as socket:
+        socket.send_text(json.dumps(ASKED | {"number": 3}))
+        head, drawn = unpack(socket.receive_bytes())
+    assert head["number"] == 3, head
+    assert "problems" not in head, head
+    assert {one["key"]: one["number"] for one in head["gains"] if one["rule"] == "given"} == {
+        "gain": 4.0,
+        "friction_share": 0.25,
+    }
+    assert head["true"] == [{"name": "moving_mass", "value": "1.3"}]
+    monkeypatch.chdir(served.folder)
+    names: dict = {}
+    exec(head["python"], names)
+    shell(served, head["command"])
+    table = pl.read_parquet("axis-control.parquet")
+    run = names["run"]
+    for column, name in COLUMNS.items():
+        assert np.array_equal(drawn[column], run[name].to_numpy()), name
+        assert np.array_equal(drawn[column], table[column].to_numpy()), name
+    assert np.array_equal(drawn["error_m"], (run.reference - run.position).to_numpy())
+    score = {one["name"]: one["value"] for one in head["score"]}
+    assert score["max_error_m"] == run.attrs["score"]["max_error_m"]
+    head, other = asked(served, mismatch="")  # what is true counts
+    assert not np.array_equal(other["position_m"], drawn["position_m"])
+
+
+def test_a_controller_file_is_run_too(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = pn.Drive.load(served.folder / "axis.toml")
+    pn.control.tune(drive, "inversion").save(served.folder / "mine.toml")
+    head, drawn = asked(served, law="mine.toml", gains={}, setup="real", mismatch="")
+    monkeypatch.chdir(served.folder)
+    names: dict = {}
+    exec(head["python"], names)
+    assert np.array_equal(drawn["position_m"], names["run"].position.to_numpy())
+    assert head["law"] == "inversion"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"law": "../evil.toml", "gains": {}},
+        {"law": "evil.py:Law", "gains": {}},
+        {"law": "own.toml", "gains": {}},
+        {"law": "led.toml", "gains": {}},
+        {"reference": "../record.csv"},
+        {"reference": "/etc/hostname.gcode:X"},
+        {"setup": "../evil.toml"},
+        {"mismatch": "/tmp/evil.toml"},
+        {"path": "../evil.toml"},
+        {"gains": {"gain": [1]}},
+        {"gains": {"gain": "4 bar"}},
+        {"seed": True},
+        {"duration": "1e9 s"},
+        {"duration": "900 s", "law": "nmpc", "gains": {}, "reference": SLOW},
+    ],
+)
+def test_what_is_no_run_is_answered_in_words(served: Served, changes: dict, monkeypatch: pytest.MonkeyPatch) -> None:
+    (served.folder.parent / "evil.toml").write_text(DRIVE)
+    (served.folder / "evil.py").write_text("raise SystemExit('it ran')\n")
+    (served.folder / "own.toml").write_text('law = "evil.py:Law"\n')
+    (served.folder / "led.toml").write_text('law = "pid"\ndrive = "../evil.toml"\n')
+    monkeypatch.setattr("pneudrive.web.control.MOST_SECONDS", 0.05)
+    head, arrays = asked(served, **changes)
+    assert head["problems"][0]["what"]
+    assert not arrays
+
+
+def finish(served: Served) -> dict:
+    for _ in range(600):
+        job = served.client.get("/api/jobs", headers=served.headers).json()["jobs"][0]
+        if job["state"] != "running":
+            return job
+        time.sleep(0.05)
+    raise AssertionError(job)
+
+
+def card_of(served: Served, measure: str = "max_error_m") -> dict:
+    given = {"path": "results/laws", "measure": measure}
+    answered = served.client.get("/api/comparison", params=given, headers=served.headers)
+    assert answered.status_code == 200, answered.text
+    return answered.json()
+
+
+def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun = {"drive": "axis.toml", "laws": ["pva", "pid"], "references": [STEP, SLOW], "count": 3, "name": "laws"}
+    post(served, "/api/comparisons", begun | {"mismatch": "mass+30"})
+    runs = served.folder / "results" / "laws" / "runs"
+    while not list(runs.glob("[!.]*.parquet")):
+        time.sleep(0.01)
+    number = served.jobs[0].number
+    post(served, "/api/cancel", {"number": number})
+    job = finish(served)
+    assert job["state"] == "cancelled"
+    assert 0 <= job["progress"]["done"] < job["progress"]["total"] == 12
+    before = {path: path.stat().st_mtime_ns for path in runs.glob("[!.]*.parquet")}
+    assert 0 < len(before) < 12
+    card = card_of(served)
+    assert not card["finished"]
+    assert card["total"] == 12
+    assert card["each"] == []
+
+    post(served, "/api/comparisons", {"resume": "results/laws"})
+    job = finish(served)
+    assert job["state"] == "done", job["tail"]
+    assert job["progress"] == {"done": 12, "total": 12, "task": "runs"}
+    assert "{" not in job["tail"]
+    assert {path: path.stat().st_mtime_ns for path in before} == before  # none was run again
+    listed = served.client.get("/api/studies", headers=served.headers).json()["files"]
+    assert {"results/laws": "comparison"}.items() <= {one["path"]: one["kind"] for one in listed}.items()
+    assert not [one for one in listed if "runs/" in one["path"]]
+
+    card = card_of(served)
+    assert card["finished"]
+    assert card["command"].startswith("pneudrive control compare axis.toml --laws pva,pid")
+    monkeypatch.chdir(served.folder)
+    names: dict = {}
+    exec(card["python"], names)
+    made = names["card"]
+    for cell in card["cells"]:
+        assert cell["value"] == made.middle(cell["law"], cell["reference"], "max_error_m")
+    table = pl.read_csv("results/laws/score.csv")
+    assert sorted(one["value"] for one in card["each"]) == sorted(table["max_error_m"])
+    best = {cell["reference"]: cell["law"] for cell in card["cells"] if cell["best"]}
+    assert best[SLOW] == "pva" == made.best(SLOW)
+    assert card["true"] == [{"name": "moving_mass", "least": "1.3", "largest": "1.3"}]
+    gain = next(one for one in card["told"]["pid"]["gains"] if one["key"] == "gain")
+    assert gain["value"] == made.tunings["pid"].gains[0].value
+    settled = card_of(served, "settling_100_um_s")  # a sine has no settling: no text, and no number
+    assert {cell["text"] for cell in settled["cells"] if cell["reference"] == SLOW} == {""}
+    never = {cell["law"]: cell for cell in settled["cells"] if cell["reference"] == STEP}
+    assert never["pid"]["text"] == written("settling_100_um_s", made.middle("pid", STEP, "settling_100_um_s"))
+
+    given = {"path": "results/laws", "reference": SLOW, "pixels": "4000"}
+    frame = served.client.get("/api/tracks", params=given, headers=served.headers)
+    head, arrays = unpack(frame.content)
+    assert head["laws"] == ["pva", "pid"]
+    track = made.of("pid", SLOW)[0].columns("position_m", "reference_m")
+    assert arrays["pid/position_m"].max() == track["position_m"].max()
+    assert arrays["pid/error_m"].min() == (track["reference_m"] - track["position_m"]).min()
+
+
+def test_another_comparison_in_the_folder_takes_the_scores_with_it(tmp_path: Path) -> None:
+    drive = pn.Drive.load("catalogue:reference")
+    pn.control.compare(drive, ["pva"], [STEP], seeds=1, out=tmp_path)
+    first = pn.control.read_comparison(tmp_path)
+    assert [run.law for run in first.runs] == ["pva"]
+    assert first.runs[0].columns("position_m")["position_m"][0] == pytest.approx(0.25, abs=1e-9)
+    flag = type("Flag", (), {"is_set": lambda self: True})()
+    with pytest.raises(Cancelled):
+        pn.control.compare(drive, ["pid"], [STEP], seeds=1, out=tmp_path, cancel=flag)
+    assert pn.control.read_comparison(tmp_path).runs == ()
+    (tmp_path / "comparison.json").write_text('{"drive": 3}')
+    with pytest.raises(CommandError, match="damaged"):
+        pn.control.read_comparison(tmp_path)
+    with pytest.raises(CommandError, match="no comparison"):
+        pn.control.read_comparison(tmp_path / "runs")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"laws": []},
+        {"laws": ["evil.py:Law"]},
+        {"laws": ["../evil.toml"]},
+        {"laws": ["pid,evil.py:Law"]},
+        {"references": ["../x.csv"]},
+        {"references": [3]},
+        {"name": "../out"},
+        {"count": 0},
+        {"spread": "/etc/x.toml"},
+        {"setup": "--out"},
+        {"resume": "axis.toml"},
+        {"resume": "../laws"},
+    ],
+)
+def test_what_is_no_comparison_is_refused(served: Served, changes: dict) -> None:
+    begun = {"drive": "axis.toml", "laws": ["pva"], "references": [STEP], "count": 1, "name": "laws"}
+    refused = post(served, "/api/comparisons", begun | changes, 400)
+    assert refused["problems"][0]["what"]
+    assert served.jobs == []
+
+
+def test_choices_are_those_of_the_drive(served: Served) -> None:
+    answered = served.client.get("/api/control", params={"path": "axis.toml"}, headers=served.headers).json()
+    assert {"pid", "nmpc"} <= set(answered["laws"])
+    usual = pn.control.standard(pn.Drive.load(served.folder / "axis.toml"))
+    assert {one["name"]: one["text"] for one in answered["references"]} == {k: v.text for k, v in usual.items()}
+    assert {one["name"] for one in answered["references"] if not one["usable"]} == {"R4", "R7", "R8"}
