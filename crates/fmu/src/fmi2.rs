@@ -164,7 +164,7 @@ functions! {
     };
     fmi2CompletedIntegratorStep(instance, _no_set: c_int, event: *mut c_int, terminate: *mut c_int)
         in &[Phase::Continuous] => {
-        put(event, c_int::from(instance.kept.model.is_due()?));
+        put(event, c_int::from(instance.kept.model.is_due_behind_step()?));
         put(terminate, 0);
         Ok(())
     };

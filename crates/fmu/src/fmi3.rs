@@ -178,7 +178,7 @@ functions! {
     fmi3EnterContinuousTimeMode(instance) in &[Phase::Event] => instance.pass_to(Phase::Continuous);
     fmi3CompletedIntegratorStep(instance, _no_set: bool, event: *mut bool, terminate: *mut bool)
         in &[Phase::Continuous] => {
-        put(event, instance.kept.model.is_due()?);
+        put(event, instance.kept.model.is_due_behind_step()?);
         put(terminate, false);
         Ok(())
     };

@@ -116,6 +116,9 @@ impl Instance {
                 "an actuator is for model exchange: in co-simulation nobody moves it within a step",
             );
         }
+        if plan.law.is_some() && outside {
+            return refuse("a controller is for co-simulation: it has no states that a tool could integrate");
+        }
         let kept = Kept { model: Model::new(Arc::new(plan), outside), phase: Phase::Instantiated };
         Ok(Instance { kept, outside, listener, message: CString::default() })
     }

@@ -8,6 +8,7 @@ mod c;
 mod fmi2;
 mod fmi3;
 pub mod instance;
+mod law;
 pub mod model;
 pub mod plan;
 mod processor;

@@ -1,5 +1,6 @@
 //! A drive as a tool runs it: values before the run, one session during it.
 
+use crate::law::Law;
 use crate::plan::{Plan, Role};
 use circuit::{AxisId, Error, Look, Network, Session, specification};
 use ode::Options;
@@ -8,7 +9,9 @@ use std::sync::Arc;
 /// Tolerances that the solver keeps.
 const TOLERANCES: std::ops::RangeInclusive<f64> = 1e-13..=1e-1;
 /// Share of the time by which two tools may round one instant differently.
-const SAME_INSTANT: f64 = 1e-9;
+pub const SAME_INSTANT: f64 = 1e-9;
+/// Halvings of the way back to a state that the circuit can have.
+const HALVINGS: i32 = 50;
 /// Bytes of a state begin with this.
 const MAGIC: &[u8; 8] = b"pnd-fmu\x01";
 
@@ -52,6 +55,35 @@ struct Running {
     places: Arc<[Place]>,
     /// The axis of an actuator, and the place of its position among the states; its velocity comes next.
     motion: Option<(AxisId, usize)>,
+    /// The last state whose rates were finite.
+    good: Vec<f64>,
+}
+
+impl Running {
+    /// Rates of the present state. Where a trial of the tool lies outside of what the circuit can be, such as a chamber
+    /// without room, they are those of the last state inside on the way to it: most tools take no refusal for an answer,
+    /// and none keeps a step on which its rates do not agree.
+    fn rates(&mut self) -> Vec<f64> {
+        let rates = self.session.rates();
+        let (t, y) = (self.session.time(), self.session.state().to_vec());
+        if is_finite(&rates) || self.good.is_empty() {
+            self.good = y;
+            return rates;
+        }
+        let inside = (1..=HALVINGS).find_map(|k| {
+            let share = 0.5_f64.powi(k);
+            let way: Vec<f64> =
+                self.good.iter().zip(&y).map(|(from, to)| from + share * (to - from)).collect();
+            self.session.place(t, &way);
+            Some(self.session.rates()).filter(|rates| is_finite(rates))
+        });
+        self.session.place(t, &y);
+        inside.unwrap_or(rates)
+    }
+}
+
+fn is_finite(values: &[f64]) -> bool {
+    values.iter().all(|value| value.is_finite())
 }
 
 /// What a change of modes brought.
@@ -74,12 +106,14 @@ pub struct Model {
     outside: bool,
     begun: bool,
     running: Option<Running>,
+    /// In place of a session.
+    law: Option<Law>,
 }
 
 impl Model {
     pub fn new(plan: Arc<Plan>, outside: bool) -> Self {
         let values = plan.variables.iter().map(|own| own.start).collect();
-        Model { values, t0: 0.0, rtol: plan.rtol, plan, outside, begun: false, running: None }
+        Model { values, t0: 0.0, rtol: plan.rtol, plan, outside, begun: false, running: None, law: None }
     }
 
     /// As when it was made.
@@ -102,13 +136,18 @@ impl Model {
             self.rtol = rtol;
         }
         self.t0 = t0;
-        self.running = None;
+        (self.running, self.law) = (None, None);
         Ok(())
     }
 
     /// Values before the run are final from now on.
     pub fn begin(&mut self) -> Result<(), Refusal> {
-        self.running()?;
+        match &self.plan.law {
+            Some(law) => self.law = Some(Law::new(law, &self.plan.variables, self.t0)?),
+            None => {
+                self.running()?;
+            }
+        }
         self.begun = true;
         Ok(())
     }
@@ -148,7 +187,7 @@ impl Model {
         if !(own.role.is_input() || own.role.is_fixed()) {
             return refuse(format!("{} cannot be set: it follows from the others", own.name));
         }
-        if !self.begun {
+        if !self.begun || plan.law.is_some() {
             self.values[at] = value;
             self.running = None;
             return Ok(());
@@ -174,12 +213,22 @@ impl Model {
     /// Reads a variable at the present instant.
     pub fn get(&mut self, reference: u32) -> Result<f64, Refusal> {
         let at = self.variable(reference)?;
-        let role = &self.plan.variables[at].role;
-        let kept = self.values[at];
+        let (plan, kept) = (self.plan.clone(), self.values[at]);
+        let role = &plan.variables[at].role;
         if role.is_fixed() || role.is_input() {
             return Ok(kept);
         }
-        let Running { session, places, motion } = self.running()?;
+        if let Some(law) = &plan.law {
+            let running = match &self.law {
+                Some(running) => running,
+                None => &Law::new(law, &plan.variables, self.t0)?,
+            };
+            return Ok(match role {
+                Role::Output { of } => running.output(of).unwrap_or(kept),
+                _ => running.time(),
+            });
+        }
+        let Running { session, places, motion, .. } = self.running()?;
         Ok(match places[at] {
             Place::Time => session.time(),
             Place::Output(column) => session.now(column),
@@ -193,10 +242,14 @@ impl Model {
 
     /// The present time, s.
     pub fn time(&self) -> f64 {
-        self.running.as_ref().map_or(self.t0, |running| running.session.time())
+        let law = self.law.as_ref().map(Law::time);
+        law.unwrap_or_else(|| self.running.as_ref().map_or(self.t0, |running| running.session.time()))
     }
 
     fn running(&mut self) -> Result<&mut Running, Refusal> {
+        if self.plan.law.is_some() {
+            return refuse("a controller has no continuous states, no events and no derivatives");
+        }
         if self.running.is_none() {
             self.running = Some(self.start()?);
             self.follow()?;
@@ -250,7 +303,7 @@ impl Model {
                 None => return refuse(format!("the circuit has no piston that starts at \"{start}\"")),
             },
         };
-        Ok(Running { session, places, motion })
+        Ok(Running { session, places, motion, good: Vec::new() })
     }
 
     fn places(&self, session: &Session) -> Result<Arc<[Place]>, Refusal> {
@@ -357,24 +410,23 @@ impl Model {
     /// The continuous states, their rates, or their sizes.
     pub fn states(&mut self, what: What) -> Result<Vec<f64>, Refusal> {
         let places = self.continuous()?;
-        let session = &mut self.running()?.session;
+        let running = self.running()?;
         let all = match what {
-            What::Values => session.state().to_vec(),
-            What::Rates => session.rates(),
-            What::Sizes => session.scale().to_vec(),
+            What::Values => running.session.state().to_vec(),
+            What::Rates => running.rates(),
+            What::Sizes => running.session.scale().to_vec(),
         };
-        let values: Vec<f64> = places.iter().map(|place| all[*place]).collect();
-        match values.iter().position(|value| !value.is_finite()) {
-            Some(bad) => Err(Refusal {
-                message: format!(
-                    "the rate of {} is not finite at t = {} s. Try a shorter step, or a larger dead volume",
-                    session.state_names()[places[bad]].0,
-                    session.time()
-                ),
-                discard: true,
-            }),
-            None => Ok(values),
-        }
+        let session = &running.session;
+        finite_at(session, places.iter().map(|place| (*place, all[*place])))
+            .map(|()| places.iter().map(|place| all[*place]).collect())
+    }
+
+    /// Whether modes have to be changed where a step of the tool ended.
+    pub fn is_due_behind_step(&mut self) -> Result<bool, Refusal> {
+        let session = &mut self.running()?.session;
+        let rates = session.rates();
+        finite_at(session, rates.into_iter().enumerate())?;
+        self.is_due()
     }
 
     /// Event functions.
@@ -408,6 +460,9 @@ impl Model {
         }
         if !(by.is_finite() && by >= 0.0) {
             return refuse(format!("the step of {by} s must be finite and not below zero"));
+        }
+        if let Some(law) = &mut self.law {
+            return law.go_on((from + by).max(now), &self.values);
         }
         let session = &mut self.running()?.session;
         session.go_on((from + by).max(now), &mut Look::new(&mut |_| false))?;
@@ -473,6 +528,9 @@ impl Model {
 
     /// The whole model as bytes.
     pub fn save(&self) -> Result<Vec<u8>, Refusal> {
+        if self.plan.law.is_some() {
+            return refuse("the state of a controller is kept by the tool, but not as bytes");
+        }
         let mut bytes = MAGIC.to_vec();
         let flags = [self.begun, self.outside, self.running.is_some()];
         let words = [self.t0, self.rtol, self.values.len() as f64].into_iter();
@@ -505,6 +563,21 @@ impl Model {
         }
         model.begun = words[3] != 0.0;
         Ok(model)
+    }
+}
+
+/// Refuses rates, by the places of their states, that are not finite.
+fn finite_at(session: &Session, mut rates: impl Iterator<Item = (usize, f64)>) -> Result<(), Refusal> {
+    match rates.find(|(_, rate)| !rate.is_finite()) {
+        None => Ok(()),
+        Some((place, _)) => Err(Refusal {
+            message: format!(
+                "the rate of {} is not finite at t = {} s. Try a shorter step, or a larger dead volume",
+                session.state_names()[place].0,
+                session.time()
+            ),
+            discard: true,
+        }),
     }
 }
 

@@ -1,5 +1,6 @@
 //! What a tool sees of a drive: the file `resources/drive.json` of an FMU, which is also what `pneudrive_create` takes.
 
+use crate::law::LawPlan;
 use serde::Deserialize;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -10,8 +11,13 @@ pub struct Plan {
     /// The instantiation token, or GUID, of the FMU that this belongs to.
     pub token: String,
     /// The circuit in the core's form.
+    #[serde(default)]
     pub circuit: Value,
+    /// A controller, in place of a circuit.
+    #[serde(default)]
+    pub law: Option<LawPlan>,
     /// The start by the core's names.
+    #[serde(default)]
     pub start: BTreeMap<String, f64>,
     /// Relative tolerance of the solver.
     pub rtol: f64,

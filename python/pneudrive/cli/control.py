@@ -255,9 +255,15 @@ def export(
         str, typer.Argument(help="Controller file (TOML), or the name of a law.", metavar="FILE|LAW")
     ],
     to: Annotated[
-        Literal["c", "st"], typer.Option(help="Language: c, or st, structured text of IEC 61131-3.", metavar="c|st")
+        Literal["c", "st", "fmu"],
+        typer.Option(help="c; st, structured text of IEC 61131-3; or fmu, for other tools.", metavar="c|st|fmu"),
     ],
-    out: Annotated[Path, typer.Option(help="Folder of the files.")],
+    out: Annotated[Path, typer.Option(help="Folder of the files, or an .fmu file.")],
+    reference: Annotated[
+        str | None,
+        typer.Option(help='What an FMU follows: "220 mm; 1 s: 280 mm in 0.3 s", or a TOML file.', metavar="REF"),
+    ] = None,
+    fmi: Annotated[str, typer.Option(help="Version of an FMU: 2.0 or 3.0.")] = "2.0",
     drive: Annotated[
         str | None,
         typer.Option(help="Drive or circuit file (TOML), or catalogue:NAME; may be left out where the file names it."),
@@ -265,7 +271,7 @@ def export(
     setup: SetupOption = "real",
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Write the source code of a law with its observer."""
+    """Write a law with its observer as source code, or with all that is around it as an FMU."""
     from pneudrive.control.source_code import export as exported
     from pneudrive.control.tuning import believed_by
     from pneudrive.control.tuning import tune as tuned
@@ -274,8 +280,8 @@ def export(
     file = controller if controller.endswith(".toml") else None
     described = believed_by(file) if drive is None else load_described(drive)
     found = tuned(described, None if file else controller, setup=setup, controller=file)
-    written = exported(found, to, out, setup=setup)
-    if found.adaptation:
+    written = exported(found, to, out, setup=setup, along=reference, version=fmi)
+    if to != "fmu" and found.adaptation:
         typer.echo("What is written learns nothing: friction and valve are those of the description.")
     tell(written)
 

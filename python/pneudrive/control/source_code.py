@@ -1,4 +1,4 @@
-"""A law with its observer as source code: C, or structured text of IEC 61131-3 for a PLC."""
+"""A law with its observer for other tools: C, structured text of IEC 61131-3 for a PLC, or an FMU."""
 
 from __future__ import annotations
 
@@ -7,35 +7,52 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from pneudrive import __version__, _core
+from pneudrive.control.references import check_reach, reference
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.errors import CommandError, nearest
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
+    from pneudrive.control.motion import Reference
     from pneudrive.control.tuning import Tuning
 
 #: Languages: word of an option -> what it is.
-LANGUAGES = {"c": "C99, a header and a source file", "st": "structured text, a function block"}
+LANGUAGES = {
+    "c": "C99, a header and a source file",
+    "st": "structured text, a function block",
+    "fmu": "a Functional Mock-up Unit for co-simulation",
+}
 
 
 def export(
-    tuning: Tuning, to: Literal["c", "st"], out: str | Path, *, setup: Setup | str | Path = "real"
+    tuning: Tuning,
+    to: Literal["c", "st", "fmu"],
+    out: str | Path,
+    *,
+    setup: Setup | str | Path = "real",
+    along: Reference | str | Path | None = None,
+    version: str = "2.0",
 ) -> list[Path]:
     """Write the source code of a law and of its observer, made from the equations that `pneudrive.control.run` runs.
 
     The code takes samples and where the drive is to be, and gives the command. It learns nothing: friction and valve
-    are those of the description. It supervises nothing.
+    are those of the description. It supervises nothing. An FMU is the whole controller, with adaptation, supervisor and
+    reference: equal samples give the same bits as a run.
 
     Parameters
     ----------
     tuning : Tuning
-        What `pneudrive.control.tune` returned. Every law but ``nmpc`` and one's own.
+        What `pneudrive.control.tune` returned. Every law but one's own; ``nmpc`` as an FMU only.
     to : str
-        ``"c"`` or ``"st"``.
+        ``"c"``, ``"st"`` or ``"fmu"``.
     out : path-like
-        Folder; it is made where it is not there.
+        Folder, which is made where it is not there; of an FMU a file ending in ``.fmu``.
     setup : Setup, str or path-like
         Its position sensor decides the gain of the observer; without pressure sensors the code asks for none.
+    along : Reference, str or path-like, optional
+        What an FMU follows from its start on, as `pneudrive.control.reference` reads it.
+    version : str
+        ``"2.0"`` or ``"3.0"``, of the Functional Mock-up Interface.
 
     Returns
     -------
@@ -58,6 +75,13 @@ def export(
     if to not in LANGUAGES:
         raise CommandError(f'there is no language "{to}"', remedy=nearest(to, LANGUAGES))
     read, _ = read_setup(setup)
+    if to == "fmu":
+        if along is None:
+            remedy = 'pneudrive control export ... --to fmu --reference "220 mm; 1 s: 280 mm in 0.3 s"'
+            raise CommandError("an FMU of a law needs the reference that it follows", remedy=remedy)
+        return [_unit(tuning, along, read, Path(out), version)]
+    if along is not None:
+        raise CommandError(f"{to} takes no reference", remedy='Leave it out; or write an FMU: "fmu".')
     belief = tuning.belief
     form = read.core(0, belief.ambient.pressure_pa)
     about = f"For {belief.name}, description {belief.description_hash}; pneudrive {__version__}."
@@ -75,3 +99,12 @@ def export(
         with whole(folder / name) as temporary:
             temporary.write_text(text, encoding="ascii")
     return [folder / name for name, _ in files]
+
+
+def _unit(tuning: Tuning, along: Reference | str | Path, setup: Setup, path: Path, version: str) -> Path:
+    from pneudrive.control.unit import law_plan
+    from pneudrive.fmu.package import check_fmu, write_fmu
+
+    target, to_follow = check_fmu(path, version), reference(along)
+    check_reach(to_follow, tuning.plant.stroke_m, tuning.plant.speed_m_s)
+    return write_fmu(law_plan(tuning, to_follow, setup), target, version).path

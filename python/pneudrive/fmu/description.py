@@ -19,6 +19,10 @@ _ABOUT = (
     "Pressures are absolute. Positions and velocities grow towards the end of chamber b. In model exchange a step of "
     "the command has to be an event of the input: a steep ramp in its place gives wrong results without a message."
 )
+_ABOUT_LAW = (
+    "Pressures are absolute. Samples are taken at each multiple of {period} s, with the inputs at the beginning of a "
+    "step: step the controller before its drive, with that period or a part of it."
+)
 
 
 def description(plan: FmuPlan, version: str) -> bytes:
@@ -40,7 +44,7 @@ def description(plan: FmuPlan, version: str) -> bytes:
             "fmiVersion": version,
             "modelName": plan.title,
             "guid" if is_two else "instantiationToken": plan.token,
-            "description": _ABOUT,
+            "description": _ABOUT if plan.law is None else _ABOUT_LAW.format(period=plan.law["controller"]["period_s"]),
             "generationTool": f"pneudrive {__version__}",
             "variableNamingConvention": "structured" if structured else "flat",
             **({"numberOfEventIndicators": str(len(indicators))} if is_two else {}),
@@ -81,7 +85,11 @@ def description(plan: FmuPlan, version: str) -> bytes:
 
 def _interfaces(root: ElementTree.Element, plan: FmuPlan, is_two: bool) -> None:
     state = "FMUstate" if is_two else "FMUState"
-    common = {"modelIdentifier": IDENTIFIER, f"canGetAndSet{state}": "true", f"canSerialize{state}": "true"}
+    common = {"modelIdentifier": IDENTIFIER, f"canGetAndSet{state}": "true"}
+    if plan.law is not None:
+        ElementTree.SubElement(root, "CoSimulation", common | {"canHandleVariableCommunicationStepSize": "true"})
+        return
+    common |= {f"canSerialize{state}": "true"}
     derivatives = not plan.is_actuator  # of the force there are none
     if derivatives:
         names = ("providesDirectionalDerivative",)

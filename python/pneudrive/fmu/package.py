@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError, DescriptionError, nearest
-from pneudrive.fmu.description import IDENTIFIER, description
 from pneudrive.fmu.binary import PLATFORMS, count_events, library_path
+from pneudrive.fmu.description import IDENTIFIER, description
 from pneudrive.fmu.variables import RTOL, FmuVariable, plan_of
 from pneudrive.show import Shown
 from pneudrive.simulate import require
@@ -120,10 +120,19 @@ def export_fmu(
     DescriptionError
         The start state does not fit, or the drive cannot be an actuator.
     """
+    target = check_fmu(path, version)
+    return write_fmu(complete_plan(drive, initial, rtol, actuator=actuator), target, version)
+
+
+def check_fmu(path: str | Path, version: str) -> Path:
+    """Return the path of an FMU to be, or raise a CommandError."""
     if version not in VERSIONS:
         raise CommandError(f'FMI "{version}" is not available', remedy=nearest(version, VERSIONS))
-    target = check_target(path, (".fmu",))
-    plan = complete_plan(drive, initial, rtol, actuator=actuator)
+    return check_target(path, (".fmu",))
+
+
+def write_fmu(plan: FmuPlan, target: Path, version: str) -> FmuFile:
+    """Write the description, the plan and the library as an archive."""
     suffix, two, three = PLATFORMS.get(sys.platform, PLATFORMS["linux"])
     place = f"binaries/{two if version == '2.0' else three}/{IDENTIFIER}{suffix}"
     with whole(target) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -80,6 +80,8 @@ class FmuPlan:
         Whether position and velocity of the piston are inputs.
     notes : tuple of str
         Warnings and assumed values of the description.
+    law : dict or None
+        A controller in place of a circuit, as `pneudrive.control` has it.
     """
 
     title: str
@@ -89,10 +91,12 @@ class FmuPlan:
     variables: tuple[FmuVariable, ...]
     is_actuator: bool = False
     notes: tuple[str, ...] = field(default=())
+    law: dict[str, Any] | None = None
 
     def json(self) -> str:
         """Return the plan as the library reads it, with its token."""
         own = {
+            **({} if self.law is None else {"law": self.law}),
             "circuit": self.form,
             "start": self.start,
             "rtol": self.rtol,
@@ -108,7 +112,8 @@ class FmuPlan:
     def token(self) -> str:
         """Token that binds the description of an FMU to its plan: a hash of all that is run."""
         roles = [[one.name, one.role, one.start] for one in self.variables]
-        text = json.dumps([self.form, self.start, self.rtol, roles, self.is_actuator], sort_keys=True)
+        law = [] if self.law is None else [self.law]
+        text = json.dumps([self.form, self.start, self.rtol, roles, self.is_actuator, *law], sort_keys=True)
         found = hashlib.sha256(text.encode()).hexdigest()
         return "{" + "-".join((found[:8], found[8:12], found[12:16], found[16:20], found[20:32])) + "}"
 

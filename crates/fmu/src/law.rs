@@ -1,0 +1,91 @@
+//! A controller as a tool runs it: samples in and a command out at each multiple of its period.
+
+use crate::model::{Refusal, SAME_INSTANT, refuse};
+use crate::plan::{Role, Variable};
+use control::{Answer, Controller, Inputs, Reference, Sample};
+use serde::Deserialize;
+use servo::{Encoder, specification};
+
+/// A controller with what it follows.
+#[derive(Debug, Deserialize)]
+pub struct LawPlan {
+    pub controller: specification::Controller,
+    pub motion: specification::Motion,
+    /// Its position sensor.
+    pub position: specification::PositionSensor,
+}
+
+/// Inputs by the names of their variables.
+const INPUTS: [&str; 5] = ["position", "pressure_a", "pressure_b", "enabled", "emergency_stop"];
+
+/// A controller that runs.
+#[derive(Clone)]
+pub struct Law {
+    controller: Controller,
+    reference: Reference,
+    /// Places of the [`INPUTS`] among the variables; a law without pressure sensors has none for them.
+    inputs: [Option<usize>; INPUTS.len()],
+    t0: f64,
+    time: f64,
+    /// The next sample.
+    tick: u64,
+    answer: Option<Answer>,
+}
+
+impl Law {
+    /// Of a plan, from a time, s.
+    pub fn new(plan: &LawPlan, variables: &[Variable], t0: f64) -> Result<Self, Refusal> {
+        let (controller, _) = servo::controller(&plan.controller, Encoder::from(plan.position).deviation())?;
+        let place =
+            |name| variables.iter().position(|own| matches!(&own.role, Role::Input { of, .. } if of == name));
+        let (reference, inputs) = (Reference::from(&plan.motion), INPUTS.map(place));
+        Ok(Law { controller, reference, inputs, t0, time: t0, tick: 0, answer: None })
+    }
+
+    /// s.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Goes on to a time, s: the samples from now on, and before then, are those of the present inputs.
+    pub fn go_on(&mut self, until: f64, values: &[f64]) -> Result<(), Refusal> {
+        let [x, a, b, enabled, stop] = self.inputs.map(|place| place.map(|place| values[place]));
+        let Some(position) = x else { return refuse("the description has no input \"position\"") };
+        let period = self.controller.period;
+        loop {
+            let time = self.tick as f64 * period;
+            if self.t0 + time >= until - SAME_INSTANT * until.abs().max(1.0) {
+                break;
+            }
+            if let Some(supervisor) = &mut self.controller.supervisor {
+                let enabled = enabled.is_none_or(|value| value > 0.5);
+                let emergency_stop = stop.is_some_and(|value| value > 0.5);
+                supervisor.inputs = Inputs { enabled, emergency_stop, ..Inputs::default() };
+            }
+            let sample = Sample { time, position, pressures: a.zip(b).map(|(a, b)| [a, b]) };
+            let answer = self.controller.step(&sample, &self.reference);
+            if !answer.command.is_finite() {
+                return refuse(format!("the law gives no command at t = {} s", self.t0 + time));
+            }
+            (self.answer, self.tick) = (Some(answer), self.tick + 1);
+        }
+        self.time = until;
+        Ok(())
+    }
+
+    /// A number of the last answer; before the first one the valve is at rest.
+    pub fn output(&self, name: &str) -> Option<f64> {
+        let wanted = self.answer.map_or_else(|| self.reference.at(0.0), |own| own.wanted);
+        let of = |number: fn(&Answer) -> f64| self.answer.as_ref().map_or(0.0, number);
+        Some(match name {
+            "command" => of(|own| own.command),
+            "reference" => wanted.position,
+            "reference_velocity" => wanted.velocity,
+            "estimated_velocity" => of(|own| own.velocity),
+            "disturbance" => of(|own| own.disturbance),
+            "holds" => of(|own| f64::from(u8::from(own.holds))),
+            "events" => self.controller.supervisor.as_ref().map_or(0, |own| own.log().events().len()) as f64,
+            _ => return None,
+        })
+    }
+}
