@@ -30,6 +30,20 @@ def command_of(described: Drive | Circuit, given: list[str] | None) -> str | lis
     return given[0]
 
 
+def changed(drive: str, given: list[str] | None) -> Drive | Circuit:
+    """Load a drive or a circuit, with changed values as `changes_of` reads them.
+
+    Raises
+    ------
+    CommandError, DescriptionError
+        The file, or a change, is not valid.
+    """
+    from pneudrive.describe.load import load_described
+
+    described = load_described(drive)
+    return described.replace(changes_of(given)) if given else described
+
+
 def changes_of(given: list[str]) -> dict[str, str | float]:
     """Return changed values of a description from texts ``key = value``; a number without a unit is a pure number.
 

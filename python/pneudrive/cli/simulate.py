@@ -47,9 +47,8 @@ def simulate(
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Simulate a drive or a circuit and write its trajectory."""
-    from pneudrive.cli.described import changes_of, command_of
+    from pneudrive.cli.described import changed, command_of
     from pneudrive.cli.progress import on_terminal
-    from pneudrive.describe.load import load_described
     from pneudrive.simulate import run
     from pneudrive.trajectory import check_target, save, save_columns
 
@@ -59,9 +58,7 @@ def simulate(
         from pneudrive.report.trajectory import ENDINGS
 
         check_target(plot, ENDINGS)
-    described = load_described(drive)
-    if set:
-        described = described.replace(changes_of(set))
+    described = changed(drive, set)
     result = run(
         described,
         command_of(described, command),

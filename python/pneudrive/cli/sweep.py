@@ -68,6 +68,12 @@ def sweep(
             metavar="OUTPUT",
         ),
     ] = None,
+    set: Annotated[  # noqa: A002 - the name of the option
+        list[str] | None,
+        typer.Option(
+            help='Changed value of all members, "friction.coulomb = 31 N"; repeatable.', metavar="KEY = VALUE"
+        ),
+    ] = None,
     initial: Annotated[str | None, typer.Option(help='Start state, e.g. "position = 50 mm".')] = None,
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-6,
     chunk: Annotated[int | None, typer.Option(help="Members that are run and kept together.", metavar="N")] = None,
@@ -77,9 +83,8 @@ def sweep(
 
     Finished chunks are kept: after Ctrl-C, a crash or a full disk the same command goes on from there.
     """
-    from pneudrive.cli.described import command_of
+    from pneudrive.cli.described import changed, command_of
     from pneudrive.cli.progress import on_terminal
-    from pneudrive.describe.load import load_described
     from pneudrive.ensemble.many import IN_MEMORY, Gathered, results, study_of
     from pneudrive.ensemble.store import ChunkStore
     from pneudrive.trajectory import check_target
@@ -87,7 +92,7 @@ def sweep(
     is_file = out.suffix != ""
     if is_file:
         check_target(out, TABLES)
-    described = load_described(drive)
+    described = changed(drive, set)
     study = study_of(
         described,
         command_of(described, command),
