@@ -28,6 +28,15 @@ export interface PlotProps {
   onZoom?: (from: number, to: number) => void;
   range?: [number, number];
   shades?: Shade[];
+  bands?: Band[];
+}
+
+/** Where many runs lie, shaded behind the curves. */
+export interface Band {
+  x: ArrayLike<number>;
+  low: ArrayLike<number>;
+  high: ArrayLike<number>;
+  look: number;
 }
 
 const ROWS = 11;
@@ -64,7 +73,10 @@ export function Plot(props: PlotProps) {
         width: at.clientWidth || 400,
         height: props.height ?? 210,
         cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: !props.onZoom } },
-        scales: { x: { time: false, ...(props.range && { range: () => latest.current.range! }) } },
+        scales: {
+          x: { time: false, ...(props.range && { range: () => latest.current.range! }) },
+          y: { range: (_, low, high) => (low === null ? [low, high] : uPlot.rangeNum(...within(latest.current, low, high), 0.1, true)) },
+        },
         legend: { live: true },
         axes: [
           { ...axis, size: 34, space: 70, label: props.xUnit ?? "s", labelSize: 16, labelFont: "12px system-ui" },
@@ -78,7 +90,7 @@ export function Plot(props: PlotProps) {
           }),
         ],
         hooks: {
-          drawClear: [(u) => shade(u, latest.current.shades ?? [])],
+          drawClear: [(u) => shade(u, latest.current.shades ?? []), (u) => fill(u, latest.current.bands ?? [], latest.current.size)],
           setSelect: [
             (u) => {
               if (!latest.current.onZoom || u.select.width <= 2) return;
@@ -104,7 +116,7 @@ export function Plot(props: PlotProps) {
 
   useEffect(() => {
     plot.current?.setData(aligned(props.curves, props.size));
-  }, [props.curves, props.shades]);
+  }, [props.curves, props.shades, props.bands]);
 
   const label = props.unit ? `${props.title}, ${props.unit}` : props.title;
   return (
@@ -131,6 +143,33 @@ function shade(u: uPlot, parts: Shade[]): void {
     const to = Math.min(u.valToPos(one.to, "x", true), left + width);
     u.ctx.fillStyle = isDark() ? (one.strong ? "#39424d" : "#262c34") : one.strong ? "#d8e0ea" : "#eef2f6";
     u.ctx.fillRect(from, top, to - from, height);
+  }
+  u.ctx.restore();
+}
+
+/** The ends of the values and of the bands. */
+function within({ bands, size }: PlotProps, low: number, high: number): [number, number] {
+  let [least, most] = [low, high];
+  for (const one of bands ?? [])
+    for (let i = 0; i < one.x.length; i++) {
+      least = Math.min(least, one.low[i]! / size);
+      most = Math.max(most, one.high[i]! / size);
+    }
+  return [least, most];
+}
+
+function fill(u: uPlot, bands: Band[], size: number): void {
+  u.ctx.save();
+  u.ctx.beginPath();
+  u.ctx.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
+  u.ctx.clip();
+  for (const one of bands) {
+    u.ctx.beginPath();
+    const at = (i: number, values: ArrayLike<number>) => u.ctx.lineTo(u.valToPos(one.x[i]!, "x", true), u.valToPos(values[i]! / size, "y", true));
+    for (let i = 0; i < one.x.length; i++) at(i, one.high);
+    for (let i = one.x.length - 1; i >= 0; i--) at(i, one.low);
+    u.ctx.fillStyle = `${look(one.look).color}33`;
+    u.ctx.fill();
   }
   u.ctx.restore();
 }

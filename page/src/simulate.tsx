@@ -1,4 +1,5 @@
 /** Sliders on a running simulation. */
+import { bandOf, besides, BesideChoices, Differences, forget, Loops, Motion, otherCurves, type BesideHead } from "./beside";
 import { computed, effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Frame, Numbers } from "./frame";
@@ -16,7 +17,7 @@ interface Panel {
   curves: { column: string; label: string }[];
 }
 
-interface Head {
+interface Head extends BesideHead {
   number: number;
   problems?: Problem[];
   panels?: Panel[];
@@ -67,6 +68,7 @@ function request(pixels = 1000): Record<string, unknown> | null {
     duration: duration.value,
     initial: initial.value,
     pixels,
+    ...besides(fields.value, shown.value, numbers.value),
   };
 }
 
@@ -81,6 +83,7 @@ effect(() => {
   numbers.value = {};
   ranges.value = {};
   frozen.value = [];
+  forget();
   initial.value = "";
   command.value = now.kind === "circuit" ? (now.valves ?? []).map((one) => `${one}: 0 s: 1, 1 s: -1`).join("\n") : "0 s: 1, 1 s: -1";
 });
@@ -96,7 +99,8 @@ async function copy(): Promise<void> {
   const asked = request();
   if (!asked) return;
   try {
-    copied.value = await ask("/api/copy", asked);
+    const columns = answer.peek()?.head.panels?.flatMap((panel) => panel.curves.map((one) => one.column)) ?? [];
+    copied.value = await ask("/api/copy", { ...asked, columns });
   } catch (error) {
     if (error instanceof Refused) wrong.value = error.problems;
   }
@@ -138,11 +142,13 @@ export function SimulateView() {
         <Sliders />
         <AddSlider />
         <Run />
+        <BesideChoices />
         <Buttons />
         <Notes />
       </section>
       <div class="shown">
         <Plots />
+        <Beside />
         <div class="below">
           {drawing.value && <Circuit drawing={drawing.value} />}
           <Ends />
@@ -190,16 +196,35 @@ function Plots() {
   );
 }
 
+function Beside() {
+  const now = answer.value;
+  if (!now) return null;
+  return (
+    <>
+      <Differences head={now.head} panels={now.head.panels ?? []} ends={now.head.ends ?? {}} />
+      <div class="plots">
+        {now.head.loops && <Loops now={now} />}
+        {now.head.cylinders && <Motion now={now} />}
+      </div>
+    </>
+  );
+}
+
 function PanelPlot({ panel }: { panel: Panel }) {
   const now = answer.value!;
   const time = now.arrays.get("time_s")!;
   const curves: Curve[] = panel.curves.map((one) => ({ label: one.label, x: time, y: now.arrays.get(one.column)! }));
+  for (const one of panel.curves) curves.push(...otherCurves(now, one.column, one.label));
   for (const trace of frozen.value)
     for (const one of panel.curves) {
       const y = trace.columns.get(one.column);
       if (y) curves.push({ label: `${one.label} (${trace.label})`, x: trace.time, y });
     }
-  return <Plot title={panel.title} unit={panel.unit} size={panel.size} curves={curves} />;
+  const bands = panel.curves.flatMap((one, index) => {
+    const band = bandOf(now, one.column);
+    return band ? [{ ...band, look: index }] : [];
+  });
+  return <Plot title={panel.title} unit={panel.unit} size={panel.size} curves={curves} bands={bands} />;
 }
 
 /** The last value of each curve, as numbers: what a reader of the screen hears, and a test compares. */

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 from pneudrive import units
 from pneudrive.describe.base import Bounds, Described, Quantity, wrong
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 KINDS = ("rodless", "through-rod", "single-rod")
 MaybeLength = Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))]
@@ -31,6 +36,48 @@ def piston_areas(kind: str, bore_m: float, rod_diameter_m: float = 0.0) -> tuple
     full = 0.25 * math.pi * bore_m**2
     ring = 0.25 * math.pi * (bore_m**2 - rod_diameter_m**2)
     return (ring if kind == "through-rod" else full), (full if kind == "rodless" else ring)
+
+
+class ChamberSizes(NamedTuple):
+    """Sizes of the chambers of a double-acting cylinder.
+
+    Attributes
+    ----------
+    area_a_m2, area_b_m2 : float
+        On which the pressures act.
+    dead_volume_a_m3, dead_volume_b_m3 : float
+        Of chamber a at x = 0, of chamber b at the end of the stroke.
+    stroke_m : float
+    """
+
+    area_a_m2: float
+    area_b_m2: float
+    dead_volume_a_m3: float
+    dead_volume_b_m3: float
+    stroke_m: float
+
+    def volumes_m3(self, position_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the volumes of chambers a and b, m3: dead volume and what the piston leaves of the stroke.
+
+        Parameters
+        ----------
+        position_m : ndarray
+            Of the piston, m; chamber a grows with it.
+        """
+        a = self.dead_volume_a_m3 + self.area_a_m2 * position_m
+        return a, self.dead_volume_b_m3 + self.area_b_m2 * (self.stroke_m - position_m)
+
+
+def chamber_sizes(core_json: str) -> dict[str, ChamberSizes]:
+    """Return the sizes of each double-acting cylinder of a circuit in the core's form, by its name."""
+    out = {}
+    for one in json.loads(core_json)["components"]:
+        family, _, kind = one["kind"].partition("/")
+        if family == "cylinder" and kind in KINDS:
+            of = one["numbers"]
+            areas = piston_areas(kind, of["bore"], of["rod_diameter"])
+            out[one["name"]] = ChamberSizes(*areas, of["dead_volume_a"], of["dead_volume_b"], of["stroke"])
+    return out
 
 
 def check_rod(table: str, kind: str, bore_m: float, rod_diameter_m: float | None) -> None:

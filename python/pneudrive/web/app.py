@@ -21,6 +21,7 @@ from pneudrive.signals.layout import stem
 from pneudrive.start import is_circuit
 from pneudrive.web import control, description
 from pneudrive.web.asked_run import MOST_PIXELS, AskedRun, described_at
+from pneudrive.web.beside import AskedBeside
 from pneudrive.web.campaigns import WatchedCampaign
 from pneudrive.web.friction import shown_fit, shown_map
 from pneudrive.web.guard import Guard
@@ -189,9 +190,13 @@ class _Views:
 
     def copy(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Return a run as a line of a shell and as Python."""
-        asked = AskedRun.of(_table(body, "path"))
+        given = _table(body, "path")
+        asked = AskedRun.of(given)
         described = described_at(self.workspace, asked.path, asked.text)
-        return {"command": asked.as_command(), "python": asked.as_python(circuit=is_circuit(described))}
+        beside = AskedBeside.of(given)
+        columns = [one for one in given.get("columns", []) if isinstance(one, str)]
+        python = asked.as_python(circuit=is_circuit(described)) + beside.as_python(self.workspace, asked, columns)
+        return {"command": f"{asked.as_command()}\n{beside.as_command(asked, columns)}".strip(), "python": python}
 
     def recording(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Open a recording, or say how far its first reading is."""

@@ -156,23 +156,27 @@ class AskedRun:
         described = self.described(workspace)
         watch = Watch(cancel=cancel or RunLimit())
         options: dict[str, Any] = {"initial": self.initial or None, "sample_rate": self.rate, "watch": watch}
-        return run(described, self._command_of(described), self.duration, **options)
+        return run(described, self.command_of(described), self.duration, **options)
 
-    def _command_of(self, described: Drive | Circuit) -> Any:  # noqa: ANN401 - any form of a command
+    def command_of(self, described: Drive | Circuit) -> Any:  # noqa: ANN401 - any form of a command
+        """Return the command in the form that a description takes."""
         if is_circuit(described):
             return self.command if isinstance(self.command, list) else [self.command] if self.command.strip() else None
         return self.command if isinstance(self.command, str) else ", ".join(self.command)
 
     def as_command(self) -> str:
         """Return the line of a shell that makes the same run in the folder of the workspace."""
-        words = ["pneudrive", "simulate", self.path]
-        for one in self.command if isinstance(self.command, list) else [self.command]:
-            words += ["--command", one] if one.strip() else []
+        words = ["pneudrive", "simulate", self.path, *self.command_words()]
         words += ["--duration", self.duration, "--sample-rate", self.rate]
         words += ["--initial", self.initial] if self.initial else []
         for key, value in self.changes.items():
             words += ["--set", f"{key} = {value}"]
-        return shlex.join([*words, "--out", f"{self._stem()}.parquet"])
+        return shlex.join([*words, "--out", f"{self.stem()}.parquet"])
+
+    def command_words(self) -> list[str]:
+        """Return the options of the command's words."""
+        each = self.command if isinstance(self.command, list) else [self.command]
+        return [word for one in each if one.strip() for word in ("--command", one)]
 
     def as_python(self, *, circuit: bool) -> str:
         """Return the lines of Python that make the same run in the folder of the workspace."""
@@ -185,7 +189,8 @@ class AskedRun:
         lines.append(f"run = pn.simulate(drive, {command!r}, {self.duration!r}{initial}, sample_rate={self.rate!r})")
         return "\n".join([*lines, ""])
 
-    def _stem(self) -> str:
+    def stem(self) -> str:
+        """Return the name of files that are made of its description."""
         return re.sub(r"[^\w.-]+", "-", Path(self.path.rpartition(":")[2]).stem) or "run"
 
 

@@ -13,6 +13,7 @@ from pneudrive.trajectory import meaning
 from pneudrive.units import readable
 from pneudrive.web import control
 from pneudrive.web.asked_run import AskedRun, RunLimit
+from pneudrive.web.beside import AskedBeside
 from pneudrive.web.guard import PROTOCOL
 from pneudrive.web.messages import pack, problems_of
 from pneudrive.web.tiles import per_pixel
@@ -91,8 +92,11 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
         number = asked.get("number")
         if asked.get("what") == "control":
             return control.answer(workspace, asked, limit)
-        request = AskedRun.of(asked)
-        return frame_of(request.run(workspace, limit), request.pixels, {"number": number})
+        limit = limit or RunLimit()
+        request, beside = AskedRun.of(asked), AskedBeside.of(asked)
+        run = request.run(workspace, limit)
+        head, arrays = beside.answer(workspace, request, run, shown_columns(run), limit)
+        return frame_of(run, request.pixels, {"number": number, **head}, arrays)
     except Cancelled:
         error: PneudriveError = CommandError(
             f"the run took longer than {(limit or RunLimit()).seconds:g} s on the clock",
@@ -105,11 +109,21 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
     return pack({"number": number, "problems": problems_of(error)}, {})
 
 
-def frame_of(run: Run, pixels: int, head: dict[str, Any]) -> bytes:
+def shown_columns(run: Run) -> list[str]:
+    """Return the columns of a run that the page draws."""
+    return [name for panel in PANELS for name in _of_panel(run, panel)]
+
+
+def _of_panel(run: Run, panel: tuple[str, str, str]) -> list[str]:
+    return [name for name in run.columns if _quantity(name) == panel[:2]][:MOST_CURVES]
+
+
+def frame_of(run: Run, pixels: int, head: dict[str, Any], beside: dict[str, Any]) -> bytes:
     """Pack what the page draws of a run: time and the columns of its panels, in SI, and what is to be said of it."""
     columns, panels = {"time_s": run.columns["time_s"]}, []
-    for quantity, si_unit, title in PANELS:
-        names = [name for name in run.columns if _quantity(name) == (quantity, si_unit)][:MOST_CURVES]
+    for panel in PANELS:
+        _, si_unit, title = panel
+        names = _of_panel(run, panel)
         if not names:
             continue
         size, unit = readable(si_unit)
@@ -121,7 +135,8 @@ def frame_of(run: Run, pixels: int, head: dict[str, Any]) -> bytes:
     told |= {"steps": about["statistics"]["steps"], "samples": len(columns["time_s"]), "synthetic": True}
     ends = {name: float(values[-1]) for name, values in columns.items()}
     return pack(
-        {**head, **told, "panels": panels, "ends": ends, "hash": about["description_hash"]}, per_pixel(columns, pixels)
+        {**head, **told, "panels": panels, "ends": ends, "hash": about["description_hash"]},
+        {**per_pixel(columns, pixels), **beside},
     )
 
 

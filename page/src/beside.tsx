@@ -1,0 +1,296 @@
+/** What Simulate shows beside a run: other drives and runs, a band of many members, p-V loops, the piston as it moves. */
+import { computed, signal } from "@preact/signals";
+import { useEffect, useState } from "preact/hooks";
+import type { Frame, Numbers } from "./frame";
+import { digits, look } from "./looks";
+import { opened, type Field } from "./opened";
+import type { Curve } from "./plot";
+import { studies } from "./studies";
+
+export interface BesideHead {
+  others?: { path: string; ends: Record<string, number>; largest: Record<string, number> }[];
+  cylinders?: { name: string; stroke_m: number; position: string; pressures: [string, string] }[];
+  loops?: string[];
+  band?: { members: number; failed: number; share: [number, number]; ends: Record<string, [number, number]> };
+}
+
+const others = signal<string[]>([]);
+const loops = signal(false);
+const motion = signal(false);
+const band = signal(false);
+const width = signal(10); // of the spreads, per cent
+
+/** What is asked for beside the run; a spread lies about each value that has a slider. */
+export function besides(fields: Map<string, Field>, sliders: string[], numbers: Record<string, number>): Record<string, unknown> {
+  const spreads: [string, [number, number, string]][] = [];
+  if (band.value)
+    for (const key of sliders) {
+      const field = fields.get(key);
+      const value = numbers[key] ?? field?.number ?? 0;
+      const half = (Math.abs(value) * width.value) / 100;
+      if (field?.number !== undefined && half > 0) spreads.push([key, [value - half, value + half, field.unit ?? ""]]);
+    }
+  return { others: others.value, loops: loops.value, motion: motion.value, spreads: Object.fromEntries(spreads) };
+}
+
+/** A file that is opened begins without the others of the one before it. */
+export function forget(): void {
+  others.value = [];
+  band.value = false;
+}
+
+const choices = computed(() => {
+  const files = studies.value?.files.filter((one) => ["drive", "circuit", "recording"].includes(one.kind)) ?? [];
+  const all = [...files.filter((one) => one.kind !== "recording" || /\.(parquet|csv|nc)$/.test(one.path)), ...(studies.value?.catalogue ?? [])];
+  return all.map((one) => one.path).filter((path) => path !== opened.value?.path && !others.value.includes(path));
+});
+
+const MOST_OTHERS = 7;
+
+export function BesideChoices() {
+  return (
+    <fieldset class="beside">
+      <legend>Beside the run</legend>
+      <label class="choice">
+        Compare with{" "}
+        <select
+          value=""
+          disabled={others.value.length >= MOST_OTHERS}
+          onChange={(event) => {
+            if (event.currentTarget.value) others.value = [...others.value, event.currentTarget.value];
+            event.currentTarget.value = "";
+          }}
+        >
+          <option value="">another drive or run</option>
+          {choices.value.map((one) => <option key={one}>{one}</option>)}
+        </select>
+      </label>
+      {others.value.map((one) => (
+        <p class="row" key={one}>
+          {one} <button type="button" class="link" onClick={() => (others.value = others.value.filter((it) => it !== one))} aria-label={`Remove ${one}`}>remove</button>
+        </p>
+      ))}
+      <p class="row">
+        <label><input type="checkbox" checked={band.value} onChange={(event) => (band.value = event.currentTarget.checked)} /> band of 200 members</label>
+        <label>
+          within ± <input type="number" min={0.1} max={90} step="any" aria-label="Half width of the spreads, per cent" value={width.value} onChange={(event) => (width.value = Math.min(90, Math.max(0.1, event.currentTarget.valueAsNumber || 10)))} /> % of each slider
+        </label>
+      </p>
+      <p class="row">
+        <label><input type="checkbox" checked={loops.value} onChange={(event) => (loops.value = event.currentTarget.checked)} /> p-V loops</label>
+        <label><input type="checkbox" checked={motion.value} onChange={(event) => (motion.value = event.currentTarget.checked)} /> the piston as it moves</label>
+      </p>
+    </fieldset>
+  );
+}
+
+const short = (path: string): string => path.replace("catalogue:", "").replace(/^.*\//, "");
+
+/** Curves of a column from the other runs. */
+export function otherCurves(now: Frame<BesideHead>, column: string, label: string): Curve[] {
+  const out: Curve[] = [];
+  now.head.others?.forEach((one, index) => {
+    const y = now.arrays.get(`${index + 1}/${column}`);
+    if (y) out.push({ label: `${label} (${short(one.path)})`, x: now.arrays.get(`${index + 1}/time_s`)!, y });
+  });
+  return out;
+}
+
+/** Where the members of the band lie, for a column. */
+export function bandOf(now: Frame<BesideHead>, column: string): { x: Numbers; low: Numbers; high: Numbers } | undefined {
+  const [x, low, high] = [`time_s`, `${column}/low`, `${column}/high`].map((name) => now.arrays.get(`band/${name}`));
+  return x && low && high ? { x, low, high } : undefined;
+}
+
+interface Panel {
+  unit: string;
+  size: number;
+  curves: { column: string; label: string }[];
+}
+
+/** Last values of the other runs with their differences, and the ends of the band. */
+export function Differences({ head, panels, ends }: { head: BesideHead; panels: Panel[]; ends: Record<string, number> }) {
+  const compared = head.others ?? [];
+  if (!compared.length && !head.band) return null;
+  return (
+    <section aria-label="Beside the run" class="differences">
+      {head.band && (
+        <p class="note">
+          Band: from 5 to 95 % of {head.band.members} members, which lie evenly in the spreads{head.band.failed > 0 && `; ${head.band.failed} of them could not be simulated`}.
+        </p>
+      )}
+      <div class="scroll" tabIndex={0} role="region" aria-label="Differences">
+        <table>
+          <thead>
+            <tr>
+              <th scope="col">At the end</th>
+              <th scope="col">this run</th>
+              {head.band && <th scope="col">5 to 95 % of the members</th>}
+              {compared.map((one) => <th scope="col" key={one.path}>{short(one.path)}</th>)}
+              {compared.map((one) => <th scope="col" key={one.path}>largest difference to {short(one.path)}</th>)}
+            </tr>
+          </thead>
+          <tbody>
+            {panels.flatMap((panel) =>
+              panel.curves.map(({ column, label }) => {
+                const of = (value: number | undefined) => (value === undefined ? "–" : `${digits(value / panel.size, 5)} ${panel.unit}`);
+                return (
+                  <tr key={column}>
+                    <th scope="row">{label}</th>
+                    <td>{of(ends[column])}</td>
+                    {head.band && <td data-band={column}>{head.band.ends[column]?.map(of).join(" … ")}</td>}
+                    {compared.map((one) => <td key={one.path} data-other={`${one.path}/${column}`} data-si={one.ends[column]}>{of(one.ends[column])}</td>)}
+                    {compared.map((one) => <td key={one.path} data-largest={`${one.path}/${column}`} data-si={one.largest[column]}>{of(one.largest[column])}</td>)}
+                  </tr>
+                );
+              }),
+            )}
+          </tbody>
+        </table>
+      </div>
+    </section>
+  );
+}
+
+const SIZE = { width: 520, height: 300, left: 58, bottom: 40, top: 8, right: 10 };
+const LITRE = 1e-3;
+const BAR = 1e5;
+
+/** Round steps for about so many ticks between two ends. */
+function ticks(low: number, high: number, count = 5): number[] {
+  const rough = (high - low) / count;
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((one) => one * power).find((one) => one >= rough)!;
+  const out = [];
+  for (let value = Math.ceil(low / step) * step; value <= high + 1e-9 * step; value += step) out.push(Number(value.toPrecision(8)));
+  return out;
+}
+
+/** Pressure over volume of each chamber. */
+export function Loops({ now }: { now: Frame<BesideHead> }) {
+  const names = now.head.loops ?? [];
+  if (!names.length) return null;
+  const of = (name: string, axis: string, unit: number) => Array.from(now.arrays.get(`loop/${name}/${axis}`)!, (one) => one / unit);
+  const pairs = names.map((name) => ({ name, x: of(name, "volume_m3", LITRE), y: of(name, "pressure_pa", BAR) }));
+  const span = (each: number[][]): [number, number] => {
+    const [low, high] = [Math.min(...each.map((one) => Math.min(...one))), Math.max(...each.map((one) => Math.max(...one)))];
+    return high > low ? [low, high] : [low - 1, high + 1];
+  };
+  const [x0, x1] = span(pairs.map((one) => one.x));
+  const [y0, y1] = span(pairs.map((one) => one.y));
+  const px = (x: number) => SIZE.left + ((x - x0) / (x1 - x0)) * (SIZE.width - SIZE.left - SIZE.right);
+  const py = (y: number) => SIZE.height - SIZE.bottom - ((y - y0) / (y1 - y0)) * (SIZE.height - SIZE.bottom - SIZE.top);
+  return (
+    <figure class="loops strip" data-loops={names.length}>
+      <figcaption>Pressure over volume of the chambers, bar absolute over l</figcaption>
+      <svg viewBox={`0 0 ${SIZE.width} ${SIZE.height}`} role="img" aria-label={`p-V loops of ${names.join(", ")}: volumes ${digits(x0)} to ${digits(x1)} l, pressures ${digits(y0)} to ${digits(y1)} bar absolute`}>
+        {ticks(x0, x1).map((one) => (
+          <g key={one}>
+            <line class="grid" x1={px(one)} x2={px(one)} y1={SIZE.top} y2={SIZE.height - SIZE.bottom} />
+            <text x={px(one)} y={SIZE.height - SIZE.bottom + 16} text-anchor="middle">{one}</text>
+          </g>
+        ))}
+        {ticks(y0, y1).map((one) => (
+          <g key={one}>
+            <line class="grid" y1={py(one)} y2={py(one)} x1={SIZE.left} x2={SIZE.width - SIZE.right} />
+            <text x={SIZE.left - 6} y={py(one) + 4} text-anchor="end">{one}</text>
+          </g>
+        ))}
+        <text x={(SIZE.left + SIZE.width) / 2} y={SIZE.height - 6} text-anchor="middle">volume, l</text>
+        <text transform={`translate(14 ${SIZE.height / 2 - 10}) rotate(-90)`} text-anchor="middle">pressure, bar</text>
+        {pairs.map((one, index) => (
+          <polyline key={one.name} data-loop={one.name} fill="none" stroke={look(index).color} stroke-width="1.4" stroke-dasharray={look(index).dash.join(" ")} points={one.x.map((x, i) => `${px(x).toFixed(2)},${py(one.y[i]!).toFixed(2)}`).join(" ")} />
+        ))}
+      </svg>
+      <ul class="legend">
+        {names.map((name, index) => (
+          <li key={name}>
+            <svg viewBox="0 0 34 8" width="34" height="8" aria-hidden="true"><line x1="0" y1="4" x2="34" y2="4" stroke={look(index).color} stroke-width="2" stroke-dasharray={look(index).dash.join(" ")} /></svg>{" "}
+            {name.replace(/\.([ab])$/, ", chamber $1")}
+          </li>
+        ))}
+      </ul>
+    </figure>
+  );
+}
+
+const CALM = typeof matchMedia === "undefined" ? null : matchMedia("(prefers-reduced-motion: reduce)");
+const FASTEST_MS = 5000; // a longer run is shown in this time, a shorter one as long as it lasts, but at least:
+const SHORTEST_MS = 1500;
+
+/** The pistons at a time that is chosen or runs; who asks for calm moves them by the slider alone. */
+export function Motion({ now }: { now: Frame<BesideHead> }) {
+  const cylinders = now.head.cylinders ?? [];
+  const time = now.arrays.get("time_s")!;
+  const end = time[time.length - 1]!;
+  const [at, setAt] = useState(0);
+  const [isPlaying, setPlaying] = useState(false);
+  const isCalm = CALM?.matches ?? false;
+  useEffect(() => {
+    if (!isPlaying) return;
+    const lasts = Math.min(Math.max(1000 * end, SHORTEST_MS), FASTEST_MS);
+    const began = performance.now() - (at >= end ? 0 : (at / end) * lasts);
+    let request = requestAnimationFrame(function draw(clock: number) {
+      const share = Math.max(0, (clock - began) / lasts);
+      setAt(Math.min(share, 1) * end);
+      if (share >= 1) setPlaying(false);
+      else request = requestAnimationFrame(draw);
+    });
+    return () => cancelAnimationFrame(request);
+  }, [isPlaying, end]);
+  if (!cylinders.length) return null;
+  const row = indexAt(time, at);
+  return (
+    <figure class="motion" data-row={row}>
+      <figcaption>The piston as it moves</figcaption>
+      {cylinders.map((one) => (
+        <Cylinder key={one.name} name={one.name} share={now.arrays.get(one.position)![row]! / one.stroke_m} position={now.arrays.get(one.position)![row]!} pressures={one.pressures.map((name) => now.arrays.get(name)![row]!)} most={Math.max(...one.pressures.map((name) => largest(now.arrays.get(name)!)))} />
+      ))}
+      <p class="row">
+        {!isCalm && <button type="button" onClick={() => setPlaying(!isPlaying)}>{isPlaying ? "Stop" : "Play"}</button>}
+        <label>
+          Time{" "}
+          <input type="range" min={0} max={1000} value={Math.round((1000 * Math.min(at, end)) / end)} aria-valuetext={`${digits(at)} s`} onInput={(event) => (setPlaying(false), setAt((event.currentTarget.valueAsNumber / 1000) * end))} />
+        </label>
+        <output>{digits(time[row]!)} s</output>
+      </p>
+    </figure>
+  );
+}
+
+function indexAt(time: Numbers, at: number): number {
+  let [low, high] = [0, time.length - 1];
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (time[middle]! <= at) low = middle;
+    else high = middle - 1;
+  }
+  return low;
+}
+
+function largest(values: Numbers): number {
+  let found = values[0]!;
+  for (const one of values) if (one > found) found = one;
+  return found;
+}
+
+const BARREL = { x: 20, y: 20, width: 460, height: 70, piston: 16 };
+
+/** A cylinder with its piston; the fuller the tint of a chamber, the higher its pressure. */
+function Cylinder(props: { name: string; share: number; position: number; pressures: number[]; most: number }) {
+  const { x, y, width: wide, height, piston } = BARREL;
+  const left = x + Math.min(Math.max(props.share, 0), 1) * (wide - piston);
+  const text = (pressure: number) => `${digits(pressure / BAR, 3)} bar`;
+  const said = `${props.name}: position ${digits(1000 * props.position)} mm, chamber a ${text(props.pressures[0]!)}, chamber b ${text(props.pressures[1]!)}, absolute`;
+  return (
+    <svg viewBox="0 0 500 128" class="barrel" role="img" aria-label={said}>
+      <rect x={x} y={y} width={left - x} height={height} class="air" fill-opacity={(0.7 * props.pressures[0]!) / props.most} />
+      <rect x={left + piston} y={y} width={x + wide - left - piston} height={height} class="air" fill-opacity={(0.7 * props.pressures[1]!) / props.most} />
+      <rect x={x} y={y} width={wide} height={height} class="wall" />
+      <rect x={left} y={y} width={piston} height={height} class="piston" data-piston={props.name} data-position={props.position} />
+      <text x={x} y={y - 6}>a: {text(props.pressures[0]!)}</text>
+      <text x={x + wide} y={y - 6} text-anchor="end">b: {text(props.pressures[1]!)}</text>
+      <text x={x} y={y + height + 20}>{props.name}: x = {digits(1000 * props.position)} mm</text>
+    </svg>
+  );
+}

@@ -1,0 +1,252 @@
+"""What Simulate shows beside a run: other drives and runs, a band of many members, p-V loops, what moves."""
+
+from __future__ import annotations
+
+import math
+import re
+import shlex
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.describe.geometry import chamber_sizes
+from pneudrive.errors import CommandError
+from pneudrive.start import circuit_of, is_circuit
+from pneudrive.trajectory import columns_in, meaning, read_columns
+from pneudrive.units import parse
+from pneudrive.web.asked_run import described_at
+from pneudrive.web.jobs import safe
+from pneudrive.web.tiles import per_pixel
+from pneudrive.web.workspace import DESCRIPTIONS, is_in_catalogue
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+    from pneudrive.simulate import Run
+    from pneudrive.web.asked_run import AskedRun, RunLimit
+    from pneudrive.web.workspace import Workspace
+
+    Array = NDArray[Any]
+
+MOST_OTHERS = 7  # with the run itself as many as there are looks
+MEMBERS, BAND_SAMPLES = 200, 400  # of a band
+BAND = (0.05, 0.95)  # shares of the members between which it lies
+MOST_SECONDS = 10.0  # of a band: its first one imports what it needs
+TRAJECTORIES = (".parquet", ".csv", ".nc")
+_KEY, _UNIT = re.compile(r"[A-Za-z_][\w-]*(?:\.[\w-]+)*"), re.compile(r"[A-Za-z°%][\w /^*.()°%-]*|")
+#: Columns of a cylinder behind its name, of a circuit and of a drive: position, pressures of chambers a and b.
+_PLACES = (("{}.position_m", "{}.a.pressure_pa", "{}.b.pressure_pa"), ("position_m", "pressure_a_pa", "pressure_b_pa"))
+
+
+@dataclass(frozen=True)
+class AskedBeside:
+    """What is asked for beside a run.
+
+    Attributes
+    ----------
+    others : tuple of str
+        Drives and circuits, run with the same command, and trajectory files; of the workspace or the catalogue.
+    spreads : dict
+        Key of a value -> its two ends as text, between which members lie evenly.
+    loops, motion : bool
+        Whether p-V loops are, and what an animation needs to know of the cylinders.
+    """
+
+    others: tuple[str, ...]
+    spreads: Mapping[str, tuple[str, str]]
+    loops: bool
+    motion: bool
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> AskedBeside:
+        """Read the page's request.
+
+        Raises
+        ------
+        CommandError
+            A part is of another type, or a spread is none.
+        """
+        others, spreads = given.get("others", []), given.get("spreads", {})
+        right = isinstance(others, list) and isinstance(spreads, dict) and len(others) <= MOST_OTHERS
+        if not right or not all(isinstance(one, str) for one in others):
+            raise CommandError("the request is not one of this page", remedy="Reload the page.")
+        wanted = (bool(given.get(name)) for name in ("loops", "motion"))
+        return cls(tuple(others), {key: _ends(key, one) for key, one in spreads.items()}, *wanted)
+
+    def answer(
+        self, workspace: Workspace, asked: AskedRun, run: Run, shown: Sequence[str], limit: RunLimit
+    ) -> tuple[dict[str, Any], dict[str, Array]]:
+        """Return head and arrays beside those of a run, of which `shown` are the columns that are drawn.
+
+        Raises
+        ------
+        PneudriveError
+            A name leads out of the workspace, a description is not valid, or a run cannot go on.
+        Cancelled
+            The time is over, or the page waits no longer.
+        """
+        described = asked.described(workspace)
+        arrays: dict[str, Array] = {}
+        others = []
+        for number, path in enumerate(self.others, start=1):
+            columns = _other(workspace, asked, path, ["time_s", *shown], limit)
+            arrays |= {f"{number}/{name}": values for name, values in per_pixel(columns, asked.pixels).items()}
+            others.append({"path": path, **_differences(run.columns, columns)})
+        head: dict[str, Any] = {"others": others}
+        if self.motion:
+            head["cylinders"] = list(_cylinders(described, run.columns))
+        if self.loops:
+            found = _loops(described, run.columns, asked.pixels)
+            head["loops"] = list(found)
+            arrays |= {f"loop/{name}/{axis}": values for name, pair in found.items() for axis, values in pair.items()}
+        if self.spreads:
+            limit.allow(MOST_SECONDS)
+            band, of = self._band(described, asked, shown, limit)
+            head["band"], arrays = band, arrays | of
+        return head, arrays
+
+    def _band(
+        self, described: Drive | Circuit, asked: AskedRun, shown: Sequence[str], limit: RunLimit
+    ) -> tuple[dict[str, Any], dict[str, Array]]:
+        from pneudrive.ensemble.many import simulate_many
+
+        names = [meaning(column)[0] for column in shown]
+        many = simulate_many(
+            described,
+            asked.command_of(described),
+            asked.duration,
+            vary=self._vary(),
+            n=MEMBERS,
+            outputs=[self._output(asked, name) for name in names],
+            initial=asked.initial or None,
+            cancel=limit,
+        )
+        whole = many["status"].to_numpy() == 0
+        if not whole.any():
+            raise CommandError(f"none of the {MEMBERS} members of the band could be simulated", remedy="Narrow it.")
+        arrays = {"band/time_s": many["time"].to_numpy()}
+        ends = {}
+        for column, name in zip(shown, names, strict=True):
+            low, high = np.quantile(many[name].to_numpy()[whole], BAND, axis=0)
+            arrays |= {f"band/{column}/low": low, f"band/{column}/high": high}
+            ends[column] = [float(low[-1]), float(high[-1])]
+        return {"members": MEMBERS, "failed": int((~whole).sum()), "share": BAND, "ends": ends}, arrays
+
+    def _vary(self) -> dict[str, str]:
+        return {key.removeprefix("components."): f"uniform({low}, {high})" for key, (low, high) in self.spreads.items()}
+
+    @staticmethod
+    def _output(asked: AskedRun, name: str) -> str:
+        return f"samples({name}, {BAND_SAMPLES / parse(asked.duration, 's')!r} Hz)"
+
+    def as_command(self, asked: AskedRun, shown: Sequence[str]) -> str:
+        """Return the lines of a shell that make what is beside the run."""
+        described = [path for path in self.others if _is_described(path)]
+        lines = [replace(asked, path=path, text=None, changes={}).as_command() for path in described]
+        if self.spreads:
+            words = ["pneudrive", "sweep", safe(asked.path), "--duration", asked.duration, *asked.command_words()]
+            words += ["--initial", asked.initial] if asked.initial else []
+            for key, value in asked.changes.items():
+                words += ["--set", f"{key} = {value}"]
+            for key, text in self._vary().items():
+                words += ["--vary", f"{key} = {text}"]
+            for column in shown:
+                words += ["--output", self._output(asked, meaning(column)[0])]
+            lines.append(shlex.join([*words, "--members", str(MEMBERS), "--out", f"{asked.stem()}-band.parquet"]))
+        return "\n".join(lines)
+
+    def as_python(self, workspace: Workspace, asked: AskedRun, shown: Sequence[str]) -> str:
+        """Return the lines of Python that make what is beside the run, to follow those of the run."""
+        lines = []
+        for number, path in enumerate(self.others, start=1):
+            if _is_described(path):
+                one = replace(asked, path=path, text=None, changes={})
+                circuit = is_circuit(described_at(workspace, path))
+                own = one.as_python(circuit=circuit).splitlines()[2:]
+                lines += [line.replace("drive", f"drive_{number}", 1) for line in own[:-1]]
+                lines.append(own[-1].replace("run =", f"run_{number} =").replace("(drive,", f"(drive_{number},"))
+            else:
+                lines += ["import polars as pl", f"run_{number} = pl.read_{path.rpartition('.')[2]}({path!r})"]
+        if self.spreads:
+            outputs = [self._output(asked, meaning(column)[0]) for column in shown]
+            command = asked.command if not isinstance(asked.command, list) or asked.command else None
+            options = f"vary={self._vary()!r}, n={MEMBERS}, outputs={outputs!r}"
+            options += f", initial={asked.initial!r}" if asked.initial else ""
+            lines.append(f"many = pn.simulate_many(drive, {command!r}, {asked.duration!r}, {options})")
+            each = f'name: many[name].quantile({list(BAND)!r}, "member")'
+            lines.append(f"band = {{{each} for name in many.data_vars if many[name].dims == ('member', 'time')}}")
+        return "\n".join([*lines, ""]) if lines else ""
+
+
+def _ends(key: object, given: object) -> tuple[str, str]:
+    """Read the ends of a spread: two numbers and their unit."""
+    if not isinstance(key, str) or not _KEY.fullmatch(key) or not isinstance(given, list) or len(given) != 3:
+        raise CommandError("the request is not one of this page", remedy="Reload the page.")
+    low, high, unit = given
+    numbers = all(
+        isinstance(one, int | float) and not isinstance(one, bool) and math.isfinite(one) for one in (low, high)
+    )
+    if not numbers or not isinstance(unit, str) or not _UNIT.fullmatch(unit):
+        raise CommandError(f"the spread of {key} is none", remedy="Give two numbers.")
+    if not low < high:
+        raise CommandError(f"the spread of {key} is empty", value=f"{low:g} to {high:g}", rule="low < high")
+    return f"{low!r} {unit}".strip(), f"{high!r} {unit}".strip()
+
+
+def _is_described(path: str) -> bool:
+    return is_in_catalogue(path) or path.endswith(DESCRIPTIONS)
+
+
+def _other(
+    workspace: Workspace, asked: AskedRun, path: str, columns: Sequence[str], limit: RunLimit
+) -> dict[str, Array]:
+    """Return columns of another drive with the same command, or of a trajectory file."""
+    if _is_described(path):
+        found = replace(asked, path=path, text=None, changes={}).run(workspace, limit).columns
+        return {name: np.asarray(found[name]) for name in columns if name in found}
+    place = workspace.path(path, TRAJECTORIES)
+    names = columns_in(place, columns)
+    if "time_s" not in names or len(names) < 2:
+        raise CommandError(f"{path} is no trajectory of such a drive", rule="columns as pneudrive simulate writes them")
+    return read_columns(place, names)
+
+
+def _differences(run: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, dict[str, float]]:
+    """Return the last values of another run, and the largest differences to a run at its times within both."""
+    ends, largest = {}, {}
+    time, own = np.asarray(other["time_s"]), np.asarray(run["time_s"])
+    inside = (own >= time[0]) & (own <= time[-1])
+    for name, values in other.items():
+        if name != "time_s":
+            ends[name] = float(values[-1])
+            off = np.abs(np.interp(own[inside], time, values) - np.asarray(run[name])[inside])
+            largest[name] = float(off.max()) if len(off) else math.nan
+    return {"ends": ends, "largest": {name: value for name, value in largest.items() if math.isfinite(value)}}
+
+
+def _cylinders(described: Drive | Circuit, columns: Mapping[str, Array]) -> Iterator[dict[str, Any]]:
+    """Yield name, stroke and columns of each double-acting cylinder."""
+    for name, sizes in chamber_sizes(circuit_of(described).core_json()).items():
+        for place in _PLACES:
+            position, *pressures = (one.format(name) for one in place)
+            if all(one in columns for one in (position, *pressures)):
+                yield {"name": name, "stroke_m": sizes.stroke_m, "position": position, "pressures": pressures}
+                break
+
+
+def _loops(described: Drive | Circuit, columns: Mapping[str, Array], pixels: int) -> dict[str, dict[str, Array]]:
+    """Return volume and pressure of each chamber; of many samples every so manieth."""
+    each = chamber_sizes(circuit_of(described).core_json())
+    count = len(columns["time_s"])
+    part = slice(None) if count <= 2 * pixels + 1 else np.linspace(0, count - 1, 2 * pixels).astype(int)
+    out = {}
+    for one in _cylinders(described, columns):
+        volumes = each[one["name"]].volumes_m3(np.asarray(columns[one["position"]])[part])
+        for end, volume, pressure in zip("ab", volumes, one["pressures"], strict=True):
+            out[f"{one['name']}.{end}"] = {"volume_m3": volume, "pressure_pa": np.asarray(columns[pressure])[part]}
+    return out

@@ -1,0 +1,71 @@
+"""Beside a run: another drive with its differences, a band that follows a slider, p-V loops, and what moves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from page.conftest import DRIVE, Server
+from page.test_journeys import Open, at_end, drag, settled, violations
+
+
+def test_a_run_beside_others(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+    (server.folder / "heavy.toml").write_text(DRIVE.replace("[friction]", '[load]\nmass = "5 kg"\n[friction]'))
+    tab = open_tab(server.address)
+    page = tab.page
+    page.click("text=axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    page.fill("label:has-text('Command') input", "0 s: 0.3, 0.4 s: -0.3")
+    page.fill("label:has-text('Duration') input", "0.8 s")
+    page.select_option("label:has-text('Compare with') select", "heavy.toml")
+    page.check("text=band of 200 members")
+    page.check("text=p-V loops")
+    page.check("text=the piston as it moves")
+    page.wait_for_selector("[data-band=position_m]")
+    page.wait_for_selector("[data-loop='cylinder.b']")
+    before = settled(tab)
+    drag(tab, "friction.coulomb", 0.36)
+    for _ in range(30):  # an answer with a band takes longer than the look of `settled`
+        counts = settled(tab)
+        page.wait_for_timeout(300)
+        if settled(tab) == counts:
+            break
+    assert int(counts["sent"]) > int(before["sent"])
+    assert counts["mostOnTheWay"] == "1"
+    page.click("text=Copy as command or Python")
+    page.wait_for_selector("[data-copy=python]")
+    monkeypatch.chdir(server.folder)
+    names: dict = {}
+    exec(page.inner_text("[data-copy=python]"), names)
+    assert at_end(tab, "position_m") == names["run"].position[-1]
+    other = names["run_1"]
+    assert float(page.get_attribute("[data-other='heavy.toml/position_m']", "data-si")) == other.position[-1]
+    largest = float(page.get_attribute("[data-largest='heavy.toml/velocity_m_s']", "data-si"))
+    assert largest == np.abs(other.velocity.to_numpy() - names["run"].velocity.to_numpy()).max()
+    low, high = (float(one) * 1e3 for one in names["band"]["position"].isel(time=-1))
+    shown = page.inner_text("[data-band=position_m]").replace(" mm", "").split(" … ")
+    assert [float(one) for one in shown] == pytest.approx([low, high], rel=1e-4)
+
+    assert page.locator("button:text-is('Play')").count() == 0  # who asks for calm gets a slider alone
+    run = names["run"]
+    page.focus(".motion input[type=range]")
+    page.keyboard.press("End")
+    page.wait_for_selector(f"[data-piston=cylinder][data-position='{float(run.position[-1])!r}']")
+    page.keyboard.press("Home")
+    for _ in range(3):
+        page.keyboard.press("PageUp")
+    row = int(page.get_attribute(".motion", "data-row"))
+    assert 200 < row < 300
+    assert float(page.get_attribute("[data-piston]", "data-position")) == run.position[row]
+    assert "bar, absolute" in page.get_attribute(".barrel", "aria-label")
+    assert violations(tab) == []
+    page.locator(".motion").scroll_into_view_if_needed()
+    tab.picture("simulate-beside")
+
+    page.emulate_media(reduced_motion="no-preference")
+    page.keyboard.press("Home")
+    page.click("button:text-is('Play')")
+    page.wait_for_selector(f".motion[data-row='{len(run.time) - 1}']")
+    tab.check()
+    assert pn.Drive.load("axis.toml").load.mass_kg == 0.0  # nothing was written

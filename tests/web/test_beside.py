@@ -1,0 +1,116 @@
+"""What is shown beside a run is what Python and the command line give; p-V loops hold the mass that flowed in."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import polars as pl
+import pytest
+
+import pneudrive as pn
+from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
+from pneudrive.web.live import answer
+from pneudrive.web.messages import unpack
+from pneudrive.web.workspace import Workspace
+from web.conftest import DRIVE, Served
+from web.test_control import shell
+from web.test_views import post
+
+ASKED = {
+    "path": "axis.toml",
+    "changes": {"load.mass": "2 kg"},
+    "command": "0 s: 0.3, 0.25 s: -0.3",
+    "duration": "0.4 s",
+    "initial": "position = 100 mm",
+}
+SHOWN = ["position_m", "pressure_a_pa"]
+
+
+def asked(served: Served, **beside: object) -> tuple[dict, dict]:
+    head, arrays = unpack(answer(Workspace.at(served.folder), json.dumps(ASKED | beside)))
+    assert "problems" not in head, head
+    return head, arrays
+
+
+def test_loops_hold_the_mass_that_flowed_in(served: Served) -> None:
+    """Mass p V/(R T) at the end less that at the start is the integral of the mass flow, of a rod on one side too."""
+    rod = (
+        DRIVE
+        + '\n[cylinder]\nkind = "single-rod"\nrod_diameter = "10 mm"\ndead_volume = { a = "15 cm3", b = "9 cm3" }\n'
+    )
+    (served.folder / "axis.toml").write_text(rod)
+    head, arrays = asked(served, loops=True, motion=True)
+    assert head["loops"] == ["cylinder.a", "cylinder.b"]
+    assert head["cylinders"][0]["stroke_m"] == 0.5
+    drive = pn.Drive.load(served.folder / "axis.toml").replace(ASKED["changes"])
+    run = pn.simulate(drive, ASKED["command"], "0.4 s", initial=ASKED["initial"], sample_rate="20 kHz")
+    for end in "ab":
+        volume, pressure = (arrays[f"loop/cylinder.{end}/{axis}"] for axis in ("volume_m3", "pressure_pa"))
+        temperature = run[f"temperature_{end}"].to_numpy()[::20]
+        mass = pressure * volume / (AIR_GAS_CONSTANT_J_KG_K * temperature)
+        flowed = np.trapezoid(run[f"mass_flow_{end}"].to_numpy(), run.time.to_numpy())
+        assert mass[-1] - mass[0] == pytest.approx(flowed, rel=1e-3)  # the flow jumps between two samples
+        assert np.array_equal(pressure, arrays[f"pressure_{end}_pa"])
+
+
+def test_other_drives_and_files_are_those_of_python(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    (served.folder / "light.toml").write_text(DRIVE.replace("1.5 kg", "0.5 kg"))
+    monkeypatch.chdir(served.folder)
+    shell(served, "pneudrive simulate light.toml --command '0 s: 0.3' --duration '0.3 s' --out kept.parquet")
+    others = ["light.toml", "kept.parquet"]
+    head, arrays = asked(served, others=others)
+    copied = post(served, "/api/copy", ASKED | {"others": others, "columns": SHOWN})
+    names: dict = {}
+    exec(copied["python"], names)
+    assert np.array_equal(arrays["position_m"], names["run"].position.to_numpy())
+    assert np.array_equal(arrays["1/position_m"], names["run_1"].position.to_numpy())
+    assert np.array_equal(arrays["2/position_m"], names["run_2"]["position_m"].to_numpy())
+    light, kept = head["others"]
+    off = np.abs(names["run"].pressure_a.to_numpy() - names["run_1"].pressure_a.to_numpy())
+    assert light["largest"]["pressure_a_pa"] == off.max() > 1e3
+    assert kept["ends"]["velocity_m_s"] == names["run_2"]["velocity_m_s"][-1]
+    shell(served, copied["command"])
+    assert np.array_equal(pl.read_parquet("light.parquet")["position_m"], arrays["1/position_m"])
+    assert np.array_equal(pl.read_parquet("axis.parquet")["position_m"], arrays["position_m"])
+
+
+def test_a_band_is_that_of_many_members(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    spreads = {"friction.coulomb": [20.0, 36.0, "N"], "supply.pressure": [6, 8, "bar abs"]}
+    head, arrays = asked(served, spreads=spreads)
+    assert head["band"]["members"] == 200
+    copied = post(served, "/api/copy", ASKED | {"spreads": spreads, "columns": SHOWN})
+    monkeypatch.chdir(served.folder)
+    names: dict = {}
+    exec(copied["python"], names)
+    for column, name in (("position_m", "position"), ("pressure_a_pa", "pressure_a")):
+        low, high = names["band"][name].to_numpy()
+        assert np.array_equal(arrays[f"band/{column}/low"], low)
+        assert np.array_equal(arrays[f"band/{column}/high"], high)
+        own = np.interp(arrays["band/time_s"], arrays["time_s"], arrays[column])
+        wide = high - low > 0.1 * (high - low).max()
+        assert ((low < own) & (own < high))[wide].mean() > 0.9  # the run is in their middle
+    shell(served, copied["command"].splitlines()[-1])
+    table = pl.read_parquet("axis-band.parquet")
+    many = names["many"]
+    assert np.array_equal(np.stack(table["position_m"].to_numpy()), many["position"].to_numpy())
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        {"others": ["../axis.toml"]},
+        {"others": ["none.parquet"]},
+        {"others": [3]},
+        {"others": ["axis.toml"] * 8},
+        {"spreads": {"friction.coulomb": [2, 1, "N"]}},
+        {"spreads": {"friction.coulomb": [1, 2, "N), file:x"]}},
+        {"spreads": {"../x": [1, 2, "N"]}},
+        {"spreads": {"friction.coulomb": [1, 2, "bar"]}},
+        {"spreads": {"friction.coulomb": ["1", 2, "N"]}},
+    ],
+)
+def test_what_cannot_be_shown_beside_is_answered_in_words(served: Served, beside: dict) -> None:
+    head, arrays = unpack(answer(Workspace.at(served.folder), json.dumps(ASKED | beside)))
+    assert head["problems"][0]["what"]
+    assert not arrays
