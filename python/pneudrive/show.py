@@ -1,7 +1,7 @@
 """Display of results and descriptions at the prompt: a short table, as plain text and in a notebook.
 
-A class derives from `Shown` and gives the content of its `Card`. Long content is cut, and the card says how much is
-left out; texts are escaped in one place.
+A class derives from `Shown` and gives the content of its `Card`; one that has a picture shows it above, in a notebook.
+Long content is cut, and the card says how much is left out; texts are escaped in one place.
 """
 
 from __future__ import annotations
@@ -10,8 +10,11 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
 from html import escape
+from importlib import import_module
 from itertools import islice, zip_longest
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
+
+from pneudrive.errors import DescriptionError
 
 #: Largest sizes of a card.
 MOST_ROWS, MOST_NOTES, MOST_LETTERS, MOST_ENTRIES = 30, 8, 200, 6
@@ -37,7 +40,16 @@ class Card(NamedTuple):
 
 
 class Shown:
-    """Base of classes that show their card as ``repr`` and in a notebook."""
+    """Base of classes that show their card as ``repr`` and in a notebook.
+
+    Attributes
+    ----------
+    picture_home : str
+        Module and function that draw an object as SVG text, ``"package.module:function"``; empty for no picture. By its
+        name, since whoever draws knows this module.
+    """
+
+    picture_home: ClassVar[str] = ""
 
     def _card(self) -> Card:
         """Return the card: by default the lines of ``str`` with the first one as the title, or else the fields."""
@@ -51,7 +63,16 @@ class Shown:
         return text_of(self._card())
 
     def _repr_html_(self) -> str:
-        return html_of(self._card())
+        return self._picture() + html_of(self._card())
+
+    def _picture(self) -> str:
+        if not self.picture_home:
+            return ""
+        module, _, name = self.picture_home.partition(":")
+        try:
+            return getattr(import_module(module), name)(self)
+        except DescriptionError:  # a circuit that has no drawing still has its card
+            return ""
 
 
 def card_of(text: str) -> Card:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
+import lzma
 import re
 import subprocess
 import sys
@@ -23,7 +23,7 @@ import pneudrive as pn
 from oracle import fmu_calls
 from pneudrive.cli.main import run as command_line
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.fmu.binary import library_path
+from pneudrive.fmu import binary
 
 SMOOTH = pn.Drive.load("catalogue:reference")  # bristles, no event
 STICKY = SMOOTH.replace({"friction": {"law": "coulomb", "coulomb": "30 N", "viscous": "40 N s/m"}})
@@ -308,12 +308,24 @@ def test_in_co_simulation_a_motor_moves_the_piston_and_tells_the_mean_force(tmp_
 
 
 def test_the_library_has_every_function_of_the_standards():
-    library = ctypes.CDLL(str(library_path()))
+    library = binary.load_library()
     for version, count in (("2", 40), ("3", 70)):
         text = Path(fmpy.__file__).with_name("c-code").joinpath(f"fmi{version}FunctionTypes.h").read_text("utf-8")
         names = set(re.findall(rf"\b(fmi{version}\w+)TYPE\s*\(", text))
         assert len(names) > count
         assert [name for name in sorted(names) if not hasattr(library, name)] == []
+
+
+def test_a_wheel_has_the_library_packed_and_a_copy_without_it_says_so(tmp_path, monkeypatch):
+    packed = tmp_path / f"{binary.library_name()}.xz"
+    monkeypatch.setattr(binary, "__file__", str(tmp_path / "binary.py"))
+    with pytest.raises(CommandError, match=r"lacks the library[\s\S]*make setup"):
+        binary.library_bytes.__wrapped__()
+    packed.write_bytes(lzma.compress(b"no library"))
+    assert binary.library_bytes.__wrapped__() == b"no library"
+    monkeypatch.setattr(binary, "library_bytes", binary.library_bytes.__wrapped__)
+    with pytest.raises(CommandError, match=r"cannot be loaded[\s\S]*TMPDIR"):
+        binary.load_library.__wrapped__()
 
 
 def test_a_user_exports_a_drive_file_and_runs_it_in_fmpy(tmp_path, capsys):

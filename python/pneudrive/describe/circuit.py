@@ -8,7 +8,7 @@ import re
 from functools import cached_property, lru_cache, partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -63,6 +63,8 @@ class Circuit(Described):
     >>> bool(run["tank.pressure"][-1] < 4e5)
     True
     """
+
+    picture_home: ClassVar[str] = "pneudrive.report.circuit_svg:circuit_svg"
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
     name: str = "unnamed circuit"

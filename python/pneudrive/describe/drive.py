@@ -7,7 +7,7 @@ import json
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -55,6 +55,8 @@ class Drive(Described):
     >>> drive.cylinder.bore, drive.cylinder.bore_m, drive.friction.coulomb
     (25 mm, 0.025, 30 N)
     """
+
+    picture_home: ClassVar[str] = "pneudrive.report.circuit_svg:circuit_svg"
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
     name: str = "unnamed drive"

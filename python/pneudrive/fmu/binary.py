@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import lzma
 import sys
 import tempfile
 from functools import lru_cache
@@ -20,28 +21,54 @@ PLATFORMS = {
 _OK = 0
 
 
-def library_path() -> Path:
-    """Return the path of the library.
+def library_name() -> str:
+    """Return the file name that the library has on this platform."""
+    return f"libpneudrive{PLATFORMS.get(sys.platform, PLATFORMS['linux'])[0]}"
+
+
+@lru_cache(maxsize=1)
+def library_bytes() -> bytes:
+    """Return the library: in a copy of the source as it was built, in a wheel packed by xz.
 
     Raises
     ------
     CommandError
         This installation lacks it.
     """
-    suffix = PLATFORMS.get(sys.platform, PLATFORMS["linux"])[0]
-    found = Path(__file__).with_name(f"libpneudrive{suffix}")
-    if not found.is_file():
-        raise CommandError(
-            "this installation of pneudrive lacks the library for FMUs and C",
-            where=str(found),
-            remedy="Install a wheel of pneudrive; or, in a copy of its source, run `make setup`.",
-        )
-    return found
+    built = Path(__file__).with_name(library_name())
+    packed = built.with_name(f"{built.name}.xz")
+    if built.is_file():
+        return built.read_bytes()
+    if packed.is_file():
+        return lzma.decompress(packed.read_bytes())
+    raise CommandError(
+        "this installation of pneudrive lacks the library for FMUs and C",
+        where=str(built),
+        remedy="Install a wheel of pneudrive; or, in a copy of its source, run `make setup`.",
+    )
 
 
 @lru_cache(maxsize=1)
-def _loaded(path: Path) -> ctypes.CDLL:
-    library = ctypes.CDLL(str(path))
+def load_library() -> ctypes.CDLL:
+    """Return the library, loaded into this process.
+
+    Raises
+    ------
+    CommandError
+        This installation lacks it, or the folder for temporary files does not let it run.
+    """
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:  # Windows keeps a loaded file
+        file = Path(folder) / library_name()
+        file.write_bytes(library_bytes())
+        try:
+            library = ctypes.CDLL(str(file))
+        except OSError as error:
+            raise CommandError(
+                "the library for FMUs and C cannot be loaded",
+                where=str(file),
+                value=error,
+                remedy="Name a folder for temporary files from which programs may run: TMPDIR=FOLDER.",
+            ) from None
     library.fmi3InstantiateModelExchange.restype = ctypes.c_void_p
     return library
 
@@ -64,7 +91,7 @@ def count_events(json: str, token: str) -> int:
     CommandError
         This installation lacks the library.
     """
-    library, messages = _loaded(library_path()), []
+    library, messages = load_library(), []
 
     def log(_environment: Any, _status: int, _category: bytes, message: bytes) -> None:  # noqa: ANN401
         messages.append(message.decode())

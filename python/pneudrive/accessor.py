@@ -1,0 +1,147 @@
+"""``run.pneu``: a run in units of one's own, its strokes, its energy. xarray's way of adding to a data set."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from pneudrive import units
+from pneudrive.datasheet.strokes import stroke_of
+from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.units import UnitFloat
+
+if TYPE_CHECKING:
+    from pneudrive.datasheet.strokes import StrokeNumbers
+    from pneudrive.describe.drive import Drive
+
+_JOULE = " [J]"
+
+
+@xr.register_dataset_accessor("pneu")
+class Pneu:
+    """What a run of `pneudrive.simulate` offers beside its columns, as ``run.pneu``.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `pneudrive.simulate`, or read from its file.
+    """
+
+    def __init__(self, run: xr.Dataset) -> None:
+        self._run = run
+
+    def to(self, *wanted: str) -> xr.Dataset:
+        """Return the run in other units: each converts all columns and coordinates of its quantity.
+
+        Parameters
+        ----------
+        *wanted : str
+            Units, such as ``"bar"``, ``"mm"``, ``"degC"``. Pressures stay absolute.
+
+        Returns
+        -------
+        xarray.Dataset
+            A new one; ``units`` of each converted variable says its unit. Files and reports take runs in SI.
+
+        Raises
+        ------
+        CommandError
+            No column has the quantity of a unit.
+
+        Examples
+        --------
+        >>> import pneudrive as pn
+        >>> run = pn.simulate(pn.Drive.load("catalogue:reference"), 0.6, "0.1 s")
+        >>> shown = run.pneu.to("bar", "mm")
+        >>> float(run.position[0]), float(shown.position[0]), shown.position.units, shown.pressure_a.units
+        (0.25, 250.0, 'mm', 'bar')
+        """
+        changed: dict[str, xr.DataArray] = {}
+        for unit in wanted:
+            before = len(changed)
+            for name, values in self._run.variables.items():
+                try:
+                    factor, offset = units.converter(unit, _si(values))
+                except DescriptionError:  # of another quantity
+                    continue
+                shown = (np.asarray(values) - offset) / factor
+                changed[str(name)] = xr.DataArray(shown, dims=values.dims, attrs={**values.attrs, "units": unit})
+            if len(changed) == before:
+                raise CommandError(
+                    f'no column of this run is converted to "{unit}"',
+                    rule=f"a unit of {', '.join(sorted({_si(one) for one in self._run.variables.values()}))}",
+                )
+        return self._run.assign_coords({k: v for k, v in changed.items() if k in self._run.coords}).assign(
+            {k: v for k, v in changed.items() if k not in self._run.coords}
+        )
+
+    def strokes(self, drive: Drive) -> list[StrokeNumbers]:
+        """Return the numbers of each stroke: from each change of the command to the next.
+
+        Parameters
+        ----------
+        drive : Drive
+            The one of the run: its stroke and its masses.
+
+        Returns
+        -------
+        list of StrokeNumbers
+            Numbers as datasheets and reports show them, in the order of time; see `pneudrive.datasheet.strokes`.
+
+        Raises
+        ------
+        CommandError
+            The run is not one of this drive.
+
+        Examples
+        --------
+        >>> import pneudrive as pn
+        >>> drive = pn.Drive.load("catalogue:reference")
+        >>> run = pn.simulate(drive, "0 s: 0.6, 1 s: -0.6", "2 s")
+        >>> [(one.direction, f"{one.stroke_time:.3f} s") for one in run.pneu.strokes(drive)]
+        [(1, '0.136 s'), (-1, '0.324 s')]
+        """
+        if self._run.attrs.get("description_hash") != drive.description_hash or "command" not in self._run:
+            raise CommandError(
+                f'this run is not one of the drive "{drive.name}" as it is described now',
+                remedy="Give the drive that was simulated.",
+            )
+        time, command = (self._run[name].to_numpy() for name in ("time", "command"))
+        begins = [float(time[0]), *(float(time[k + 1]) for k in np.flatnonzero(np.diff(command)))]
+        ends = [*begins[1:], math.inf]
+        return [stroke_of(self._run, drive, *span) for span in zip(begins, ends, strict=True)]
+
+    def energy(self) -> dict[str, UnitFloat]:
+        """Return the accounts of energy of the run: heat, work and enthalpy over its boundary, positive inward.
+
+        Returns
+        -------
+        dict of str to UnitFloat
+            Account, such as ``"cylinder: friction heat"`` -> J, integrated with the motion.
+
+        Raises
+        ------
+        CommandError
+            The run was made without its accounts.
+
+        Examples
+        --------
+        >>> import pneudrive as pn
+        >>> run = pn.simulate(pn.Drive.load("catalogue:reference"), 0.6, "1 s", ledger=True)
+        >>> print(run.pneu.energy()["cylinder: friction heat"] < 0)  # it leaves the drive
+        True
+        """
+        ledger = self._run.attrs.get("ledger")
+        if not ledger:
+            raise CommandError("this run has no accounts of energy", remedy="Simulate with ledger=True.")
+        accounts = ledger["accounts"].items()
+        return {
+            name.removesuffix(_JOULE): UnitFloat(value, "J", "J") for name, value in accounts if name.endswith(_JOULE)
+        }
+
+
+def _si(values: xr.Variable) -> str:
+    return str(values.attrs.get("units", "1"))

@@ -1,0 +1,90 @@
+"""In a notebook: a drive with its circuit, a run in units of one's own, its strokes and its energy."""
+
+import math
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive.errors import CommandError
+
+COMMAND = "0 s: 0.6, 1 s: -0.6"
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return pn.Drive.load("catalogue:reference")
+
+
+@pytest.fixture(scope="module")
+def run(drive):
+    return pn.simulate(drive, COMMAND, "2 s", ledger=True)
+
+
+def test_a_drive_and_a_circuit_show_their_circuit_and_escape_every_text(drive):
+    hostile = "<script>alert(1)</script>"
+    for described in (drive, drive.circuit):
+        html = described.replace({"name": hostile})._repr_html_()
+        assert "<script" not in html
+        root = ET.fromstring(f"<div>{html}</div>")
+        drawing, card = root
+        assert drawing.tag == "{http://www.w3.org/2000/svg}svg"
+        texts = [one.text for one in drawing if one.tag.endswith("text")]
+        assert hostile in texts
+        assert any("25 mm" in str(text) for text in texts), "the bore beside its cylinder"
+        assert hostile in next(card.itertext())
+        assert not [one for one in root.iter() for name in one.attrib if name.startswith("on") or name == "href"]
+
+
+def test_a_drawing_has_every_shape_where_it_is_with_y_down(drive):
+    from pneudrive.report.circuit_shapes import circuit_shapes
+    from pneudrive.report.circuit_svg import circuit_svg
+
+    paper, shapes = circuit_shapes(drive)
+    drawing = ET.fromstring(circuit_svg(drive))
+    assert len(drawing) == len(shapes)
+    left, top, width, height = map(float, drawing.attrib["viewBox"].split())
+    assert (left, -top, left + width, -top - height) == pytest.approx(
+        (paper[0], paper[3], paper[2], paper[1]), rel=0.01
+    )
+    for one, shape in zip(drawing, shapes, strict=True):
+        if "points" in one.attrib:
+            drawn = np.array([pair.split(",") for pair in one.attrib["points"].split()], float)
+            assert drawn * [1, -1] == pytest.approx(np.array(shape.points), rel=1e-3, abs=1e-3)
+
+
+def test_one_unit_converts_all_columns_of_its_quantity(run):
+    shown = run.pneu.to("bar", "mm", "degC", "ms")
+    assert shown.pressure_a.to_numpy() == pytest.approx(run.pressure_a.to_numpy() / 1e5)
+    assert shown.pressure_b.units == "bar"
+    assert shown.bristle_deflection.to_numpy() == pytest.approx(1e3 * run.bristle_deflection.to_numpy())
+    assert float(shown.temperature_a[0]) == pytest.approx(float(run.temperature_a[0]) - 273.15)
+    assert float(shown.time[-1]) == 2000.0
+    assert (shown.velocity.to_numpy() == run.velocity.to_numpy()).all()
+    assert run.position.units == "m", "the run itself stays"
+    with pytest.raises(CommandError, match='no column of this run is converted to "kV"'):
+        run.pneu.to("kV")
+
+
+def test_strokes_are_those_between_the_commands(drive, run):
+    away, back = run.pneu.strokes(drive)
+    assert (away.direction, back.direction) == (1, -1)
+    impacts = run.attrs["impacts"]
+    assert away.stroke_time == pytest.approx(impacts[0]["time_s"], abs=1e-3)
+    assert away.end_speed == pytest.approx(impacts[0]["speed_m_s"], rel=1e-6)
+    first_back = next(one for one in impacts if one["end"] == "a")
+    assert back.stroke_time == pytest.approx(first_back["time_s"] - 1.0, abs=1e-3)
+    with pytest.raises(CommandError, match="not one of the drive"):
+        run.pneu.strokes(drive.replace({"load.mass": "1 kg"}))
+
+
+def test_energy_leaves_as_the_heat_of_friction(drive, run):
+    found = run.pneu.energy()
+    x, force = run.position.to_numpy(), run.friction_force.to_numpy()
+    work = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(x))
+    assert found["cylinder: friction heat"] == pytest.approx(-work, rel=0.01)
+    assert str(found["valve: enthalpy over the boundary"]).endswith(" J")
+    assert all(math.isfinite(one) for one in found.values())
+    with pytest.raises(CommandError, match="ledger=True"):
+        pn.simulate(drive, 0.6, "0.1 s").pneu.energy()
