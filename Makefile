@@ -23,7 +23,7 @@ RUST := Cargo.toml Cargo.lock $(wildcard .cargo/config.toml) \
 PAGE := $(wildcard page/*.json page/*.ts page/index.html page/src/* page/public/*) tools/page.py
 PYTEST_WORKERS ?= 2
 
-.PHONY: help setup demo test test-rust test-python test-page test-extras check bench docs fmt lock
+.PHONY: help setup demo test test-rust test-python test-page test-extras check bench docs wheel test-wheel fmt lock
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | awk -F '\t' '{printf "  make %-11s %s\n", $$1, $$2}'
@@ -39,7 +39,7 @@ test-rust: setup
 	CARGO_INCREMENTAL=0 cargo test --workspace --locked --tests
 
 test-python: setup
-	$(PY) -m pytest -n $(PYTEST_WORKERS) --ignore=tests/page
+	$(PY) -m pytest -n $(PYTEST_WORKERS) --ignore=tests/page --ignore=tests/documentation
 
 test-page: setup $(VENV)/.page  ## the page in a browser: PNEUDRIVE_CHROMIUM, else one on the path, else that of page/browser's lock
 	$(PY) -m pytest tests/page
@@ -63,9 +63,16 @@ check: setup  ## what CI runs before the tests: format, lint, types, layers, rep
 bench: setup $(VENV)/.bench $(if $(shell command -v gfortran),$(VENV)/.fortran)  ## work counts and seconds, side by side with other solvers
 	$(PY) -m benches
 
-docs: setup $(VENV)/.docs  ## the documentation, into docs/_build/html
+docs: setup $(VENV)/.docs $(VENV)/.page  ## the documentation, into docs/_build/html, its cells executed; opened in a browser
 	$(PY) -m sphinx --fail-on-warning --quiet -b html docs docs/_build/html
+	$(PY) -m pytest -q tests/documentation
 	@echo "docs/_build/html/index.html"
+
+wheel: setup  ## a wheel with core, library of FMUs and page in it, into out/wheels
+	$(PY) tools/wheel.py build
+
+test-wheel: wheel  ## the wheel in an empty environment, without Rust and node: the demo, the page, an FMU
+	$(PY) tools/wheel.py try
 
 fmt: setup  ## format Rust and Python, apply what ruff can repair
 	cargo fmt --all

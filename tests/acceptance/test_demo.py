@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
+from pneudrive.cli.demo import AXIS, SHIPPED
 from pneudrive.cli.main import run
 from pneudrive.errors import CampaignError
+from pneudrive.friction.recording.characterisation import characterise_recordings
 from pneudrive.signals import pool
 
 
@@ -31,10 +33,17 @@ def test_the_demo_prints_five_lines_and_where_the_report_lies(demonstration):
         assert (demonstration.folder / name).stat().st_size > 500
 
 
-def test_the_demo_elsewhere_says_where_to_run_it(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert run(["demo"]) == 2
-    assert "there are no recordings in data/measurements" in capsys.readouterr().err
+def test_a_folder_without_recordings_is_told(tmp_path, capsys):
+    assert run(["demo", "--out", str(tmp_path / "out"), "--measurements", str(tmp_path)]) == 2
+    assert f"there are no recordings in {tmp_path}" in capsys.readouterr().err
+
+
+def test_what_the_demo_has_elsewhere_can_be_characterised():
+    files = sorted(SHIPPED.glob("friction/*"))
+    found = characterise_recordings(files)
+    assert [one.recording.name for one in found.results] == ["O-ring_1bar", "O-ring_5bar"]
+    assert (SHIPPED / "LICENSE").is_file()
+    assert AXIS.is_file()
 
 
 def test_reproduce_says_of_each_sentence_whether_it_holds(reproduced, demonstration):

@@ -41,12 +41,33 @@ def test_names_that_the_pages_promise_are_exported():
     assert not {(name, page) for name, page in promised if not hasattr(pn, name)}
 
 
+def test_proofs_that_the_pages_name_exist():
+    for page in (ROOT / "docs").rglob("*.md"):
+        text = page.read_text("utf-8", "replace")
+        assert not [path for path in re.findall(r"`((?:crates|tests)/[\w/.]+)`", text) if not (ROOT / path).exists()], (
+            page
+        )
+        for name, path in re.findall(r"`(test_\w+)` in `(tests/[\w/.]+)`", text):
+            assert f"def {name}(" in (ROOT / path).read_text("utf-8"), (page, name)
+
+
 def _crates():
     told = subprocess.run(
         ["cargo", "metadata", "--format-version", "1", "--no-deps", "--offline"],
         cwd=ROOT, capture_output=True, check=True,
     )  # fmt: skip
     return json.loads(told.stdout)["packages"]
+
+
+def test_there_is_one_version():
+    version = tomllib.loads((ROOT / "Cargo.toml").read_text("utf-8"))["workspace"]["package"]["version"]
+    assert pn.__version__ == version
+    assert "version" in tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dynamic"]
+    assert {crate["version"] for crate in _crates()} == {version}
+    citation = (ROOT / "CITATION.cff").read_text("utf-8")
+    keys = dict(re.findall(r"^([\w-]+): *(.*)$", citation, re.MULTILINE))
+    assert {"cff-version", "message", "title", "authors"} <= keys.keys(), "what the format asks for"
+    assert (keys["cff-version"], keys["version"], keys["license"]) == ("1.2.0", version, "Apache-2.0")
 
 
 def test_no_test_stands_where_cargo_does_not_look():

@@ -1,4 +1,4 @@
-"""``make demo``: real recordings, the source paper on a simulated rig, an axis under control; one report."""
+"""``pneudrive demo``: real recordings, the source paper on a simulated rig, an axis under control; one report."""
 
 from __future__ import annotations
 
@@ -8,12 +8,17 @@ from typing import Annotated
 import typer
 
 MEASUREMENTS = Path("data/measurements/zillen-2021-pneumatic-piston")
-AXIS = Path("examples/controlled_axis.toml")
+#: Two of the recordings and the axis, in every installation.
+SHIPPED = Path(__file__).parents[1] / "data" / "demo"
+AXIS = SHIPPED / "controlled_axis.toml"
 
 
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
-    measurements: Annotated[Path, typer.Option(help="Folder with the recordings.")] = MEASUREMENTS,
+    measurements: Annotated[
+        Path | None,
+        typer.Option(help="Folder with the recordings; default: the project's, else two that are shipped."),
+    ] = None,
 ) -> None:
     """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report."""
     from pneudrive.cli.output import writable_folder
@@ -31,11 +36,14 @@ def demo(
     from pneudrive.studies.identified_axis import identify_axis
 
     folder = writable_folder(out)
+    if measurements is None:
+        measurements = MEASUREMENTS if MEASUREMENTS.is_dir() else SHIPPED
     files = sorted([*measurements.glob("friction/*.csv*"), *measurements.glob("repeatability/*.csv*")])
     if not files:
         raise CommandError(
             f"there are no recordings in {measurements}",
-            remedy="Run the command in the project's folder, or add --measurements FOLDER.",
+            rule="friction/*.csv or repeatability/*.csv",
+            remedy="Leave out --measurements, or name a folder with recordings.",
         )
     found = characterise_recordings(list(files))
     for name in ("map.parquet", "map.csv"):
@@ -44,7 +52,7 @@ def demo(
     if "stribeck" in fits.get(ALL_RECORDINGS, {}):
         fits[ALL_RECORDINGS]["stribeck"].to_toml(folder / "fit.toml")
     made = reproduce(folder / FOLDER)
-    more = (identify_axis(Circuit.load(AXIS)).section(),) if AXIS.is_file() else ()
+    more = (identify_axis(Circuit.load(AXIS)).section(),)
     report = write_report(found, fits, folder, WithSections(made, more))
     for number, line in enumerate(verdict(found, fits, made), 1):
         typer.echo(f"{number}. {line}")

@@ -1,0 +1,118 @@
+"""The wheel: built with core, library of FMUs and page in it, and tried where there is neither Rust nor node.
+
+python tools/wheel.py build    -> out/wheels/, from what `make setup` has built
+python tools/wheel.py try      installs it into an empty environment: the demo, the page, an FMU
+"""
+
+from __future__ import annotations
+
+import lzma
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+import urllib.request
+import venv
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+WHEELS = ROOT / "out" / "wheels"
+PACKAGE = ROOT / "python" / "pneudrive"
+PAGE = "pneudrive/web/built/index.html"
+#: Code of the processor is packed as such, before anything else of it is.
+FILTERS = [{"id": lzma.FILTER_X86}, {"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "pb": 0}]
+MOST_BYTES = 7_400_000  # the goal is 6 MB: most of the core is code of parts and laws, once for each kind of number
+
+
+def build() -> Path:
+    """Build the wheel; stop where it is too large or lacks a part."""
+    libraries = [path for path in (PACKAGE / "fmu").glob("libpneudrive.*") if path.suffix != ".xz"]
+    packed = [path.with_name(f"{path.name}.xz") for path in libraries]
+    shutil.rmtree(WHEELS, ignore_errors=True)
+    words = ["maturin", "build", "--release", "--quiet", "--compression-level", "9", "--out", str(WHEELS)]
+    try:
+        for path, target in zip(libraries, packed, strict=True):
+            target.write_bytes(lzma.compress(path.read_bytes(), filters=FILTERS))
+        subprocess.run([Path(sys.executable).with_name(words[0]), *words[1:]], cwd=ROOT, check=True)
+    finally:
+        for target in packed:
+            target.unlink(missing_ok=True)
+    (wheel,) = WHEELS.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+        parts = sorted(((one.compress_size, one.filename) for one in archive.infolist()), reverse=True)
+    size = wheel.stat().st_size
+    print(f"{wheel.relative_to(ROOT)}: {size / 1e6:.2f} MB, {len(names)} files")
+    for bytes_, name in parts[:4]:
+        print(f"{bytes_ / 1e6:9.2f} MB {name}")
+    version = tomllib.loads((ROOT / "Cargo.toml").read_text("utf-8"))["workspace"]["package"]["version"]
+    wrong = [] if size < MOST_BYTES else [f"{size} bytes are more than {MOST_BYTES}"]
+    wrong += [] if wheel.name.startswith(f"pneudrive-{version}-") else [f"its version is not {version}"]
+    wrong += [
+        f"it lacks {name}" for name in [PAGE, *(f"pneudrive/fmu/{one.name}" for one in packed)] if name not in names
+    ]
+    if wrong or not packed:
+        sys.exit("wheel: " + "; ".join(wrong or ["the library of FMUs is not built: make setup"]))
+    return wheel
+
+
+def attempt() -> None:
+    """Install the wheel into an empty environment, outside of the source, and use it there without Rust and node."""
+    (wheel,) = WHEELS.glob("*.whl")
+    with tempfile.TemporaryDirectory() as folder:
+        home = Path(folder)
+        venv.create(home / "venv", with_pip=True)
+        bin_ = home / "venv" / "bin"
+        path = os.pathsep.join([str(bin_), "/usr/bin", "/bin"])
+        clean = {"PATH": path, "HOME": folder, "TMPDIR": folder, "LANG": "C.UTF-8"}
+        clean |= {
+            key: value for key, value in os.environ.items() if key.startswith(("PIP_", "SSL_", "HTTPS_", "HTTP_"))
+        }
+        lacking = [name for name in ("cargo", "rustc", "node", "npm") if shutil.which(name, path=path)]
+        if lacking:
+            print(f"wheel: {', '.join(lacking)} on the path all the same", file=sys.stderr)
+
+        def run(*words: str) -> str:
+            done = subprocess.run(words, cwd=home, env=clean, capture_output=True, text=True, check=False)
+            if done.returncode:
+                sys.exit(f"wheel: {' '.join(words)} ends with {done.returncode}\n{done.stdout}{done.stderr}")
+            return done.stdout
+
+        run("pip", "install", "--quiet", "--disable-pip-version-check", f"{wheel}[web]")
+        print(run("pneudrive", "--version").strip())
+        print(run("pneudrive", "demo").strip())
+        print(run("pneudrive", "export", "catalogue:reference", "--to", "fmu", "--out", "drive.fmu").splitlines()[0])
+        words = ["pneudrive", "web", "studies", "--no-browser", "--port", "0"]
+        (home / "studies").mkdir()
+        server = subprocess.Popen(words, cwd=home, env=clean, stdout=subprocess.PIPE, text=True)
+        try:
+            assert server.stdout
+            address = server.stdout.readline().strip()
+            with urllib.request.urlopen(address.partition("#")[0]) as answer:
+                page = answer.read().decode()
+            if answer.status != 200 or "/assets/index-" not in page:
+                sys.exit("wheel: pneudrive web does not show its page")
+            print(f"pneudrive web: {address.partition('#')[0]} answers {answer.status}, {len(page)} bytes")
+        finally:
+            server.kill()
+            server.communicate()
+
+
+def main() -> int:
+    """Run the command line."""
+    match sys.argv[1:]:
+        case ["build"]:
+            build()
+        case ["try"]:
+            attempt()
+        case _:
+            print(__doc__, file=sys.stderr)
+            return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
