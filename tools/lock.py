@@ -31,7 +31,7 @@ EXTRAS = {
     "bench.txt": ["bench"],
     "fortran.txt": ["bench", "fortran"],
     "extras.txt": ["extras"],
-    "page.txt": ["page"],
+    "page.txt": ["page", "notebook"],
 }
 
 

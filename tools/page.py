@@ -50,7 +50,8 @@ def install(folder: Path) -> None:
 def build(target: Path = BUILT) -> None:
     """Build the page into a folder."""
     install(PAGE)
-    run_npm(PAGE, "run", "build", "--", "--logLevel", "warn", "--outDir", str(target))
+    for script in ("build", "build-widget"):  # the first one empties the folder
+        run_npm(PAGE, "run", script, "--", "--logLevel", "warn", "--outDir", str(target))
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from pneudrive.ensemble.many import simulate_many as simulate_many
     from pneudrive.ensemble.sensitivity import sensitivity as sensitivity
     from pneudrive.errors import PneudriveError as PneudriveError
+    from pneudrive.explore import explore as explore
     from pneudrive.fmu.c_folder import export_c as export_c
     from pneudrive.fmu.package import export_fmu as export_fmu
     from pneudrive.friction.campaign.characteristics import characterise as characterise
@@ -77,6 +78,7 @@ _HOME = {
     **dict.fromkeys(["Initial", "Load", "SealPressure", "Spring", "Supply", "Valve"], "pneudrive.describe"),
     **dict.fromkeys(["simulate", "citations"], "pneudrive.simulate"),
     "catalogue_folders": "pneudrive.describe.catalogue",
+    "explore": "pneudrive.explore",
     "export_c": "pneudrive.fmu.c_folder",
     "export_fmu": "pneudrive.fmu.package",
     "lines": "pneudrive.lines",

@@ -2,6 +2,7 @@
 
 import math
 import xml.etree.ElementTree as ET
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -88,3 +89,15 @@ def test_energy_leaves_as_the_heat_of_friction(drive, run):
     assert all(math.isfinite(one) for one in found.values())
     with pytest.raises(CommandError, match="ledger=True"):
         pn.simulate(drive, 0.6, "0.1 s").pneu.energy()
+
+
+def test_without_a_live_notebook_sliders_are_text(drive, monkeypatch):
+
+    monkeypatch.setattr(import_module("pneudrive.explore"), "is_live", lambda: False)
+    shown = pn.explore(drive, COMMAND, "2 s")
+    bundle = shown._repr_mimebundle_()
+    assert 'pip install "pneudrive[notebook]"' in bundle["text/plain"]
+    assert f"{float(shown.simulate().position[-1]):.6g} m" in bundle["text/plain"]
+    assert bundle["text/html"].startswith("<svg ")
+    with pytest.raises(CommandError, match=r'"friction\.law" has no slider'):
+        pn.explore(drive, sliders=["friction.law"])

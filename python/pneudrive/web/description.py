@@ -17,6 +17,8 @@ from pneudrive.web.workspace import is_in_catalogue
 
 if TYPE_CHECKING:
     from pneudrive.describe.all_values import DescribedValue
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
     from pneudrive.web.workspace import Workspace
 
 _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s+(\S.*)")
@@ -34,10 +36,14 @@ def checked(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
         described = described_at(workspace, path, text)
     except PneudriveError as error:
         return {"problems": problems_of(error)}
+    return {"problems": [], **fields_of(described)}
+
+
+def fields_of(described: Drive | Circuit) -> dict[str, Any]:
+    """Return the name, values, assumptions and commands of a description, and the sliders to begin with."""
     values = [_field(one) for one in values_of(described)]
     slides = [one["key"] for end in FIRST_SLIDERS for one in values if "low" in one and _ends(one["key"], end)]
     return {
-        "problems": [],
         "name": described.name,
         "kind": "circuit" if is_circuit(described) else "drive",
         "valves": list(described.commandable) if is_circuit(described) else [],

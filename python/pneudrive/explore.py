@@ -1,0 +1,183 @@
+"""Sliders on a running simulation in a notebook, made of the parts of the page of `pneudrive web`."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.errors import Cancelled, CommandError, PneudriveError
+from pneudrive.show import Card, html_of, text_of
+from pneudrive.simulate import run, simulate
+from pneudrive.watch import Watch
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import xarray as xr
+
+    from pneudrive.command import Commands
+    from pneudrive.describe import Initial
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+
+#: What a live notebook needs: the widget of any notebook, and the server's own way of packing curves.
+NEEDED = ("anywidget", "starlette", "tomlkit")
+INSTALL = 'pip install "pneudrive[notebook]"'
+_BUILT = Path(__file__).with_name("web") / "built"
+
+
+class Explorer:
+    """A drive with sliders: shows itself where a notebook is live, and as text where it is not.
+
+    Attributes
+    ----------
+    changes : dict
+        Keys and values that the sliders have moved, as `replace` takes them.
+    """
+
+    def __init__(
+        self,
+        drive: Drive | Circuit,
+        command: Commands,
+        duration: str | float,
+        initial: Initial | Mapping[str, object] | str | None,
+        keys: Sequence[str],
+    ) -> None:
+        self._base, self._command, self._duration, self._initial = drive, command, duration, initial
+        self._keys = tuple(keys)
+        self._widget: Any = None
+        self.changes: dict[str, Any] = {}
+
+    @property
+    def drive(self) -> Drive | Circuit:
+        """The drive or circuit with the values of the sliders."""
+        return self._base.replace(self.changes) if self.changes else self._base
+
+    def simulate(self) -> xr.Dataset:
+        """Return the run that is shown, as `pneudrive.simulate` makes it."""
+        return simulate(self.drive, self._command, self._duration, initial=self._initial)
+
+    def begin(self) -> dict[str, Any]:
+        """Return what the widget begins with: name and sliders.
+
+        Raises
+        ------
+        CommandError
+            A slider is asked for what is no number of the description.
+        """
+        from pneudrive.web.description import fields_of
+
+        fields = fields_of(self._base)
+        free = {one["key"]: one for one in fields["values"] if "number" in one}
+        for key in self._keys:
+            if key not in free:
+                raise CommandError(
+                    f'"{key}" has no slider', rule="a number of the description", remedy=", ".join(list(free)[:20])
+                )
+        names = self._keys or fields["sliders"]
+        kept = ("key", "text", "number", "unit", "low", "high")
+        return {"name": self._base.name, "sliders": [{name: free[key][name] for name in kept} for key in names]}
+
+    def answer(self, asked: Mapping[str, Any]) -> bytes:
+        """Simulate with the changes of a message, and return the frame that the widget draws."""
+        from pneudrive.web.asked_run import RunLimit
+        from pneudrive.web.live import frame_of
+        from pneudrive.web.messages import pack, problems_of
+
+        head = {"number": asked.get("number")}
+        try:
+            changes = dict(asked.get("changes") or {})
+            described = self._base.replace(changes) if changes else self._base
+            done = run(described, self._command, self._duration, initial=self._initial, watch=Watch(cancel=RunLimit()))
+        except Cancelled:
+            error: PneudriveError = CommandError("the run takes too long to follow a slider", remedy="Make it shorter.")
+        except PneudriveError as wrong:
+            error = wrong
+        else:
+            self.changes = changes
+            return frame_of(done, int(asked.get("pixels", 1000)), head)
+        return pack({**head, "problems": problems_of(error)}, {})
+
+    def _repr_mimebundle_(self, **options: Any) -> Any:  # noqa: ANN401 - what a notebook takes
+        card = self._card()
+        shown = {"text/plain": text_of(card), "text/html": self.drive._repr_html_() + html_of(card)}
+        if not is_live():
+            return shown
+        self._widget = self._widget or self._made()
+        made = self._widget._repr_mimebundle_(**options)
+        bundle, about = made if isinstance(made, tuple) else (made or {}, {})
+        return {**bundle, **shown}, about
+
+    def __repr__(self) -> str:
+        return text_of(self._card())
+
+    def _card(self) -> Card:
+        """Return what is shown where nothing moves: the end of the run, and how to make it move."""
+        found = self.simulate()
+        ends = {name: one for name, one in found.data_vars.items() if name in ("position", "pressure_a", "pressure_b")}
+        rows = [(str(name), f"{float(one[-1]):.6g} {one.attrs['units']}") for name, one in ends.items()]
+        rows += [(key, str(value)) for key, value in self.changes.items()]
+        note = "" if is_live() else f"Sliders need a live notebook and {INSTALL}."
+        return Card(f"{self._base.name}, at the end of {self._duration}", rows=rows, notes=[note] if note else [])
+
+    def _made(self) -> Any:  # noqa: ANN401 - a class that exists where its library does
+        import anywidget  # pyright: ignore[reportMissingImports] - an extra
+        import traitlets
+
+        class Sliders(anywidget.AnyWidget):
+            _esm = _BUILT / "widget.js"
+            _css = _BUILT / "widget.css"
+            begin = traitlets.Dict().tag(sync=True)
+
+        made = Sliders(begin=self.begin())
+        made.on_msg(lambda widget, asked, _buffers: widget.send({}, [self.answer(asked)]))
+        return made
+
+
+def is_live() -> bool:
+    """Whether this installation has what a live notebook needs."""
+    return all(find_spec(name) for name in NEEDED) and (_BUILT / "widget.js").is_file()
+
+
+def explore(
+    drive: Drive | Circuit,
+    command: Commands = "0 s: 1, 1 s: -1",
+    duration: str | float = "2 s",
+    *,
+    initial: Initial | Mapping[str, object] | str | None = None,
+    sliders: Sequence[str] = (),
+) -> Explorer:
+    """Show a drive in a notebook with sliders; its run follows them.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+        What is simulated.
+    command, duration, initial
+        As `pneudrive.simulate` takes them; the run is short enough to follow a slider: 2 s on the clock.
+    sliders : sequence of str
+        Numbers of the description, such as ``"friction.coulomb"``; by default friction, supply and mass.
+
+    Returns
+    -------
+    Explorer
+        Its ``drive`` has the values of the sliders, ``simulate()`` gives the run that is shown. Without a browser, or
+        without ``pip install "pneudrive[notebook]"``, it shows itself as text.
+
+    Raises
+    ------
+    CommandError
+        A slider is asked for what is no number of the description.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> shown = pn.explore(pn.Drive.load("catalogue:reference"), 0.6, "0.1 s", sliders=["friction.coulomb"])
+    >>> shown.drive.friction.coulomb
+    30 N
+    """
+    made = Explorer(drive, command, duration, initial, sliders)
+    if sliders:
+        made.begin()
+    return made
