@@ -1,6 +1,7 @@
 """Sphinx configuration."""
 
 from importlib import import_module
+from pathlib import Path
 
 project = "pneudrive"
 author = "the pneudrive developers"
@@ -8,6 +9,10 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ex
 exclude_patterns = ["_build"]
 html_theme = "pydata_sphinx_theme"
 html_title = "pneudrive"
+html_context = {"default_mode": "auto"}  # of light and dark; left out, the theme complains in the browser
+# Formulas are drawn by what the page's lock names, so that no page asks another machine for anything.
+html_static_path = [str(Path(__file__).parents[1] / "page/node_modules/mathjax/es5/tex-svg.js")]
+mathjax_path = "tex-svg.js"
 bibtex_bibfiles = ["../references.bib"]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 nb_execution_mode = "cache"
