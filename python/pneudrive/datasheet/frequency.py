@@ -28,6 +28,7 @@ SMALL = 0.05  # command whose steady motion gives the pressures of the operating
 SINE_HZ, AMPLITUDES = (1.0, 2.0, 4.0, 8.0), (0.05, 0.1, 0.2, 0.4)
 STEPS, SETTLING, COUNTED = 200, 4, 2  # of the command in a period; periods before, and looked at
 HARMONICS = 10
+LOADS = (0.2, 0.3, 0.4)  # of the blocked force at full command: amplitudes of a load
 
 
 def moving_pressures(plant: HeldDrive, position: float) -> tuple[float, float]:
@@ -106,10 +107,56 @@ def _harmonics(plant: HeldDrive, amplitude: float, frequency: float) -> tuple[fl
     last = slice(SETTLING * STEPS, periods * STEPS)
     if np.abs(columns["end_stop_force_n"][last]).max() > 0.0:
         return math.nan, math.nan, math.nan
-    spectrum = np.fft.rfft(columns["velocity_m_s"][last])[::COUNTED] * 2.0 / (COUNTED * STEPS)
-    first = spectrum[1] * 1j  # over a sine
+    return _over_sine(columns["velocity_m_s"][last], amplitude)
+
+
+def _over_sine(values: Array, amplitude: float) -> tuple[float, float, float]:
+    """Return gain and phase, in degrees, of the first harmonic over a sine, and the distortion."""
+    spectrum = np.fft.rfft(values)[::COUNTED] * 2.0 / (COUNTED * STEPS)
+    first = spectrum[1] * 1j
     distortion = float(np.sqrt(np.sum(np.abs(spectrum[2 : HARMONICS + 1]) ** 2))) / abs(first)
     return abs(first) / amplitude, math.degrees(np.angle(first)), distortion
+
+
+def _load_describing(
+    plant: HeldDrive,
+    amplitudes: Any = None,  # noqa: ANN401
+    frequencies: Any = SINE_HZ,  # noqa: ANN401
+    pressures: Any = None,  # noqa: ANN401
+) -> Found:
+    from pneudrive.datasheet.steady import full_force
+
+    if amplitudes is None:
+        most = min(full_force(plant, direction)[0] for direction in (1.0, -1.0))
+        amplitudes = [share * most for share in LOADS]
+    gas = gas_at(plant, pressures)
+    grid = np.array([[_load_harmonics(plant, float(a), float(f), gas) for f in frequencies] for a in amplitudes])
+    over = ("amplitude", "frequency")
+    axes = {
+        "amplitude": ResultValue(("amplitude",), list(map(float, amplitudes)), "N", "amplitude of the load"),
+        "frequency": ResultValue(("frequency",), list(map(float, frequencies)), "Hz", "frequency"),
+    }
+    return axes, {
+        "compliance": ResultValue(over, grid[:, :, 0], "m/N", "first harmonic of the position over the amplitude"),
+        "phase": ResultValue(over, grid[:, :, 1], "deg", "phase of the first harmonic"),
+        "distortion": ResultValue(over, grid[:, :, 2], "1", "harmonics 2 to 10 over the first one, root of squares"),
+    }
+
+
+def _load_harmonics(plant: HeldDrive, amplitude: float, frequency: float, gas: Array) -> tuple[float, float, float]:
+    """Return gain, phase and distortion of the position under a load, valve shut; NaN where the piston meets an end."""
+    rate, periods = STEPS * frequency, SETTLING + COUNTED
+    session = plant.session(0.0, 0.5 * plant.stroke_m, 0.0, gas)
+    sine = amplitude * np.sin(2.0 * math.pi * (np.arange(periods * STEPS) + 0.5) / STEPS)  # held from step to step
+    session.schedule(plant.load, [(k / rate, float(force)) for k, force in enumerate(sine)])
+    session.advance(SETTLING / frequency)
+    positions = []
+    for k in range(COUNTED * STEPS):
+        session.advance((SETTLING * STEPS + k) / rate)
+        positions.append(session.read(f"{plant.piston}.position_m"))
+    if min(positions) <= 0.0 or max(positions) >= plant.stroke_m:
+        return math.nan, math.nan, math.nan
+    return _over_sine(np.array(positions), amplitude)
 
 
 CHARACTERISTICS = (
@@ -141,5 +188,21 @@ CHARACTERISTICS = (
         settings={"amplitudes": (AMPLITUDES, "of the command"), "frequencies": (SINE_HZ, "Hz")},
         slow=True,
         held=False,
+    ),
+    Characteristic(
+        name="load-describing-function",
+        title="Response to large sines of the load",
+        definition="First harmonic of the position over a sinusoidal load with the valve shut, for amplitudes and "
+        "frequencies, and the other harmonics over it; from mid stroke, where the piston does not meet an end.",
+        algorithm="simulated, load in 200 steps a period; two periods by Fourier transform after four of settling",
+        find=_load_describing,
+        x="frequency",
+        y="compliance",
+        settings={
+            "amplitudes": (None, "of the load, N; default: 20, 30 and 40 % of the blocked force at full command"),
+            "frequencies": (SINE_HZ, "Hz"),
+            "pressures": (None, "of both chambers; default: half way from ambient to supply"),
+        },
+        slow=True,
     ),
 )

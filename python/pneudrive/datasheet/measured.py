@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, moving_mass, stroke_numbers
+from pneudrive.datasheet.tank_method import TankAir, is_of_tank, tank_air
 from pneudrive.errors import CampaignError, LayoutError, PneudriveError, RecordingError
 from pneudrive.friction.friction_map import write_map
 from pneudrive.friction.recording.characterisation import characterise_recordings
@@ -59,7 +60,7 @@ class ComparedNumber:
     Attributes
     ----------
     stroke : str
-        Command and direction.
+        Command and direction, or the half period of the cycles whose air was measured.
     name, unit : str
     measured, low, high : float
         Mean of the repeats and its 95 % interval; NaN ends for a single stroke.
@@ -130,7 +131,7 @@ class MeasuredBeside:
             out.append(
                 (
                     good == len(self.numbers),
-                    f"{good} of {len(self.numbers)} numbers of strokes agree with the recordings",
+                    f"{good} of {len(self.numbers)} numbers agree with the recordings",
                 )
             )
         if self.friction is not None:
@@ -150,6 +151,9 @@ def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch:
         A recording cannot be used.
     """
     names = tuple(path.name for path in recordings)
+    of_tank = [path for path in recordings if not is_friction(path) and is_of_tank(path, layout)]
+    if of_tank:
+        return _with_air(drive, recordings, of_tank, layout, watch)
     if any(is_friction(path) for path in recordings):
         if len(recordings) > 1:
             raise CampaignError(
@@ -165,6 +169,24 @@ def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch:
     responses = tuple(one for record in validated.records if (one := response_of(record)) is not None)
     marked = all(SYNTHETIC in record.recording.labels for record in validated.records)
     return MeasuredBeside(validated, numbers, responses, None, validated.synthetic or marked, names)
+
+
+def _with_air(
+    drive: Drive, recordings: Sequence[Path], of_tank: list[Path], layout: Path | None, watch: Watch
+) -> MeasuredBeside:
+    """Read the air of cycles from recordings of a tank, and the other recordings as they are."""
+    others = [path for path in recordings if path not in of_tank]
+    rest = beside(drive, others, layout, watch) if others else MeasuredBeside(None, (), (), None, True, ())
+    airs: dict[str, list[TankAir]] = defaultdict(list)
+    for one in tank_air(drive, of_tank, layout):
+        airs[one.cycle].append(one)
+    found = []
+    for cycle, some in airs.items():
+        seen, told = np.array([one.measured for one in some]), np.array([one.simulated for one in some])
+        found.append(_compared(cycle, "air_per_cycle", seen, told, "l ANR"))
+    marked = all(one.synthetic for some in airs.values() for one in some)
+    names = tuple(path.name for path in recordings)
+    return replace(rest, numbers=(*rest.numbers, *found), synthetic=rest.synthetic and marked, names=names)
 
 
 def _of_piston(
@@ -192,19 +214,17 @@ def _numbers(drive: Drive, records: Iterable[RecordResult]) -> Iterable[Compared
             seen, told = (np.array([getattr(pair[side], name) for pair in pairs]) for side in (0, 1))
             both = np.isfinite(seen) & np.isfinite(told)
             if both.any():
-                yield _compared(stroke, name, seen[both], told[both])
+                yield _compared(stroke, name, seen[both], told[both], STROKE_MEANING[name][0])
 
 
-def _compared(stroke: str, name: str, seen: Array, told: Array) -> ComparedNumber:
+def _compared(stroke: str, name: str, seen: Array, told: Array, unit: str) -> ComparedNumber:
     from scipy.stats import t
 
     mean, model, n = float(seen.mean()), float(told.mean()), seen.size
     reach = float(t.ppf(0.975, n - 1) * seen.std(ddof=1) / math.sqrt(n)) if n > 1 else math.nan
     close = abs(model - mean) <= AGREES * abs(mean)
     agrees = close or (n > 1 and abs(model - mean) <= reach)
-    return ComparedNumber(
-        stroke, name, STROKE_MEANING[name][0], mean, mean - reach, mean + reach, n, model, bool(agrees)
-    )
+    return ComparedNumber(stroke, name, unit, mean, mean - reach, mean + reach, n, model, bool(agrees))
 
 
 def strokes_of(drive: Drive, record: RecordResult) -> Iterable[tuple[float, StrokeNumbers, StrokeNumbers]]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.datasheet.measured import MeasuredBeside, beside
+from pneudrive.datasheet.published import parts_of
 from pneudrive.datasheet.registry import characteristics, found_under
 from pneudrive.datasheet.words import written_value
 from pneudrive.errors import Cancelled, PneudriveError
@@ -131,6 +132,8 @@ _NUMBERS = (
     ("leakage, relative fall of pressure", "leakage", "decay_rate", "chamber"),
 )
 _PATHS = ("conductance", "critical_ratio")
+#: Label of a drive, and printed figure of a part: cycles that 90 % survive.
+LIFE = "b10_cycles"
 
 
 def build(
@@ -151,7 +154,15 @@ def build(
     for name in watch.each(OF_A_SHEET, "characteristics"):
         _try(drive, name, results, failed, intervals=intervals)
     return Datasheet(
-        drive, results, failed, tuple(_numbers(results)), tuple(values_of(drive)), tuple(_defaults(drive)), measured
+        *(
+            drive,
+            results,
+            failed,
+            (*_numbers(results), *_life(drive)),
+            tuple(values_of(drive)),
+            tuple(_defaults(drive)),
+        ),
+        measured,
     )
 
 
@@ -178,6 +189,20 @@ def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
             c, b = (shown(found, name, {"path": k}) for name in _PATHS)
             out.append(SheetNumber(f"C and b, {path}", c, b, standard))
     return out
+
+
+def _life(drive: Drive) -> list[SheetNumber]:
+    """Return the life of the drive and its parts as it is stated: nothing of it is computed."""
+    stated = [("drive, by its label", drive.labels[LIFE])] if LIFE in drive.labels else []
+    stated += [
+        (f"{part.name} [{one.source}]", str(one.value))
+        for part in parts_of(drive)
+        for one in part.printed
+        if one.key == LIFE
+    ]
+    return [SheetNumber(f"B10, stated: {name}", f"{value} cycles", "", "ISO 19973") for name, value in stated] or [
+        SheetNumber("B10", "not stated", "", "ISO 19973")
+    ]
 
 
 def _of_maps(results: dict[str, xr.Dataset]) -> list[SheetNumber]:

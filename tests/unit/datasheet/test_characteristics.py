@@ -233,6 +233,26 @@ def test_frequency_responses_meet_where_they_should():
     assert math.isnan(float(ends.gain[0, 0]))
 
 
+def test_a_load_moves_the_piston_as_its_linear_model_says_and_friction_holds_it():
+    from pneudrive.datasheet.linear import SIDE, gas_at, linear_model
+
+    smooth = DRIVE.replace({"friction": {"law": "coulomb", "coulomb": "1e-6 N", "viscous": "40 N s/m"}})
+    settings = {"frequencies": [1.0, 8.0], "pressures": "3 bar abs"}
+    found = pn.characteristic(smooth, "load-describing-function", amplitudes=[2.0], **settings)
+    linear = linear_model(HeldDrive(smooth), SIDE, 0.25, gas_at(HeldDrive(smooth), "3 bar abs"), 0.0, "sliding")
+    b = linear.B[:, linear.inputs.index("cylinder.load_force_n")]
+    c = linear.C[linear.outputs.index("cylinder.position_m")]
+    for k, f in enumerate(settings["frequencies"]):  # below and above the natural frequency, 4.4 Hz
+        own = c @ np.linalg.solve(2j * math.pi * f * np.eye(len(b)) - linear.A, b)
+        assert float(found.compliance[0, k]) == pytest.approx(abs(own), rel=0.01)
+        assert float(found.phase[0, k]) == pytest.approx(math.degrees(np.angle(own)), abs=1.0)
+    assert float(found.phase[0, 0]) > -45.0 > -135.0 > float(found.phase[0, 1])
+    rough = pn.characteristic(DRIVE, "load-describing-function", amplitudes=[20.0, 90.0], **settings)
+    below, above = (float(value) for value in rough.compliance[:, 0])
+    assert below < 2e-5 < 2e-4 < above < float(found.compliance[0, 0])  # 20 N against bristles of 1e5 N/m, then slip
+    assert float(rough.distortion[1, 0]) > float(found.distortion[0, 0])
+
+
 def test_sensitivities_are_exponents():
     found = pn.characteristic(DRIVE, "sensitivity", numbers=["cylinder.moving_mass", "valve.conductance"])
     table = {name: found.sel(parameter=name) for name in found.parameter.values}
@@ -247,10 +267,11 @@ def test_sensitivities_are_exponents():
 @pytest.mark.parametrize(
     ("name", "most"),
     [
-        # force, force with friction (its curve is assumed), flow: SMC prints whole litres, 276, 746, 1130
+        # force, force with friction (its curve is assumed), flow: SMC prints whole litres, 276, 746, 1130; the breakaway
+        # of the CM2Y is written as 9.8 N, 0.2 % below 0.02 MPa times its area
         ("parker-osp-p25-sy5000", {"theoretical": 2e-3, "effective": 1.5e-2, "nominal": 0.5 / 746}),
         ("parker-osp-p40-sy7000", {"theoretical": 2e-3, "effective": 1.5e-2, "nominal": 0.5 / 1130}),
-        ("smc-cm2y-25-sy3000", {"minimum": 1e-3, "nominal": 0.5 / 276}),
+        ("smc-cm2y-25-sy3000", {"minimum": 1.5e-3, "nominal": 0.5 / 276}),
     ],
 )
 def test_figures_that_makers_print_come_out_of_the_test_stands(name, most):
