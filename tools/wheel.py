@@ -66,14 +66,9 @@ def attempt() -> None:
         home = Path(folder)
         venv.create(home / "venv", with_pip=True)
         bin_ = home / "venv" / "bin"
-        path = os.pathsep.join([str(bin_), "/usr/bin", "/bin"])
-        clean = {"PATH": path, "HOME": folder, "TMPDIR": folder, "LANG": "C.UTF-8"}
-        clean |= {
-            key: value for key, value in os.environ.items() if key.startswith(("PIP_", "SSL_", "HTTPS_", "HTTP_"))
-        }
-        lacking = [name for name in ("cargo", "rustc", "node", "npm") if shutil.which(name, path=path)]
-        if lacking:
-            print(f"wheel: {', '.join(lacking)} on the path all the same", file=sys.stderr)
+        # On the path nothing but the environment: no Rust, no node, no compiler.
+        clean = {"PATH": str(bin_), "HOME": folder, "TMPDIR": folder, "LANG": "C.UTF-8"}
+        clean |= {key: value for key, value in os.environ.items() if key.startswith(("PIP_", "SSL_", "HTTP"))}
 
         def run(*words: str) -> str:
             done = subprocess.run(words, cwd=home, env=clean, capture_output=True, text=True, check=False)
