@@ -19,6 +19,7 @@ PAGES = {
     "gallery/model-holds": 0,
     "gallery/size-a-drive": 2,
     "gallery/hand-over": 0,
+    "guide/circuits": 1,
     "guide/web": 4,
     "guide/fmu": 0,
     "guide/c": 0,
