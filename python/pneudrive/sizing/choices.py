@@ -42,8 +42,9 @@ CATALOGUE_PA = 6e5
 RUBBER_M = 5e-3
 #: Cushions longer than this share of the stroke are left out: both would overlap.
 LONGEST_CUSHION = 0.45
-#: Stiffness of the end stops, N/m (assumed): less than 0.1 mm under the force of a piston.
-STOP_N_M = 1e7
+#: Stiffness of the end stops, N/m (assumed): less than 0.1 mm under the force of a piston; and their damping over that
+#: which just keeps a mass on a spring from swinging: a piston does not rebound, the contact takes few steps.
+STOP_N_M, STOP_DAMPING = 1e7, 8.0
 #: Strokes are equal within this share.
 SAME_STROKE = 1e-3
 
@@ -239,7 +240,7 @@ def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
         assumed[f"dead_volume_{end}"] = (_cm3(share * volume), reason)
     over: dict[str, Any] = {"incline": units.write(task.incline_rad, "rad", "deg")}
     if not any(key.startswith("end_stop") for key in own):
-        damping = 2.0 * math.sqrt(STOP_N_M * (task.mass_kg + mass))
+        damping = 2.0 * STOP_DAMPING * math.sqrt(STOP_N_M * (task.mass_kg + mass))
         why = "a contact that does not rebound: it ends the stroke"
         stop = (f"{STOP_N_M:.0e} N/m", f"{damping:.3g} N s/m", "0.1 mm")
         keys = ("end_stop_stiffness", "end_stop_damping", "end_stop_damping_depth")

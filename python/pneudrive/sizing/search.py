@@ -18,7 +18,7 @@ from pneudrive.sizing.choices import choices, combined
 from pneudrive.sizing.folder import SizingFolder
 from pneudrive.sizing.prune import SafeBounds, air_estimate_kg
 from pneudrive.sizing.result import WRITTEN, SizedDrive, SizingResult, nearest_miss
-from pneudrive.sizing.strokes import DriveStrokes, Setting, points
+from pneudrive.sizing.strokes import COARSE, RTOL, DriveStrokes, Setting, points
 from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import HOPELESS, Tuned, tune
 from pneudrive.watch import Watch
@@ -271,7 +271,7 @@ class Search:
 
     def _judged(self, strokes: DriveStrokes, setting: Setting, draws: int) -> SizedDrive:
         """Simulate a choice over the first points of the sequence."""
-        made = sized(strokes, setting, self.points[:draws])
+        made = sized(strokes, setting, self.points[:draws], RTOL if draws == self.draws[1] else COARSE)
         if self.folder is not None:
             self.folder.keep(made)
         return made
@@ -302,10 +302,10 @@ class Search:
         return notes
 
 
-def sized(strokes: DriveStrokes, setting: Setting, draws: Array) -> SizedDrive:
+def sized(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = COARSE) -> SizedDrive:
     """Simulate a choice with its settings over draws and say what it makes of its task."""
     rows = np.tile(np.array(setting), (len(draws), 1))
-    out, back = (strokes.run(outward, draws, rows) for outward in (True, False))
+    out, back = (strokes.run(outward, draws, rows, rtol) for outward in (True, False))
     task, choice = strokes.task, strokes.choice
     found = judge.limits(task, choice, out, back)
     met = int(judge.is_met(found).sum())

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pneudrive.sizing.judge import peak_limit
-from pneudrive.sizing.strokes import DRAWN, RTOL, Setting, points
+from pneudrive.sizing.strokes import DRAWN, Setting, points
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -32,8 +32,6 @@ CUSHIONS = (0.06, 0.25, 1.0)
 FINER = ((0.65, 1.0, 1.5), (0.82, 1.0, 1.22))
 #: Draws beside the cases in the last refinement.
 MORE = 6
-#: Relative tolerance of the first tries.
-COARSE = 1e-3
 #: With a nominal margin below this, nothing is refined.
 HOPELESS = -0.3
 #: Shares of each range in the slow and in the fast case (assumed: several numbers at once there are as rare as 1 %).
@@ -86,7 +84,7 @@ def tune(strokes: DriveStrokes) -> Tuned:
     """
     task = strokes.task
     for outward, limit in ((True, task.outward_s), (False, task.back_s)):
-        time = float(strokes.run(outward, cases(task, outward)[2:], np.ones((1, 4)), COARSE).time[0])
+        time = float(strokes.run(outward, cases(task, outward)[2:], np.ones((1, 4))).time[0])
         if time > limit:
             margin = 1.0 - time / limit if np.isfinite(time) else NEVER
             return Tuned(Setting(), margin, (f"time {'out' if outward else 'back'}", limit, time))
@@ -105,7 +103,7 @@ def _stroke(strokes: DriveStrokes, outward: bool, setting: Setting) -> Tuned:
     needles = NEEDLES if choice.is_throttled else (1.0,)
     cushions = CUSHIONS if choice.is_cushioned and is_limited else (1.0,)
     rows = cases(task, outward)
-    best = max(_tried(strokes, outward, setting, product(needles, cushions), rows[:1], COARSE), key=_key)
+    best = max(_tried(strokes, outward, setting, product(needles, cushions), rows[:1]), key=_key)
     if best.nominal < HOPELESS:
         return best.tuned
     for round_, finer in enumerate(FINER):
@@ -139,14 +137,11 @@ def _tried(
     setting: Setting,
     pairs: Iterable[tuple[float, ...]],
     rows: Array,
-    rtol: float = RTOL,
 ) -> list[_Try]:
     """Run the cases of each pair of needle and cushion."""
     places = ("needle_out", "cushion_out") if outward else ("needle_back", "cushion_back")
     settings = [setting._replace(**dict(zip(places, pair, strict=True))) for pair in pairs]
-    found = strokes.run(
-        outward, np.tile(rows, (len(settings), 1)), np.repeat(np.array(settings), len(rows), axis=0), rtol
-    )
+    found = strokes.run(outward, np.tile(rows, (len(settings), 1)), np.repeat(np.array(settings), len(rows), axis=0))
     named = _margins(strokes.task, strokes.choice, outward, found)
     table = np.array([margins for _, _, _, margins in named]).reshape(len(named), len(settings), len(rows))
     hard = len(named) - (named[-1][0] == SOFT_NAME)
