@@ -60,7 +60,7 @@ check: setup  ## what CI runs before the tests: format, lint, types, layers, rep
 	$(PY) tools/lock.py --check
 	$(PY) tools/page.py check
 
-bench: setup $(VENV)/.bench $(if $(shell command -v gfortran),$(VENV)/.fortran)  ## work counts and seconds, side by side with other solvers
+bench: setup $(VENV)/.bench $(VENV)/.page $(if $(shell command -v gfortran),$(VENV)/.fortran)  ## work counts and seconds, side by side with other solvers
 	$(PY) -m benches
 
 docs: setup $(VENV)/.docs $(VENV)/.page  ## the documentation, into docs/_build/html, its cells executed; opened in a browser

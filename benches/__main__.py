@@ -19,7 +19,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from benches import doors, ensemble, growth, identify, limit, tables
+from benches import doors, ensemble, growth, identify, limit, page, tables
 from benches.problem import CASES, GRID
 from benches.sweep import Entry, interleave
 
@@ -166,6 +166,7 @@ def main() -> None:
             (growth.HEAD, growth.measure()),
             (identify.HEAD, identify.rows(fits)),
             (limit.HEAD, limit.measure(timed)),
+            (page.HEAD, page.measure()),
         ]
     printed, marked = report(entries, more, waits, fits)
     took = time.perf_counter() - started

@@ -1,0 +1,192 @@
+"""The page in a browser: milliseconds from an input to the paint, beside the time of a frame of an empty page."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "tests"))
+
+HEAD = ("page", "measured", "goal")
+DRIVE = 'drive = "catalogue:reference"\n'
+ROUNDS, DRAG_MS, SAMPLES = 60, 3000, 4_000_000
+#: Moves a slider by a step, waits for its curves and the frame that shows them; ms of each round.
+ONE_BY_ONE = """async ([name, rounds]) => {
+  const page = document.documentElement, slider = document.getElementById(name), out = [];
+  const next = () => new Promise((done) => {
+    const seen = new MutationObserver(() => { seen.disconnect(); requestAnimationFrame(() => setTimeout(done)); });
+    seen.observe(page, {attributes: true, attributeFilter: ["data-drawn"]});
+  });
+  for (let i = 0; i < rounds; i++) {
+    await new Promise((done) => setTimeout(done, 7 + (i * 5) % 17));
+    const began = performance.now(), drawn = next();
+    slider.value = String(100 + (i * 7) % 40);
+    slider.dispatchEvent(new Event("input", {bubbles: true}));
+    await drawn;
+    out.push(performance.now() - began);
+  }
+  return out;
+}"""
+#: Moves a slider at each frame; ms between frames, and how many answers were drawn.
+DRAGGED = """async ([name, lasts]) => {
+  const page = document.documentElement, slider = document.getElementById(name), frames = [];
+  const first = Number(page.dataset.drawn), began = performance.now();
+  let last = began, i = 0;
+  let drawn = 0;
+  const seen = new MutationObserver(() => { drawn += 1; });
+  seen.observe(page, {attributes: true, attributeFilter: ["data-drawn"]});
+  while (performance.now() - began < lasts) {
+    slider.value = String(100 + (i++ * 7) % 40);
+    slider.dispatchEvent(new Event("input", {bubbles: true}));
+    await new Promise(requestAnimationFrame);
+    const now = performance.now();
+    frames.push(now - last);
+    last = now;
+  }
+  return [frames, drawn / lasts * 1000];
+}"""
+EMPTY = """async (count) => {
+  const frames = [];
+  let last = await new Promise(requestAnimationFrame);
+  for (let i = 0; i < count; i++) {
+    const now = await new Promise(requestAnimationFrame);
+    frames.push(now - last);
+    last = now;
+  }
+  return frames;
+}"""
+#: Clicks a button of a recording, waits for its view and the frame that shows it; ms, and bytes of the views.
+VIEWS = """async ([words, rounds]) => {
+  const page = document.documentElement, out = [];
+  for (let i = 0; i < rounds; i++) {
+    const name = words[i % words.length];
+    const button = [...document.querySelectorAll("button")].find((one) => one.textContent.trim().startsWith(name));
+    await new Promise((done) => setTimeout(done, 60));
+    const drawn = new Promise((done) => {
+      const seen = new MutationObserver(() => { seen.disconnect(); requestAnimationFrame(() => setTimeout(done)); });
+      seen.observe(page, {attributes: true, attributeFilter: ["data-points"]});
+    });
+    const began = performance.now();
+    button.click();
+    await drawn;
+    out.push(performance.now() - began);
+  }
+  const views = performance.getEntriesByType("resource").filter((one) => one.name.includes("/api/window"));
+  return [out, views.map((one) => one.encodedBodySize)];
+}"""
+
+
+@contextmanager
+def _browser() -> Iterator[Any]:
+    from playwright.sync_api import sync_playwright
+
+    from page.conftest import chromium
+
+    path = chromium()
+    libraries = Path(path).parent / "al2023" / "lib"
+    environment = {**os.environ, **({"LD_LIBRARY_PATH": str(libraries)} if libraries.is_dir() else {})}
+    arguments = ["--headless=shell", "--no-sandbox", "--disable-gpu"]
+    with sync_playwright() as playwright:
+        found = playwright.chromium.launch(executable_path=path, args=arguments, env=environment)
+        yield found
+        found.close()
+
+
+def _ms(values: list[float]) -> str:
+    return f"{statistics.median(values):.1f} / {np.quantile(values, 0.95):.1f} ms"
+
+
+def measure() -> list[tuple[str, str, str]]:
+    """Return (what, measured, goal); goals are those of an idle machine."""
+    with tempfile.TemporaryDirectory() as name, _browser() as browser:
+        folder = Path(name)
+        (folder / "axis.toml").write_text(DRIVE)
+        _recording(folder / "rig.parquet")
+        began = time.perf_counter()
+        words = [sys.executable, "-m", "pneudrive", "web", str(folder), "--no-browser", "--port", "0"]
+        process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+        try:
+            assert process.stdout
+            address = process.stdout.readline().strip()
+            printed = time.perf_counter() - began
+            page = browser.new_page(locale="en-GB", viewport={"width": 1400, "height": 1000})
+            return _rows(page, address, printed)
+        finally:
+            process.kill()
+            process.communicate()
+
+
+def _rows(page: Any, address: str, printed: float) -> list[tuple[str, str, str]]:
+    rows = [("address printed", f"{printed:.2f} s", "0.5 s")]
+    empty = page.evaluate(EMPTY, ROUNDS)
+    began = time.perf_counter()
+    page.goto(address)
+    page.click("text=axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    rows.append(("first curves, server cold, with a click", f"{time.perf_counter() - began:.2f} s", "1 s"))
+    began = time.perf_counter()
+    page.reload()
+    page.wait_for_selector("[data-end=position_m]")
+    rows.append(("page reloaded, to its curves", f"{time.perf_counter() - began:.2f} s", "0.2 s"))
+    rows.append(("a frame of an empty page, median / p95", _ms(empty), ""))
+    slider = "slider-friction.coulomb"
+    one = page.evaluate(ONE_BY_ONE, [slider, ROUNDS])
+    rows.append(("slider: input to painted, median / p95", _ms(one), "20 / 25 ms"))
+    frames, answers = page.evaluate(DRAGGED, [slider, DRAG_MS])
+    rows.append(("frames while dragging, p99", f"{np.quantile(frames, 0.99):.1f} ms", "18 ms"))
+    rows.append(("answers a second while dragging", f"{answers:.0f}", "50"))
+    page.check("text=band of 200 members")
+    page.wait_for_selector("[data-band=position_m]")
+    rows.append(("slider with a band of 200 members", _ms(page.evaluate(ONE_BY_ONE, [slider, 15])), "33 ms"))
+    page.click("nav >> text=Control")
+    page.select_option("label:has-text('Law') select", "pid")
+    page.wait_for_selector("[id='slider-gain']")
+    for law, gain, goal in (("pid", "gain", "50 ms"), ("nmpc", "bandwidth", "300 ms")):
+        page.select_option("label:has-text('Law') select", law)
+        page.wait_for_selector(f"[id='slider-{gain}']")
+        page.wait_for_timeout(1500)
+        took = page.evaluate(ONE_BY_ONE, [f"slider-{gain}", 8])
+        rows.append((f"gain of {law} along R3, 9.6 s at 1 kHz", _ms(took), goal))
+    page.click("nav >> text=Studies")
+    page.click("text=rig.parquet")
+    page.wait_for_selector("[data-from]")
+    took, sizes = page.evaluate(VIEWS, [["Closer", "Later", "Earlier"], 24])
+    rows.append((f"zoom or pan of {SAMPLES:.0e} samples to painted", _ms(took), "17 / 33 ms"))
+    rows.append(("bytes of a view, largest", f"{max(sizes) / 1e3:.0f} kB", "64 kB"))
+    rows.append(("first page, gzip", f"{_first_page() / 1e3:.0f} kB", "100 kB"))
+    return rows
+
+
+def _recording(path: Path) -> None:
+    import polars as pl
+
+    rng = np.random.default_rng(1)
+    time_s = np.arange(SAMPLES) * 1e-4
+    values = {f"channel_{k}": np.sin(time_s * (k + 1)) + 0.1 * rng.standard_normal(SAMPLES) for k in range(3)}
+    pl.DataFrame({"time_s": time_s, **values}).write_parquet(path, row_group_size=1 << 18)
+
+
+def _first_page() -> int:
+    built = ROOT / "python" / "pneudrive" / "web" / "built"
+    index = (built / "index.html").read_text()
+    files = [built / "index.html", *(built / name for name in re.findall(r'(?:src|href)="/(assets/[^"]+)"', index))]
+    return sum(len(gzip.compress(path.read_bytes())) for path in files)
+
+
+if __name__ == "__main__":
+    from benches.tables import text
+
+    print(text(HEAD, measure()))
