@@ -133,6 +133,12 @@ def test_a_search_that_was_interrupted_goes_on(tmp_path, found: SizingResult):
     assert (tmp_path / "s" / "choices.jsonl").read_text().splitlines()[: len(lines)] == lines
 
 
+def test_a_task_is_written_and_read_again_with_its_energy():
+    task = SizingTask(**TASK | {"impact_energy": "500 mJ"})
+    assert task.to_dict()["impact_energy"] == "0.5 J"
+    assert SizingTask(**task.to_dict()) == task
+
+
 def test_a_user_sizes_a_drive_and_runs_it(tmp_path, capsys, found: SizingResult):
     lists = ", ".join(f'"{one}"' for one in SMALL)
     text = f"""mass = "2 kg"
