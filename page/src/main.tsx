@@ -10,7 +10,9 @@ import { connection, unlock } from "./server";
 import { FrictionView } from "./friction";
 import { RecordingView } from "./recording";
 import { SimulateView } from "./simulate";
+import { SizingView } from "./sizing";
 import { isOld, list, studies, StudiesView } from "./studies";
+import { ValidationView } from "./validation";
 import "./style.css";
 
 const VIEWS: [View, string][] = [
@@ -19,6 +21,8 @@ const VIEWS: [View, string][] = [
   ["simulate", "Simulate"],
   ["recording", "Recordings"],
   ["friction", "Friction"],
+  ["validation", "Validation"],
+  ["sizing", "Sizing"],
   ["campaign", "Campaigns"],
   ["control", "Control"],
 ];
@@ -52,6 +56,8 @@ function Page() {
         {connection.value !== "locked" && view === "simulate" && <SimulateView />}
         {connection.value !== "locked" && view === "recording" && <RecordingView />}
         {connection.value !== "locked" && view === "friction" && <FrictionView />}
+        {connection.value !== "locked" && view === "validation" && <ValidationView />}
+        {connection.value !== "locked" && view === "sizing" && <SizingView />}
         {connection.value !== "locked" && view === "campaign" && <CampaignView />}
         {connection.value !== "locked" && view === "control" && <ControlView />}
       </main>

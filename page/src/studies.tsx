@@ -27,13 +27,16 @@ const TITLES: Record<string, string> = {
   comparison: "Comparisons of laws",
   "friction map": "Friction maps",
   fit: "Fits",
+  validation: "Validations",
+  task: "Tasks of drives",
+  sizing: "Sizings",
   layout: "Layouts",
   protocol: "Protocols",
   rig: "Rigs",
   setup: "Setups",
   controller: "Controllers",
 };
-const VIEW: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction", campaign: "campaign", comparison: "control" };
+const VIEW: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction", campaign: "campaign", comparison: "control", validation: "validation", task: "sizing", sizing: "sizing" };
 const MOST = 200; // rows of a kind on the page; the filter finds the others
 
 function size(bytes: number): string {

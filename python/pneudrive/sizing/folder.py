@@ -75,25 +75,17 @@ class SizingFolder:
         lines = self.folder / LINES
         if not lines.exists():
             return
-        found = [line for line in lines.read_text("utf-8").splitlines() if self._take(line)]
+        found = []
+        for line in lines.read_text("utf-8").splitlines():
+            one = read_choice(line)
+            if isinstance(one, SizedDrive):
+                self._of[one.name, one.draws] = one
+            elif one is not None:
+                self._short[one[0]] = one[1]
+            if one is not None:
+                found.append(line)
         with whole(lines) as temporary:
             temporary.write_text("".join(f"{line}\n" for line in found), encoding="utf-8")
-
-    def _take(self, line: str) -> bool:
-        """Take in a line; the one that was being written when the search was killed is left out."""
-        try:
-            one: dict[str, Any] = json.loads(line)
-            if "short" in one:
-                name, limit, value = one["short"]
-                self._short[one["name"]] = Tuned(Setting(*one["setting"]), one["nominal"], (name, limit, value))
-            else:
-                one["worst"] = {name: tuple(each) for name, each in one["worst"].items()}
-                one["sizes"] = tuple(one["sizes"])
-                made = SizedDrive(**one)
-                self._of[made.name, made.draws] = made
-        except (ValueError, KeyError, TypeError):
-            return False
-        return True
 
     def kept(self, name: str, draws: int) -> SizedDrive | Tuned | None:
         """Return what is known of a choice."""
@@ -113,6 +105,23 @@ class SizingFolder:
                 file.write(json.dumps(line) + "\n")
         except OSError as error:
             raise CommandError(f"{self.folder / LINES} cannot be written: {error.strerror}") from None
+
+
+def read_choice(line: str) -> SizedDrive | tuple[str, Tuned] | None:
+    """Read a line: a drive that was simulated, or the name of one that is short of the task even in the nominal case.
+
+    None for the line that was being written when the search was killed, or still is.
+    """
+    try:
+        one: dict[str, Any] = json.loads(line)
+        if "short" in one:
+            name, limit, value = one["short"]
+            return one["name"], Tuned(Setting(*one["setting"]), one["nominal"], (name, limit, value))
+        one["worst"] = {name: tuple(each) for name, each in one["worst"].items()}
+        one["sizes"] = tuple(one["sizes"])
+        return SizedDrive(**one)
+    except (ValueError, KeyError, TypeError):
+        return None
 
 
 def _catalogue() -> str:

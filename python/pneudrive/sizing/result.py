@@ -30,7 +30,7 @@ WRITTEN = 10
 TABLE, SUMMARY = "ranking.csv", "result.json"
 #: Limit -> factor from SI and unit in which people read it.
 _UNITS = {"speed": "m/s", "energy": "J", "pressure": "Pa"}
-_READ = {"Pa": (1e-5, "bar abs")}
+READ = {"Pa": (1e-5, "bar abs")}
 
 
 @dataclass(frozen=True)
@@ -288,7 +288,7 @@ def nearest_miss(
 
 
 def _gives(name: str, limit: float, value: float, unit: str, what: str) -> str:
-    factor, read = _READ.get(unit, (1.0, unit))
+    factor, read = READ.get(unit, (1.0, unit))
     if not math.isfinite(value):
         return f"The limit of {name} is {factor * limit:.3g} {read}; the stroke does not end within the run."
     return (
@@ -327,6 +327,7 @@ def summary(result: SizingResult) -> dict[str, Any]:
         "miss": None if result.miss is None else vars(result.miss),
         "assumed": result.circuit().assumed() if best is not None else [],
         "notes": list(result.notes),
+        "said": sentences(result),
     }
 
 

@@ -61,6 +61,8 @@ class Cause:
         Least and greatest amount that a description allows.
     described : bool
         Whether a drive file or the data of the sensors can describe it.
+    free : tuple of str
+        Values of the drive file that `pneudrive identify` would set free for it.
     """
 
     key: str
@@ -76,6 +78,7 @@ class Cause:
     parts: int = 1
     bounds: tuple[float, float] = (-np.inf, np.inf)
     described: bool = True
+    free: tuple[str, ...] = ()
 
     def effect(self, scene: Scene, amount: float) -> Values:
         """Return the reduction of the residuals when the model is changed by `amount`."""
@@ -251,10 +254,11 @@ def _of_load() -> list[Cause]:
     return [
         Cause("moving mass", "load", "{size} moving mass", "share", 0.05, 0.03,
                   "weigh piston, slide and load", _value("cylinder.moving_mass", "kg",
-                     lambda d, share: d.cylinder.moving_mass_kg + share * moving_mass(d)), bounds=SHARE),
+                     lambda d, share: d.cylinder.moving_mass_kg + share * moving_mass(d)), bounds=SHARE,
+                  free=("cylinder.moving_mass",)),
         Cause("constant force", "load", "a constant force of {size} in +x that the model lacks", "N", 1.0, 1.0,
                   "check the incline (weight), the drag of cables, and the zeros of the pressure sensors",
-                  _value("load.force", "N", lambda d, f: d.carried.force_n + f)),
+                  _value("load.force", "N", lambda d, f: d.carried.force_n + f), free=("load.force",)),
         Cause("spring", "load", "a spring of {size} around mid stroke that the model lacks", "N/m", 20.0, 10.0,
                   "check for cables, hoses and covers that pull", _drive(_spring)),
     ]  # fmt: skip
@@ -266,7 +270,8 @@ def _of_valve() -> list[Cause]:
     )
     return [
         Cause("conductance", "valve", "{size} conductance C of the valve, all paths", "share", 0.05, 0.03,
-                  "measure C (ISO 6358), or fit valve.conductance to these records", conductance, bounds=SHARE),
+                  "measure C (ISO 6358), or fit valve.conductance to these records", conductance, bounds=SHARE,
+                  free=("valve.conductance",)),
         Cause("conductance to exhaust", "valve", "{size} conductance of the valve towards exhaust", "share",
                   0.05, 0.04, _PATH_REMEDY, _edges(1, 3), bounds=SHARE, described=False),
         Cause("conductance from supply", "valve", "{size} conductance of the valve from supply", "share",
@@ -278,7 +283,8 @@ def _of_valve() -> list[Cause]:
         Cause("critical pressure ratio", "valve", "critical pressure ratio b {size}", "1", 0.03, 0.03,
                   "measure b (ISO 6358), or fit valve.critical_pressure_ratio to these records",
                   _drive(lambda d, b: {"valve.critical_pressure_ratio": float(
-                      np.clip(d.valve.critical_pressure_ratio + b, 0.01, 0.95))}), bounds=(-0.6, 0.6)),
+                      np.clip(d.valve.critical_pressure_ratio + b, 0.01, 0.95))}), bounds=(-0.6, 0.6),
+                  free=("valve.critical_pressure_ratio",)),
         Cause("valve delay", "valve", "a valve that acts {size} late", "s", 2e-3, 1e-3,
                   "measure the valve's step response; identify with a free delay of the command", _command(_delayed)),
         Cause("valve zero", "valve", "a valve with its zero at a command of {size}", "1", 0.01, 0.005,
@@ -293,7 +299,8 @@ def _of_supply() -> list[Cause]:
     return [
         Cause("supply pressure", "supply", "{size} supply pressure", "Pa", 0.05e5, 0.05e5,
                   "measure the pressure at the valve's inlet while the drive runs",
-                  _drive(lambda d, p: {"supply.pressure": f"{d.supply_pressure_pa + p!r} Pa abs"})),
+                  _drive(lambda d, p: {"supply.pressure": f"{d.supply_pressure_pa + p!r} Pa abs"}),
+                  free=("supply.pressure",)),
         Cause("supply sag", "supply", "a supply pressure that falls by {size} at the greatest flow", "Pa",
                   0.05e5, 0.1e5, "a larger regulator or a tank near the valve; measure the pressure there", term=_sag,
                   described=False),
@@ -312,7 +319,8 @@ def _of_leaks(drive: Drive) -> list[Cause]:
         Cause("leak past the piston", "chamber", "a leak past the piston of {size} of C", "share of C",
                   0.005, 0.002, "hold the piston with one chamber under pressure and watch the other; "
                   "cylinder.leakage describes it", _value("cylinder.leakage", "m^3/(s Pa)", _piston_leak),
-                  bounds=(-drive.cylinder.leakage_m3_s_pa / drive.valve.conductance_m3_s_pa, np.inf)),
+                  bounds=(-drive.cylinder.leakage_m3_s_pa / drive.valve.conductance_m3_s_pa, np.inf),
+                  free=("cylinder.leakage",)),
     ]  # fmt: skip
 
 
@@ -320,11 +328,11 @@ def _of_chambers(drive: Drive) -> list[Cause]:
     out = [
         *[Cause(f"dead volume of {c}", "chamber", f"{{size}} dead volume of chamber {c}", "share", 0.1, 0.08,
                     "add ports, fittings and tubes up to the valve to cylinder.dead_volume", _dead_volume(c),
-                    bounds=SHARE)
+                    bounds=SHARE, free=(f"cylinder.dead_volume.{c}",))
           for c in "ab"],
         Cause("dead volumes", "chamber", "{size} dead volume of both chambers", "share", 0.1, 0.08,
                   "add ports, fittings and tubes up to the valve to cylinder.dead_volume", _dead_volume("ab"),
-                  bounds=SHARE),
+                  bounds=SHARE, free=("cylinder.dead_volume.a", "cylinder.dead_volume.b")),
     ]  # fmt: skip
     if drive.cylinder.heat_transfer_w_m2_k > 0.0:
         out.append(
@@ -332,7 +340,7 @@ def _of_chambers(drive: Drive) -> list[Cause]:
                       "fit cylinder.heat_transfer to the pressure decay after a fast fill with the valve shut",
                       _value("cylinder.heat_transfer", "W/(m^2 K)",
                              lambda d, share: d.cylinder.heat_transfer_w_m2_k * (1.0 + share)),
-                      bounds=SHARE)
+                      bounds=SHARE, free=("cylinder.heat_transfer",))
         )  # fmt: skip
     return out
 
@@ -355,7 +363,7 @@ def _of_friction(drive: Drive) -> list[Cause]:
     level = parameters["coulomb"]
     out = [
         Cause("Coulomb friction", "friction", "{size} Coulomb friction", "N", 0.05 * level, 0.04 * level, refit,
-                  _drive(_friction_level)),
+                  _drive(_friction_level), free=("friction.coulomb",)),
         Cause("pressure-dependent friction", "friction", "friction that grows by {size} more with the pressure in "
                   "either chamber", "N/Pa", 2e-6, 2e-6, "fit with pressure_dependence=True over several pressures",
                   _drive(_pressure_friction)),
@@ -369,11 +377,13 @@ def _of_friction(drive: Drive) -> list[Cause]:
     if "viscous" in parameters:
         out.append(
             Cause("viscous friction", "friction", "{size} viscous friction", "N s/m", 5.0, 4.0, refit,
-                  _value("friction.viscous", "N s/m", lambda d, b: max(d.friction.parameters["viscous"] + b, 0.0)))
+                  _value("friction.viscous", "N s/m", lambda d, b: max(d.friction.parameters["viscous"] + b, 0.0)),
+                  free=("friction.viscous",))
         )  # fmt: skip
     if "breakaway" in parameters:
         out.append(
             Cause("Stribeck friction", "friction", "{size} friction at low speed (breakaway above Coulomb)", "N",
-                      0.05 * level, 0.1 * level, refit, _value("friction.breakaway", "N", _breakaway))
+                      0.05 * level, 0.1 * level, refit, _value("friction.breakaway", "N", _breakaway),
+                      free=("friction.breakaway",))
         )  # fmt: skip
     return out

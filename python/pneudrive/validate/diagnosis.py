@@ -71,6 +71,8 @@ class Culprit:
         Causes that explain nearly as much, with their share: the records cannot distinguish them.
     text : str
         Sentence for people.
+    free : tuple of str
+        Values of the drive file to identify for it.
     """
 
     key: str
@@ -83,6 +85,7 @@ class Culprit:
     balances: dict[str, float]
     rivals: tuple[tuple[str, float], ...]
     text: str
+    free: tuple[str, ...] = ()
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -345,7 +348,7 @@ def _culprit(search: _Search, r: _Refined, others: list[_Refined], left: Array) 
     was, now, whole = search.squares(left), search.squares(r.after), float(left @ left)
     balances = {b: 1.0 - now[b] / was[b] for b in BALANCES if was[b] > 0.02 * whole}
     said = (cause.key, cause.family, cause.unit, cause.remedy)
-    return Culprit(*said, r.amount, stderr, r.share, balances, rivals, _in_words(r, stderr, rivals))
+    return Culprit(*said, r.amount, stderr, r.share, balances, rivals, _in_words(r, stderr, rivals), cause.free)
 
 
 #: Unit of an amount -> factor and unit in texts, if they differ from the common unit.

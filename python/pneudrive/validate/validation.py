@@ -14,8 +14,8 @@ from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.base import sections
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.show import Card, Shown
-from pneudrive.signals.drive_recording import check_plausible, read_drive_recordings, time_gaps
-from pneudrive.trajectory import whole
+from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, read_drive_recordings, time_gaps
+from pneudrive.trajectory import save_columns, whole
 from pneudrive.validate.breakaway import RecordedBreakaway, breakaways
 from pneudrive.validate.diagnosis import diagnose
 from pneudrive.validate.metrics import CrossCorrelation, Metrics, Whiteness, cross_correlations, metrics, whiteness
@@ -223,11 +223,15 @@ class Validation(Shown):
         return vars(self)["_diagnosis"]
 
     def write(self, folder: str | Path) -> list[Path]:
-        """Write validation.toml (metrics, verdicts, diagnosis) into an existing folder."""
+        """Write validation.toml (metrics, verdicts, diagnosis) and run-1.parquet, ... into an existing folder.
+
+        A file of a run has the recording on a uniform time base, and the model beside it: columns ``free.position_m``
+        of the free run, ``restarted.position_m`` of the runs from measured states; SI, NaN without a result.
+        """
         target = Path(folder) / "validation.toml"
         with whole(target) as temporary:
             temporary.write_text(validation_toml(self), encoding="utf-8")
-        return [target]
+        return [target, *(save_run(self, number, Path(folder)) for number in range(len(self.records)))]
 
     def __str__(self) -> str:
         """Return the verdicts and the diagnosis as text."""
@@ -384,20 +388,21 @@ def validation_toml(found: Validation) -> str:
     tables = {
         "schema": SCHEMA,
         "window_s": found.window_s,
+        "synthetic": found.synthetic,
         "notes": list(found.notes),
         "provenance": {"drive": drive.name, "description_hash": drive.description_hash, "version": __version__}
         | identified,
         "verdict": [
             {name: vars(v)[name] for name in ("what", "value", "target", "text", "met")} for v in found.verdicts
         ],
-        "record": [_record_table(record) for record in found.records],
+        "record": [_record_table(record) | {"run": run_name(at)} for at, record in enumerate(found.records)],
         "condition": [vars(row) for row in found.conditions],
         "diagnosis": {
             "left": diagnosis.left,
             "clean": diagnosis.is_clean,
             "residual_over_noise": {name.replace(" ", "_"): value for name, value in diagnosis.size.items()},
             "culprit": [
-                {name: getattr(c, name) for name in ("amount", "unit", "interval", "share", "text", "remedy")}
+                {name: getattr(c, name) for name in ("amount", "unit", "interval", "share", "text", "remedy", "free")}
                 | {"what": c.key, "rivals": [name for name, _ in c.rivals]}
                 for c in diagnosis.culprits
             ],
@@ -407,6 +412,25 @@ def validation_toml(found: Validation) -> str:
     return "\n".join([head, *sections(tables)]) + "\n"
 
 
+def run_name(number: int) -> str:
+    """Return the name of the file of a run, counted from 0."""
+    return f"run-{number + 1}.parquet"
+
+
+def save_run(found: Validation, number: int, folder: Path) -> Path:
+    """Write a recording and the runs beside it; see `Validation.write`."""
+    record = found.records[number]
+    signals, recording = record.signals, record.recording
+    table = {name: getattr(signals, name) for name in NEEDED}
+    for name in (name for name in OPTIONAL if name in recording):
+        table[name] = np.interp(signals.time_s, recording.time_s, recording[name])
+    for run, words in ((record.free, "free"), (record.restarted, "restarted")):
+        table |= {f"{words}.{name}": run[name] for name in CHANNELS}
+    about = {"validation of": found.drive.description_hash, "recording": recording.name, "sha256": recording.sha256}
+    table = {name: np.ascontiguousarray(values, dtype=np.float64) for name, values in table.items()}
+    return save_columns(table, {**about, "version": __version__}, folder / run_name(number))
+
+
 def _record_table(record: RecordResult) -> dict[str, Any]:
     recording = record.recording
     out: dict[str, Any] = {
@@ -414,6 +438,7 @@ def _record_table(record: RecordResult) -> dict[str, Any]:
         "source": str(recording.source or ""),
         "sha256": recording.sha256,
         "samples": len(recording),
+        "duration_s": recording.duration_s,
         "labels": recording.labels,
     }
     for name, channel in record.channels.items():

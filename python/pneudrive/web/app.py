@@ -25,10 +25,12 @@ from pneudrive.web.beside import AskedBeside
 from pneudrive.web.campaigns import WatchedCampaign
 from pneudrive.web.friction import shown_fit, shown_map
 from pneudrive.web.guard import Guard
-from pneudrive.web.jobs import READY, PageJobs, campaign_job, characterise_job
+from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job, characterise_job
 from pneudrive.web.live import live
 from pneudrive.web.messages import pack, problems_of
 from pneudrive.web.recordings import Recordings, layout_in, proposed
+from pneudrive.web.sizing import FIRST, checked_task, shown_sizing, size_job
+from pneudrive.web.validation import apply_job, compared, identify_job, shown_validation, validate_job
 from pneudrive.web.workspace import TABLES, ChangedError, Workspace, fingerprint
 
 if TYPE_CHECKING:
@@ -39,6 +41,14 @@ if TYPE_CHECKING:
 
 BUILT = Path(__file__).parent / "built"
 BUILD_FILE = "build.json"
+#: Jobs that a page may start, by the command that does them.
+JOBS = {
+    "characterise": characterise_job,
+    "validate": validate_job,
+    "identify": identify_job,
+    "apply": apply_job,
+    "size": size_job,
+}
 TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html; charset=utf-8", ".svg": "image/svg+xml"}
 
 
@@ -82,6 +92,10 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
         Route("/api/window", _answered(views.window)),
         Route("/api/strokes", _answered(views.strokes)),
         Route("/api/propose", _answered(views.propose)),
+        Route("/api/validation", _answered(views.validation)),
+        Route("/api/compare", _answered(views.compare), methods=["POST"]),
+        Route("/api/task", _answered(views.task), methods=["POST"]),
+        Route("/api/sizing", _answered(views.sizing)),
         Route("/api/map", _answered(views.map)),
         Route("/api/fit", _answered(views.fit)),
         Route("/api/work", _answered(views.work), methods=["POST"]),
@@ -251,9 +265,35 @@ class _Views:
         """Return a fit."""
         return shown_fit(self.workspace.path(given.get("path", ""), (".toml",)))
 
+    def _job(self, body: bytes) -> AskedJob:
+        asked = _table(body)
+        kind = asked.get("kind", "characterise")
+        made = JOBS.get(kind) if isinstance(kind, str) else None
+        if made is None:
+            raise CommandError("the request is not one of this page", remedy="Reload the page.")
+        return made(asked, self.workspace)
+
+    def validation(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return a validation."""
+        return shown_validation(self.workspace, given.get("path", ""))
+
+    def compare(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Return what differs between two drives."""
+        asked = _table(body, "before", "after")
+        return compared(self.workspace, asked["before"], asked["after"])
+
+    def task(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Check the text of a task; without one, return a task to begin with."""
+        text = _table(body).get("text")
+        return checked_task(text) if isinstance(text, str) else {"text": FIRST}
+
+    def sizing(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return the candidates of a task."""
+        return shown_sizing(self.workspace, given.get("path", ""))
+
     def work(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Return work on recordings as lines of a shell and as Python."""
-        asked = characterise_job(_table(body), self.workspace)
+        """Return a job as lines of a shell and as Python."""
+        asked = self._job(body)
         return {"command": asked.command, "python": asked.python}
 
     def jobs(self, _given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
@@ -262,7 +302,7 @@ class _Views:
 
     def start(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Start a job."""
-        return self.running.start(characterise_job(_table(body), self.workspace)).about()
+        return self.running.start(self._job(body)).about()
 
     def cancel(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """End a job as Ctrl-C does."""

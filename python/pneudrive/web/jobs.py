@@ -62,7 +62,8 @@ class AskedJob:
     def command(self) -> str:
         """The lines of a shell that do the same in the folder of the workspace."""
         line = shlex.join(["pneudrive", *self.arguments])
-        return f"mkdir -p {self.out.partition('/')[0]}\n{line}" if self.is_new else line
+        folder = self.out.rpartition("/")[0]
+        return f"{shlex.join(['mkdir', '-p', folder])}\n{line}" if self.is_new and folder else line
 
 
 def characterise_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
@@ -196,7 +197,7 @@ class PageJobs:
             out = self.workspace.root / work.out
             if (work.is_new and out.exists()) or work.out in running:
                 raise CommandError(f"{work.out} is there already", remedy="Choose another name.")
-            out.parent.mkdir(exist_ok=True)
+            out.parent.mkdir(parents=True, exist_ok=True)
             logs = self.workspace.root / CACHE
             logs.mkdir(parents=True, exist_ok=True)
             number = next(self._numbers)

@@ -11,7 +11,7 @@ from starlette.websockets import WebSocketDisconnect
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.trajectory import meaning
 from pneudrive.units import readable
-from pneudrive.web import control
+from pneudrive.web import control, validation
 from pneudrive.web.asked_run import AskedRun, RunLimit
 from pneudrive.web.beside import AskedBeside
 from pneudrive.web.guard import PROTOCOL
@@ -92,6 +92,8 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
         number = asked.get("number")
         if asked.get("what") == "control":
             return control.answer(workspace, asked, limit)
+        if asked.get("what") == "validation":
+            return validation.frame_of(workspace, asked, number)
         limit = limit or RunLimit()
         request, beside = AskedRun.of(asked), AskedBeside.of(asked)
         run = request.run(workspace, limit)

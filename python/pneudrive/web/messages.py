@@ -6,6 +6,7 @@ Length of the head (4 bytes, little-endian), the head, then each array, each on 
 from __future__ import annotations
 
 import json
+import math
 import struct
 from typing import TYPE_CHECKING, Any
 
@@ -76,3 +77,12 @@ def problems_of(error: Any) -> list[dict[str, Any]]:  # noqa: ANN401 - a Pneudri
             }
         )
     return out
+
+
+def plain(value: Any) -> Any:  # noqa: ANN401 - plain data
+    """Return plain data for JSON, which knows neither infinity nor NaN: null in their place."""
+    if isinstance(value, dict):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -17,6 +17,7 @@ from pneudrive.describe.catalogue import PREFIX
 from pneudrive.describe.written import FILE_PREFIX
 from pneudrive.errors import CommandError
 from pneudrive.files.content import read_text
+from pneudrive.sizing.folder import ABOUT as SIZING
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
@@ -28,10 +29,12 @@ SUFFIXES = (*DESCRIPTIONS, *TABLES)
 LONGEST = 1024  # characters of a name
 MOST_FILES = 20_000
 HEAD = 1 << 16  # bytes of a TOML file that tell its kind
-#: Kinds of TOML files by what stands at the beginning of a line.
+#: Kinds of TOML files by what stands at the beginning of a line; a task by its stroke, before any table.
+_TASK = re.compile(r"(?:[ \t]*(?:[^\s\[][^\n]*)?\n)*[ \t]*stroke\s*=")
 _KINDS = tuple(
     (kind, re.compile(rf"^\s*(?:{mark})", re.MULTILINE))
     for kind, mark in (
+        ("validation", r"\[\[\s*verdict\b"),
         ("fit", r"\[\[?\s*(?:covariance|undetermined)\b"),
         ("circuit", r"\[\s*components\b|connections\s*="),
         ("drive", r"\[\s*supply\b|drive\s*=\s*[\"']catalogue:"),
@@ -44,7 +47,7 @@ _KINDS = tuple(
 )
 
 #: Kinds of folders that are shown as one, by files in them.
-_FOLDERS = (("campaign", (ABOUT, RIG)), ("comparison", (COMPARISON,)))
+_FOLDERS = (("campaign", (ABOUT, RIG)), ("comparison", (COMPARISON,)), ("sizing", (SIZING,)))
 
 
 class ChangedError(Exception):
@@ -105,7 +108,9 @@ class Workspace:
         CommandError
             The name leads elsewhere.
         """
-        parts = name.split("/") if isinstance(name, str) else [""]
+        if not isinstance(name, str):
+            raise _refused(name)
+        parts = name.split("/")
         if not 0 < len(name) <= LONGEST or any(part in ("", ".", "..") or part.startswith(".") for part in parts):
             raise _refused(name)
         if any(ord(sign) < 32 or sign in "\\\x7f" or 0xD800 <= ord(sign) < 0xE000 for sign in name):
@@ -227,4 +232,6 @@ def _kind(path: str, _changed_ns: int, _size: int) -> str:
             head = file.read(HEAD).decode("utf-8", "replace")
     except OSError:
         return "unreadable"
+    if _TASK.match(head):
+        return "task"
     return next((kind for kind, mark in _KINDS if mark.search(head)), "other")

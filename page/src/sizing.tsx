@@ -1,0 +1,482 @@
+/** From a task to drives: its text and what it says, the search as a job, candidates over time and air. */
+import { computed, signal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import type { Editor } from "./editor";
+import { follow, JobList, jobs } from "./jobs";
+import { digits } from "./looks";
+import { Copied, Problems } from "./parts";
+import { link, route } from "./routes";
+import { ask, read, Refused, write, type Problem } from "./server";
+import { list, studies } from "./studies";
+
+interface Limit {
+  name: string;
+  value: number | null;
+  limit: number;
+  unit: string;
+  margin: number | null;
+}
+
+interface Candidate {
+  name: string;
+  parts: Record<string, string>;
+  setting: string;
+  draws: number;
+  met: number;
+  at_least: number;
+  time_out: number | null;
+  time_back: number | null;
+  end_speed: number | null;
+  energy: number | null;
+  air: number | null;
+  margin: number | null;
+  binding: string;
+  limits: Limit[];
+  meets: boolean;
+  place: number | null;
+  file: string;
+  measure: string;
+  explains: number;
+}
+
+interface Sizing {
+  name: string;
+  task: string;
+  draws: number;
+  limits: { out: number; back: number };
+  candidates: Candidate[];
+  short: number;
+  done: boolean;
+  feasible: boolean | null;
+  miss: { limit: string; gives: string } | null;
+  said: string[];
+  assumed: string[];
+}
+
+interface Task {
+  problems: Problem[];
+  name?: string;
+  values?: { key: string; text: string; given: boolean; meaning: string }[];
+  follows?: { what: string; value: number; unit: string }[];
+}
+
+const text = signal("");
+const saved = signal("");
+const sha256 = signal("");
+const task = signal<Task | null>(null);
+const said = signal("");
+const wrong = signal<Problem[]>([]);
+const file = signal("task.toml");
+const name = signal("sizing");
+const least = signal(100);
+const draws = signal(256);
+const found = signal<Sizing | null>(null);
+const copied = signal<{ command: string; python: string } | null>(null);
+const chosen = signal("");
+const pinned = signal<string[]>([]);
+const order = signal<{ by: string; down: boolean }>({ by: "air", down: false });
+
+const path = computed(() => (route.value.view === "sizing" ? route.value.path : ""));
+const isFile = computed(() => path.value.endsWith(".toml"));
+
+async function attempt(work: () => Promise<void>): Promise<void> {
+  wrong.value = [];
+  try {
+    await work();
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    wrong.value = error.problems;
+  }
+}
+
+let asked = 0;
+
+/** Take another text for the task and have it checked; only the newest answer counts. */
+async function change(next: string): Promise<void> {
+  text.value = next;
+  copied.value = null;
+  const mine = ++asked;
+  await attempt(async () => {
+    const one = await ask<Task>("/api/task", { text: next });
+    if (mine === asked) task.value = one;
+  });
+}
+
+async function load(at: string): Promise<void> {
+  await attempt(async () => {
+    said.value = "";
+    if (at) {
+      const one = await read<{ text: string; sha256: string }>("/api/file", { path: at });
+      [saved.value, sha256.value, file.value] = [one.text, one.sha256, at];
+      await change(one.text);
+    } else {
+      [saved.value, sha256.value, file.value] = ["", "", "task.toml"];
+      await change((await ask<{ text: string }>("/api/task", {})).text);
+    }
+  });
+}
+
+async function save(): Promise<void> {
+  await attempt(async () => {
+    try {
+      sha256.value = (await write(file.value, text.value, sha256.value)).sha256;
+      saved.value = text.value;
+      said.value = `Saved ${file.value}.`;
+      location.hash = link("sizing", file.value);
+      await list();
+    } catch (error) {
+      if (!(error instanceof Refused) || error.status !== 412) throw error;
+      said.value = `${file.value} is there already, or changed on disk: nothing was written. Choose another name, or open the file again.`;
+    }
+  });
+}
+
+async function look(folder: string): Promise<void> {
+  await attempt(async () => {
+    const one = await read<Sizing | { waits: true }>("/api/sizing", { path: folder });
+    if (path.value === folder && !("waits" in one)) found.value = one;
+  });
+}
+
+const LOOK_MS = 500;
+const request = (resume?: string) => ({ kind: "size", task: resume ? found.value!.task : file.value, name: name.value, least: least.value, draws: draws.value, ...(resume && { resume }) });
+
+async function run(resume?: string): Promise<void> {
+  await attempt(async () => {
+    const { out } = await ask<{ out: string }>("/api/jobs", request(resume));
+    void follow().then(list);
+    if (!resume) location.hash = link("sizing", out);
+  });
+}
+
+export function SizingView() {
+  const state = jobs.value.find((one) => one.out === path.value)?.state;
+  useEffect(() => {
+    wrong.value = [];
+    copied.value = null;
+    void follow();
+    if (path.value && !isFile.value) [found.value, chosen.value, pinned.value] = [null, "", []];
+    else void load(path.value);
+  }, [path.value]);
+  useEffect(() => {
+    const folder = path.value;
+    if (!folder || isFile.value) return;
+    void look(folder);
+    if (state !== "running") return;
+    const timer = setInterval(() => void look(folder), LOOK_MS);
+    return () => clearInterval(timer);
+  }, [path.value, state]);
+  if (path.value && !isFile.value)
+    return (
+      <div class="sizing">
+        <h2>{found.value?.name ?? path.value}</h2>
+        <Problems of={wrong.value} />
+        {found.value ? <Result now={found.value} folder={path.value} /> : <p>There is no candidate yet.</p>}
+        <JobList of={["size"]} />
+      </div>
+    );
+  return <TaskView />;
+}
+
+function TaskView() {
+  const place = useRef<HTMLDivElement>(null);
+  const editor = useRef<Editor | null>(null);
+  const now = task.value;
+  const isReady = text.value !== "";
+  useEffect(() => {
+    let gone = false;
+    if (place.current && isReady)
+      void import("./editor").then(({ edit }) => {
+        if (!gone) editor.current = edit(place.current!, text.value, (next) => void change(next));
+      });
+    return () => {
+      gone = true;
+      editor.current?.end();
+      editor.current = null;
+    };
+  }, [path.value, isReady]);
+  useEffect(() => editor.current?.show(text.value, now?.problems ?? []), [text.value, now]);
+  const files = studies.value?.files ?? [];
+  const results = files.filter((one) => one.kind === "sizing");
+  const isSaved = sha256.value !== "" && text.value === saved.value;
+  return (
+    <>
+      <div class="drive">
+        <section aria-label="Task">
+          <h2>{path.value || "A new task"}</h2>
+          <div ref={place} class="editor" />
+          <p class="row">
+            <label>
+              File <input value={file.value} disabled={sha256.value !== ""} onInput={(event) => (file.value = event.currentTarget.value)} />
+            </label>
+            <button type="button" disabled={isSaved} onClick={() => void save()}>Save</button>
+            <span role="status">{said.value}</span>
+          </p>
+          <Problems of={[...(now?.problems ?? []), ...wrong.value]} onLine={(line) => editor.current?.go(line)} />
+          {now && !now.problems.length && <p class="note">No problems.</p>}
+        </section>
+        <section aria-label="What the task says">
+          <h2>{now?.name ?? "What the task says"}</h2>
+          <div class="scroll" tabIndex={0} role="region" aria-label="Values of the task">
+            <table>
+              <thead>
+                <tr>{["Key", "Value", "", "Meaning"].map((head, index) => <th scope="col" key={index}>{head || <span class="hidden">Given or default</span>}</th>)}</tr>
+              </thead>
+              <tbody>
+                {now?.values?.map((one) => (
+                  <tr key={one.key}>
+                    <th scope="row">{one.key}</th>
+                    <td>{one.text}</td>
+                    <td><span class="kind">{one.given ? "given" : "default"}</span></td>
+                    <td>{one.meaning}</td>
+                  </tr>
+                ))}
+              </tbody>
+            </table>
+          </div>
+          <ul>{now?.follows?.map((one) => <li key={one.what}>{one.what}: {digits(one.value)} {one.unit}</li>)}</ul>
+        </section>
+      </div>
+      <section aria-label="Search">
+        <h2>Search the catalogue</h2>
+        <p class="row">
+          <label>
+            Into results/ <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
+          </label>
+          <Counts />
+          <button type="button" disabled={!isSaved || Boolean(now?.problems.length)} onClick={() => void run()}>Size</button>
+          <button type="button" disabled={!isSaved} onClick={() => void attempt(async () => void (copied.value = await ask("/api/work", request())))}>Copy as command or Python</button>
+          {!isSaved && <span class="note">Save the task first.</span>}
+        </p>
+        {copied.value && <Copied {...copied.value} />}
+        <JobList of={["size"]} />
+        {results.length > 0 && <h2>Sizings in the folder</h2>}
+        <ul class="files">
+          {results.map((one) => (
+            <li key={one.path}>
+              <a href={link("sizing", one.path)}>{one.path}</a>
+              <span>{new Date(1000 * one.changed).toLocaleString()}</span>
+            </li>
+          ))}
+        </ul>
+      </section>
+    </>
+  );
+}
+
+function Counts() {
+  return (
+    <>
+      <label>
+        Choices to simulate at least <input type="number" min={1} max={1000} value={least.value} onChange={(event) => (least.value = event.currentTarget.valueAsNumber)} />
+      </label>
+      <label>
+        Draws of each <input type="number" min={1} max={4096} value={draws.value} onChange={(event) => (draws.value = event.currentTarget.valueAsNumber)} />
+      </label>
+    </>
+  );
+}
+
+function Result({ now, folder }: { now: Sizing; folder: string }) {
+  const running = jobs.value.find((one) => one.out === folder && one.state === "running");
+  const meets = now.candidates.filter((one) => one.meets).length;
+  return (
+    <>
+      <p class="banner">Simulated drives. Values that no sheet gives are assumed; each file says which.</p>
+      <p data-state={running ? "running" : now.done ? "done" : "stopped"} data-simulated={now.candidates.length}>
+        {now.candidates.length} candidates simulated, {meets} meet the task; {now.short} choices are short of it even in the nominal case.{" "}
+        {now.task ? <a href={link("sizing", now.task)}>{now.task}</a> : "No task of this folder is this one any more."}
+      </p>
+      {!running && !now.done && (
+        <p class="row">
+          The search was ended before its end.
+          {now.task && (
+            <>
+              <Counts />
+              <button type="button" onClick={() => void ((draws.value = now.draws), run(folder))}>Resume</button>
+            </>
+          )}
+        </p>
+      )}
+      {now.miss && (
+        <div class="problem" data-miss={now.miss.limit}>
+          <p><b>Nothing meets the task.</b> {now.miss.gives}</p>
+        </div>
+      )}
+      {now.said.length > 0 && (
+        <details>
+          <summary>How the search went</summary>
+          <ul>{now.said.map((one) => <li key={one}>{one}</li>)}</ul>
+        </details>
+      )}
+      {now.candidates.length > 0 && (
+        <>
+          <div class="plots">
+            <Candidates now={now} way="out" />
+            <Candidates now={now} way="back" />
+          </div>
+          <p class="note">Times, speeds and energies are those that 1 % of the draws pass. Circle: meets the task. Cross: misses a limit. Ring: chosen or pinned.</p>
+          <Table now={now} />
+          <Chosen now={now} />
+        </>
+      )}
+    </>
+  );
+}
+
+const WIDTH = 520;
+const HEIGHT = 300;
+const EDGE = { left: 56, right: 12, top: 10, bottom: 40 };
+
+/** A round step that cuts a range into four to eight parts. */
+function step(range: number): number {
+  const size = 10 ** Math.floor(Math.log10(range / 4));
+  return [1, 2, 5, 10].map((one) => one * size).find((one) => range / one <= 8) ?? range;
+}
+
+function ticks(low: number, high: number): number[] {
+  const by = step(high - low);
+  const first = Math.ceil(low / by);
+  return Array.from({ length: Math.floor(high / by + 1e-9) - first + 1 }, (_, k) => (first + k) * by);
+}
+
+/** Time of a stroke over the air of a cycle, with the longest time allowed. */
+function Candidates({ now, way }: { now: Sizing; way: "out" | "back" }) {
+  const timed = (one: Candidate) => (way === "out" ? one.time_out : one.time_back);
+  const shown = now.candidates.filter((one) => timed(one) !== null && one.air !== null);
+  const airs = shown.map((one) => one.air!);
+  const limit = now.limits[way];
+  const [low, high] = [0.95 * Math.min(...airs), 1.05 * Math.max(...airs)];
+  const top = 1.1 * Math.max(limit, ...shown.map((one) => timed(one)!));
+  const x = (air: number) => EDGE.left + ((air - low) / (high - low)) * (WIDTH - EDGE.left - EDGE.right);
+  const y = (time: number) => HEIGHT - EDGE.bottom - (time / top) * (HEIGHT - EDGE.top - EDGE.bottom);
+  return (
+    <figure class="plot candidates" data-plot={`Stroke ${way}`}>
+      <figcaption>Stroke {way}</figcaption>
+      <svg viewBox={`0 0 ${WIDTH} ${HEIGHT}`} role="img" aria-label={`Time of the stroke ${way} over air of a cycle; the table has the numbers`}>
+        {ticks(0, top).map((one) => (
+          <g key={one}>
+            <line class="grid" x1={EDGE.left} x2={WIDTH - EDGE.right} y1={y(one)} y2={y(one)} />
+            <text x={EDGE.left - 6} y={y(one) + 4} text-anchor="end">{digits(one, 3)}</text>
+          </g>
+        ))}
+        {shown.length > 0 && ticks(low, high).map((one) => <text key={one} x={x(one)} y={HEIGHT - EDGE.bottom + 16} text-anchor="middle">{digits(one, 3)}</text>)}
+        <text x={WIDTH / 2} y={HEIGHT - 4} text-anchor="middle">air of a cycle, l ANR</text>
+        <text x={12} y={HEIGHT / 2} text-anchor="middle" transform={`rotate(-90 12 ${HEIGHT / 2})`}>time {way}, worst 1 %, s</text>
+        <line class="limit" x1={EDGE.left} x2={WIDTH - EDGE.right} y1={y(limit)} y2={y(limit)} />
+        <text x={WIDTH - EDGE.right} y={y(limit) - 4} text-anchor="end">longest time allowed</text>
+        {shown.map((one) => {
+          const [cx, cy] = [x(one.air!), y(timed(one)!)];
+          const isMarked = chosen.value === one.name || pinned.value.includes(one.name);
+          return (
+            <g key={one.name} class={one.meets ? "meets" : "misses"} data-point={one.name} onClick={() => (chosen.value = one.name)}>
+              {isMarked && <circle class="ring" cx={cx} cy={cy} r={9} />}
+              {one.meets ? <circle cx={cx} cy={cy} r={5} /> : <path d={`M${cx - 5} ${cy - 5}l10 10m0 -10l-10 10`} />}
+              <title>{Object.values(one.parts).join(" + ")}</title>
+            </g>
+          );
+        })}
+      </svg>
+    </figure>
+  );
+}
+
+type Column = [title: string, by: string, value: (one: Candidate) => number | null, limits: string[]];
+const COLUMNS: Column[] = [
+  ["Rank", "place", (one) => (one.place === null ? null : one.place + 1), []],
+  ["Air, l ANR", "air", (one) => one.air, []],
+  ["Time out, s", "time_out", (one) => one.time_out, ["time out"]],
+  ["Time back, s", "time_back", (one) => one.time_back, ["time back"]],
+  ["At the end, m/s", "end_speed", (one) => one.end_speed, ["end speed out", "end speed back"]],
+  ["Impact, J", "energy", (one) => one.energy, ["energy out", "energy back"]],
+  ["At least, %", "at_least", (one) => 100 * one.at_least, []],
+  ["Margin, %", "margin", (one) => (one.margin === null ? null : 100 * one.margin), []],
+];
+const MOST_ROWS = 200;
+
+/** The candidates in the order of a column, pinned ones first; what misses its limit says so. */
+function Table({ now }: { now: Sizing }) {
+  const { by, down } = order.value;
+  const value = COLUMNS.find((one) => one[1] === by)![2];
+  const at = (one: Candidate) => value(one) ?? Infinity;
+  const rows = [...now.candidates].sort((a, b) => {
+    const pins = Number(pinned.value.includes(b.name)) - Number(pinned.value.includes(a.name));
+    return pins || (down ? -1 : 1) * (at(a) === at(b) ? 0 : at(a) - at(b));
+  });
+  return (
+    <div class="scroll" tabIndex={0} role="region" aria-label="Candidates">
+      <table>
+        <thead>
+          <tr>
+            <th scope="col">Parts</th>
+            {COLUMNS.map(([title, column]) => (
+              <th scope="col" key={column} aria-sort={by === column ? (down ? "descending" : "ascending") : undefined}>
+                <button type="button" class="link" onClick={() => (order.value = { by: column, down: by === column && !down })}>{title}</button>
+              </th>
+            ))}
+            <th scope="col">What limits it</th>
+            <th scope="col">Open</th>
+          </tr>
+        </thead>
+        <tbody>
+          {rows.slice(0, MOST_ROWS).map((one) => (
+            <tr key={one.name} data-candidate={one.name} data-meets={one.meets}>
+              <th scope="row">
+                <button type="button" class="link" aria-pressed={chosen.value === one.name} onClick={() => (chosen.value = one.name)}>{Object.values(one.parts).join(" + ")}</button>{" "}
+                <button
+                  type="button"
+                  class="link"
+                  aria-label={`${pinned.value.includes(one.name) ? "Unpin" : "Pin"} ${one.name}`}
+                  onClick={() => (pinned.value = pinned.value.includes(one.name) ? pinned.value.filter((other) => other !== one.name) : [...pinned.value, one.name])}
+                >
+                  {pinned.value.includes(one.name) ? "unpin" : "pin"}
+                </button>
+              </th>
+              {COLUMNS.map(([, column, shown, limits]) => {
+                const missed = one.limits.some((limit) => limits.includes(limit.name) && (limit.margin === null || limit.margin < 0));
+                return (
+                  <td key={column} data-column={column} data-si={shown(one)} class={missed ? "missed" : ""}>
+                    {digits(shown(one))}{missed && " above its limit"}
+                  </td>
+                );
+              })}
+              <td>{one.binding}</td>
+              <td>{one.file && <a href={link("drive", one.file)}>{one.file.slice(one.file.lastIndexOf("/") + 1)}</a>}</td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+      {rows.length > MOST_ROWS && <p class="note">{rows.length - MOST_ROWS} more are in the plot and in choices.jsonl.</p>}
+    </div>
+  );
+}
+
+function Chosen({ now }: { now: Sizing }) {
+  const one = now.candidates.find((each) => each.name === chosen.value);
+  if (!one) return <p class="note">Choose a candidate to see its limits and its settings.</p>;
+  return (
+    <section aria-label="Chosen candidate">
+      <h2>{Object.values(one.parts).join(" + ")}</h2>
+      <p>
+        {one.setting}. {one.met} of {one.draws} draws keep all limits: at least {digits(100 * one.at_least)} % (95 % confidence).
+        {one.measure && ` Measure first: ${one.measure} (${digits(100 * one.explains, 2)} % of its margin).`}
+      </p>
+      <table>
+        <thead>
+          <tr>{["Limit", "1 % of the draws pass", "Limit", "Margin of 99 %"].map((head, index) => <th scope="col" key={index}>{head}</th>)}</tr>
+        </thead>
+        <tbody>
+          {one.limits.map((limit) => (
+            <tr key={limit.name} data-limit={limit.name}>
+              <th scope="row">{limit.name}</th>
+              <td class={limit.margin === null || limit.margin < 0 ? "missed" : ""}>{limit.value === null ? "does not end" : `${digits(limit.value)} ${limit.unit}`}</td>
+              <td>{digits(limit.limit)} {limit.unit}</td>
+              <td>{limit.margin === null ? "–" : `${digits(100 * limit.margin, 3)} %`}</td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+      {one.file && <p><a href={link("drive", one.file)}>Open {one.file} in the Drive view</a></p>}
+    </section>
+  );
+}

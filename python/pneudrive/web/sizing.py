@@ -1,0 +1,215 @@
+"""Tasks and their candidates as the page shows them, from the text of a task and from the folder of its search."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.describe.base import inline
+from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.files.content import read_json, read_text
+from pneudrive.sizing.folder import ABOUT, LINES, read_choice
+from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, SizedDrive, set_to
+from pneudrive.sizing.task import SizingTask
+from pneudrive.web.jobs import RESULTS, AskedJob, folder_name, safe
+from pneudrive.web.messages import plain, problems_of
+from pneudrive.web.workspace import DESCRIPTIONS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from pneudrive.web.workspace import Workspace
+
+#: A task to begin with (assumed numbers).
+FIRST = """\
+# A drive is to lift 8 kg by 400 mm in 0.6 s up an incline.
+name = "lift at 30 degrees"
+mass = "8 kg"
+stroke = "400 mm"
+time = "0.6 s"                # from the command to the end, outwards
+incline = "30 deg"
+guide = "ball"
+impact_energy = "0.8 J"       # largest at the contact with an end
+tube_length = "1 m"
+exclude = ["ckd-*"]
+
+[supply]
+pressure = "6 bar gauge"
+"""
+MOST_LEAST, MOST_DRAWS = 1000, 4096
+#: Draws of the ten best over draws of each choice, as in the command.
+BEST = 4
+
+
+def size_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+    """Return the job that sizes a drive for a task into a new folder, or goes on in a folder.
+
+    Raises
+    ------
+    CommandError
+        The task or the folder is not in the workspace, or a number is out of bounds.
+    """
+    task, folder, least, draws = (given.get(key) for key in ("task", "resume", "least", "draws"))
+    if not workspace.path(task, DESCRIPTIONS).is_file():  # type: ignore[arg-type]
+        raise CommandError(f"there is no task {task}", remedy="Save it first.")
+    for name, value, most in (("least", least, MOST_LEAST), ("draws", draws, MOST_DRAWS)):
+        if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= most:
+            raise CommandError(f"{name} = {value} is out of bounds", rule=f"a whole number, 1 to {most}")
+    if folder is None:
+        out, is_new = f"{RESULTS}/{folder_name(given.get('name'))}", True
+    elif workspace.folder(folder).is_dir():
+        out, is_new = folder, False
+    else:
+        raise CommandError(f"there is no folder {folder}")
+    counts = ("--least", str(least), "--draws", str(draws))
+    options = f"least={least}, draws={draws}, draws_best={BEST * draws}"  # type: ignore[operator]
+    python = f"import pneudrive as pn\n\nfound = pn.size({task!r}, {options})\n"
+    return AskedJob(("size", safe(str(task)), *counts, "--out", out), out, is_new=is_new, python=python)
+
+
+def checked_task(text: str) -> dict[str, Any]:
+    """Check the text of a task and return its problems, or what it says in full."""
+    try:
+        task = SizingTask.load(text if "\n" in text else f"{text}\n")
+    except PneudriveError as error:
+        return {"problems": problems_of(error)}
+    given = dict(_leaves(task.to_dict()))
+    meanings = dict(_meanings(task))
+    values = [
+        {"key": key, "text": value, "given": key in given, "meaning": meanings.get(key, "")}
+        for key, value in _leaves(task.with_defaults())
+        if key != "schema"
+    ]
+    follows = [
+        {
+            "what": "force against the outward stroke at rest, without friction",
+            "value": task.static_force_n,
+            "unit": "N",
+        },
+        {"what": "friction of the guide under the load", "value": task.guide_friction_n, "unit": "N"},
+        {"what": "longest time outwards", "value": task.outward_s, "unit": "s"},
+        {"what": "longest time back", "value": task.back_s, "unit": "s"},
+    ]
+    return {"problems": [], "name": task.name, "values": values, "follows": follows}
+
+
+def _leaves(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, str]]:
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{before}{key}.")
+        else:
+            yield f"{before}{key}", value if isinstance(value, str) else inline(value)
+
+
+def _meanings(part: Any, before: str = "") -> Iterator[tuple[str, str]]:  # noqa: ANN401 - a table of a description
+    for name, field in type(part).model_fields.items():
+        key, value = f"{before}{field.alias or name}", getattr(part, name)
+        if hasattr(type(value), "model_fields"):
+            yield from _meanings(value, f"{key}.")
+        else:
+            yield key, field.description or ""
+
+
+def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
+    """Return a search as its folder has it: its task, the candidates that were simulated, the ranking once it is made.
+
+    Where there is no folder yet, as the search has just been started, the answer is ``{"waits": True}``.
+
+    Raises
+    ------
+    CommandError
+        The folder holds no sizing.
+    """
+    folder = workspace.folder(name)
+    if not folder.exists():
+        return {"waits": True}
+    about = _json(folder / ABOUT, name)
+    simulated, short = _choices(folder / LINES)
+    summary = _json(folder / SUMMARY, name) if (folder / SUMMARY).is_file() else {}
+    ranked = ["+".join(one["parts"].values()) for one in summary.get("ranked", [])]
+    places = {one: place for place, one in enumerate(ranked)}
+    task = SizingTask.model_validate(about["task"])
+    shares = 1.0 - task.margin
+    return plain(
+        {
+            "name": task.name,
+            "task": _file_of(workspace, task),
+            "draws": about["draws"][0],
+            "limits": {"out": task.outward_s * shares, "back": task.back_s * shares},
+            "candidates": [_candidate(one, places.get(one.name), name) for one in simulated],
+            "short": short,
+            "done": bool(summary),
+            "feasible": summary.get("feasible"),
+            "complete": summary.get("complete", True),
+            "miss": summary.get("miss"),
+            "said": summary.get("said", []),
+            "assumed": summary.get("assumed", []),
+        }
+    )
+
+
+def _json(path: Path, name: str) -> dict[str, Any]:
+    if not path.is_file():
+        raise CommandError(f"{name} holds no sizing", remedy="Size a task first.")
+    found = read_json(path, CommandError)
+    if not isinstance(found, dict):
+        raise CommandError(f"{path.name} in {name} is damaged")
+    return found
+
+
+def _choices(path: Path) -> tuple[list[SizedDrive], int]:
+    """Return the drives that were simulated, each with its most draws, and how many choices are short of the task."""
+    simulated: dict[str, SizedDrive] = {}
+    short: set[str] = set()
+    for line in read_text(path, CommandError).splitlines() if path.is_file() else ():
+        one = read_choice(line)
+        if isinstance(one, SizedDrive):
+            before = simulated.get(one.name)
+            simulated[one.name] = one if before is None or one.draws >= before.draws else before
+        elif one is not None:
+            short.add(one[0])
+    return list(simulated.values()), len(short)
+
+
+def _candidate(one: SizedDrive, place: int | None, folder: str) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "parts": dict(one.parts),
+        "setting": set_to(one),
+        "draws": one.draws,
+        "met": one.met,
+        "at_least": one.probability_bound,
+        "time_out": one.time_out,
+        "time_back": one.time_back,
+        "end_speed": one.end_speed,
+        "energy": one.energy,
+        "peak_pressure": one.peak_pressure,
+        "air": one.air_litres_anr,
+        "margin": one.margin,
+        "binding": one.binding,
+        "limits": [_limit(name, *found, one.margins[name]) for name, found in one.worst.items()],
+        "meets": one.is_feasible,
+        "place": place,
+        "file": f"{folder}/{place + 1:02d}.toml" if place is not None and place < WRITTEN else "",
+        "measure": one.measure,
+        "explains": one.explains,
+    }
+
+
+def _limit(name: str, value: float, limit: float, unit: str, margin: float) -> dict[str, Any]:
+    factor, read = READ.get(unit, (1.0, unit))
+    return {"name": name, "value": factor * value, "limit": factor * limit, "unit": read, "margin": margin}
+
+
+def _file_of(workspace: Workspace, task: SizingTask) -> str:
+    """Return the file of a task; "" where none of the workspace is it any more."""
+    said = json.dumps(task.to_dict())
+    for one in workspace.files():
+        if one.kind == "task":
+            try:
+                if json.dumps(SizingTask.load(workspace.path(one.path)).to_dict()) == said:
+                    return one.path
+            except PneudriveError:
+                continue
+    return ""

@@ -1,0 +1,350 @@
+"""A drive against recordings as the page shows it: what `pneudrive validate` wrote, and runs of a changed drive."""
+
+from __future__ import annotations
+
+import difflib
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.describe import toml
+from pneudrive.describe.all_values import values_of
+from pneudrive.describe.catalogue import entries
+from pneudrive.describe.drive import Drive
+from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.identify.dynamic.result import DriveFit
+from pneudrive.identify.files import read_fit
+from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
+from pneudrive.signals.layout import stem
+from pneudrive.start import is_circuit
+from pneudrive.trajectory import SUFFIXES, columns_in, read_columns
+from pneudrive.units import readable
+from pneudrive.validate.metrics import metrics
+from pneudrive.validate.signals import Signals
+from pneudrive.validate.simulation import run_model
+from pneudrive.validate.validation import CHANNELS
+from pneudrive.web.asked_run import MOST_PIXELS, described_at
+from pneudrive.web.jobs import MOST_RECORDINGS, RESULTS, AskedJob, folder_name, safe
+from pneudrive.web.messages import pack, plain
+from pneudrive.web.recordings import layout_in
+from pneudrive.web.tiles import per_pixel
+from pneudrive.web.workspace import DESCRIPTIONS, TABLES, is_in_catalogue
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.web.workspace import Workspace
+
+RESULT = "validation.toml"
+MOST_LIVE = 300_000  # samples of a recording that is run again while a slider moves
+MOST_DRIVES = 500  # files that are looked at for the one that was validated
+WRONG_REQUEST = "the request is not one of this page"
+
+
+def validate_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+    """Return the job that validates a drive, or the fit of one, against recordings.
+
+    Raises
+    ------
+    CommandError
+        The drive or a recording is not in the workspace, a recording has no layout, or the name is none of a folder.
+    """
+    drive, names = _drive_named(given, workspace), _recordings_named(given, workspace)
+    out = f"{RESULTS}/{folder_name(given.get('name'))}"
+    python = f"import pneudrive as pn\n\n{_loaded(drive, workspace)}found = pn.validate(drive, {names!r})\n"
+    words = ("validate", safe(drive), *map(safe, names), "--out", out)
+    return AskedJob(words, out, python=python)
+
+
+def identify_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+    """Return the job that identifies values of a drive from recordings, into a fit beside their validation.
+
+    Raises
+    ------
+    CommandError
+        As for `validate_job`; or no value is named.
+    """
+    drive, names = _drive_named(given, workspace), _recordings_named(given, workspace)
+    free = given.get("free")
+    keys = [one.strip() for one in free.split(",") if one.strip()] if isinstance(free, str) else []
+    if not keys:
+        raise CommandError("no value is named that may change", remedy="Write valve.conductance, for instance.")
+    out = _new_file(given, workspace)
+    python = f"import pneudrive as pn\n\n{_loaded(drive, workspace)}fit = pn.identify(drive, {names!r}, {keys!r})\n"
+    words = ("identify", safe(drive), *map(safe, names), "--free", ", ".join(keys), "--out", out)
+    return AskedJob(words, out, python=python)
+
+
+def apply_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+    """Return the job that writes the values of a fit into a new drive file.
+
+    Raises
+    ------
+    CommandError
+        The fit or the drive is not in the workspace, or the name is none of a TOML file in it.
+    """
+    fit = given.get("fit", "")
+    if not workspace.path(fit, DESCRIPTIONS).is_file():
+        raise CommandError(f"there is no fit {fit}")
+    drive, out = _drive_named(given, workspace), _new_file(given, workspace)
+    python = (
+        "import pneudrive as pn\nfrom pneudrive.identify.files import read_fit\n\n"
+        f"{_loaded(drive, workspace)}after = read_fit({fit!r}).apply(drive)\n"
+    )
+    words = ("apply", safe(fit), safe(drive), "--out", out)
+    return AskedJob(words, out, python=python)
+
+
+def _drive_named(given: Mapping[str, Any], workspace: Workspace) -> str:
+    drive: Any = given.get("drive", "")
+    if is_in_catalogue(drive) if isinstance(drive, str) else False:
+        if drive.partition(":")[2] in entries():
+            return drive
+        raise CommandError(f"the catalogue has no drive {drive[:80]}")
+    if not workspace.path(drive, DESCRIPTIONS).is_file():
+        raise CommandError(f"there is no drive {drive}", remedy="Choose one of the folder or of the catalogue.")
+    return drive
+
+
+def _recordings_named(given: Mapping[str, Any], workspace: Workspace) -> list[str]:
+    """Return the names of recordings, each of which has a layout or the columns of a drive's recording."""
+    names: Any = given.get("recordings")
+    if not isinstance(names, list) or not 0 < len(names) <= MOST_RECORDINGS:
+        raise CommandError("no recording is named", remedy="Choose at least one.")
+    for name in names:
+        path = workspace.path(name, TABLES)
+        if not path.is_file():
+            raise CommandError(f"there is no recording {name}")
+        own = path.suffix in SUFFIXES and len(columns_in(path, NEEDED)) == len(NEEDED)
+        if not own and layout_in(workspace, path) is None:
+            raise CommandError(f"{name} has no layout in the workspace", remedy="Propose one under Recordings.")
+    return names
+
+
+def _new_file(given: Mapping[str, Any], workspace: Workspace) -> str:
+    out: Any = given.get("out", "")
+    workspace.path(out, DESCRIPTIONS)
+    return out
+
+
+def _loaded(drive: str, workspace: Workspace) -> str:
+    """Return the line of Python that reads a drive, or the fit of one."""
+    if not is_in_catalogue(drive) and _is_fit(workspace.path(drive)):
+        return f"from pneudrive.identify.files import read_fit\n\ndrive = read_fit({drive!r})\n"
+    return f"drive = pn.Drive.load({drive!r})\n"
+
+
+def _is_fit(path: Path) -> bool:
+    tables, _ = toml.read(path)
+    return tables.get("kind") == DriveFit.KIND and "values" in tables
+
+
+def shown_validation(workspace: Workspace, name: str) -> dict[str, Any]:
+    """Return a validation as its file has it, with the drive and the recordings that are in the workspace.
+
+    Raises
+    ------
+    CommandError
+        The file is not one of `pneudrive validate`.
+    """
+    content = _read(workspace, name)
+    provenance = content["provenance"]
+    files = workspace.files()
+    recordings = {stem(Path(one.path)): one.path for one in files if one.kind == "recording"}
+    path, drive = _of_hash(workspace, provenance["description_hash"])
+    for record in content["record"]:
+        source = record["source"]
+        record["file"] = source if source in recordings.values() else recordings.get(record["name"], "")
+        record["span"] = [0.0, record["duration_s"]]
+    return plain(
+        {
+            **{key: content[key] for key in ("window_s", "synthetic", "notes", "verdict", "record", "condition")},
+            "diagnosis": content["diagnosis"],
+            "name": provenance["drive"],
+            "version": provenance["version"],
+            "drive": path,
+            "editable": drive is not None and (is_in_catalogue(path) or not _is_fit(workspace.path(path))),
+            "values": _values(workspace, drive, recordings, provenance.get("identified", {})),
+            "channels": [{"column": column, "label": label, **_unit(column)} for column, label in CHANNELS.items()],
+        }
+    )
+
+
+def _read(workspace: Workspace, name: str) -> dict[str, Any]:
+    path = workspace.path(name, DESCRIPTIONS)
+    content, _ = toml.read(path, CommandError, "pneudrive validate writes a validation.toml.")
+    if not all(key in content for key in ("verdict", "record", "diagnosis", "provenance")):
+        raise CommandError(f"{name} is no validation", remedy="Validate a drive against a recording first.")
+    if not all("run" in one for one in content["record"]):
+        raise CommandError(f"{name} was written without its runs", remedy="Validate again.")
+    return content
+
+
+def _unit(column: str) -> dict[str, Any]:
+    size, unit = readable("m" if column.endswith("_m") else "Pa")
+    return {"size": size, "unit": unit}
+
+
+def _of_hash(workspace: Workspace, wanted: str) -> tuple[str, Drive | None]:
+    """Return the file whose drive has this hash, and the drive; "" where there is none any more.
+
+    Drives come before fits, the newest first.
+    """
+    files = [one for one in workspace.files() if one.kind in ("drive", "fit")]
+    for one in sorted(files, key=lambda file: (file.kind, -file.changed))[:MOST_DRIVES]:
+        drive = _drive_at(workspace, one.path, one.changed)
+        if drive is not None and drive.description_hash == wanted:
+            return one.path, drive
+    for one in entries().values():
+        if one.is_drive and (drive := Drive.load(f"catalogue:{one.name}")).description_hash == wanted:
+            return f"catalogue:{one.name}", drive
+    return "", None
+
+
+@lru_cache(maxsize=MOST_DRIVES)
+def _drive_at(workspace: Workspace, name: str, _changed: float) -> Drive | None:
+    """Return the drive of a file, or of the fit of one; None for another file, or one that is not valid."""
+    try:
+        path = workspace.path(name)
+        if _is_fit(path):
+            fit = read_fit(path)
+            return fit.apply() if isinstance(fit, DriveFit) and fit.converged else None
+        found = described_at(workspace, name)
+    except PneudriveError:
+        return None
+    return None if is_circuit(found) else found  # type: ignore[return-value]
+
+
+def _values(
+    workspace: Workspace, drive: Drive | None, recordings: Mapping[str, str], identified: Mapping[str, Any]
+) -> list[dict[str, Any]]:
+    """Return the values of the drive with where each comes from; without the drive, those that were identified."""
+    known = identified if drive is None else {key: one.to_dict() for key, one in drive.provenance.items()}
+    fits = _fits(workspace) if known else {}
+    own = [] if drive is None else values_of(drive)
+    out = [{"key": one.key, "text": str(one.value), "kind": one.kind, "origin": one.origin} for one in own]
+    out = out or [{"key": key, "text": "", "kind": "identified", "origin": ""} for key in known]
+    for one in out:
+        origin = known.get(one["key"])
+        if origin is None:
+            continue
+        names = [name.strip() for name in origin["source"].split(",")]
+        one["origin"] = ""
+        one["interval"] = " … ".join(str(end) for end in origin["interval"])
+        one["source"] = [{"name": name, "file": recordings.get(name, "")} for name in names]
+        one["fit"] = fits.get(origin.get("fit", ""), "")
+    return out
+
+
+def _fits(workspace: Workspace) -> dict[str, str]:
+    """Return the files of fits by the hash that values carry."""
+    found = [one for one in workspace.files() if one.kind == "fit"][:MOST_DRIVES]
+    return {_hash_at(workspace.path(one.path), one.changed): one.path for one in found}
+
+
+@lru_cache(maxsize=MOST_DRIVES)
+def _hash_at(path: Path, _changed: float) -> str:
+    try:
+        return read_fit(path).identified_as({}).fit
+    except PneudriveError:
+        return ""
+
+
+def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> bytes:
+    """Return a view of one record as a frame: measured, both runs, residuals, and the run of a changed drive.
+
+    Raises
+    ------
+    CommandError
+        The request is none, the validation is not there, or the recording is too long to be run again for a page.
+    DescriptionError
+        A changed value is not valid.
+    """
+    name, place, span, pixels = (asked.get(key) for key in ("path", "record", "span", "pixels"))
+    changes: Any = asked.get("changes") or {}
+    right = isinstance(name, str) and isinstance(place, int) and isinstance(changes, dict)
+    right = right and isinstance(pixels, int) and 1 <= pixels <= MOST_PIXELS
+    right = right and isinstance(span, list) and len(span) == 2 and all(isinstance(one, int | float) for one in span)
+    if not right or not all(isinstance(one, str | int | float) for one in changes.values()):
+        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
+    records = _read(workspace, str(name))["record"]
+    if not 0 <= place < len(records):
+        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
+    path = workspace.path(f"{str(name).rpartition('/')[0]}/{records[place]['run']}".lstrip("/"), TABLES)
+    if not path.is_file():
+        raise CommandError(f"{path.name} is missing beside {name}", remedy="Validate again.")
+    table, signals = _run(path, path.stat().st_mtime_ns)
+    head: dict[str, Any] = {"number": number}
+    columns = {"time_s": table["time_s"], "command": table["command"]}
+    if changes:
+        drive = asked.get("drive", "")
+        head["fit"], changed = _changed(described_at(workspace, str(drive)), dict(changes), signals)
+    for channel in CHANNELS:
+        measured = table[channel]
+        columns[f"{channel}.measured"] = measured
+        for run in ("free", "restarted"):
+            columns[f"{channel}.{run}"] = table[f"{run}.{channel}"]
+            columns[f"{channel}.{run}.residual"] = measured - table[f"{run}.{channel}"]
+        if changes:
+            columns[f"{channel}.changed"] = changed[channel]
+            columns[f"{channel}.changed.residual"] = measured - changed[channel]
+    time = columns["time_s"]
+    begin, end = np.searchsorted(time, [span[0], span[1]])
+    rows = slice(max(int(begin) - 1, 0), max(int(end) + 1, int(begin) + 2))
+    return pack(plain(head), per_pixel({key: values[rows] for key, values in columns.items()}, pixels))
+
+
+@lru_cache(maxsize=4)
+def _run(path: Path, _changed_ns: int) -> tuple[dict[str, Any], Signals]:
+    """Read the file of a run, and make its recording of it."""
+    runs = [f"{run}.{channel}" for run in ("free", "restarted") for channel in CHANNELS]
+    names = columns_in(path, (*NEEDED, *OPTIONAL, *runs))
+    if not {*NEEDED, *runs} <= set(names):
+        raise CommandError(f"{path.name} is no run of a validation", remedy="Validate again.")
+    table = read_columns(path, names)
+    return table, Signals.of(drive_recording({key: table[key] for key in names if key not in runs}, path.stem))
+
+
+def _changed(drive: Any, changes: dict[str, Any], signals: Signals) -> tuple[dict[str, float], Mapping[str, Any]]:  # noqa: ANN401
+    """Return the free run of a drive with changed values, and its fit to each channel, %."""
+    if is_circuit(drive):
+        raise CommandError("a circuit is not validated")
+    if signals.time_s.size > MOST_LIVE:
+        raise CommandError(
+            f"{signals.time_s.size} samples are too many to run again while a slider moves",
+            rule=f"at most {MOST_LIVE}",
+            remedy="Put the value into the drive's text and validate again.",
+        )
+    run = run_model(drive.replace(changes), signals)
+    return {c: metrics(getattr(signals, c), run[c]).fit_percent for c in CHANNELS}, run.columns
+
+
+def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
+    """Return what differs between two drive files: values with their intervals, and the lines of their full texts.
+
+    Raises
+    ------
+    CommandError, DescriptionError
+        A name leads out of the workspace, or a file is not a valid drive.
+    """
+    drives = [described_at(workspace, name) for name in (before, after)]
+    if any(is_circuit(one) for one in drives):
+        raise CommandError("a circuit has no identified values to compare")
+    old, new = ({one.key: one for one in values_of(drive)} for drive in drives)
+    intervals = [{key: one.interval for key, one in drive.provenance.items()} for drive in drives]  # type: ignore[union-attr]
+    values = [
+        {
+            "key": key,
+            "before": str(old[key].value) if key in old else "",
+            "after": str(new[key].value) if key in new else "",
+            "interval_before": " … ".join(intervals[0].get(key, ())),
+            "interval_after": " … ".join(intervals[1].get(key, ())),
+        }
+        for key in {**old, **new}
+        if (old[key].value if key in old else None) != (new[key].value if key in new else None)
+        or intervals[0].get(key) != intervals[1].get(key)
+    ]
+    texts = [drive.to_toml().splitlines() for drive in drives]
+    return {"values": values, "lines": list(difflib.unified_diff(*texts, before, after, n=1, lineterm=""))}

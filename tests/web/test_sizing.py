@@ -1,0 +1,139 @@
+"""Sizing from the page: a task and its problems, candidates as their folder has them, the same by command and Python."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import time
+from pathlib import Path
+
+import pytest
+
+import pneudrive as pn
+from pneudrive.cli.main import run as run_command
+from pneudrive.web.sizing import FIRST
+from web.conftest import Served
+from web.test_friction import finished, post
+from web.test_recordings import get
+
+TASK = """\
+name = "push"
+mass = "2 kg"
+stroke = "100 mm"
+time = "0.38 s"
+return_time = "0.6 s"
+impact_energy = "0.25 J"
+exclude = [
+  "parker*", "pneumax*", "smc-c[my]*", "ckd*", "festo-[dm]*", "smc-sy[79]*", "smc-tu0[48]*", "smc-tu1*",
+  "festo-gr-m3", "festo-gr-qs-3", "festo-gr-3-4",
+]
+
+[supply]
+pressure = "6 bar gauge"
+"""
+ASKED = {"kind": "size", "task": "push.toml", "name": "push", "least": 100, "draws": 16}
+
+
+def test_page_command_and_python_find_the_same(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    (served.folder / "push.toml").write_text(TASK)
+    copied = post(served, "/api/work", ASKED)
+    monkeypatch.chdir(served.folder)
+    Path("results").mkdir()
+    assert run_command(shlex.split(copied["command"].splitlines()[-1])[1:]) == 0
+    names: dict = {}
+    exec(copied["python"], names)
+    found: pn.sizing.SizingResult = names["found"]
+    names["found"].save("by-python")
+    assert Path("results/push/ranking.csv").read_bytes() == Path("by-python/ranking.csv").read_bytes()
+
+    listed = {one["path"]: one["kind"] for one in get(served, "/api/studies")["files"]}
+    assert listed["push.toml"] == "task"
+    assert listed["results/push"] == "sizing"
+    shown = get(served, "/api/sizing", path="results/push")
+    assert shown["task"] == "push.toml"
+    assert shown["feasible"] is True
+    candidates = {one["name"]: one for one in shown["candidates"]}
+    assert candidates.keys() == {one.name for one in found.simulated}
+    for place, one in enumerate(found.ranked):
+        mine = candidates[one.name]
+        assert mine["place"] == place
+        assert (mine["air"], mine["energy"], mine["time_out"]) == (one.air_litres_anr, one.energy, one.time_out)
+        assert (mine["met"], mine["binding"]) == (one.met, one.binding)
+        assert pn.Circuit.load(mine["file"]).to_toml() == found.circuit(place).to_toml()
+    missed = next(one for one in shown["candidates"] if not one["meets"])
+    energy = {one["name"]: one for one in missed["limits"]}["energy out"]
+    assert energy["value"] > energy["limit"] == 0.25
+    assert energy["margin"] == pytest.approx(1.0 - energy["value"] / 0.25, abs=1e-9)
+    assert not missed["file"]
+
+    (served.folder / "push.toml").write_text(TASK.replace("2 kg", "3 kg"))
+    assert get(served, "/api/sizing", path="results/push")["task"] == ""
+
+
+def test_a_search_that_is_ended_goes_on_where_it_was(served: Served) -> None:
+    (served.folder / "push.toml").write_text(TASK)
+    post(served, "/api/jobs", ASKED)
+    lines = served.folder / "results" / "push" / "choices.jsonl"
+    for _ in range(600):
+        if lines.is_file():
+            break
+        time.sleep(0.05)
+    number = served.jobs[0].number
+    post(served, "/api/cancel", {"number": number})
+    assert finished(served)["state"] == "cancelled"
+    kept = lines.read_text()
+    shown = get(served, "/api/sizing", path="results/push")
+    assert not shown["done"]
+    assert len(shown["candidates"]) + shown["short"] == len(kept.splitlines())
+    post(served, "/api/jobs", ASKED | {"resume": "results/push"})
+    assert finished(served)["state"] == "done"
+    assert lines.read_text().startswith(kept)
+    assert get(served, "/api/sizing", path="results/push")["done"]
+
+
+def test_a_task_says_what_it_holds_and_what_is_wrong_with_it(served: Served) -> None:
+    found = post(served, "/api/task", {"text": FIRST})
+    assert found["problems"] == []
+    values = {one["key"]: one for one in found["values"]}
+    assert values["mass"] | {"meaning": ""} == {"key": "mass", "text": "8 kg", "given": True, "meaning": ""}
+    assert not values["spread.friction"]["given"]
+    assert values["spread.friction"]["text"] == "0.7 .. 1.5"
+    weight = found["follows"][0]
+    assert weight["value"] == pytest.approx(8.0 * 9.80665 * 0.5)
+    assert post(served, "/api/task", {})["text"] == FIRST
+    wrong = FIRST.replace('"8 kg"', '"8 bar"').replace("ckd-*", "cdk-*")
+    problems = post(served, "/api/task", {"text": wrong})["problems"]
+    assert problems[0]["line"] == 3
+    assert post(served, "/api/task", {"text": "mass = "})["problems"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"task": "missing.toml"},
+        {"task": "../push.toml"},
+        {"task": 3},
+        {"name": "a/b"},
+        {"least": 0},
+        {"draws": True},
+        {"draws": 1e9},
+        {"resume": "results/none"},
+        {"resume": "../x"},
+        {"kind": "run"},
+        {"kind": ["size"]},
+    ],
+)
+def test_a_wrong_request_starts_nothing(served: Served, change: dict) -> None:
+    (served.folder / "push.toml").write_text(TASK)
+    assert post(served, "/api/jobs", ASKED | change, 400)["problems"]
+    assert not served.jobs
+
+
+def test_a_folder_that_holds_no_sizing_is_answered_in_words(served: Served) -> None:
+    (served.folder / "x").mkdir()
+    answered = served.client.get("/api/sizing", params={"path": "x"}, headers=served.headers)
+    assert answered.status_code == 400
+    assert "holds no sizing" in answered.json()["problems"][0]["what"]
+    (served.folder / "x" / "sizing.json").write_text(json.dumps([1]))
+    answered = served.client.get("/api/sizing", params={"path": "x"}, headers=served.headers)
+    assert "damaged" in answered.json()["problems"][0]["what"]
