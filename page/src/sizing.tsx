@@ -64,6 +64,8 @@ const text = signal("");
 const saved = signal("");
 const sha256 = signal("");
 const task = signal<Task | null>(null);
+/** What was last valid: it stays while the text is wrong. */
+const meant = signal<Task | null>(null);
 const said = signal("");
 const wrong = signal<Problem[]>([]);
 const file = signal("task.toml");
@@ -98,7 +100,9 @@ async function change(next: string): Promise<void> {
   const mine = ++asked;
   await attempt(async () => {
     const one = await ask<Task>("/api/task", { text: next });
-    if (mine === asked) task.value = one;
+    if (mine !== asked) return;
+    task.value = one;
+    if (!one.problems.length) meant.value = one;
   });
 }
 
@@ -172,7 +176,7 @@ export function SizingView() {
         <h2>{found.value?.name ?? path.value}</h2>
         <Problems of={wrong.value} />
         {found.value ? <Result now={found.value} folder={path.value} /> : <p>There is no candidate yet.</p>}
-        <JobList of={["size"]} />
+        <JobList of={path.value} />
       </div>
     );
   return <TaskView />;
@@ -216,14 +220,14 @@ function TaskView() {
           {now && !now.problems.length && <p class="note">No problems.</p>}
         </section>
         <section aria-label="What the task says">
-          <h2>{now?.name ?? "What the task says"}</h2>
+          <h2>{meant.value?.name ?? "What the task says"}</h2>
           <div class="scroll" tabIndex={0} role="region" aria-label="Values of the task">
             <table>
               <thead>
                 <tr>{["Key", "Value", "", "Meaning"].map((head, index) => <th scope="col" key={index}>{head || <span class="hidden">Given or default</span>}</th>)}</tr>
               </thead>
               <tbody>
-                {now?.values?.map((one) => (
+                {meant.value?.values?.map((one) => (
                   <tr key={one.key}>
                     <th scope="row">{one.key}</th>
                     <td>{one.text}</td>
@@ -234,7 +238,7 @@ function TaskView() {
               </tbody>
             </table>
           </div>
-          <ul>{now?.follows?.map((one) => <li key={one.what}>{one.what}: {digits(one.value)} {one.unit}</li>)}</ul>
+          <ul>{meant.value?.follows?.map((one) => <li key={one.what}>{one.what}: {digits(one.value)} {one.unit}</li>)}</ul>
         </section>
       </div>
       <section aria-label="Search">
@@ -249,7 +253,7 @@ function TaskView() {
           {!isSaved && <span class="note">Save the task first.</span>}
         </p>
         {copied.value && <Copied {...copied.value} />}
-        <JobList of={["size"]} />
+        <JobList />
         {results.length > 0 && <h2>Sizings in the folder</h2>}
         <ul class="files">
           {results.map((one) => (
@@ -287,6 +291,13 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
         {now.candidates.length} candidates simulated, {meets} meet the task; {now.short} choices are short of it even in the nominal case.{" "}
         {now.task ? <a href={link("sizing", now.task)}>{now.task}</a> : "No task of this folder is this one any more."}
       </p>
+      {running && (
+        <p class="row">
+          <progress aria-label="Progress of the search" value={running.progress?.done ?? 0} max={Math.max(running.progress?.total ?? 1, 1)} />
+          {running.progress && `${running.progress.task}: ${running.progress.done} of ${running.progress.total}`}
+          <button type="button" onClick={() => void ask("/api/cancel", { number: running.number }).then(follow)}>Cancel the search</button>
+        </p>
+      )}
       {!running && !now.done && (
         <p class="row">
           The search was ended before its end.

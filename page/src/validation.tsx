@@ -4,7 +4,7 @@ import { useEffect } from "preact/hooks";
 import type { Frame } from "./frame";
 import { follow, JobList, jobs } from "./jobs";
 import { digits } from "./looks";
-import { open as openDrive, valid } from "./opened";
+import { open as openDrive, valid, type Field } from "./opened";
 import { Copied, KINDS, Problems } from "./parts";
 import { Plot } from "./plot";
 import { link, route } from "./routes";
@@ -65,6 +65,7 @@ interface Validation {
   record: Recorded[];
   condition: Record<string, number | string>[];
   diagnosis: { left: number; clean: boolean; residual_over_noise: Record<string, number | null>; culprit?: Culprit[] };
+  suspects: Field[];
   values: Value[];
   channels: { column: string; label: string; size: number; unit: string }[];
 }
@@ -90,7 +91,9 @@ const chosen = signal<string[]>([]);
 const name = signal("validation");
 
 const path = computed(() => (route.value.view === "validation" ? route.value.path : ""));
-const field = computed(() => valid.value?.values?.find((one) => one.key === key.value && one.number !== undefined));
+/** What can have a slider: values of the file, and those that a cause names and the file does not give. */
+const fields = computed(() => [...(found.value?.suspects ?? []), ...(valid.value?.values ?? [])].filter((one) => one.number !== undefined));
+const field = computed(() => fields.value.find((one) => one.key === key.value));
 const changes = computed<Record<string, string | number>>(() => {
   const [one, value] = [field.value, number.value];
   if (!one || value === null || value === one.number) return {};
@@ -133,17 +136,20 @@ async function start(given: Record<string, unknown>): Promise<void> {
 export function ValidationView() {
   useEffect(() => {
     void follow();
+    const page = document.documentElement.dataset;
+    const count = () => (page["sent"] = String(live.sent + Number(live.isWaiting)));
     const live = new Live<Head>((answer) => {
       if (answer.head.problems) wrong.value = answer.head.problems;
       else frame.value = answer;
-      const page = document.documentElement.dataset;
-      page["sent"] = String(live.sent);
+      count();
       page["drawn"] = String(answer.head.number);
       page["mostOnTheWay"] = String(live.mostOnTheWay);
     });
     const end = effect(() => {
       const now = found.value;
-      if (now) live.request({ what: "validation", path: path.value, record: record.value, span: span.value, pixels: 1000, changes: changes.value, drive: now.drive });
+      if (!now) return;
+      live.request({ what: "validation", path: path.value, record: record.value, span: span.value, pixels: 1000, changes: changes.value, drive: now.drive });
+      count();
     });
     return () => {
       end();
@@ -205,7 +211,7 @@ function Start() {
       </p>
       <Problems of={wrong.value} />
       {copied.value && <Copied {...copied.value} />}
-      <JobList of={["validate", "identify", "apply"]} />
+      <JobList />
       {results.length > 0 && <h2>Validations in the folder</h2>}
       <ul class="files">
         {results.map((one) => (
@@ -378,9 +384,8 @@ const STEPS = 400;
 
 /** A slider that moves one value of the drive towards the record, then the fit that does it for good. */
 function Suspect({ now }: { now: Validation }) {
-  const fields = (valid.value?.values ?? []).filter((one) => one.number !== undefined);
   const one = field.value;
-  if (!now.editable || !fields.length) return null;
+  if (!now.editable || !fields.value.length) return null;
   const value = number.value ?? one?.number ?? 0;
   const [low, high] = one ? [Math.min(0.5 * one.number!, 1.5 * one.number!) || one.low!, Math.max(0.5 * one.number!, 1.5 * one.number!) || one.high!] : [0, 1];
   const put = (next: number) => (number.value = Number.isFinite(next) ? next : null);
@@ -393,7 +398,7 @@ function Suspect({ now }: { now: Validation }) {
           Value{" "}
           <select value={key.value} onChange={(event) => ((key.value = event.currentTarget.value), (number.value = null))}>
             <option value="">choose</option>
-            {fields.map((each) => <option key={each.key} value={each.key}>{each.key} = {each.text}</option>)}
+            {fields.value.map((each) => <option key={each.key} value={each.key}>{each.key} = {each.text}</option>)}
           </select>
         </label>
       </p>
@@ -461,7 +466,7 @@ function Refit({ now, folder }: { now: Validation; folder: string }) {
         <button type="button" onClick={() => void attempt(async () => void (copied.value = await ask("/api/work", has(fit) ? applied : given)))}>Copy as command or Python</button>
       </p>
       {copied.value && <Copied {...copied.value} />}
-      <JobList of={["validate", "identify", "apply"]} />
+      <JobList />
       {difference.value && <Difference />}
     </>
   );

@@ -1,4 +1,4 @@
-"""Sizing from the page: a task and its problems, candidates as their folder has them, the same by command and Python."""
+"""Sizing from the page: a task and its problems, candidates as their folder has them; command and Python agree."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run as run_command
+from pneudrive.sizing.result import SizingResult
 from pneudrive.web.sizing import FIRST
 from web.conftest import Served
 from web.test_friction import finished, post
@@ -42,8 +43,8 @@ def test_page_command_and_python_find_the_same(served: Served, monkeypatch: pyte
     assert run_command(shlex.split(copied["command"].splitlines()[-1])[1:]) == 0
     names: dict = {}
     exec(copied["python"], names)
-    found: pn.sizing.SizingResult = names["found"]
-    names["found"].save("by-python")
+    found: SizingResult = names["found"]
+    found.save("by-python")
     assert Path("results/push/ranking.csv").read_bytes() == Path("by-python/ranking.csv").read_bytes()
 
     listed = {one["path"]: one["kind"] for one in get(served, "/api/studies")["files"]}

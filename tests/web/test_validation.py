@@ -1,4 +1,4 @@
-"""A drive against recordings from the page: as the command and Python find it, and runs of a changed drive beside it."""
+"""A drive against recordings from the page: as command and Python find it, and runs of a changed drive beside it."""
 
 from __future__ import annotations
 
@@ -55,9 +55,7 @@ def asked_frame(served: Served, **given: object) -> tuple[dict, dict]:
     return unpack(answer(Workspace.at(served.folder), json.dumps(asked | given)))
 
 
-def test_page_command_and_python_find_the_same(
-    served: Served, bench: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_page_command_and_python_find_the_same(served: Served, bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for path in bench.iterdir():
         (served.folder / path.name).write_bytes(path.read_bytes())
     copied = post(served, "/api/work", ASKED)

@@ -93,7 +93,7 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
         Route("/api/strokes", _answered(views.strokes)),
         Route("/api/propose", _answered(views.propose)),
         Route("/api/validation", _answered(views.validation)),
-        Route("/api/compare", _answered(views.compare), methods=["POST"]),
+        Route("/api/compare", _answered(views.differences), methods=["POST"]),
         Route("/api/task", _answered(views.task), methods=["POST"]),
         Route("/api/sizing", _answered(views.sizing)),
         Route("/api/map", _answered(views.map)),
@@ -277,7 +277,7 @@ class _Views:
         """Return a validation."""
         return shown_validation(self.workspace, given.get("path", ""))
 
-    def compare(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+    def differences(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Return what differs between two drives."""
         asked = _table(body, "before", "after")
         return compared(self.workspace, asked["before"], asked["after"])

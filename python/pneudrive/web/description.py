@@ -41,7 +41,7 @@ def checked(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
 
 def fields_of(described: Drive | Circuit) -> dict[str, Any]:
     """Return the name, values, assumptions and commands of a description, and the sliders to begin with."""
-    values = [_field(one) for one in values_of(described)]
+    values = [field_of(one) for one in values_of(described)]
     slides = [one["key"] for end in FIRST_SLIDERS for one in values if "low" in one and _ends(one["key"], end)]
     return {
         "name": described.name,
@@ -58,7 +58,7 @@ def _ends(key: str, end: str) -> bool:
     return key == end or (("." not in end or key.startswith("components.")) and key.endswith(f".{end}"))
 
 
-def _field(one: DescribedValue) -> dict[str, Any]:
+def field_of(one: DescribedValue) -> dict[str, Any]:
     """Return a value as a field of a form; one with a number also as a slider."""
     out = {"key": one.key, "text": str(one.value), "origin": one.origin, "kind": one.kind}
     found = _QUANTITY.fullmatch(one.value) if isinstance(one.value, str) else None

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive import units
 from pneudrive.describe import toml
-from pneudrive.describe.all_values import values_of
+from pneudrive.describe.all_values import DescribedValue, values_of
 from pneudrive.describe.catalogue import entries
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.free.parameters import find
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.files import read_fit
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
@@ -26,6 +28,7 @@ from pneudrive.validate.signals import Signals
 from pneudrive.validate.simulation import run_model
 from pneudrive.validate.validation import CHANNELS
 from pneudrive.web.asked_run import MOST_PIXELS, described_at
+from pneudrive.web.description import field_of
 from pneudrive.web.jobs import MOST_RECORDINGS, RESULTS, AskedJob, folder_name, safe
 from pneudrive.web.messages import pack, plain
 from pneudrive.web.recordings import layout_in
@@ -166,6 +169,7 @@ def shown_validation(workspace: Workspace, name: str) -> dict[str, Any]:
             "version": provenance["version"],
             "drive": path,
             "editable": drive is not None and (is_in_catalogue(path) or not _is_fit(workspace.path(path))),
+            "suspects": _suspects(drive, content["diagnosis"]),
             "values": _values(workspace, drive, recordings, provenance.get("identified", {})),
             "channels": [{"column": column, "label": label, **_unit(column)} for column, label in CHANNELS.items()],
         }
@@ -217,6 +221,19 @@ def _drive_at(workspace: Workspace, name: str, _changed: float) -> Drive | None:
     return None if is_circuit(found) else found  # type: ignore[return-value]
 
 
+def _suspects(drive: Drive | None, diagnosis: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the values that the causes name and the file does not give, as fields: they follow from others in it."""
+    if drive is None:
+        return []
+    given = {one.key for one in values_of(drive)}
+    keys = [key for cause in diagnosis.get("culprit", []) for key in cause["free"] if key not in given]
+    said = "follows from other values of the file"
+    return [
+        field_of(DescribedValue(one.name, units.write(one.value, one.unit, readable(one.unit)[1]), said, "given"))
+        for one in find(drive, keys)
+    ]
+
+
 def _values(
     workspace: Workspace, drive: Drive | None, recordings: Mapping[str, str], identified: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
@@ -224,7 +241,9 @@ def _values(
     known = identified if drive is None else {key: one.to_dict() for key, one in drive.provenance.items()}
     fits = _fits(workspace) if known else {}
     own = [] if drive is None else values_of(drive)
-    out = [{"key": one.key, "text": str(one.value), "kind": one.kind, "origin": one.origin} for one in own]
+    out: list[dict[str, Any]] = [
+        {"key": one.key, "text": str(one.value), "kind": one.kind, "origin": one.origin} for one in own
+    ]
     out = out or [{"key": key, "text": "", "kind": "identified", "origin": ""} for key in known]
     for one in out:
         origin = known.get(one["key"])
@@ -262,7 +281,8 @@ def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> 
     DescriptionError
         A changed value is not valid.
     """
-    name, place, span, pixels = (asked.get(key) for key in ("path", "record", "span", "pixels"))
+    found: list[Any] = [asked.get(key) for key in ("path", "record", "span", "pixels")]
+    name, place, span, pixels = found
     changes: Any = asked.get("changes") or {}
     right = isinstance(name, str) and isinstance(place, int) and isinstance(changes, dict)
     right = right and isinstance(pixels, int) and 1 <= pixels <= MOST_PIXELS
@@ -278,6 +298,7 @@ def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> 
     table, signals = _run(path, path.stat().st_mtime_ns)
     head: dict[str, Any] = {"number": number}
     columns = {"time_s": table["time_s"], "command": table["command"]}
+    changed: Mapping[str, Any] = {}
     if changes:
         drive = asked.get("drive", "")
         head["fit"], changed = _changed(described_at(workspace, str(drive)), dict(changes), signals)
@@ -287,7 +308,7 @@ def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> 
         for run in ("free", "restarted"):
             columns[f"{channel}.{run}"] = table[f"{run}.{channel}"]
             columns[f"{channel}.{run}.residual"] = measured - table[f"{run}.{channel}"]
-        if changes:
+        if changed:
             columns[f"{channel}.changed"] = changed[channel]
             columns[f"{channel}.changed.residual"] = measured - changed[channel]
     time = columns["time_s"]
@@ -347,4 +368,4 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
         or intervals[0].get(key) != intervals[1].get(key)
     ]
     texts = [drive.to_toml().splitlines() for drive in drives]
-    return {"values": values, "lines": list(difflib.unified_diff(*texts, before, after, n=1, lineterm=""))}
+    return {"values": values, "lines": list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm=""))}
