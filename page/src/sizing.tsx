@@ -451,7 +451,7 @@ function Table({ now }: { now: Sizing }) {
                   </td>
                 );
               })}
-              <td>{one.binding}</td>
+              <td class={one.meets ? "" : "missed"}>{one.binding}</td>
               <td>{one.file && <a href={link("drive", one.file)}>{one.file.slice(one.file.lastIndexOf("/") + 1)}</a>}</td>
             </tr>
           ))}

@@ -197,7 +197,7 @@ def test_a_search_is_cancelled_and_goes_on(server: Server, open_tab: Open) -> No
     tab.check()
 
 
-def test_a_task_that_nothing_does_is_answered_in_words(server: Server, open_tab: Open) -> None:
+def test_a_task_that_nothing_does_is_answered_in_words_light_and_dark(server: Server, open_tab: Open) -> None:
     text = TASK.replace('"2 kg"', '"200 kg"\nincline = "90 deg"')
     (server.folder / "push.toml").write_text(text)
     (server.folder / "results").mkdir()
@@ -209,6 +209,12 @@ def test_a_task_that_nothing_does_is_answered_in_words(server: Server, open_tab:
         page.click("a:text-is('results/none')")
         page.wait_for_selector("[data-miss]")
         assert found.miss.gives in page.inner_text("[data-miss]")
+        assert violations(tab) == []
+        page.evaluate("() => (location.hash = '#/sizing/push.toml')")
+        page.wait_for_selector("text=No problems.")
+        assert violations(tab) == []
+        page.evaluate("() => (location.hash = '#/validation/')")
+        page.wait_for_selector("text=Does my model hold?")
         assert violations(tab) == []
         tab.check()
         page.close()

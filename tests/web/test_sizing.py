@@ -93,7 +93,8 @@ def test_a_search_that_is_ended_goes_on_where_it_was(served: Served) -> None:
 
 
 def test_a_task_says_what_it_holds_and_what_is_wrong_with_it(served: Served) -> None:
-    found = post(served, "/api/task", {"text": FIRST})
+    first = FIRST.read_text()
+    found = post(served, "/api/task", {"text": first})
     assert found["problems"] == []
     values = {one["key"]: one for one in found["values"]}
     assert values["mass"] | {"meaning": ""} == {"key": "mass", "text": "8 kg", "given": True, "meaning": ""}
@@ -101,8 +102,8 @@ def test_a_task_says_what_it_holds_and_what_is_wrong_with_it(served: Served) -> 
     assert values["spread.friction"]["text"] == "0.7 .. 1.5"
     weight = found["follows"][0]
     assert weight["value"] == pytest.approx(8.0 * 9.80665 * 0.5)
-    assert post(served, "/api/task", {})["text"] == FIRST
-    wrong = FIRST.replace('"8 kg"', '"8 bar"').replace("ckd-*", "cdk-*")
+    assert post(served, "/api/task", {})["text"] == first
+    wrong = first.replace('"8 kg"', '"8 bar"').replace("ckd-*", "cdk-*")
     problems = post(served, "/api/task", {"text": wrong})["problems"]
     assert problems[0]["line"] == 3
     assert post(served, "/api/task", {"text": "mass = "})["problems"]

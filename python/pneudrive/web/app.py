@@ -17,6 +17,7 @@ from starlette.routing import Route, WebSocketRoute
 
 from pneudrive import __version__
 from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.files.content import read_text
 from pneudrive.signals.layout import stem
 from pneudrive.start import is_circuit
 from pneudrive.web import control, description
@@ -285,7 +286,7 @@ class _Views:
     def task(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Check the text of a task; without one, return a task to begin with."""
         text = _table(body).get("text")
-        return checked_task(text) if isinstance(text, str) else {"text": FIRST}
+        return checked_task(text) if isinstance(text, str) else {"text": read_text(FIRST, CommandError)}
 
     def sizing(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return the candidates of a task."""

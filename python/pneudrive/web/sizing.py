@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.base import inline
@@ -17,26 +18,11 @@ from pneudrive.web.workspace import DESCRIPTIONS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
-    from pathlib import Path
 
     from pneudrive.web.workspace import Workspace
 
-#: A task to begin with (assumed numbers).
-FIRST = """\
-# A drive is to lift 8 kg by 400 mm in 0.6 s up an incline.
-name = "lift at 30 degrees"
-mass = "8 kg"
-stroke = "400 mm"
-time = "0.6 s"                # from the command to the end, outwards
-incline = "30 deg"
-guide = "ball"
-impact_energy = "0.8 J"       # largest at the contact with an end
-tube_length = "1 m"
-exclude = ["ckd-*"]
-
-[supply]
-pressure = "6 bar gauge"
-"""
+#: A task to begin with.
+FIRST = Path(__file__).with_name("first_task.toml")
 MOST_LEAST, MOST_DRAWS = 1000, 4096
 #: Draws of the ten best over draws of each choice, as in the command.
 BEST = 4
