@@ -155,7 +155,10 @@ def test_a_drive_is_sized(server: Server, open_tab: Open) -> None:
     assert red != fastest.locator("[data-column=air]").evaluate("(cell) => getComputedStyle(cell).color")
     fastest.locator("button >> nth=0").click()
     assert "missed" in page.get_attribute("[data-limit='energy out'] td >> nth=0", "class")
-    page.locator(row).locator("button >> nth=0").click()
+    for words, key in (("button >> nth=0", "Enter"), ("button[aria-label^=Pin]", "Space")):
+        page.locator(row).locator(words).focus()
+        page.keyboard.press(key)
+    assert page.locator("[data-candidate]").first.get_attribute("data-candidate") == best.name  # pinned
     assert page.locator(".candidates .ring").count() == 2
     assert page.locator(".candidates g[data-point]").count() == 4
     assert violations(tab) == []

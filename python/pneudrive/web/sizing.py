@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 #: A task to begin with.
 FIRST = Path(__file__).with_name("first_task.toml")
 MOST_LEAST, MOST_DRAWS = 1000, 4096
+MOST_TASKS = 500  # that are kept as they were read
 #: Draws of the ten best over draws of each choice, as in the command.
 BEST = 4
 
@@ -190,12 +191,14 @@ def _limit(name: str, value: float, limit: float, unit: str, margin: float) -> d
 
 def _file_of(workspace: Workspace, task: SizingTask) -> str:
     """Return the file of a task; "" where none of the workspace is it any more."""
-    said = json.dumps(task.to_dict())
-    for one in workspace.files():
-        if one.kind == "task":
-            try:
-                if json.dumps(SizingTask.load(workspace.path(one.path)).to_dict()) == said:
-                    return one.path
-            except PneudriveError:
-                continue
-    return ""
+    tasks = (one for one in workspace.files() if one.kind == "task")
+    return next((one.path for one in tasks if _task_at(workspace.path(one.path), one.changed) == task), "")
+
+
+@lru_cache(maxsize=MOST_TASKS)
+def _task_at(path: Path, _changed: float) -> SizingTask | None:
+    """Return the task of a file; None where it is not valid."""
+    try:
+        return SizingTask.load(path)
+    except PneudriveError:
+        return None
