@@ -96,7 +96,7 @@ class Explorer:
             error = wrong
         else:
             self.changes = changes
-            return frame_of(done, int(asked.get("pixels", 1000)), head)
+            return frame_of(done, int(asked.get("pixels", 1000)), head, {})
         return pack({**head, "problems": problems_of(error)}, {})
 
     def _repr_mimebundle_(self, **options: Any) -> Any:  # noqa: ANN401 - what a notebook takes
