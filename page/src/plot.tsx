@@ -29,6 +29,7 @@ export interface PlotProps {
   range?: [number, number];
   shades?: Shade[];
   bands?: Band[];
+  log?: boolean; // both axes logarithmic: a spectrum
 }
 
 /** Where many runs lie, shaded behind the curves. */
@@ -72,10 +73,10 @@ export function Plot(props: PlotProps) {
       {
         width: at.clientWidth || 400,
         height: props.height ?? 210,
-        cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: !props.onZoom } },
+        cursor: { ...(!props.log && { sync: { key: "time" } }), drag: { x: true, y: false, setScale: !props.onZoom } },
         scales: {
-          x: { time: false, ...(props.range && { range: () => latest.current.range! }) },
-          y: { range: (_, low, high) => (low === null ? [low, high] : uPlot.rangeNum(...within(latest.current, low, high), 0.1, true)) },
+          x: { time: false, ...(props.log && { distr: 3 }), ...(props.range && { range: () => latest.current.range! }) },
+          y: props.log ? { distr: 3 } : { range: (_, low, high) => (low === null ? [low, high] : uPlot.rangeNum(...within(latest.current, low, high), 0.1, true)) },
         },
         legend: { live: true },
         axes: [
@@ -83,7 +84,7 @@ export function Plot(props: PlotProps) {
           { ...axis, size: 64, label: props.unit, labelSize: 16, labelFont: "12px system-ui" },
         ],
         series: [
-          { label: `time, ${props.xUnit ?? "s"}`, value: (_, v) => digits(v) },
+          { label: `${props.log ? "frequency" : "time"}, ${props.xUnit ?? "s"}`, value: (_, v) => digits(v) },
           ...props.curves.map((one, index) => {
             const { color, dash } = look(one.look ?? index);
             return { label: one.label, stroke: color, dash, width: 1.4, spanGaps: props.curves.length > 1, points: { show: false }, value: (_: uPlot, v: number | null) => digits(v) };
@@ -183,7 +184,7 @@ function Values({ curves, size, unit, xUnit, title }: PlotProps) {
       <table>
         <thead>
           <tr>
-            <th scope="col">{xUnit === "samples" ? "sample" : `time, ${xUnit ?? "s"}`}</th>
+            <th scope="col">{xUnit === "samples" ? "sample" : `${xUnit === "Hz" ? "frequency" : "time"}, ${xUnit ?? "s"}`}</th>
             {curves.map((one) => (
               <th scope="col" key={one.label}>
                 {one.label}, {unit}

@@ -151,6 +151,7 @@ export function RecordingView() {
         <>
           <Controls found={found} />
           <Plots found={found} />
+          <Spectrum found={found} path={path} />
         </>
       )}
       {!wrong.value.length || proposal.value ? null : <Wizard path={path} />}
@@ -198,6 +199,51 @@ function Controls({ found }: { found: Opened }) {
         ))}
       </fieldset>
     </>
+  );
+}
+
+const isSpectral = signal(false);
+const spectra = signal<Map<string, Numbers> | null>(null);
+const notSpectral = signal<Problem[]>([]);
+
+/** Spectra of the channels that are shown, within the view; a view that goes on moving is not asked about. */
+function Spectrum({ found, path }: { found: Opened; path: string }) {
+  const [from, to] = span.value;
+  const columns = shown.value.join("\n");
+  useEffect(() => {
+    if (!isSpectral.value) return;
+    let gone = false;
+    const timer = setTimeout(async () => {
+      try {
+        const one = await frame("/api/spectrum", { path, from: String(from), to: String(to), columns });
+        if (!gone) [spectra.value, notSpectral.value] = [one.arrays, []];
+      } catch (error) {
+        if (!(error instanceof Refused)) throw error;
+        if (!gone) [spectra.value, notSpectral.value] = [null, error.problems];
+      }
+    }, 200);
+    return () => {
+      gone = true;
+      clearTimeout(timer);
+    };
+  }, [path, from, to, columns, isSpectral.value]);
+  return (
+    <section aria-label="Spectrum">
+      <p class="row">
+        <label>
+          <input type="checkbox" checked={isSpectral.value} onChange={(event) => (isSpectral.value = event.currentTarget.checked)} /> spectrum of the view
+        </label>
+        {isSpectral.value && <span class="note">Amplitude density, Welch, Hann windows of at most 16384 samples; its square, integrated over frequency, is the variance.</span>}
+      </p>
+      {isSpectral.value && <Problems of={notSpectral.value} />}
+      {isSpectral.value && spectra.value && (
+        <div class="plots">
+          {found.channels!.filter((one) => spectra.value!.has(`hz/${one.column}`)).map((one) => (
+            <Plot key={one.column} title={`Spectrum of ${one.label}`} unit={`${one.unit || "1"}/√Hz`} xUnit="Hz" size={1} log curves={[{ label: one.label, x: spectra.value!.get(`hz/${one.column}`)!, y: spectra.value!.get(`density/${one.column}`)! }]} />
+          ))}
+        </div>
+      )}
+    </section>
   );
 }
 

@@ -8,6 +8,7 @@ import pytest
 import pneudrive as pn
 from page.conftest import DRIVE, Server
 from page.test_journeys import Open, at_end, drag, settled, violations
+from pneudrive.trajectory import save_columns
 
 
 def test_a_run_beside_others(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -69,3 +70,23 @@ def test_a_run_beside_others(server: Server, open_tab: Open, monkeypatch: pytest
     page.wait_for_selector(f".motion[data-row='{len(run.time) - 1}']")
     tab.check()
     assert pn.Drive.load("axis.toml").load.mass_kg == 0.0  # nothing was written
+
+
+def test_the_spectrum_of_a_view(server: Server, open_tab: Open) -> None:
+    time = np.arange(60_000) * 1e-3
+    force = 0.1 * np.random.default_rng(2).standard_normal(len(time)) + np.sin(2.0 * np.pi * 40.0 * time)
+    save_columns({"time_s": time, "force_n": force}, {}, server.folder / "rig.parquet")
+    tab = open_tab(server.address)
+    page = tab.page
+    page.click("text=rig.parquet")
+    page.wait_for_selector("[data-from]")
+    page.check("text=spectrum of the view")
+    plot = "figure[data-plot='Spectrum of force']"
+    page.wait_for_selector(f"{plot} canvas")
+    assert page.inner_text(f"{plot} figcaption") == "Spectrum of force, N/√Hz"
+    page.click("text=Closer")
+    page.wait_for_timeout(600)
+    assert violations(tab) == []
+    page.locator(plot).scroll_into_view_if_needed()
+    tab.picture("spectrum")
+    tab.check()

@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from starlette.requests import Request as Asked
     from starlette.websockets import WebSocket
 
+    from pneudrive.web.recordings import OpenRecording
+
 BUILT = Path(__file__).parent / "built"
 BUILD_FILE = "build.json"
 #: Jobs that a page may start, by the command that does them.
@@ -91,6 +93,7 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
         Route("/api/copy", _answered(views.copy), methods=["POST"]),
         Route("/api/recording", _answered(views.recording)),
         Route("/api/window", _answered(views.window)),
+        Route("/api/spectrum", _answered(views.spectrum)),
         Route("/api/strokes", _answered(views.strokes)),
         Route("/api/propose", _answered(views.propose)),
         Route("/api/validation", _answered(views.validation)),
@@ -232,19 +235,33 @@ class _Views:
 
     def window(self, given: Mapping[str, str], _body: bytes) -> bytes:
         """Return a view of a recording as a frame."""
+        found, columns, span, pixels = self._view(given)
+        view = found.window(span, pixels, columns)
+        head = {"missing": view.missing, "samples": view.samples, "raw": view.raw, "from": span[0], "to": span[1]}
+        return pack(head, {"time": view.time_s, **view.channels})
+
+    def _view(self, given: Mapping[str, str]) -> tuple[OpenRecording, list[str], tuple[float, float], int]:
+        """Read what part of a recording is asked for."""
         found = self.recordings.need(given.get("path", ""))
         known = [one.column for one in found.channels]
         columns = [name for name in given.get("columns", "").split("\n") if name in known]
         try:
             span = float(given["from"]), float(given["to"])
-            pixels = int(given["pixels"])
+            pixels = int(given.get("pixels", "1000"))
         except (KeyError, ValueError):
             raise CommandError("the request is not one of this page", remedy="Reload the page.") from None
         if not (math.isfinite(span[0]) and math.isfinite(span[1]) and span[0] < span[1] and 1 <= pixels <= MOST_PIXELS):
             raise CommandError("the view is out of bounds", rule=f"from < to, 1 to {MOST_PIXELS} pixels")
-        view = found.window(span, pixels, columns)
-        head = {"missing": view.missing, "samples": view.samples, "raw": view.raw, "from": span[0], "to": span[1]}
-        return pack(head, {"time": view.time_s, **view.channels})
+        return found, columns, span, pixels
+
+    def spectrum(self, given: Mapping[str, str], _body: bytes) -> bytes:
+        """Return the spectra of channels within a view as a frame."""
+        found, columns, span, _ = self._view(given)
+        spectra = {name: found.spectrum(span, name) for name in columns}
+        arrays = {
+            f"{axis}/{name}": one[axis == "density"] for name, one in spectra.items() for axis in ("hz", "density")
+        }
+        return pack({"from": span[0], "to": span[1]}, arrays)
 
     def strokes(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return the strokes of a recording."""

@@ -16,12 +16,13 @@ from pneudrive.files.tables import open_table
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import load_recording
 from pneudrive.signals.motion import find_strokes
+from pneudrive.signals.spectrum import amplitude_density
 from pneudrive.signals.tables.raw_table import read_raw_table
 from pneudrive.signals.tables.sniff import sniff_format
 from pneudrive.signals.trajectories import is_trajectory, read_trajectory
 from pneudrive.trajectory import SUFFIXES, meaning, save_columns
 from pneudrive.watch import Watch
-from pneudrive.web.tiles import Pyramid, TileWindow
+from pneudrive.web.tiles import BLOCK, Pyramid, TileWindow
 from pneudrive.web.workspace import TABLES
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ MOST_CHANNELS = 16
 MOST_OPEN = 16  # recordings
 MOST_SAMPLES_OF_STROKES = 5_000_000  # beyond, strokes take longer than a page waits
 MOST_STROKES = 5000
+MOST_SAMPLES_OF_SPECTRUM = 1 << 21
 _TIME_NAMES = ("time", "t", "time_s", "time (s)", "time [s]")
 
 
@@ -69,6 +71,33 @@ class OpenRecording:
         return self.pyramid.window(
             span, pixels, columns, lambda rows: _times(self.table, self.time, rows), self.table.get
         )
+
+    def spectrum(self, span: tuple[float, float], column: str) -> tuple[Any, Any]:
+        """Return frequencies, Hz, and amplitude density of a channel within a span of time.
+
+        Raises
+        ------
+        CommandError
+            The span holds too many samples, or the recording has no times.
+        RecordingError
+            As for `pneudrive.signals.spectrum.amplitude_density`.
+        """
+        if self.time is None:
+            raise CommandError("a spectrum needs times", remedy="Name the column of time in layout.toml.")
+        blocks = self.pyramid.time
+        first = int(np.searchsorted(blocks[:, 1], span[0]))
+        last = int(np.searchsorted(blocks[:, 0], span[1], "right"))
+        rows = (first * BLOCK, min(last * BLOCK, self.pyramid.count))
+        if rows[1] - rows[0] > MOST_SAMPLES_OF_SPECTRUM:
+            raise CommandError(
+                f"the view has {rows[1] - rows[0]} samples",
+                rule=f"a spectrum of at most {MOST_SAMPLES_OF_SPECTRUM}",
+                remedy="Look closer.",
+            )
+        time = _times(self.table, self.time, rows)
+        inside = (time >= span[0]) & (time <= span[1])
+        values = np.asarray(self.table.get([column], rows)[column], float)
+        return amplitude_density(time[inside], values[inside])
 
     @cached_property
     def span(self) -> tuple[float, float]:

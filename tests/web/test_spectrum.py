@@ -1,0 +1,50 @@
+"""A spectrum holds the variance of its signal, and a sine stands at its frequency."""
+
+from __future__ import annotations
+
+import numpy as np
+import polars as pl
+import pytest
+
+from pneudrive.errors import RecordingError
+from pneudrive.signals.spectrum import amplitude_density
+from pneudrive.web.messages import unpack
+from web.conftest import Served
+
+
+def test_a_sine_in_noise_in_a_view_of_a_recording(served: Served) -> None:
+    """Variance of noise 0.3^2, of a sine of 2 at 50 Hz 2^2/2; in the view alone, and in the unit of the column."""
+    time = np.arange(200_000) * 1e-3
+    force = 0.3 * np.random.default_rng(1).standard_normal(len(time))
+    force[100_000:] += 2.0 * np.sin(2.0 * np.pi * 50.0 * time[100_000:])
+    pl.DataFrame({"time_s": time, "force_n": 7.0 + force}).write_parquet(served.folder / "rig.parquet")
+    found = {}
+    for name, span in (("noise", ("0", "99.9")), ("sine", ("100.05", "199"))):
+        given = {"path": "rig.parquet", "from": span[0], "to": span[1], "columns": "force_n"}
+        for _ in range(50):
+            answered = served.client.get("/api/spectrum", params=given, headers=served.headers)
+            if answered.status_code == 200:
+                break
+        _, arrays = unpack(answered.content)
+        found[name] = arrays["hz/force_n"], arrays["density/force_n"]
+    for name, variance in (("noise", 0.09), ("sine", 2.09)):
+        hz, density = found[name]
+        assert np.trapezoid(density**2, hz) == pytest.approx(variance, rel=0.02)
+        assert hz[-1] == pytest.approx(500.0)
+    hz, density = found["sine"]
+    assert hz[density.argmax()] == pytest.approx(50.0, abs=hz[0])
+    assert np.median(found["noise"][1]) == pytest.approx(0.3 / 500.0**0.5, rel=0.1)
+
+
+def test_what_has_no_spectrum_is_refused(served: Served) -> None:
+    time = np.arange(100) * 1e-3
+    uneven = time.copy()
+    uneven[50:] += 5e-4
+    for times, values, words in (
+        (uneven, time, "evenly"),
+        (time, np.where(time == 0.05, np.nan, 1.0), "no number"),
+        (time[:9], time[:9], "too few"),
+        (0.0 * time, time, "evenly"),
+    ):
+        with pytest.raises(RecordingError, match=words):
+            amplitude_density(times, values)
