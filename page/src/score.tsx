@@ -104,7 +104,7 @@ export function ScoreCard({ path }: { path: string }) {
       {found && (
         <details>
           <summary>The same as a command and as Python</summary>
-          <Copied command={found.command || "This comparison was made from Python."} python={found.python} />
+          <Copied command={found.command || "This comparison was not begun by a command in this folder."} python={found.python} />
         </details>
       )}
     </div>

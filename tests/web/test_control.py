@@ -190,6 +190,12 @@ def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeyp
     never = {cell["law"]: cell for cell in settled["cells"] if cell["reference"] == STEP}
     assert never["pid"]["text"] == written("settling_100_um_s", made.middle("pid", STEP, "settling_100_um_s"))
 
+    (served.folder / "axis.toml").unlink()  # the card is shown all the same, without its command
+    later = card_of(served)
+    assert later["cells"] == card["cells"]
+    assert later["command"] == ""
+    assert "read_comparison" in later["python"]
+
     given = {"path": "results/laws", "reference": SLOW, "pixels": "4000"}
     frame = served.client.get("/api/tracks", params=given, headers=served.headers)
     head, arrays = unpack(frame.content)

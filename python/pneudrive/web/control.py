@@ -6,6 +6,7 @@ import math
 import posixpath
 import shlex
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,7 @@ from pneudrive.control.references import PROGRAMS, RECORDS, reference
 from pneudrive.control.setup import ready_setups
 from pneudrive.control.tuning import laws
 from pneudrive.describe import toml
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.start import is_circuit
 from pneudrive.watch import Watch
 from pneudrive.web.asked_run import MOST_PIXELS, MOST_SAMPLES, RunLimit, described_at
@@ -397,7 +398,8 @@ def shown_card(workspace: Workspace, name: str, measure: str) -> dict[str, Any]:
         raise CommandError(f"{measure[:80]!r} is no measure", rule=", ".join(SHOWN))
     job = None
     if card.about.get("asked"):
-        job = _job(card.about["asked"], workspace, name, is_new=False)
+        with suppress(PneudriveError):  # it was begun elsewhere, or its drive is gone: the card is shown all the same
+            job = _job(card.about["asked"], workspace, name, is_new=False)
     told = card.about["laws"]
     return {
         "drive": card.drive,
