@@ -184,6 +184,9 @@ pub(crate) fn settled<R: Lane>(circuit: &Circuit<R>, y: &[R]) -> Vec<R> {
     y
 }
 
+/// Numbers that are copied at once.
+const PIECE: usize = 4;
+
 /// Keeps states as they are integrated, row by row.
 pub struct States {
     times: Vec<f64>,
@@ -198,9 +201,19 @@ impl States {
         States { next: 0, n, rows: Vec::with_capacity(times.len() * n), times }
     }
 
+    /// A row of an usual length in two pieces that overlap: a copy of a length that is known only now is a call.
     #[inline]
     fn keep(&mut self, y: &[f64]) {
-        self.rows.extend_from_slice(&y[..self.n]);
+        let y = &y[..self.n];
+        match (y.first_chunk::<PIECE>(), y.last_chunk::<PIECE>()) {
+            (Some(first), Some(last)) if self.n <= 2 * PIECE => {
+                let end = self.rows.len() + self.n;
+                self.rows.extend_from_slice(first);
+                self.rows.truncate(end - PIECE);
+                self.rows.extend_from_slice(last);
+            }
+            _ => self.rows.extend_from_slice(y),
+        }
         self.next += 1;
     }
 

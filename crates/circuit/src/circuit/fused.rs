@@ -75,7 +75,12 @@ impl<R: Lane> Work for Linearised<'_, R> {
     type Out = ();
     #[inline(always)]
     fn work(self) {
-        self.circuit.fused_jacobian(self.fused, self.y, self.f, self.jacobian);
+        let Linearised { circuit, fused, y, f, jacobian } = self;
+        if const { R::DIRECTIONS > 0 } {
+            circuit.fused_jacobian::<AXIS>(fused, y, f, jacobian);
+        } else {
+            circuit.fused_jacobian::<AXIS_OF_PLAIN>(fused, y, f, jacobian);
+        }
     }
 }
 
@@ -87,6 +92,7 @@ const AXIS_OF_PLAIN: usize = 8;
 /// What follows from the states of both chambers.
 struct Chambers<S> {
     rates: [S; 2],
+    volume: S,
     pressure: S,
     temperature: S,
 }
@@ -195,29 +201,31 @@ impl<P: Real> Fused<P> {
             node.m_dot += m_dot;
             node.h_dot += m_dot * (cp * S::select(out, node.t, S::from(ports.temperature)));
         }
-        let (pressure, temperature) = (node.p, node.t);
-        Chambers { rates: self.volume.rates(&mut node, &self.common), pressure, temperature }
+        let (volume, pressure, temperature) = (node.volume, node.p, node.t);
+        Chambers { rates: self.volume.rates(&mut node, &self.common), volume, pressure, temperature }
     }
 }
 
 impl<P: Real> Cylinder<P> {
-    /// Rates of velocity and inner states at (x, v) and the pressures of both chambers.
+    /// The axis at (x, v). To be asked for before the chambers: the exponential of a friction law takes as long as they do,
+    /// and neither waits for the other.
     #[inline(always)]
-    fn accelerates<S: Over<P>>(&self, states: [S; 4], z: &[S], dz: &mut [S], common: &Common<P>) -> S {
-        self.moves(states, z, dz, common).a
+    fn stands<S: Over<P>>(&self, motion: [S; 2]) -> AxisNode<S> {
+        let mut axis = AxisNode::at_rest();
+        self.axis.stand(motion, &mut axis);
+        axis
     }
 
-    /// The axis there, with its forces.
+    /// That axis with its forces and acceleration at the pressures of both chambers; sets the rates of the inner states.
     #[inline(always)]
     fn moves<S: Over<P>>(
         &self,
-        [x, v, a, b]: [S; 4],
+        mut axis: AxisNode<S>,
+        [a, b]: [S; 2],
         z: &[S],
         dz: &mut [S],
         common: &Common<P>,
     ) -> AxisNode<S> {
-        let mut axis = AxisNode::at_rest();
-        self.axis.stand([x, v], &mut axis);
         self.faces[0].push(a, &mut axis, common);
         self.faces[1].push(b, &mut axis, common);
         self.stops.push(&mut axis);
@@ -227,23 +235,23 @@ impl<P: Real> Cylinder<P> {
 }
 
 impl<R: Real> Cylinder<R> {
-    /// The rates of the velocity and of an inner state, where there is one, and their rows of the Jacobian, from (x, v) and
-    /// both pressures, of which the slopes by x and by U are given.
+    /// The rates of the velocity and of an inner state, where there is one, and their rows of the Jacobian, from the axis
+    /// at (x, v), directions 0 and 1, and both pressures, of which the slopes by x and by U are given.
     #[inline(always)]
     fn differentiate<const D: usize>(
         &self,
-        values: [R; 4],
+        axis: AxisNode<Dual<R, D>>,
+        pressures: [R; 2],
         z: &[R],
         common: &Common<R>,
         [by_x, by_u]: [[R; 2]; 2],
-        f: &mut [R],
-        jacobian: &mut Dense<R>,
+        (f, jacobian): (&mut [R], &mut Dense<R>),
     ) {
-        let seeded: [Dual<R, D>; 4] = std::array::from_fn(|i| Dual::variable(values[i], i));
+        let seeded = std::array::from_fn(|i| Dual::variable(pressures[i], 2 + i));
         let inner = z.first().map_or(Dual::from(R::zero()), |z| Dual::variable(*z, 4));
         let mut d_inner = [Dual::from(R::zero())];
         let n = z.len().min(1);
-        let acceleration = self.accelerates(seeded, &[inner][..n], &mut d_inner[..n], common);
+        let acceleration = self.moves(axis, seeded, &[inner][..n], &mut d_inner[..n], common).a;
         let mut row = |row: usize, rate: &Dual<R, D>| {
             let [x, v, a, b, z] = std::array::from_fn(|i| rate.eps[i]);
             f[row] = rate.re;
@@ -297,10 +305,10 @@ impl<R: Lane> Circuit<R> {
         let (known, known_z) = known.split_first_chunk::<6>().expect("as many");
         let (out, dz) = out.split_first_chunk_mut::<6>().expect("as many");
         let [x, v, m_a, u_a, m_b, u_b] = *outer;
+        let axis = cylinder.stands([x, v]);
         let states = [Both::same(x), Both::same(v), Both([m_a, m_b]), Both([u_a, u_b])];
         let Chambers { rates, pressure, .. } = fused.chambers(Both::same(cylinder.least_wall), states);
-        let [a, b] = pressure.0;
-        let acceleration = cylinder.accelerates([x, v, a, b], z, dz, &self.common);
+        let acceleration = cylinder.moves(axis, pressure.0, z, dz, &self.common).a;
         let [m_dot, u_dot] = rates.map(|both| both.0);
         *out = [
             known[0] + v,
@@ -317,32 +325,41 @@ impl<R: Lane> Circuit<R> {
 
     /// The same with its Jacobian, which has the shape that [`ode::System::linearise`] asks for.
     #[inline(always)]
-    fn fused_jacobian(&self, fused: &Fused<R>, y: &[R], f: &mut [R], jacobian: &mut Dense<R>) {
+    fn fused_jacobian<const D: usize>(
+        &self,
+        fused: &Fused<R>,
+        y: &[R],
+        f: &mut [R],
+        jacobian: &mut Dense<R>,
+    ) {
         let (_, cylinder) = &self.parts.cylinders[0];
         let (outer, z) = y.split_first_chunk::<6>().expect("the states of a cylinder");
         let [x, v, m_a, u_a, m_b, u_b] = *outer;
-        let states = [Both::same(x), Both::same(v), Both([m_a, m_b]), Both([u_a, u_b])];
-        let seeded: [Dual<Both<R>, 4>; 4] = std::array::from_fn(|i| Dual::variable(states[i], i));
-        let Chambers { rates, pressure, .. } = fused.chambers(Both::same(cylinder.least_wall), seeded);
+        let axis = cylinder.stands::<Dual<R, D>>([Dual::variable(x, 0), Dual::variable(v, 1)]);
+        let seeded: [Dual<Both<R>, 3>; 4] = [
+            Dual::variable(Both::same(x), 0),
+            Dual::from(Both::same(v)),
+            Dual::variable(Both([m_a, m_b]), 1),
+            Dual::variable(Both([u_a, u_b]), 2),
+        ];
+        let chambers = fused.chambers(Both::same(cylinder.least_wall), seeded);
+        let Chambers { rates, volume, pressure, .. } = chambers;
+        // The velocity enters by the work -p dV/dt alone, and dV/dt is dV/dx times it.
+        let by_v = [Both::zero(), -(pressure.re * volume.eps[0])];
         // By reference: to iterate over an array of numbers itself is to copy it.
         for (side, first) in [2, 4].into_iter().enumerate() {
-            let columns = [0, 1, first, first + 1];
-            for (row, rate) in (first..).zip(&rates) {
+            let columns = [0, first, first + 1];
+            for ((row, rate), by_v) in (first..).zip(&rates).zip(&by_v) {
                 f[row] = rate.re.0[side];
+                jacobian[row][1] = by_v.0[side];
                 for (slope, column) in rate.eps.iter().zip(columns) {
                     jacobian[row][column] = slope.0[side];
                 }
             }
         }
-        let [a, b] = pressure.re.0;
-        let values = [x, v, a, b];
         // dp/dx and dp/dU of both chambers: a pressure depends on neither v nor m.
-        let by = [pressure.eps[0].0, pressure.eps[3].0];
-        if const { R::DIRECTIONS > 0 } {
-            cylinder.differentiate::<AXIS>(values, z, &self.common, by, f, jacobian);
-        } else {
-            cylinder.differentiate::<AXIS_OF_PLAIN>(values, z, &self.common, by, f, jacobian);
-        }
+        let by = [pressure.eps[0].0, pressure.eps[2].0];
+        cylinder.differentiate(axis, pressure.re.0, z, &self.common, by, (f, jacobian));
         (f[0], jacobian[0][1]) = (v, R::one());
     }
 }

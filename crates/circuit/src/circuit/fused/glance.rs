@@ -36,12 +36,13 @@ impl Circuit<f64> {
         let (_, cylinder) = &self.parts.cylinders[0];
         let [x, v, m_a, u_a, m_b, u_b, ..] = *y else { unreachable!("the states of a cylinder") };
         let z = &y[INNER..self.topology.n_states];
+        let axis = cylinder.stands([x, v]);
         let states = [Both::same(x), Both::same(v), Both([m_a, m_b]), Both([u_a, u_b])];
-        let Chambers { rates, pressure, temperature } =
+        let Chambers { rates, pressure, temperature, .. } =
             fused.chambers(Both::same(cylinder.least_wall), states);
         let ([p_a, p_b], [t_a, t_b], [m_dot_a, m_dot_b]) = (pressure.0, temperature.0, rates[0].0);
         let mut dz = [0.0];
-        let axis = cylinder.moves([x, v, p_a, p_b], z, &mut dz[..z.len()], &self.common);
+        let axis = cylinder.moves(axis, pressure.0, z, &mut dz[..z.len()], &self.common);
         [axis.x, axis.v, axis.a, axis.friction, -axis.end_stop, p_a, t_a, m_dot_a, p_b, t_b, m_dot_b]
     }
 }
