@@ -122,7 +122,7 @@ impl<R: Real, const N: usize> MulAssign for Dual<R, N> {
 impl<R: Real, const N: usize> Real for Dual<R, N> {
     type Mask = R::Mask;
 
-    const LARGE: bool = true;
+    const LARGE: bool = N > 1;
     /// Derivatives of derivatives: in line, a right-hand side would not fit the processor's caches.
     #[inline(never)]
     fn once<T>(operation: impl FnOnce() -> T) -> T {
