@@ -8,19 +8,25 @@ use physics::Gas;
 use physics::constants::STANDARD_GRAVITY;
 use physics::friction::Contact;
 use physics::mechanics::Inertia;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
+
+impl Topology {
+    /// That of no parts, which all circuits share until they are built.
+    fn of_none() -> Arc<Self> {
+        static NONE: LazyLock<Arc<Topology>> = LazyLock::new(|| {
+            let structure = Arc::new(Structure::of(&[], &[], false));
+            let (names, channels, events) = Default::default();
+            Arc::new(Topology { names, n_states: 0, channels, structure, events })
+        });
+        NONE.clone()
+    }
+}
 
 impl<R: Lane> Circuit<R> {
     /// An empty circuit; the ambient pressure Pa acts on the outside of every piston.
     pub fn new(gas: impl Into<Gas<R>>, ambient_pressure: R, ambient_temperature: R) -> Self {
         Circuit {
-            topology: Arc::new(Topology {
-                names: Vec::new(),
-                n_states: 0,
-                channels: Vec::new(),
-                structure: Arc::new(Structure::of(&[], &[], false)),
-                events: Vec::new(),
-            }),
+            topology: Topology::of_none(),
             parts: Parts::default(),
             common: Common { gas: gas.into(), ambient_pressure, ambient_temperature },
             scale: Vec::new(),
