@@ -110,6 +110,8 @@ pub struct Model {
     pub friction: Contact<f64>,
     /// Stiffness of the contact in stick, N/m.
     pub stick_stiffness: f64,
+    /// In stick it drifts under a force below breakaway, as LuGre does; else it is elastic.
+    pub stick_drifts: bool,
     /// Shares of the friction that is described: of its level, and viscous.
     pub friction_shares: [f64; 2],
     /// Damping of the contact in stick over its stiffness, s.
@@ -259,13 +261,20 @@ impl Model {
     ///
     ///   df/dt = min(s |v|/g, 1/h) (g sgn v - f)
     ///
-    /// s stiffness N/m. Exact below the bound; above it f is at its level within a step.
+    /// s stiffness N/m. Exact below the bound; above it f is at its level within a step. A contact that does not drift is
+    /// elastic up to its level instead: df/dt = s v, and no more than is left to g.
     #[inline(always)]
     pub fn stick_rate<S: Over<f64>>(&self, v: S, f: S, level: S, h: f64) -> S {
         let speed = (v * v + S::c(SMOOTH * SMOOTH)).sqrt();
         let rate = (speed.times(self.stick_stiffness) / level).min(S::c(1.0 / h));
         // g sgn v |v| = g v: no sign at rest.
-        rate * (level * (v / speed) - f)
+        let left = level * (v / speed) - f;
+        if self.stick_drifts {
+            return rate * left;
+        }
+        let (sprung, rest) = (v.times(self.stick_stiffness), left.times(1.0 / h));
+        let elastic = S::select(sprung.abs().lt(rest.abs()), sprung, rest);
+        S::select((left * v).lt(S::zero()), rate * left, elastic)
     }
 
     /// Acceleration under the force of the gas, the friction force f and a disturbance d, N in +x.

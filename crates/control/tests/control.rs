@@ -59,6 +59,7 @@ fn drive() -> Model {
         },
         friction: Contact::from(law.expect("a law of that name")),
         stick_stiffness: 1e5,
+        stick_drifts: true,
         friction_shares: [1.0; 2],
         stick_damping_time: 3e-3,
         gas: Gas::from(&gas),

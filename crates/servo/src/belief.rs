@@ -21,8 +21,10 @@ pub struct Axis {
     pub left_out: Vec<String>,
 }
 
-/// Stiffness that a contact has in stick where its law has none, N/m (assumed: of a seal of this size).
-const STICK_STIFFNESS: f64 = 1e5;
+/// Stiffness over mass, 1/s2, and damping over stiffness, s, of a contact in stick whose law has none: nearly the stiffest
+/// that steps of 1 ms can follow, so that what rests moves little in the model (assumed).
+const STICK_STIFFNESS: f64 = 5e5;
+const STICK_DAMPING: f64 = 1e-3;
 
 /// The only component whose kind begins so.
 fn only<'c>(circuit: &'c Circuit, kind: &str, what: &str) -> Result<&'c Component, Error> {
@@ -89,7 +91,12 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
         return refuse(format!("{} has no friction", cylinder.name));
     };
     let bristle = |key: &str| friction.parameters.get(key).copied();
-    let stick_stiffness = bristle("bristle_stiffness").unwrap_or(STICK_STIFFNESS);
+    let contact = friction_law(friction)?;
+    let stick_stiffness = bristle("bristle_stiffness").unwrap_or(STICK_STIFFNESS * mass);
+    let stick_damping_time = match (bristle("bristle_stiffness"), bristle("bristle_damping")) {
+        (None, _) => STICK_DAMPING,
+        (_, damping) => damping.unwrap_or(0.0) / stick_stiffness,
+    };
     let frequency = given(valve, "frequency")?;
     let (c, b) = (given(valve, "conductance")?, given(valve, "critical_pressure_ratio")?);
     let (m, linear_above) = (given(valve, "subsonic_index")?, given(valve, "linear_above")?);
@@ -117,8 +124,9 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
         },
         friction_shares: [1.0; 2],
         stick_stiffness,
-        stick_damping_time: bristle("bristle_damping").unwrap_or(0.0) / stick_stiffness,
-        friction: friction_law(friction)?,
+        stick_damping_time,
+        stick_drifts: !contact.law.meta().claims.no_drift,
+        friction: contact,
         gas: Gas::from(&gas),
     };
     let left_out = others.into_iter().map(|own| own.name.clone()).collect();

@@ -5,7 +5,7 @@ mod axis;
 use axis::{MEAN, axis, begin, session, setup};
 use circuit::Look;
 use circuit::specification::{Circuit, Component};
-use control::Reference;
+use control::{Move, Reference};
 use servo::{COLUMNS, belief, philox};
 use std::collections::BTreeMap;
 
@@ -18,8 +18,19 @@ fn run(
     duration: f64,
     seed: u64,
 ) -> (Rows, control::Controller) {
+    run_believing(axis(), plant, law, reference, duration, seed)
+}
+
+fn run_believing(
+    belief: Circuit,
+    plant: &Circuit,
+    law: &str,
+    reference: &Reference,
+    duration: f64,
+    seed: u64,
+) -> (Rows, control::Controller) {
     let x = reference.at(0.0).position;
-    let (mut under, mut controller) = begin(plant, (law, None), &setup(seed), x);
+    let (mut under, mut controller) = begin(belief, plant, (law, None), &setup(seed), x);
     let mut never = |_| false;
     let rows = under.run(&mut controller, reference, duration, &mut Look::new(&mut never));
     (rows.expect("it runs"), controller)
@@ -81,6 +92,56 @@ fn predictive_control_learns_the_friction_and_the_valve_of_its_drive() {
     let valve = controller.model.valve;
     assert!((valve.flow.gain / described.flow.gain - 0.8).abs() < 0.03, "conductance");
     assert!((valve.overlap - 0.03).abs() < 0.002, "overlap {}", valve.overlap);
+}
+
+/// The axis with a mass, kg, and another law of friction with these parameters.
+fn rubbing(mass: f64, law: &str, parameters: &[(&str, f64)]) -> Circuit {
+    let mut plant = axis();
+    let cylinder = plant.components.iter_mut().find(|own| own.name == "cylinder").expect("a cylinder");
+    cylinder.numbers.insert("moving_mass".into(), mass);
+    let friction = cylinder.friction.as_mut().expect("friction");
+    friction.law = law.into();
+    friction.parameters = parameters.iter().map(|(key, value)| ((*key).into(), *value)).collect();
+    plant
+}
+
+/// A light piston whose seal is elastic up to a breakaway 11 N above its sliding friction: a plan that takes it to drift
+/// makes it slip from one side of its target to the other, 1.3 mm apart, for good.
+#[test]
+fn a_light_sticky_drive_comes_to_rest_under_predictive_control() {
+    let sticky = rubbing(
+        0.7,
+        "elasto-plastic",
+        &[
+            ("coulomb", 33.0),
+            ("breakaway", 44.0),
+            ("viscous", 40.0),
+            ("stribeck_velocity", 0.02),
+            ("bristle_stiffness", 4.4e5),
+            ("bristle_damping", 440.0),
+        ],
+    );
+    let moves = vec![Move { begin: 0.2, duration: 0.3, to: 0.28 }];
+    for seed in 1..=3 {
+        let to = Reference::Moves { start: 0.22, moves: moves.clone() };
+        let (rows, _) = run_believing(sticky.clone(), &sticky, "nmpc", &to, 3.0, seed);
+        let rest = &rows[2400..];
+        let error = largest(rest) * 1e6;
+        let fastest = rest.iter().map(|row| row[2].abs()).fold(0.0, f64::max);
+        assert!(error < 50.0 && fastest < 1e-3, "seed {seed}: {error} um, {fastest} m/s at rest");
+    }
+}
+
+/// Dry friction rests without any way: a model whose contact gives way too far takes its sensor for stuck.
+#[test]
+fn drives_with_dry_friction_are_followed() {
+    let dry = rubbing(2.0, "coulomb", &[("coulomb", 30.0), ("viscous", 40.0)]);
+    for law in ["nmpc", "inversion"] {
+        let (rows, controller) = run_believing(dry.clone(), &dry, law, &sine(0.5), 4.0, 1);
+        let events = controller.supervisor.as_ref().expect("a supervisor").log().events();
+        let error = largest(&rows) * 1e3;
+        assert!(events.is_empty() && error < 1.0, "{law}: {error} mm, {events:?}");
+    }
 }
 
 #[test]

@@ -46,7 +46,7 @@ fn a_move() -> Reference {
 }
 
 fn begin(plant: &Circuit, law: &str, setup: &Setup, x: f64) -> (Loop, Controller) {
-    axis::begin(plant, (law, Some(supervision())), setup, x)
+    axis::begin(axis(), plant, (law, Some(supervision())), setup, x)
 }
 
 /// Runs a controller that may be changed before.

@@ -5,7 +5,7 @@ use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;
 use crate::observer::State;
-use math::{Dual, Over, Real};
+use math::{Dual, Over};
 use physics::above;
 
 /// Moves of the plan.
@@ -17,6 +17,9 @@ const STEPS: [usize; MOVES] = [1, 1, 1, 1, 1, 1, 2, 2];
 const LAST: f64 = 4.0;
 /// Weight of an error of acceleration (assumed).
 const ACCELERATION: f64 = 0.1;
+/// Factor of the cost from which on a step is not taken as a whole, and the share of it that is taken then (assumed).
+const WORSE: f64 = 10.0;
+const SHORTER: f64 = 0.25;
 /// Rounds of the search for the moves that lie at a limit.
 const ROUNDS: usize = 20;
 
@@ -28,7 +31,8 @@ law! {
     ///   sum h (e^2 + (e'/lambda)^2 + 0.1 (e''/lambda^2)^2) + r^2 sum (w_i - w_(i-1))^2
     ///
     /// least within -1 .. 1, e in mm, h in ms, w in %. The whole horizon is run once a sample, on numbers with derivatives
-    /// by all moves, from the state when a command of now will act; one Gauss-Newton step follows.
+    /// by all moves, from the state when a command of now will act; one Gauss-Newton step follows, or a quarter of it where
+    /// the whole would cost ten times as much.
     pub struct Nmpc {
         bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, of a lag of 3 ms at least";
         move_penalty: "1", above(0.0), "r", rule "0.1, assumed";
@@ -130,6 +134,43 @@ impl Nmpc {
             self.plan[i] = (0..MOVES).map(|j| old[j] * within(j)).sum::<f64>() / (to - from);
         }
     }
+
+    /// Runs the horizon under a plan and shows each residual.
+    fn follow<S: Over<f64>>(&self, tick: &Tick, plan: &[S; MOVES], mut row: impl FnMut(S)) {
+        let model = tick.model;
+        let mut state: State<S> = tick.state.map(S::c);
+        let [mut spool, mut speed] = tick.spool.share(model.valve.overlap).map(S::c);
+        let leak = model.openings(0.0);
+        let mut t = 0.0;
+        let mut before = S::c(self.last);
+        for block in 0..MOVES {
+            let w = plan[block];
+            row((w - before).times(100.0 * self.move_penalty));
+            before = w;
+            let h = 1e-3 * STEPS[block] as f64;
+            let [half, whole] = [0.5 * h, h].map(|h| tick.spool.transition(h));
+            for _ in 0..BLOCKS[block] / STEPS[block] {
+                let go = |by: [f64; 4]| {
+                    let e = spool - w;
+                    [w + e.times(by[0]) + speed.times(by[1]), e.times(by[2]) + speed.times(by[3])]
+                };
+                let [middle, _] = go(half);
+                [spool, speed] = go(whole);
+                let share = middle.max(S::c(-1.0)).min(S::one());
+                let open = [share.max(S::zero()), (-share).max(S::zero())];
+                let open = [0, 1].map(|i| open[i] + S::c(leak[i]));
+                state.advance(model, open, h, None);
+                t += h;
+                let wanted = tick.preview.at(tick.acts + t);
+                let weight = (h * 1e3 * if block + 1 == MOVES { LAST } else { 1.0 }).sqrt() * 1e3;
+                let l = self.bandwidth;
+                row((state.position - S::c(wanted.position)).times(weight));
+                row((state.velocity - S::c(wanted.velocity)).times(weight / l));
+                let a = state.acceleration(model) - S::c(wanted.acceleration);
+                row(a.times(weight * ACCELERATION.sqrt() / (l * l)));
+            }
+        }
+    }
 }
 
 impl Tuned for Nmpc {
@@ -151,48 +192,18 @@ impl Law for Nmpc {
 
     fn step(&mut self, tick: &Tick) -> f64 {
         self.shift(tick.period);
-        let model = tick.model;
-        let mut state: State<Seeded> = tick.state.map(Seeded::from);
-        let [mut spool, mut speed] = tick.spool.share(model.valve.overlap).map(Seeded::from);
         let (mut h_matrix, mut gradient) = ([[0.0; MOVES]; MOVES], [0.0; MOVES]);
-        let mut row = |residual: Seeded| {
+        let mut cost = 0.0;
+        let seeded: [Seeded; MOVES] = std::array::from_fn(|i| Seeded::variable(self.plan[i], i));
+        self.follow(tick, &seeded, |residual| {
+            cost += residual.re * residual.re;
             for i in 0..MOVES {
                 gradient[i] += residual.eps[i] * residual.re;
                 for j in 0..=i {
                     h_matrix[i][j] += residual.eps[i] * residual.eps[j];
                 }
             }
-        };
-        let mut t = 0.0;
-        let mut before = Seeded::from(self.last);
-        for block in 0..MOVES {
-            let w = Seeded::variable(self.plan[block], block);
-            row((w - before).times(100.0 * self.move_penalty));
-            before = w;
-            let h = 1e-3 * STEPS[block] as f64;
-            let [half, whole] = [0.5 * h, h].map(|h| tick.spool.transition(h));
-            for _ in 0..BLOCKS[block] / STEPS[block] {
-                let go = |by: [f64; 4]| {
-                    let e = spool - w;
-                    [w + e.times(by[0]) + speed.times(by[1]), e.times(by[2]) + speed.times(by[3])]
-                };
-                let [middle, _] = go(half);
-                [spool, speed] = go(whole);
-                let share = middle.max(Seeded::c(-1.0)).min(Seeded::one());
-                let open = [share.max(Seeded::zero()), (-share).max(Seeded::zero())];
-                let leak = model.openings(0.0);
-                let open = [0, 1].map(|i| open[i] + Seeded::c(leak[i]));
-                state.advance(model, open, h, None);
-                t += h;
-                let wanted = tick.preview.at(tick.acts + t);
-                let weight = (h * 1e3 * if block + 1 == MOVES { LAST } else { 1.0 }).sqrt() * 1e3;
-                let l = self.bandwidth;
-                row((state.position - Seeded::c(wanted.position)).times(weight));
-                row((state.velocity - Seeded::c(wanted.velocity)).times(weight / l));
-                let a = state.acceleration(model) - Seeded::c(wanted.acceleration);
-                row(a.times(weight * ACCELERATION.sqrt() / (l * l)));
-            }
-        }
+        });
         for i in 0..MOVES {
             for j in 0..i {
                 h_matrix[j][i] = h_matrix[i][j];
@@ -200,8 +211,13 @@ impl Law for Nmpc {
         }
         let (low, high) = (self.plan.map(|w| -1.0 - w), self.plan.map(|w| 1.0 - w));
         if let Some(step) = within(&h_matrix, &gradient, &low, &high) {
+            // Derivatives in stick say nothing of what comes behind breakaway.
+            let whole: [f64; MOVES] = std::array::from_fn(|i| self.plan[i] + step[i]);
+            let mut foreseen = 0.0;
+            self.follow(tick, &whole, |residual| foreseen += residual * residual);
+            let share = if foreseen > WORSE * cost { SHORTER } else { 1.0 };
             for (own, step) in self.plan.iter_mut().zip(step) {
-                *own = (*own + step).clamp(-1.0, 1.0);
+                *own = (*own + share * step).clamp(-1.0, 1.0);
             }
         }
         self.plan[0]

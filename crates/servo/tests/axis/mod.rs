@@ -52,8 +52,9 @@ pub fn setup(seed: u64) -> Setup {
     }
 }
 
-/// A loop around a plant at `position`, under a law that believes in the reference axis.
+/// A loop around a plant at `position`, under a law that believes in `belief`.
 pub fn begin(
+    belief: Circuit,
     plant: &Circuit,
     (law, supervision): (&str, Option<Supervision>),
     setup: &Setup,
@@ -66,7 +67,7 @@ pub fn begin(
         adaptation: true,
         hold: Some(Hold { band_m: 3e-5, after_s: 0.02 }),
         supervision,
-        belief: axis(),
+        belief,
     };
     let deviation = Encoder::from(setup.position).deviation();
     let (controller, names) = controller(&spec, deviation).expect("a controller");

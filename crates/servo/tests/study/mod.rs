@@ -204,7 +204,7 @@ fn run_of(seed: u64, member: u32) -> Run {
 
 impl Run {
     fn loop_of(&self) -> (Loop, Controller) {
-        begin(&self.plant, (self.law, None), &self.setup, self.reference.at(0.0).position)
+        begin(reference_axis(), &self.plant, (self.law, None), &self.setup, self.reference.at(0.0).position)
     }
 
     /// The fastest hit, m/s, and the controller behind the run; with full braking at once from a time on, if there is one.
