@@ -391,8 +391,13 @@ impl Controller {
     }
 
     /// See [`crate::supervisor`].
-    pub(crate) fn brakes(&self, model: &Model, command: (f64, bool)) -> Option<f64> {
+    pub(crate) fn brakes(&self, model: &Model, command: (f64, f64)) -> Option<f64> {
         crate::supervisor::brakes(model, self.observer.as_ref()?, command, self.period)
+    }
+
+    /// The command that opens the valve against the motion.
+    pub(crate) fn full_brake(&self) -> Option<f64> {
+        self.state().map(|own| if own.velocity >= 0.0 { -1.0 } else { 1.0 })
     }
 
     /// Without the law: a command, and what the observer says.

@@ -156,10 +156,12 @@ pub struct Supervisor {
     missed: u32,
     stands_by: bool,
     brakes: bool,
-    /// What braking is foreseen by, if it is another model than the law's.
-    weaker: Option<Box<Model>>,
+    /// The model as it was at first, on a supply that does not press.
+    without_supply: Option<Box<Model>>,
     /// A chamber runs by the model.
     modelled: bool,
+    /// There are pressure sensors.
+    measures_gas: bool,
     /// For how long the position has been lost, s.
     lost_for: f64,
     switched: [bool; 2],
@@ -174,6 +176,10 @@ const NEAR: f64 = 2e-3;
 /// (assumed).
 const APART: f64 = 2e-3;
 const TRUSTED: f64 = 0.08;
+/// Shares of the way by which the model may be wrong before it brakes, and while it does (assumed).
+const MARGINS: [f64; 2] = [0.5, 1.5];
+/// Unknown force, as a share of the Coulomb friction, behind which a supply may have fallen (assumed).
+const MISSING: f64 = 2.0;
 
 impl Supervisor {
     /// With a law that stands by.
@@ -196,8 +202,9 @@ impl Supervisor {
             missed: 0,
             stands_by: false,
             brakes: false,
-            weaker: None,
+            without_supply: None,
             modelled: false,
+            measures_gas: false,
             lost_for: 0.0,
             switched: [false; 2],
         }
@@ -288,16 +295,12 @@ impl Supervisor {
         let reading = (sample.time, sample.position);
         sample.position = self.position.checked(reading, &foreseen, scale, &mut self.log);
         let mut reactions = [(self.position.is_lost() && !was_lost).then_some(self.rules.on_position), None];
+        self.measures_gas = sample.pressures.is_some();
         if let Some(pressures) = &mut sample.pressures {
             let states = (&before, &foreseen);
             let readings = (sample.time, pressures);
             let found = self.gas.checked(&own.model, readings, states, (spool, own.period), &mut self.log);
             self.modelled = found.modelled;
-            if found.supply {
-                let mut model = own.model.clone();
-                model.supply.pressure = self.gas.supply;
-                self.weaker = Some(Box::new(model));
-            }
             let Rules { on_pressure, on_valve, on_supply, .. } = self.rules;
             for (happened, reaction) in
                 [(found.supply, on_supply), (found.sensor, on_pressure), (found.valve, on_valve)]
@@ -456,6 +459,27 @@ impl Supervisor {
         own.switch(self.standby.clone());
     }
 
+    /// The command that has to brake before an end stop now, if any. Where the supply may have fallen, and as long as it
+    /// brakes, the trapped air alone has to be able to stop the drive.
+    fn brake(&mut self, own: &Controller, command: f64) -> Option<f64> {
+        let without = self.without_supply.get_or_insert_with(|| {
+            let mut model = own.model.clone();
+            model.supply.pressure = model.ambient.pressure;
+            Box::new(model)
+        });
+        let [first, goes_on] = MARGINS;
+        let margin = if self.brakes { goes_on } else { first };
+        // Without pressure sensors a supply that has fallen is a force that is missing.
+        let d = own.state().map_or(0.0, |state| state.disturbance);
+        let is_weak = !self.measures_gas && d.abs() > MISSING * own.plant.coulomb;
+        if self.gas.may_lack_supply() || is_weak {
+            return own.brakes(without, (command, margin));
+        }
+        let brake = own.brakes(&own.model, (command, margin));
+        let still = || own.brakes(without, (command, first)).and(own.full_brake());
+        brake.or_else(|| if self.brakes { still() } else { None })
+    }
+
     /// A command that keeps off end stops and limit switches.
     fn guarded(&mut self, own: &Controller, sample: &Sample, state: &State, command: f64) -> f64 {
         let mut command = command;
@@ -465,13 +489,16 @@ impl Supervisor {
         // Without readings the model is soon not to be trusted.
         self.lost_for = if self.position.is_lost() { self.lost_for + own.period } else { 0.0 };
         let is_known = self.lost_for < TRUSTED;
-        let model = self.weaker.as_deref().unwrap_or(&own.model);
-        if let Some(brake) = own.brakes(model, (command, self.brakes)).filter(|_| is_known) {
+        if let Some(brake) = self.brake(own, command).filter(|_| is_known) {
             if !self.brakes {
                 self.log.tell(sample.time, EventKind::EndStop, state.velocity);
             }
             self.brakes = true;
             command = brake;
+            if self.gas.has_no_supply() {
+                // Whatever the law would do takes air from the chambers, and none comes back.
+                self.react(own, sample, Reaction::Block);
+            }
         } else {
             self.brakes = false;
         }

@@ -185,13 +185,17 @@ fn integrals_stand_while_the_command_is_at_its_limit() {
 
 #[test]
 fn the_end_stop_is_not_hit_by_a_law_that_runs_towards_it() {
-    let run_away = |_: &Seen, _: &Reference| 0.35;
-    let change = |own: &mut Controller| own.law = AnyLaw::Own(Own::new(run_away));
-    let (rows, controller) = run_with(("own", &setup(vec![])), (&a_move(), 1.5), change);
-    assert!(count(&controller, EventKind::EndStop) > 0);
-    let hit = rows.windows(2).filter(|two| two[1][1] >= STROKE).map(|two| two[0][2]).fold(0.0, f64::max);
-    assert!(fastest(&rows) > 0.3, "it runs: {} m/s", fastest(&rows));
-    assert!(hit < 0.05, "{hit} m/s");
+    for way in [1.0, -1.0] {
+        let run_away = move |_: &Seen, _: &Reference| 0.35 * way;
+        let change = |own: &mut Controller| own.law = AnyLaw::Own(Own::new(run_away));
+        let (rows, controller) = run_with(("own", &setup(vec![])), (&a_move(), 1.5), change);
+        assert!(count(&controller, EventKind::EndStop) > 0, "{way}");
+        assert!(fastest(&rows) > 0.3, "{way}: it runs: {} m/s", fastest(&rows));
+        let beyond = |row: &[f64; COLUMNS.len()]| if way > 0.0 { row[1] >= STROKE } else { row[1] <= 0.0 };
+        let hits = rows.windows(2).filter(|two| beyond(&two[1])).map(|two| way * two[0][2]);
+        let hit = hits.fold(0.0, f64::max);
+        assert!(hit < 0.05, "{way}: {hit} m/s");
+    }
 }
 
 #[test]
@@ -248,7 +252,7 @@ fn a_drive_that_does_not_move_or_settle_is_told_with_its_cause() {
     assert!(count(&blocked, EventKind::Blocked) > 0, "{:?}", told(&blocked));
     let supply = Fault { value: Some(1.1e5), ..fault(FaultKind::SupplyFallen, 0.0, 9.0) };
     let no_air = with(&|_| (), "inversion", vec![supply]);
-    assert!(count(&no_air, EventKind::NoAir) + count(&no_air, EventKind::Supply) > 0, "{:?}", told(&no_air));
+    assert!(count(&no_air, EventKind::NoAir) > 0, "{:?}", told(&no_air));
     let swings = with(&|_| (), "pid", vec![]);
     assert!(count(&swings, EventKind::LimitCycle) > 0, "{:?}", told(&swings));
     let settles = with(&|_| (), "nmpc", vec![]);
@@ -316,6 +320,16 @@ fn laws_are_switched_and_gains_changed_without_a_bump() {
         assert_eq!(controller.law.key(), law);
         let gain = controller.law.gains().find(|own| own.0.key == "gain").map(|own| *own.1);
         assert!(law != "pid" || gain == Some(2.0), "{gain:?}");
+    }
+}
+
+/// Runs of the example `faults` whose supply falls, with pressure sensors and without: braking that counts on the supply
+/// as it is described hits at 0.24 to 0.70 m/s.
+#[test]
+fn braking_does_not_count_on_a_supply_that_has_fallen() {
+    for member in [251, 690, 1011, 4456, 5757, 8388] {
+        let own = outcome(1, member);
+        assert_eq!(own.class, Class::Safe, "{member}: {} m/s: {}", own.speed, own.told);
     }
 }
 

@@ -6,26 +6,21 @@ use crate::spool::Spool;
 
 /// Speed at which a drive may touch an end stop, m/s (assumed).
 const TOUCH: f64 = 0.03;
-/// Shares of the way by which the model may be wrong before it brakes, and while it does, and a distance, m (assumed).
-const MARGINS: [f64; 2] = [0.5, 1.5];
+/// A distance by which the model may be wrong, m (assumed).
 const APART: f64 = 0.5e-3;
-/// Steps in which a way is followed at most.
+/// Steps in which a way is followed at most (assumed).
 const STEPS: usize = 300;
 /// Share of the force of the full pressure that brakes at least, for what needs no closer look (assumed).
 const LEAST_BRAKE: f64 = 0.2;
 /// Time in which a force of the gas turns, s (assumed).
 const TURN: f64 = 0.03;
 
-/// The command that has to brake now, if a command of now would leave too little way for that at the next sample; braking
-/// goes on until there is much more way than it needs.
+/// The command that has to brake now, if a command of now would leave too little way for that at the next sample, as the
+/// model may be wrong by a share of it, `margin`.
 ///
-/// The way is that of the model under `command` for a period and under full braking from then on.
-pub fn brakes(
-    model: &Model,
-    observer: &Observer,
-    (command, is_braking): (f64, bool),
-    period: f64,
-) -> Option<f64> {
+/// The way is that of the model under `command` for a period, then under full braking or with the valve shut, whichever
+/// is shorter: an open chamber that is pressed above the supply loses its air to that.
+pub fn brakes(model: &Model, observer: &Observer, (command, margin): (f64, f64), period: f64) -> Option<f64> {
     let State { position, velocity, .. } = observer.state;
     let far = |v: f64| {
         let area = model.sides[0].area.min(model.sides[1].area);
@@ -41,10 +36,10 @@ pub fn brakes(
         return None;
     }
     let acts = observer.time() + model.valve.delay;
-    let (mut state, mut spool) = observer.predict(model, acts, period);
-    spool.command(acts, command);
-    spool.command(acts + period, -way);
-    let way_to = |state: &mut State, spool: &mut Spool| {
+    let (state, spool) = observer.predict(model, acts, period);
+    let way_to = |mut state: State, mut spool: Spool, brake: f64| {
+        spool.command(acts, command);
+        spool.command(acts + period, brake);
         let begin = state.position;
         let mut t = acts;
         for step in 0..STEPS {
@@ -56,13 +51,13 @@ pub fn brakes(
                 break;
             }
         }
-        way * (state.position - begin)
+        (way * (state.position - begin), state.velocity)
     };
     let left = room(state.position) - APART;
-    let needed = way_to(&mut state, &mut spool);
-    let is_fast = way * velocity > TOUCH || way * state.velocity > TOUCH;
-    let margin = MARGINS[usize::from(is_braking)];
-    (is_fast && needed > 0.0 && (1.0 + margin) * needed > left).then_some(-way)
+    let [(full, end), (shut, _)] = [-way, 0.0].map(|brake| way_to(state, spool.clone(), brake));
+    let (needed, brake) = if shut < full { (shut, 0.0) } else { (full, -way) };
+    let is_fast = way * velocity > TOUCH || way * end > TOUCH;
+    (is_fast && needed > 0.0 && (1.0 + margin) * needed > left).then_some(brake)
 }
 
 /// Time over which a force that is not there yet may act before braking begins, s (assumed).

@@ -4,20 +4,22 @@ use super::event::{EventKind, Log};
 use crate::model::{Held, Model};
 use crate::observer::State;
 
-/// Distance from the twin at which a pressure is not credible, Pa, and for how long, s.
+/// Distance from the twin at which a pressure is not credible, Pa, and for how long, s (assumed).
 const OFF: f64 = 0.3e5;
 const FOR: f64 = 0.02;
 /// Time in which the twin follows the measured pressures, s, and the share of the flow into a chamber by which the model of
 /// valve and supply may be wrong (assumed).
 const FOLLOWS: f64 = 0.1;
 const FLOW_SHARE: f64 = 0.4;
-/// Readings in a row that are not credible until a sensor is lost.
+/// Readings in a row that are not credible until a sensor is lost (assumed).
 const LOST: u32 = 3;
 /// Fall of the supply that is told, Pa, for how long, s, and the change of a pressure by flow, Pa, from which on it is seen
-/// (the latter two assumed).
+/// (assumed).
 const FALLEN: f64 = 1e5;
 const FALLEN_FOR: f64 = 0.03;
 const FLOWN: f64 = 0.5e5;
+/// The change from which on a supply is doubted, Pa (assumed).
+const DOUBTED: f64 = 0.2e5;
 
 /// What a chamber tells.
 #[derive(Clone, Copy, Debug, Default)]
@@ -46,8 +48,8 @@ pub struct Gas {
     /// For how long the supply has been too low, s.
     low_for: f64,
     supply_told: bool,
-    /// The supply that explains it, Pa.
-    pub supply: f64,
+    /// The last filling that was seen was that of a supply that has fallen.
+    is_doubted: bool,
     valve_told: bool,
 }
 
@@ -147,8 +149,10 @@ impl Gas {
         }
         for i in 0..2 {
             // Another chamber that begins to leave the model, too, speaks of the valve.
-            let other = &chambers[1 - i];
-            let alone = stuck[i] || (other.off_for == 0.0 && chambers[i].off_for >= 2.0 * FOR);
+            let [own, other] = [&chambers[i], &chambers[1 - i]];
+            // What a supply that has fallen does not fill.
+            let is_starved = self.supply_told && own.last < own.pressure;
+            let alone = stuck[i] || (other.off_for == 0.0 && own.off_for >= 2.0 * FOR && !is_starved);
             if off[i] && !both && alone && !self.valve_told && self.low_for == 0.0 {
                 chambers[i].is_lost = true;
                 found.sensor = true;
@@ -170,17 +174,30 @@ impl Gas {
     /// Both chambers share the valve: what the filling one falls short of beside the other one is the supply's.
     fn watch_supply(&mut self, model: &Model, (time, period): (f64, f64), log: &mut Log) -> bool {
         let [[filled, fills, weakly], [vented, vents, _]] = self.flown;
-        let seen = fills > FLOWN && vents < -FLOWN && vented < 0.0;
+        let seen = |flown: f64| fills > flown && vents < -flown && vented < 0.0;
         // The flow that the other chamber makes of the valve, and by how many falls the filling one lacks it.
-        let falls = if seen { (fills - filled * vents / vented) / (fills - weakly) } else { 0.0 };
-        self.low_for = if falls > 1.0 { self.low_for + period } else { 0.0 };
+        let falls = if seen(DOUBTED) { (fills - filled * vents / vented) / (fills - weakly) } else { 0.0 };
+        if fills > DOUBTED {
+            self.is_doubted = falls > 1.0 || filled < (1.0 - FLOW_SHARE) * weakly;
+        }
+        self.low_for = if falls > 1.0 && seen(FLOWN) { self.low_for + period } else { 0.0 };
         let told = self.low_for >= FALLEN_FOR && !self.supply_told;
         if told {
             self.supply_told = true;
             let [ambient, supply] = [model.ambient.pressure, model.supply.pressure];
-            self.supply = (supply - falls * FALLEN).max(ambient);
-            log.tell(time, EventKind::Supply, self.supply);
+            log.tell(time, EventKind::Supply, (supply - falls * FALLEN).max(ambient));
         }
         told
+    }
+
+    /// The supply has fallen.
+    pub fn has_no_supply(&self) -> bool {
+        self.supply_told
+    }
+
+    /// Nobody knows that the supply presses: it has fallen, may have, or a pressure is not measured.
+    pub fn may_lack_supply(&self) -> bool {
+        let is_lost = self.chambers.is_some_and(|own| own.iter().any(|own| own.is_lost));
+        self.supply_told || self.is_doubted || is_lost
     }
 }

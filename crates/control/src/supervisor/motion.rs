@@ -22,7 +22,7 @@ impl Default for MotionRules {
     }
 }
 
-/// Way that counts as moving, m.
+/// Way that counts as moving, m (assumed).
 const MOVED: f64 = 1e-3;
 /// Shares of the supply below which there is no air, and of the friction above which something else holds the drive
 /// (assumed).

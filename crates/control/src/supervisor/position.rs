@@ -4,12 +4,12 @@ use super::event::{EventKind, Log};
 use crate::observer::State;
 
 /// Counts by which a reading may leave the model beside what the speed allows, and counts that the model moves while a
-/// reading rests until that is stuck.
+/// reading rests until that is stuck (assumed).
 const JUMP: f64 = 5.0;
 const STUCK: f64 = 20.0;
 /// Share of the highest speed by which the speed of the model may be wrong (assumed).
 const SPEED_SHARE: f64 = 0.1;
-/// Readings in a row that are not credible until the sensor is lost.
+/// Readings in a row that are not credible until the sensor is lost (assumed).
 const LOST: u32 = 3;
 
 /// What is known of a position sensor.
