@@ -2,10 +2,11 @@
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits } from "./looks";
-import { Problems } from "./parts";
+import { follow, JobList } from "./jobs";
+import { Copied, Problems } from "./parts";
 import { Scatter, type Group } from "./plot";
 import { link, route } from "./routes";
-import { read, Refused, type Problem } from "./server";
+import { ask, read, Refused, type Problem } from "./server";
 
 interface Point {
   recording: string;
@@ -23,6 +24,7 @@ interface FrictionMap {
     curve?: { speed: number[]; friction: number[]; low: number[]; high: number[]; measured: [number, number] };
   }[];
   fit: string;
+  fits: string[];
   recordings: Record<string, string>;
   left_out: number;
 }
@@ -45,7 +47,76 @@ const isLog = signal(false);
 const MOST_ROWS = 300;
 const MM = 1000; // mm in a metre
 
+const LAWS = ["coulomb", "stribeck gaussian", "stribeck exponential", "stribeck lorentzian", "stribeck free"];
+const PRESSURES = ["none", "linear", "quadratic", "saturating", "interaction"];
+const law = signal("stribeck gaussian");
+const pressure = signal("none");
+const name = signal("fit-2");
+const drawn = signal("");
+const copied = signal<{ command: string; python: string } | null>(null);
+
+async function attempt(work: () => Promise<void>): Promise<void> {
+  wrong.value = [];
+  try {
+    await work();
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    wrong.value = error.problems;
+  }
+}
+
+/** Draw the curves of another fit beside the map. */
+const choose = (path: string, of: string): Promise<void> =>
+  attempt(async () => {
+    map.value = await read<FrictionMap>("/api/map", { path, fit: of });
+    fit.value = null;
+    if (!map.value.fit) fit.value = await read<Fit>("/api/fit", { path: of });
+    drawn.value = of;
+  });
+
+/** Fit a law to the map as a job, then draw it. */
+const refit = (path: string): Promise<void> =>
+  attempt(async () => {
+    const job = await ask<{ out: string }>("/api/jobs", { kind: "fit", map: path, law: law.value, pressure: pressure.value, name: name.value });
+    await follow();
+    await choose(path, job.out);
+  });
+
+function Refit({ path, found }: { path: string; found: FrictionMap }) {
+  const select = (words: string, value: typeof law, all: string[]) => (
+    <label>
+      {words} <select value={value.value} onChange={(event) => (value.value = event.currentTarget.value)}>{all.map((one) => <option key={one}>{one}</option>)}</select>
+    </label>
+  );
+  const given = { kind: "fit", map: path, law: law.value, pressure: pressure.value, name: name.value };
+  return (
+    <section aria-label="Fit again">
+      <p class="row">
+        {found.fits.length > 0 && (
+          <label>
+            Curves of{" "}
+            <select value={drawn.value || found.fits.find((one) => one.endsWith("/fit.toml"))} onChange={(event) => void choose(path, event.currentTarget.value)}>
+              {found.fits.map((one) => <option key={one}>{one}</option>)}
+            </select>
+          </label>
+        )}
+        {select("Law", law, LAWS)}
+        {select("Pressure", pressure, PRESSURES)}
+        <label>
+          Into <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />.toml
+        </label>
+        <button type="button" onClick={() => void refit(path)}>Fit again</button>
+        <button type="button" onClick={() => void attempt(async () => void (copied.value = await ask("/api/work", given)))}>Copy as command or Python</button>
+      </p>
+      {copied.value && <Copied {...copied.value} />}
+      <JobList />
+    </section>
+  );
+}
+
 async function open(path: string): Promise<void> {
+  drawn.value = "";
+  copied.value = null;
   map.value = fit.value = null;
   wrong.value = [];
   const isFit = path.endsWith(".toml");
@@ -68,6 +139,7 @@ export function FrictionView() {
     <div class="friction">
       <h2>{path}</h2>
       <Problems of={wrong.value} />
+      {map.value && <Refit path={path} found={map.value} />}
       {map.value && <Map found={map.value} />}
       {fit.value && <FitTable found={fit.value} />}
     </div>

@@ -19,6 +19,7 @@ const LOOK_MS = 300;
 const RESULTS: Record<string, [View, string, string]> = {
   characterise: ["friction", "/map.parquet", "Show the friction map of"],
   control: ["control", "", "Show the score card of"],
+  fit: ["friction", "", "Show the fit"],
   validate: ["validation", "/validation.toml", "Show the validation"],
   identify: ["friction", "", "Show the fit"],
   apply: ["drive", "", "Show the drive"],

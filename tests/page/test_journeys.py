@@ -16,6 +16,7 @@ from page.conftest import DRIVE, ROOT, Server, Tab
 from pneudrive.campaign.lock import holder
 from pneudrive.campaign.status import status_of
 from pneudrive.characterise import write_map
+from pneudrive.identify.result import FrictionFit
 from pneudrive.trajectory import save_columns
 
 AXE = ROOT / "page" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
@@ -188,6 +189,15 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     assert "What the data do not determine" in page.inner_text("main")
     assert violations(tab) == []
     tab.picture("friction")
+    page.select_option("label:has-text('Law') select", "coulomb")
+    page.select_option("label:has-text('Pressure') select", "linear")
+    page.click("button:text-is('Fit again')")
+    page.wait_for_selector("label:has-text('Curves of') option:text-is('results/o-rings/fit-2.toml')", state="attached")
+    again = FrictionFit.from_toml(folder / "fit-2.toml").values["coulomb"]
+    assert again != fit.values["coulomb"]
+    page.wait_for_selector(f"[data-value=coulomb][data-si='{again}']")
+    assert violations(tab) == []
+    tab.picture("friction-again")
     page.click("td >> xpath=.. >> a >> nth=0")
     page.wait_for_selector("text=darker: towards +x")
     page.click("section[aria-label=Friction] >> text=Copy as command or Python")

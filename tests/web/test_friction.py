@@ -13,6 +13,7 @@ import pytest
 import pneudrive as pn
 from pneudrive.characterise import write_map
 from pneudrive.cli.main import run as run_command
+from pneudrive.identify.result import FrictionFit
 from web.conftest import Served
 from web.test_recordings import MEASURED, get
 
@@ -86,6 +87,32 @@ def test_a_map_and_its_fit_are_shown_as_they_are(measured: Served) -> None:
     assert any("breakaway" in one for one in shown["statements"])
     (folder / "fit.toml").unlink()
     assert "no fit.toml" in get(measured, "/api/map", path="results/o-rings/map.parquet")["fit"]
+
+
+@pytest.mark.parametrize(("law", "pressure"), [("stribeck lorentzian", "none"), ("coulomb", "linear")])
+def test_a_map_is_fitted_again_by_command_and_by_python(
+    measured: Served, law: str, pressure: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = measured.folder / "results" / "o-rings"
+    folder.mkdir(parents=True)
+    write_map(pn.characterise([measured.folder / name for name in NAMES]), folder / "map.parquet")
+    asked = {"kind": "fit", "map": "results/o-rings/map.parquet", "law": law, "pressure": pressure, "name": "second"}
+    copied = post(measured, "/api/work", asked)
+    monkeypatch.chdir(measured.folder)
+    assert run_command(shlex.split(copied["command"].splitlines()[-1])[1:]) == 0
+    names: dict = {}
+    exec(copied["python"], names)
+    fit = FrictionFit.from_toml(folder / "second.toml")
+    assert fit.values.keys() == names["fit"].values.keys()
+    assert np.array_equal([*fit.values.values()], [*names["fit"].values.values()], equal_nan=True)
+    assert fit.intervals == names["fit"].intervals
+    shown = get(measured, "/api/map", path=asked["map"], fit="results/o-rings/second.toml")
+    assert shown["fits"] == ["results/o-rings/second.toml"]
+    for group in shown["groups"]:
+        predicted = fit.predict(np.array(group["curve"]["speed"]), *group["gauges"])
+        assert np.array_equal(group["curve"]["friction"], predicted.friction_n)
+    for wrong in ({"law": "x"}, {"pressure": 3}, {"name": "../x"}, {"map": "../map.csv"}, {"map": "map.csv"}):
+        assert post(measured, "/api/jobs", asked | wrong, 400)["problems"]
 
 
 def test_a_job_is_cancelled_as_by_ctrl_c(measured: Served) -> None:

@@ -9,6 +9,7 @@ import os
 from functools import partial
 from mimetypes import guess_type
 from pathlib import Path
+from posixpath import dirname
 from typing import TYPE_CHECKING, Any
 
 from starlette.applications import Starlette
@@ -24,7 +25,7 @@ from pneudrive.web import control, description
 from pneudrive.web.asked_run import MOST_PIXELS, AskedRun, described_at
 from pneudrive.web.beside import AskedBeside
 from pneudrive.web.campaigns import WatchedCampaign
-from pneudrive.web.friction import shown_fit, shown_map
+from pneudrive.web.friction import FIT, fit_job, shown_fit, shown_map
 from pneudrive.web.guard import Guard
 from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job, characterise_job
 from pneudrive.web.live import live
@@ -47,6 +48,7 @@ BUILD_FILE = "build.json"
 #: Jobs that a page may start, by the command that does them.
 JOBS = {
     "characterise": characterise_job,
+    "fit": fit_job,
     "validate": validate_job,
     "identify": identify_job,
     "apply": apply_job,
@@ -273,11 +275,14 @@ class _Views:
 
     def map(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return a friction map with the curves of its fit, and which recordings are in the workspace."""
-        found = shown_map(self.workspace.path(given.get("path", ""), (".parquet", ".csv")))
+        path = given.get("path", "")
+        fits = [one.path for one in self.workspace.files() if one.kind == "fit" and dirname(one.path) == dirname(path)]
+        fit = given.get("fit", "")
+        found = shown_map(self.workspace.path(path, (".parquet", ".csv")), Path(fit).name if fit in fits else FIT)
         names = {point["recording"] for group in found["groups"] for point in group["points"]}
         recordings = (one.path for one in self.workspace.files() if one.kind == "recording")
         there = {stem(Path(path)): path for path in recordings}
-        return {**found, "recordings": {name: there[name] for name in names if name in there}}
+        return {**found, "fits": fits, "recordings": {name: there[name] for name in names if name in there}}
 
     def fit(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return a fit."""

@@ -7,26 +7,61 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.errors import PneudriveError
+from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.friction.friction_map import AMBIENT, COLUMNS, read_map
 from pneudrive.identify.files import read_fit
+from pneudrive.identify.laws import CANDIDATES
+from pneudrive.identify.model import PRESSURE_FORMS
 from pneudrive.identify.result import FrictionFit
+from pneudrive.web.jobs import AskedJob, folder_name, safe
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     import xarray as xr
 
     from pneudrive.identify.files import AnyFit
+    from pneudrive.web.workspace import Workspace
 
 MOST_POINTS = 10_000
 MOST_CURVES = 8
 SPEEDS = 120  # points of a curve
+FIT = "fit.toml"
+PRESSURES = ("none", *PRESSURE_FORMS)
 SAME_PA = 1e4  # chamber pressures that differ by less make one curve
 
 
-def shown_map(path: Path) -> dict[str, Any]:
-    """Return the points of a map, in groups of one pair of chamber pressures, with the curves of the fit beside it.
+def fit_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+    """Return the job that fits one law to a friction map, into a file beside it.
+
+    Raises
+    ------
+    CommandError
+        The map is not in the workspace, the law or the dependence on pressure is unknown, or the name is none of a
+        file beside the map.
+    """
+    name, law, pressure, out = (given.get(key, "") for key in ("map", "law", "pressure", "name"))
+    if not workspace.path(name, (".parquet", ".csv")).is_file():
+        raise CommandError(f"there is no friction map {name}")
+    for what, value, known in (("law", law, CANDIDATES), ("pressure", pressure, PRESSURES)):
+        if value not in known:
+            raise CommandError(f"{what} = {str(value)[:80]!r} is not known", rule=", ".join(known))
+    target = f"{str(name).rpartition('/')[0]}/{folder_name(out)}.toml".lstrip("/")
+    own = CANDIDATES[law]
+    shape = "lorentzian" if own.lorentzian else None
+    options = f"stribeck_exponent={own.exponent}, stribeck_shape={shape!r}"
+    form = "" if pressure == "none" else f", pressure_dependence=True, pressure={pressure!r}"
+    python = (
+        "import pneudrive as pn\nfrom pneudrive.friction.friction_map import read_map\n\n"
+        f"curves = read_map({name!r})\nfit = pn.fit_friction(curves, {own.law!r}, {options}{form})\n"
+    )
+    words = ("fit", safe(str(name)), "--laws", str(law), "--pressure", str(pressure), "--out", target)
+    return AskedJob(words, target, python=python)
+
+
+def shown_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
+    """Return the points of a map, in groups of one pair of chamber pressures, with the curves of a fit beside it.
 
     Raises
     ------
@@ -35,7 +70,7 @@ def shown_map(path: Path) -> dict[str, Any]:
     """
     found = read_map(path)
     ambient = float(found.attrs.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
-    fit, why = _fit_beside(path)
+    fit, why = _fit_beside(path, fit_name)
     rows = np.arange(min(found.sizes["row"], MOST_POINTS))
     pairs = _pressures(found, rows) - ambient
     groups = []
@@ -97,17 +132,17 @@ def _label(gauges: Any) -> str:  # noqa: ANN401 - two numbers
     return f"a {a:.3g}, b {b:.3g} bar gauge"
 
 
-def _fit_beside(path: Path) -> tuple[FrictionFit | None, str]:
+def _fit_beside(path: Path, name: str) -> tuple[FrictionFit | None, str]:
     """Return the fit in the folder of a map, or why there is none."""
-    place = path.with_name("fit.toml")
+    place = path.parent / name
     if not place.is_file():
-        return None, "There is no fit.toml beside the map."
+        return None, f"There is no {name} beside the map."
     try:
         fit = read_fit(place)
     except PneudriveError as error:
         return None, error.what
     if not isinstance(fit, FrictionFit):
-        return None, f"fit.toml is the fit of a {fit.KIND}, which has no curve over speed."
+        return None, f"{name} is the fit of a {fit.KIND}, which has no curve over speed."
     return fit, ""
 
 
