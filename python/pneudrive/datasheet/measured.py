@@ -137,8 +137,9 @@ class MeasuredBeside:
         if self.friction is not None:
             m = self.friction.metrics
             fit = f"fit {m.fit_percent:.1f} % (target above {STATIC_FIT_PERCENT:g} %)"
-            said = f"friction law against measured friction: {fit}, largest difference {m.largest:.2g} N"
-            out.append((self.friction.met, said))
+            is_single = math.isnan(m.fit_percent)  # all points equal: nothing that a law could follow
+            said = f"friction law against measured friction: {'one level only' if is_single else fit}"
+            out.append((None if is_single else self.friction.met, f"{said}, largest difference {m.largest:.2g} N"))
         return out
 
 

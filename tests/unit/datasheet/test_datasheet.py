@@ -2,6 +2,8 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ import pytest
 import pneudrive as pn
 from pneudrive.cli.main import run
 from pneudrive.datasheet import sheet
-from pneudrive.datasheet.measured import beside, response_of
+from pneudrive.datasheet.measured import MeasuredBeside, beside, response_of
 from pneudrive.datasheet.sheet import build
 from pneudrive.report.datasheet import write_datasheet
 from pneudrive.trajectory import columns
@@ -155,6 +157,12 @@ synthetic = "circuit"
     np.savetxt(recording, table[:310], delimiter=",", header="t,p", comments="")
     with pytest.raises(pn.PneudriveError, match="not at rest where its recording ends"):
         beside(DRIVE, [recording], None, UNWATCHED)
+
+
+def test_friction_at_one_level_is_not_tested():
+    friction: Any = SimpleNamespace(metrics=SimpleNamespace(fit_percent=np.nan, largest=3.0), met=False)
+    (verdict,) = MeasuredBeside(None, (), (), friction, False, ()).verdicts
+    assert verdict == (None, "friction law against measured friction: one level only, largest difference 3 N")
 
 
 def test_a_circuit_has_no_datasheet(tmp_path, capsys):
