@@ -475,7 +475,11 @@ impl Supervisor {
         if self.gas.may_lack_supply() || is_weak {
             return own.brakes(without, (command, margin));
         }
-        let brake = own.brakes(&own.model, (command, margin));
+        let mut brake = own.brakes(&own.model, (command, margin));
+        if self.gas.is_doubted {
+            // Earlier, but as a supply that presses brakes best: most doubts pass.
+            brake = brake.or_else(|| own.brakes(without, (command, margin)).and(own.full_brake()));
+        }
         let still = || own.brakes(without, (command, first)).and(own.full_brake());
         brake.or_else(|| if self.brakes { still() } else { None })
     }

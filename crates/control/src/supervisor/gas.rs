@@ -49,7 +49,7 @@ pub struct Gas {
     low_for: f64,
     supply_told: bool,
     /// The last filling that was seen was that of a supply that has fallen.
-    is_doubted: bool,
+    pub is_doubted: bool,
     valve_told: bool,
 }
 
@@ -195,9 +195,9 @@ impl Gas {
         self.supply_told
     }
 
-    /// Nobody knows that the supply presses: it has fallen, may have, or a pressure is not measured.
+    /// Nobody knows that the supply presses: it has fallen, or a pressure is not measured.
     pub fn may_lack_supply(&self) -> bool {
         let is_lost = self.chambers.is_some_and(|own| own.iter().any(|own| own.is_lost));
-        self.supply_told || self.is_doubted || is_lost
+        self.supply_told || is_lost
     }
 }
