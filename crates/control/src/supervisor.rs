@@ -472,11 +472,11 @@ impl Supervisor {
         // Without pressure sensors a supply that has fallen is a force that is missing.
         let d = own.state().map_or(0.0, |state| state.disturbance);
         let is_weak = !self.measures_gas && d.abs() > MISSING * own.plant.coulomb;
-        if self.gas.may_lack_supply() || is_weak {
+        if self.gas.may_lack_supply() {
             return own.brakes(without, (command, margin));
         }
         let mut brake = own.brakes(&own.model, (command, margin));
-        if self.gas.is_doubted {
+        if self.gas.is_doubted || is_weak {
             // Earlier, but as a supply that presses brakes best: most doubts pass.
             brake = brake.or_else(|| own.brakes(without, (command, margin)).and(own.full_brake()));
         }
