@@ -317,13 +317,13 @@ def test_the_library_has_every_function_of_the_standards():
 
 
 def test_a_wheel_has_the_library_packed_and_a_copy_without_it_says_so(tmp_path, monkeypatch):
-    packed = tmp_path / f"{binary.library_name()}.xz"
+    packed = tmp_path / f"{binary.binary_name()}.xz"
     monkeypatch.setattr(binary, "__file__", str(tmp_path / "binary.py"))
     with pytest.raises(CommandError, match=r"lacks the library[\s\S]*make setup"):
-        binary.library_bytes.__wrapped__()
+        binary.binary_bytes.__wrapped__()
     packed.write_bytes(lzma.compress(b"no library"))
-    assert binary.library_bytes.__wrapped__() == b"no library"
-    monkeypatch.setattr(binary, "library_bytes", binary.library_bytes.__wrapped__)
+    assert binary.binary_bytes.__wrapped__() == b"no library"
+    monkeypatch.setattr(binary, "binary_bytes", binary.binary_bytes.__wrapped__)
     with pytest.raises(CommandError, match=r"cannot be loaded[\s\S]*TMPDIR"):
         binary.load_library.__wrapped__()
 

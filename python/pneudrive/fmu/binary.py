@@ -21,13 +21,13 @@ PLATFORMS = {
 _OK = 0
 
 
-def library_name() -> str:
+def binary_name() -> str:
     """Return the file name that the library has on this platform."""
     return f"libpneudrive{PLATFORMS.get(sys.platform, PLATFORMS['linux'])[0]}"
 
 
 @lru_cache(maxsize=1)
-def library_bytes() -> bytes:
+def binary_bytes() -> bytes:
     """Return the library: in a copy of the source as it was built, in a wheel packed by xz.
 
     Raises
@@ -35,7 +35,7 @@ def library_bytes() -> bytes:
     CommandError
         This installation lacks it.
     """
-    built = Path(__file__).with_name(library_name())
+    built = Path(__file__).with_name(binary_name())
     packed = built.with_name(f"{built.name}.xz")
     if built.is_file():
         return built.read_bytes()
@@ -58,8 +58,8 @@ def load_library() -> ctypes.CDLL:
         This installation lacks it, or the folder for temporary files does not let it run.
     """
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:  # Windows keeps a loaded file
-        file = Path(folder) / library_name()
-        file.write_bytes(library_bytes())
+        file = Path(folder) / binary_name()
+        file.write_bytes(binary_bytes())
         try:
             library = ctypes.CDLL(str(file))
         except OSError as error:

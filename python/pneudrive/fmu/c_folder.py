@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
-from pneudrive.fmu.binary import library_bytes, library_name
+from pneudrive.fmu.binary import binary_bytes, binary_name
 from pneudrive.fmu.package import complete_plan
 from pneudrive.fmu.variables import RTOL
 
@@ -54,13 +54,13 @@ def export_c(
     """
     plan = complete_plan(drive, initial, rtol)
     target, own = Path(folder), Path(__file__).parent
-    library = library_bytes()
+    library = binary_bytes()
     try:
         target.mkdir(parents=True, exist_ok=True)
         for source in (own / HEADER, own / EXAMPLE):
             shutil.copyfile(source, target / source.name)
-        (target / library_name()).write_bytes(library)
+        (target / binary_name()).write_bytes(library)
         (target / PLAN).write_text(plan.json(), encoding="utf-8")
     except OSError as error:
         raise CommandError(f"{target} cannot be written: {error.strerror}") from None
-    return tuple(target / name for name in (HEADER, library_name(), PLAN, EXAMPLE))
+    return tuple(target / name for name in (HEADER, binary_name(), PLAN, EXAMPLE))
