@@ -3,10 +3,10 @@ import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { follow, JobList } from "./jobs";
 import { digits } from "./looks";
-import { Problems } from "./parts";
+import { InFolder, Problems } from "./parts";
 import { Scatter } from "./plot";
 import { link, route } from "./routes";
-import { ask, read, Refused, type Problem } from "./server";
+import { ask, attempting, read, Refused, type Problem } from "./server";
 import { studies } from "./studies";
 
 interface Campaign {
@@ -28,6 +28,7 @@ interface Campaign {
 
 const found = signal<Campaign | null>(null);
 const wrong = signal<Problem[]>([]);
+const attempt = attempting(wrong);
 const protocol = signal("quick-look");
 const name = signal("first");
 const pace = signal("");
@@ -38,16 +39,6 @@ const MM = 1000;
 function duration(seconds: number): string {
   if (seconds < 90) return `${Math.round(seconds)} s`;
   return seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${digits(seconds / 3600, 3)} h`;
-}
-
-async function attempt(what: () => Promise<unknown>): Promise<void> {
-  try {
-    wrong.value = [];
-    await what();
-  } catch (error) {
-    if (error instanceof Refused) wrong.value = error.problems;
-    else throw error;
-  }
 }
 
 export function CampaignView() {
@@ -199,15 +190,7 @@ function Start() {
         <button type="button" onClick={() => void start()}>Run</button>
       </p>
       <JobList />
-      {campaigns.length > 0 && <h2>Campaigns in the folder</h2>}
-      <ul class="files">
-        {campaigns.map((one) => (
-          <li key={one.path}>
-            <a href={link("campaign", one.path)}>{one.path}</a>
-            <span>{new Date(1000 * one.changed).toLocaleString()}</span>
-          </li>
-        ))}
-      </ul>
+      <InFolder files={campaigns} title="Campaigns" view="campaign" />
     </>
   );
 }

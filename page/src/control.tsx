@@ -5,10 +5,10 @@ import type { Frame } from "./frame";
 import { follow, JobList } from "./jobs";
 import { digits } from "./looks";
 import { opened } from "./opened";
-import { Copied, Problems } from "./parts";
+import { Copied, InFolder, Problems } from "./parts";
 import { Plot } from "./plot";
-import { link, route } from "./routes";
-import { ask, Live, read, Refused, type Problem } from "./server";
+import { route } from "./routes";
+import { ask, attempting, Live, read, type Problem } from "./server";
 import { list, studies } from "./studies";
 import { Gains, ScoreCard, Table } from "./score";
 
@@ -68,16 +68,6 @@ const tuned = signal<Gain[]>([]);
 const wrong = signal<Problem[]>([]);
 const isRunning = signal(false);
 
-export async function attempt(put: (problems: Problem[]) => void, what: () => Promise<unknown>): Promise<void> {
-  try {
-    put([]);
-    await what();
-  } catch (error) {
-    if (error instanceof Refused) put(error.problems);
-    else throw error;
-  }
-}
-
 /** Drives and circuits of the folder, then those of the catalogue. */
 function described(): string[] {
   const files = studies.value?.files.filter((one) => one.kind === "drive" || one.kind === "circuit") ?? [];
@@ -108,7 +98,7 @@ async function choose(path: string): Promise<void> {
   gains.value = {};
   choices.value = null;
   answer.value = null;
-  await attempt((problems) => (wrong.value = problems), async () => {
+  await attempting(wrong)(async () => {
     const found = await read<Choices>("/api/control", { path });
     if (drive.value !== path) return;
     reference.value = found.references.find((one) => one.name === "R3")?.text ?? found.references[0]?.text ?? "";
@@ -175,7 +165,7 @@ function Start() {
       </section>
       <div class="shown">
         <Shown />
-        <Comparisons />
+        <InFolder files={studies.value?.files.filter((one) => one.kind === "comparison") ?? []} title="Comparisons" view="control" />
       </div>
     </div>
   );
@@ -328,7 +318,7 @@ function Compare() {
   const found = choices.value;
   if (!found) return null;
   const begin = () =>
-    attempt((problems) => (notBegun.value = problems), async () => {
+    attempting(notBegun)(async () => {
       const references = [...along.value, ...(other.value.trim() ? [other.value] : [])];
       const asked = { drive: drive.value, laws: laws.value, references, setup: setup.value, count: count.value, name: name.value };
       await ask("/api/comparisons", { ...asked, ...(spread.value ? { spread: spread.value } : { mismatch: mismatch.value }) });
@@ -356,24 +346,6 @@ function Compare() {
       </p>
       <Problems of={notBegun.value} />
       <JobList />
-    </section>
-  );
-}
-
-function Comparisons() {
-  const found = studies.value?.files.filter((one) => one.kind === "comparison") ?? [];
-  if (!found.length) return null;
-  return (
-    <section>
-      <h2>Comparisons in the folder</h2>
-      <ul class="files">
-        {found.map((one) => (
-          <li key={one.path}>
-            <a href={link("control", one.path)}>{one.path}</a>
-            <span>{new Date(1000 * one.changed).toLocaleString()}</span>
-          </li>
-        ))}
-      </ul>
     </section>
   );
 }

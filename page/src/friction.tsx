@@ -6,7 +6,7 @@ import { follow, JobList } from "./jobs";
 import { Copied, Problems } from "./parts";
 import { Scatter, type Group } from "./plot";
 import { link, route } from "./routes";
-import { ask, read, Refused, type Problem } from "./server";
+import { ask, attempting, read, Refused, type Problem } from "./server";
 
 interface Point {
   recording: string;
@@ -43,6 +43,7 @@ interface Fit {
 const map = signal<FrictionMap | null>(null);
 const fit = signal<Fit | null>(null);
 const wrong = signal<Problem[]>([]);
+const attempt = attempting(wrong);
 const isLog = signal(false);
 const MOST_ROWS = 300;
 const MM = 1000; // mm in a metre
@@ -54,16 +55,6 @@ const pressure = signal("none");
 const name = signal("fit-2");
 const drawn = signal("");
 const copied = signal<{ command: string; python: string } | null>(null);
-
-async function attempt(work: () => Promise<void>): Promise<void> {
-  wrong.value = [];
-  try {
-    await work();
-  } catch (error) {
-    if (!(error instanceof Refused)) throw error;
-    wrong.value = error.problems;
-  }
-}
 
 /** Draw the curves of another fit beside the map. */
 const choose = (path: string, of: string): Promise<void> =>

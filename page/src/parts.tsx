@@ -1,6 +1,7 @@
 /** Small parts that several views use. */
 import { useState } from "preact/hooks";
-import { connection, type Problem } from "./server";
+import { link, type View } from "./routes";
+import { connection, type Listed, type Problem } from "./server";
 
 export function Problems({ of, onLine }: { of: Problem[]; onLine?: (line: number) => void }) {
   return (
@@ -66,3 +67,21 @@ export const KINDS: Record<string, string> = {
   assumed: "assumed",
   default: "default",
 };
+
+/** Files of the folder that a view shows, below a title. */
+export function InFolder({ files, title, view }: { files: Listed[]; title: string; view: View }) {
+  if (!files.length) return null;
+  return (
+    <>
+      <h2>{title} in the folder</h2>
+      <ul class="files">
+        {files.map((one) => (
+          <li key={one.path}>
+            <a href={link(view, one.path)}>{one.path}</a>
+            <span>{new Date(1000 * one.changed).toLocaleString()}</span>
+          </li>
+        ))}
+      </ul>
+    </>
+  );
+}

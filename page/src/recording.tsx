@@ -7,7 +7,7 @@ import { digits } from "./looks";
 import { Copied, Problems } from "./parts";
 import { Plot, type Curve, type Shade } from "./plot";
 import { route } from "./routes";
-import { ask, frame, read, Refused, write, type Problem } from "./server";
+import { ask, attempting, frame, read, Refused, write, type Problem } from "./server";
 
 interface Channel {
   column: string;
@@ -356,14 +356,7 @@ function Characterise({ path }: { path: string }) {
     void follow();
   }, [path]);
   const work = { recordings: [path], name: folder.value };
-  const attempt = async (what: () => Promise<unknown>) => {
-    try {
-      wrong.value = [];
-      await what();
-    } catch (error) {
-      if (error instanceof Refused) wrong.value = error.problems;
-    }
-  };
+  const attempt = attempting(wrong);
   const start = () => attempt(async () => (await ask("/api/jobs", work), void follow()));
   const copy = () => attempt(async () => (copied.value = await ask("/api/work", work)));
   return (

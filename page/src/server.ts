@@ -1,5 +1,5 @@
 /** Everything that goes between the page and its server: token, requests, the socket behind the sliders. */
-import { signal } from "@preact/signals";
+import { signal, type Signal } from "@preact/signals";
 import { unpack, type Frame } from "./frame";
 
 export interface Problem {
@@ -84,6 +84,19 @@ export class Refused extends Error {
     super(problems.map((one) => one.what).join("; "));
   }
 }
+
+/** What does something and puts the problems of a refusal where a view shows them. */
+export const attempting =
+  (wrong: Signal<Problem[]>) =>
+  async (what: () => Promise<unknown>): Promise<void> => {
+    wrong.value = [];
+    try {
+      await what();
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      wrong.value = error.problems;
+    }
+  };
 
 async function answered<T>(path: string, options: RequestInit = {}): Promise<T> {
   let answer: Response;

@@ -4,9 +4,9 @@ import { useEffect, useRef } from "preact/hooks";
 import type { Editor } from "./editor";
 import { follow, JobList, jobs } from "./jobs";
 import { digits } from "./looks";
-import { Copied, Problems } from "./parts";
+import { Copied, InFolder, Problems } from "./parts";
 import { link, route } from "./routes";
-import { ask, read, Refused, write, type Problem } from "./server";
+import { ask, attempting, read, Refused, write, type Problem } from "./server";
 import { list, studies } from "./studies";
 
 interface Limit {
@@ -68,6 +68,7 @@ const task = signal<Task | null>(null);
 const meant = signal<Task | null>(null);
 const said = signal("");
 const wrong = signal<Problem[]>([]);
+const attempt = attempting(wrong);
 const file = signal("task.toml");
 const name = signal("sizing");
 const least = signal(100);
@@ -80,16 +81,6 @@ const order = signal<{ by: string; down: boolean }>({ by: "air", down: false });
 
 const path = computed(() => (route.value.view === "sizing" ? route.value.path : ""));
 const isFile = computed(() => path.value.endsWith(".toml"));
-
-async function attempt(work: () => Promise<void>): Promise<void> {
-  wrong.value = [];
-  try {
-    await work();
-  } catch (error) {
-    if (!(error instanceof Refused)) throw error;
-    wrong.value = error.problems;
-  }
-}
 
 let asked = 0;
 
@@ -254,15 +245,7 @@ function TaskView() {
         </p>
         {copied.value && <Copied {...copied.value} />}
         <JobList />
-        {results.length > 0 && <h2>Sizings in the folder</h2>}
-        <ul class="files">
-          {results.map((one) => (
-            <li key={one.path}>
-              <a href={link("sizing", one.path)}>{one.path}</a>
-              <span>{new Date(1000 * one.changed).toLocaleString()}</span>
-            </li>
-          ))}
-        </ul>
+        <InFolder files={results} title="Sizings" view="sizing" />
       </section>
     </>
   );

@@ -5,10 +5,10 @@ import type { Frame } from "./frame";
 import { follow, JobList, jobs } from "./jobs";
 import { digits } from "./looks";
 import { open as openDrive, valid, type Field } from "./opened";
-import { Copied, KINDS, Problems } from "./parts";
+import { Copied, InFolder, KINDS, Problems } from "./parts";
 import { Plot } from "./plot";
 import { link, route } from "./routes";
-import { ask, Live, read, Refused, type Problem } from "./server";
+import { ask, attempting, Live, read, Refused, type Problem } from "./server";
 import { list, studies } from "./studies";
 
 interface Metrics {
@@ -78,6 +78,7 @@ interface Head {
 
 const found = signal<Validation | null>(null);
 const wrong = signal<Problem[]>([]);
+const attempt = attempting(wrong);
 const frame = signal<Frame<Head> | null>(null);
 const record = signal(0);
 const span = signal<[number, number]>([0, 1]);
@@ -112,16 +113,6 @@ async function load(at: string): Promise<void> {
     if (one.editable) await openDrive(one.drive);
   } catch (error) {
     if (error instanceof Refused) wrong.value = error.problems;
-  }
-}
-
-async function attempt(work: () => Promise<void>): Promise<void> {
-  wrong.value = [];
-  try {
-    await work();
-  } catch (error) {
-    if (!(error instanceof Refused)) throw error;
-    wrong.value = error.problems;
   }
 }
 
@@ -212,15 +203,7 @@ function Start() {
       <Problems of={wrong.value} />
       {copied.value && <Copied {...copied.value} />}
       <JobList />
-      {results.length > 0 && <h2>Validations in the folder</h2>}
-      <ul class="files">
-        {results.map((one) => (
-          <li key={one.path}>
-            <a href={link("validation", one.path)}>{one.path}</a>
-            <span>{new Date(1000 * one.changed).toLocaleString()}</span>
-          </li>
-        ))}
-      </ul>
+      <InFolder files={results} title="Validations" view="validation" />
     </>
   );
 }
