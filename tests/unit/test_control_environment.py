@@ -26,8 +26,9 @@ def axis():
     return pn.Circuit.load(AXIS)
 
 
-def test_gymnasium_accepts_it():
-    env = gymnasium.make(ID, duration="20 ms")
+@pytest.mark.parametrize("told", [{}, {"drive": pn.Circuit.load(AXIS), "setup": "real", "spread": "standard"}])
+def test_gymnasium_accepts_it(told):
+    env = gymnasium.make(ID, duration="20 ms", **told)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "(?s).*(infinity|pneudrive/Position-v0|version).*")
         check_env(env.unwrapped, skip_render_check=True)
@@ -53,6 +54,48 @@ def test_equal_seeds_give_equal_bits_also_with_drives_and_references_that_are_dr
     first, other, again = (np.concatenate(_episode(env, actions, seed=seed)[0]) for seed in (1, 2, 1))
     assert np.array_equal(first, again)
     assert not np.array_equal(first[:4], other[:4])
+
+
+def test_a_spread_by_name_draws_the_drive_that_a_run_with_its_values_is(axis):
+    env = PositionEnv(axis, spread="standard", reference=STEP, duration="0.1 s", setup="ideal")
+    actions = np.full((100, 1), 0.2)
+    episodes = []
+    for seed in (1, 2, 1):
+        truth = env.reset(seed=seed)[1]["truth"]
+        episodes.append((truth, np.concatenate(_episode(env, actions, seed=seed)[0])))
+    (first, rows), (other, others), (again, repeated) = episodes
+    assert first == again
+    assert np.array_equal(rows, repeated)
+    assert first != other
+    assert not np.array_equal(rows, others)
+    assert 1.0 <= first["moving_mass"] <= 1.6
+    _episode(env, actions, seed=1)
+    alone = PositionEnv(
+        axis, spread=pn.control.Mismatch(**_texts(first)), reference=STEP, duration="0.1 s", setup="ideal"
+    )
+    assert np.array_equal(_moved(alone, actions, 5), _moved(env, actions, 1))  # without noise a seed is nothing else
+    heavy = PositionEnv(axis, spread="mass+30", reference=STEP, duration="0.1 s", setup="ideal")
+    light = PositionEnv(axis, reference=STEP, duration="0.1 s", setup="ideal")
+    assert _moved(heavy, actions, 1)[-1] < _moved(light, actions, 1)[-1] - 1e-4  # more mass goes less far
+    for wrong, word in (("usual", "standard"), ("axis.toml", "axis.toml")):
+        with pytest.raises(pn.errors.PneudriveError, match=word):
+            PositionEnv(axis, spread=wrong)
+
+
+def _moved(env, actions, seed):
+    _episode(env, actions[:-1], seed=seed)
+    return env.columns()["position_m"]
+
+
+def _texts(values):
+    """Write values as a mismatch has them."""
+    units = {"spool_frequency_hz": "Hz", "delay_s": "s", "pressure_zero_pa": "Pa"}
+    short = {"spool_frequency_hz": "spool_frequency", "delay_s": "delay", "pressure_zero_pa": "pressure_zero"}
+    return {
+        short.get(name, name): f"{value!r} {units[name]}" if name in units else value
+        for name, value in values.items()
+        if not name.endswith("_b")
+    }
 
 
 def test_a_reference_of_one_reset_does_not_stay_for_the_next(axis):

@@ -11,7 +11,8 @@ from gymnasium import spaces
 
 from pneudrive import _core, units
 from pneudrive.control.controller import Controller
-from pneudrive.control.loop import Prepared, prepare
+from pneudrive.control.loop import MOST_SEED, Prepared, prepare
+from pneudrive.control.mismatch import Mismatch, mismatched, read_mismatch
 from pneudrive.control.motion import Reference
 from pneudrive.control.own_law import OWN, signals
 from pneudrive.control.paths import PEAK
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.describe.circuit import Circuit
+
+    Described = Drive | Circuit
 
 ID = "pneudrive/Position-v0"
 #: Of an episode without a reference of its own (assumed): moves to places within this share of the stroke, by this
@@ -67,9 +70,12 @@ class PositionEnv(gymnasium.Env):
         Signals that are observed.
     ahead : sequence of float
         Times ahead at which the reference is observed, s.
-    spread : callable, optional
-        ``spread(drive, random)`` returns the drive of an episode; `random` is a ``numpy.random.Generator``. What laws
-        and observer believe is `drive`.
+    spread : Mismatch, str, path-like or callable, optional
+        The drive of an episode, where laws and observer believe in `drive`: ``"standard"`` or a TOML file with ranges
+        as for `pneudrive.control.compare`, of which each reset draws a member that is in no comparison; ``"mass+30"``,
+        ..., the same for each episode; or ``spread(drive, random)``, which returns it; `random` is a
+        ``numpy.random.Generator``.
+        `reset` tells what was drawn as ``info["truth"]``.
     law : str, optional
         A law that runs beside: its command is `law_command`, for `ResidualCommand`.
     reward : callable, optional
@@ -89,7 +95,7 @@ class PositionEnv(gymnasium.Env):
 
     def __init__(
         self,
-        drive: Drive | Circuit | None = None,
+        drive: Described | None = None,
         *,
         reference: str | Reference | Path | None = None,
         setup: Setup | str | Path = "real",
@@ -98,7 +104,7 @@ class PositionEnv(gymnasium.Env):
         lost: str | float = "50 mm",
         inputs: Sequence[str] = ("position", "velocity", "pressure_a", "pressure_b"),
         ahead: Sequence[float] = (0.0, 0.01, 0.03),
-        spread: Callable[[Drive | Circuit, np.random.Generator], Drive | Circuit] | None = None,
+        spread: Mismatch | str | Path | Callable[[Described, np.random.Generator], Described] | None = None,
         law: str | None = None,
         reward: Callable[[dict[str, Any]], float] | None = None,
     ) -> None:
@@ -107,7 +113,8 @@ class PositionEnv(gymnasium.Env):
             if name not in known:
                 raise CommandError(f"there is no signal {name!r}", remedy=nearest(name, known))
         self.drive = Drive.load("catalogue:reference") if drive is None else drive
-        self.inputs, self.ahead, self.spread = tuple(inputs), tuple(ahead), spread
+        self.inputs, self.ahead = tuple(inputs), tuple(ahead)
+        self.spread = spread if spread is None or callable(spread) else read_mismatch(spread)[0]
         self.duration_s, self.lost_m = positive(duration, "s", "duration"), positive(lost, "m", "lost")
         self._reference, self._reward = reference, reward
         self._setup, _ = read_setup(setup)
@@ -119,6 +126,7 @@ class PositionEnv(gymnasium.Env):
         # What an episode begins with but its drive and reference; it also refuses what is wrong now.
         self._first = self._prepare(self.drive, "0 m; 0.1 s: 1 um in 0.1 s" if reference is None else reference)
         self._prepared = self._first
+        self._true(self._first, np.random.default_rng(0))
         self.observed = (
             *(units.column_name(name, known[name][0]) for name in self.inputs),
             *(f"reference_{1e3 * t:g}_ms_{what}" for t in self.ahead for what in ("m", "m_s")),
@@ -127,10 +135,18 @@ class PositionEnv(gymnasium.Env):
         self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float64)
         self._loop: _core.ControlLoop | None = None
 
-    def _prepare(self, drive: Drive | Circuit, along: str | Reference | Path) -> Prepared:
+    def _prepare(self, drive: Described, along: str | Reference | Path) -> Prepared:
         law = self._law if isinstance(self._law, _Learner) else None
         told = {"setup": self._setup, "duration": self.duration_s, "believes": self.drive}
         return prepare(drive, law, along, controller=self._controller, **told)
+
+    def _true(self, prepared: Prepared, random: np.random.Generator) -> Prepared:
+        """Draw the drive of an episode from the spread. Comparisons draw with seed 0, members from 1 on."""
+        if not isinstance(self.spread, Mismatch):
+            return prepared
+        drawn = self.spread.drawn(int(random.integers(1, MOST_SEED)), 0)
+        core_json, plant = prepared.circuit.core_json(), prepared.tuning.plant
+        return prepared._replace(truth=mismatched(core_json, plant, prepared.setup, self.spread, drawn))
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -140,15 +156,15 @@ class PositionEnv(gymnasium.Env):
         along = (options or {}).get("reference", self._reference)
         if along is None:
             along = self._drawn()
-        drive = self.drive if self.spread is None else self.spread(self.drive, self.np_random)
+        drive = self.spread(self.drive, self.np_random) if callable(self.spread) else self.drive
         same = drive is self.drive and along is self._reference
-        prepared = self._prepared = self._first if same else self._prepare(drive, along)
-        motion, circuit = prepared.reference.core(), prepared.circuit
-        noise = prepared.setup.core(int(self.np_random.integers(2**63 - 1)), circuit.ambient.pressure_pa)
+        prepared = self._prepared = self._true(self._first if same else self._prepare(drive, along), self.np_random)
+        motion, truth = prepared.reference.core(), prepared.truth
+        noise = truth.setup.core(int(self.np_random.integers(MOST_SEED)), prepared.circuit.ambient.pressure_pa)
         try:
             self._loop = _core.ControlLoop(
-                compiled(circuit.core_json()),
-                prepared.start,
+                compiled(truth.core_json),
+                prepared.start | truth.start,
                 json.dumps(prepared.tuning.core()),
                 json.dumps(motion),
                 json.dumps(noise),
@@ -161,7 +177,7 @@ class PositionEnv(gymnasium.Env):
         self._at = _core.ControlReference(json.dumps(motion)).at
         self._tick, self._last = 0, round(prepared.duration_s / prepared.tuning.period_s)
         observation, info = self._observe()
-        return observation, info | {"reference": prepared.reference.text}
+        return observation, info | {"reference": prepared.reference.text, "truth": dict(truth.values)}
 
     def step(self, action: Any) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:  # noqa: ANN401
         """Give the command and go on to the next sample."""
