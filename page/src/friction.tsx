@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits } from "./looks";
 import { follow, JobList } from "./jobs";
-import { Copied, Problems } from "./parts";
+import { Copied, folderOf, Problems, ReportOf } from "./parts";
 import { Scatter, type Group } from "./plot";
 import { link, route } from "./routes";
 import { ask, attempting, read, Refused, type Problem } from "./server";
@@ -130,6 +130,7 @@ export function FrictionView() {
     <div class="friction">
       <h2>{path}</h2>
       <Problems of={wrong.value} />
+      <ReportOf folder={folderOf(path)} />
       {map.value && <Refit path={path} found={map.value} />}
       {map.value && <Map found={map.value} />}
       {fit.value && <FitTable found={fit.value} />}

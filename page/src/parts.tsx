@@ -1,7 +1,7 @@
 /** Small parts that several views use. */
-import { useState } from "preact/hooks";
+import { useEffect, useState } from "preact/hooks";
 import { link, type View } from "./routes";
-import { connection, type Listed, type Problem } from "./server";
+import { connection, read, Refused, type Listed, type Problem } from "./server";
 
 export function Problems({ of, onLine }: { of: Problem[]; onLine?: (line: number) => void }) {
   return (
@@ -83,5 +83,31 @@ export function InFolder({ files, title, view }: { files: Listed[]; title: strin
         ))}
       </ul>
     </>
+  );
+}
+
+export const folderOf = (path: string): string => path.slice(0, Math.max(path.lastIndexOf("/"), 0));
+
+/** The report of a folder: opened as a page of its own, or saved; nothing where there is none. */
+export function ReportOf({ folder, changed }: { folder: string; changed?: unknown }) {
+  const [address, setAddress] = useState("");
+  useEffect(() => {
+    setAddress("");
+    if (!folder) return;
+    let gone = false;
+    read<{ address: string }>("/api/report", { path: folder }).then(
+      (found) => void (gone || setAddress(found.address)),
+      (error: unknown) => {
+        if (!(error instanceof Refused)) throw error;
+      },
+    );
+    return () => void (gone = true);
+  }, [folder, changed]);
+  if (!address) return null;
+  return (
+    <p class="row">
+      <a href={address} target="_blank" rel="noopener">Open the report</a>
+      <a href={address} download={`${folder.slice(folder.lastIndexOf("/") + 1)}-report.html`}>Save the report</a>
+    </p>
   );
 }

@@ -4,7 +4,7 @@ import { useEffect } from "preact/hooks";
 import type { Frame } from "./frame";
 import { follow, JobList, jobs } from "./jobs";
 import { digits, look } from "./looks";
-import { Copied, Problems } from "./parts";
+import { Copied, Problems, ReportOf } from "./parts";
 import { Plot } from "./plot";
 import { link } from "./routes";
 import { ask, frame, read, Refused, type Problem } from "./server";
@@ -96,6 +96,7 @@ export function ScoreCard({ path }: { path: string }) {
       <p><a href={link("control")}>A run, a new comparison, and all comparisons</a></p>
       <Problems of={wrong.value} />
       {found && <About found={found} />}
+      <ReportOf folder={path} changed={found?.finished} />
       {found && !found.finished && <Unfinished path={path} isRunning={job?.state === "running"} />}
       <JobList of={path} />
       {found?.finished && <Matrix found={found} />}

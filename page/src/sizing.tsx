@@ -4,7 +4,7 @@ import { useEffect, useRef } from "preact/hooks";
 import type { Editor } from "./editor";
 import { follow, JobList, jobs } from "./jobs";
 import { digits } from "./looks";
-import { Copied, InFolder, Problems } from "./parts";
+import { Copied, InFolder, Problems, ReportOf } from "./parts";
 import { link, route } from "./routes";
 import { ask, attempting, read, Refused, write, type Problem } from "./server";
 import { list, studies } from "./studies";
@@ -51,6 +51,7 @@ interface Sizing {
   miss: { limit: string; gives: string } | null;
   said: string[];
   assumed: string[];
+  asked: { least: number; draws: number } | null;
 }
 
 interface Task {
@@ -135,6 +136,11 @@ async function look(folder: string): Promise<void> {
 
 const LOOK_MS = 500;
 const request = (resume?: string) => ({ kind: "size", task: resume ? found.value!.task : file.value, name: name.value, least: least.value, draws: draws.value, ...(resume && { resume }) });
+
+/** Show the command and the Python of a search: of the next one, or of one that is done. */
+async function copy(done?: string): Promise<void> {
+  await attempt(async () => void (copied.value = await ask("/api/work", done ? { ...request(done), ...found.value!.asked } : request())));
+}
 
 async function run(resume?: string): Promise<void> {
   await attempt(async () => {
@@ -240,7 +246,7 @@ function TaskView() {
           </label>
           <Counts />
           <button type="button" disabled={!isSaved || Boolean(now?.problems.length)} onClick={() => void run()}>Size</button>
-          <button type="button" disabled={!isSaved} onClick={() => void attempt(async () => void (copied.value = await ask("/api/work", request())))}>Copy as command or Python</button>
+          <button type="button" disabled={!isSaved} onClick={() => void copy()}>Copy as command or Python</button>
           {!isSaved && <span class="note">Save the task first.</span>}
         </p>
         {copied.value && <Copied {...copied.value} />}
@@ -274,6 +280,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
         {now.candidates.length} candidates simulated, {meets} meet the task; {now.short} choices are short of it even in the nominal case.{" "}
         {now.task ? <a href={link("sizing", now.task)}>{now.task}</a> : "No task of this folder is this one any more."}
       </p>
+      <ReportOf folder={folder} changed={now.done && !running} />
       {running && (
         <p class="row">
           <progress aria-label="Progress of the search" value={running.progress?.done ?? 0} max={Math.max(running.progress?.total ?? 1, 1)} />
@@ -297,6 +304,12 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
           <p><b>Nothing meets the task.</b> {now.miss.gives}</p>
         </div>
       )}
+      {now.asked && now.task && (
+        <p>
+          <button type="button" onClick={() => void copy(folder)}>Copy as command or Python</button>
+        </p>
+      )}
+      {copied.value && <Copied {...copied.value} />}
       {now.said.length > 0 && (
         <details>
           <summary>How the search went</summary>

@@ -5,7 +5,7 @@ import type { Frame } from "./frame";
 import { follow, JobList, jobs } from "./jobs";
 import { digits } from "./looks";
 import { open as openDrive, valid, type Field } from "./opened";
-import { Copied, InFolder, KINDS, Problems } from "./parts";
+import { Copied, folderOf, InFolder, KINDS, Problems, ReportOf } from "./parts";
 import { Plot } from "./plot";
 import { link, route } from "./routes";
 import { ask, attempting, Live, read, Refused, type Problem } from "./server";
@@ -155,6 +155,7 @@ export function ValidationView() {
     <div class="validation">
       <h2>{found.value?.name ?? path.value}</h2>
       <Problems of={wrong.value} />
+      <ReportOf folder={folderOf(path.value)} />
       {found.value && <Result now={found.value} />}
     </div>
   );

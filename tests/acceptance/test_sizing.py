@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import shlex
 import threading
+from dataclasses import dataclass, field
+from html.parser import HTMLParser
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +16,7 @@ import pytest
 from pneudrive.cli.main import run as command
 from pneudrive.datasheet.strokes import stroke_numbers
 from pneudrive.errors import Cancelled
+from pneudrive.report.provenance import reference
 from pneudrive.sizing.choices import choices, combined
 from pneudrive.sizing.prune import SafeBounds
 from pneudrive.sizing.result import SAME_AIR, SizingResult
@@ -139,7 +144,52 @@ def test_a_task_is_written_and_read_again_with_its_energy():
     assert SizingTask(**task.to_dict()) == task
 
 
-def test_a_user_sizes_a_drive_and_runs_it(tmp_path, capsys, found: SizingResult):
+@dataclass
+class ReadReport(HTMLParser):
+    """A report as its reader has it: rows of each table by its caption, blocks of code, all text."""
+
+    tables: dict[str, list[list[str]]] = field(default_factory=dict)
+    code: list[str] = field(default_factory=list)
+    text: str = ""
+
+    def __post_init__(self) -> None:
+        super().__init__()
+        self._at = ""
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        self._at = tag
+        if tag == "pre":
+            self.code.append("")
+        elif tag == "table":
+            self.tables[""] = []
+        elif tag == "tr":
+            list(self.tables.values())[-1].append([])
+        elif tag == "td":
+            list(self.tables.values())[-1][-1].append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        self._at = ""
+        if tag == "table":
+            rows = list(self.tables.values())[-1]
+            rows[:] = [row for row in rows if row]
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+        if self._at == "pre":
+            self.code[-1] += data
+        elif self._at == "caption":
+            self.tables[data] = self.tables.pop("")
+        elif self._at == "td":
+            list(self.tables.values())[-1][-1][-1] += data
+
+
+def read_report(path: Path) -> ReadReport:
+    read = ReadReport()
+    read.feed(path.read_text())
+    return read
+
+
+def test_a_user_sizes_a_drive_and_runs_it(tmp_path, capsys, monkeypatch, found: SizingResult):
     lists = ", ".join(f'"{one}"' for one in SMALL)
     text = f"""mass = "2 kg"
 stroke = "100 mm"
@@ -155,18 +205,40 @@ supply.pressure = "6 bar gauge"
     assert "feasible = true" in shown
     assert found.best is not None
     assert found.best.parts["cylinder"] in shown
-    assert (out / "candidates.png").stat().st_size > 10_000
+    assert (out / "figures" / "candidates.png").stat().st_size > 10_000
     assert json.loads((out / "result.json").read_text())["feasible"] is True
+    page = read_report(out / "report.html")
+    ranked = json.loads((out / "result.json").read_text())["ranked"]
+    assert [row[1] for row in page.tables["What meets the task, best first"]] == [
+        " + ".join(name for name in one["parts"].values() if name != "none") for one in ranked
+    ]
+    for one, row in zip(ranked, page.tables["Value, and margin in brackets"], strict=True):
+        value, limit, _ = one["worst"]["time out"]
+        assert row[1] == f"{value:.3g} s ({100.0 * (1.0 - value / limit):.0f} %)"
+    origins = {key: origin for key, _, origin in page.tables["In brackets: source, at the end"]}
+    assert origins["cylinder.friction.coulomb"].startswith("assumed: ")
+    assert origins["load.mass"] == "the task, or the choice of parts"
+    assert reference(origins["cylinder.bore"].partition("]")[0][1:]) in page.text
+    again = tmp_path / "again"
+    again.mkdir()
+    monkeypatch.chdir(again)
+    Path("task.toml").write_text(page.code[-1])
+    assert command(shlex.split(page.code[0])[1:]) == 0
+    assert Path("out/ranking.csv").read_bytes() == (out / "ranking.csv").read_bytes()
+    capsys.readouterr()
     command_line = ["simulate", str(out / "01.toml"), "--command", "0 s: 1", "--duration", "0.2 s"]
     assert command(command_line) == 0
     capsys.readouterr()
 
     task.write_text(text.replace("2 kg", "200 kg").replace("supply", 'incline = "90 deg"\nsupply'))
-    assert command(["size", str(task), "--draws", "8"]) == 0
+    assert command(["size", str(task), "--draws", "8", "--out", str(tmp_path / "none")]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert "feasible = false" in shown
     assert "Nearest miss" in shown
     assert "needed" in shown
+    missed = read_report(tmp_path / "none" / "report.html")
+    assert "Nothing meets the task. Nearest miss" in missed.text
+    assert "candidates" not in missed.text.partition("Verdict")[0]
     for wrong, said in (
         (text.replace("2 kg", "0 kg"), "mass"),
         (text.replace("2 kg", "nan kg"), "mass"),

@@ -122,3 +122,36 @@ def test_tokens_are_long_and_differ() -> None:
     assert len(tokens) == 100
     assert all(len(token) >= 32 for token in tokens)
     assert address(PORT, "abc") == f"http://{OWN}/#token=abc"
+
+
+def test_the_address_of_a_report_opens_that_report_and_nothing_else(served: Served) -> None:
+    folder = served.folder / "results" / "one"
+    (folder / "figures").mkdir(parents=True)
+    (folder / "report.html").write_text("<script>document.title = 'mine'</script>")
+    (folder / "figures" / "a.svg").write_text("<svg/>")
+    (folder / "figures" / "a.html").write_text("no picture")
+    (folder / "secret.toml").write_text("mass = 1")
+    (folder / "figures" / "out.svg").symlink_to(served.folder.parent / "built" / "build.json")
+    given = {"path": "results/one"}
+    path = served.client.get("/api/report", params=given, headers=served.headers).json()["address"]
+    assert served.client.get("/api/report", params=given, headers=served.headers).json()["address"] == path
+    opened = {"host": OWN, "sec-fetch-site": "same-origin"}
+    report = served.client.get(path, headers=opened)
+    assert report.text.startswith("<script>")
+    rules = dict(f"{part} ".split(" ", 1) for part in report.headers["content-security-policy"].split("; "))
+    assert rules["default-src"].strip() == "'none'"
+    assert "script-src" not in rules
+    assert "allow-scripts" not in rules["sandbox"]
+    assert report.headers["x-content-type-options"] == "nosniff"
+    above = path.removesuffix("report.html")
+    assert len(above.split("/")[2]) >= 32
+    assert served.client.get(f"{above}figures/a.svg", headers=opened).status_code == 200
+    for name in ("secret.toml", "figures/a.html", "figures/out.svg", "figures/..%2Fsecret.toml", "%2e%2e/x.svg", ""):
+        assert served.client.get(f"{above}{name}", headers=opened).status_code == 404, name
+    for wrong in (path.replace(above[8:-1], "x" * 32), "/report//report.html", "/report/", f"{above[:-2]}/report.html"):
+        assert served.client.get(wrong, headers=opened).status_code == 401, wrong
+    assert served.client.get(path, headers=opened | {"sec-fetch-site": "cross-site"}).status_code == 403
+    assert served.client.get(path, headers=opened | {"host": f"evil.example:{PORT}"}).status_code == 421
+    assert served.client.get(STUDIES, headers=opened).status_code == 401
+    assert served.client.get("/api/report", params=given, headers=opened).status_code == 401
+    assert served.client.get("/api/report", params={"path": "../x"}, headers=served.headers).status_code == 400

@@ -16,7 +16,7 @@ def size(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder for ranking, circuit files of the ten best and the plot; it is resumed.", metavar="DIR"
+            help="Folder for report.html, ranking and circuit files of the ten best; it is resumed.", metavar="DIR"
         ),
     ] = None,
     least: Annotated[int, typer.Option(help="Choices of parts that are simulated at least.", metavar="N")] = 100,
@@ -29,11 +29,11 @@ def size(
     same command with --out goes on where it was.
     """
     from pneudrive.cli.progress import on_terminal
-    from pneudrive.report.sizing import plot_sizing
+    from pneudrive.report.sizing_page import write_sizing_report
     from pneudrive.sizing.result import HEAD, PARTS, SUMMARY, TABLE, WRITTEN, row_of, sentences, set_to
-    from pneudrive.sizing.search import watched
+    from pneudrive.sizing.search import DRAWS_BEST_OF, watched
 
-    found = watched(task, on_terminal(), least=least, draws=draws, draws_best=4 * draws, out=out)
+    found = watched(task, on_terminal(), least=least, draws=draws, draws_best=DRAWS_BEST_OF * draws, out=out)
     show_lines([f"{found.task.name}: feasible = {str(found.feasible).lower()}"])
     best = found.ranked[:WRITTEN]
     if best:
@@ -41,5 +41,5 @@ def size(
         show_lines(f"{place:2d}  {' + '.join(one.parts.values())}; {set_to(one)}" for place, one in enumerate(best, 1))
     show_lines(sentences(found))
     if out is not None:
-        plot_sizing(found, out / "candidates.png")
-        tell([*sorted(out.glob("*.toml")), *(out / name for name in (TABLE, SUMMARY, "candidates.png"))])
+        page = write_sizing_report(found, out)
+        tell([*sorted(out.glob("*.toml")), *(out / name for name in (TABLE, SUMMARY)), page])

@@ -51,9 +51,9 @@ def values_of(described: Drive | Circuit) -> list[DescribedValue]:
     assumed = _assumptions(described, is_circuit=is_circuit)
     origins = _origins(described, is_circuit=is_circuit)
     identified = getattr(described, "provenance", None) or {}
-    given = {key for key, _ in _leaves(described.to_dict(), "")}
+    given = {key for key, _ in leaves(described.to_dict())}
     out = []
-    for key, value in _leaves(described.with_defaults(), ""):
+    for key, value in leaves(described.with_defaults()):
         if key.partition(".")[0] in _BESIDE:
             continue
         above = [key.rsplit(".", depth)[0] for depth in range(key.count(".") + 1)]
@@ -69,10 +69,11 @@ def values_of(described: Drive | Circuit) -> list[DescribedValue]:
     return out
 
 
-def _leaves(table: Mapping[str, Any], before: str) -> Iterator[tuple[str, Any]]:
+def leaves(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the dotted key and the value of each leaf of nested tables."""
     for key, value in table.items():
         if isinstance(value, dict):
-            yield from _leaves(value, f"{before}{key}.")
+            yield from leaves(value, f"{before}{key}.")
         else:
             yield f"{before}{key}", value
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TEMPLATE = Path(__file__).with_name("report.html.j2")
-FIGURES = "figures"
+FIGURES, REPORT = "figures", "report.html"
 #: Permissions of the page: own style, also inside pictures; it loads and runs nothing.
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 
@@ -117,7 +117,7 @@ class Report:
             for block in part.blocks if part is not None else ():
                 if isinstance(block, Picture):
                     self.pictures[block.name] = write_picture(block, figures)
-        target = Path(folder) / "report.html"
+        target = Path(folder) / REPORT
         with whole(target) as temporary:
             temporary.write_text(self.html(), encoding="utf-8")
         return target

@@ -38,11 +38,17 @@ def plot_sizing(result: SizingResult, path: str | Path | None = None) -> Figure:
     CommandError
         If the suffix is unknown, or the file cannot be written.
     """
-    return drawn(lambda: draw(result), path)
+    return drawn(lambda: _finished(result), path)
+
+
+def _finished(result: SizingResult) -> Figure:
+    figure = draw(result)
+    style.finish(figure, synthetic=True)
+    return figure
 
 
 def draw(result: SizingResult) -> Figure:
-    """Draw a panel for each stroke."""
+    """Draw a panel for each stroke, without letters and stamp, which a page adds."""
     figure = style.new_figure(3.1)
     axes = figure.subplots(1, 2, sharex=True)
     task = result.task
@@ -52,7 +58,6 @@ def draw(result: SizingResult) -> Figure:
         axis.set(xlabel="air of a cycle / l ANR", ylabel=f"time {way}, worst 1 % / s", title=f"stroke {way}")
         axis.set_ylim(bottom=0.0)
     legend_of(figure, axes[0])
-    style.finish(figure, synthetic=True)
     return figure
 
 

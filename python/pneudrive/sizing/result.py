@@ -158,6 +158,8 @@ class SizingResult(Shown):
     complete : bool
         Whether no choice that was left out can rank before those shown.
     notes : tuple of str
+    asked : dict
+        Numbers of the search by the names of `pneudrive.size`: least, most, draws, draws_best.
     """
 
     task: SizingTask
@@ -171,6 +173,7 @@ class SizingResult(Shown):
     miss: NearestMiss | None = None
     complete: bool = True
     notes: tuple[str, ...] = field(default=())
+    asked: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def feasible(self) -> bool:
@@ -196,6 +199,12 @@ class SizingResult(Shown):
         from importlib import import_module
 
         return import_module("pneudrive.report.sizing").plot_sizing(self, path)
+
+    def report(self, folder: str | Path) -> Path:
+        """Write report.html into a folder; see `pneudrive.report.sizing_page.write_sizing_report`."""
+        from importlib import import_module
+
+        return import_module("pneudrive.report.sizing_page").write_sizing_report(self, folder)
 
     def _card(self) -> Card:
         title = f"sizing of {self.task.name}: feasible = {str(self.feasible).lower()}"
@@ -327,6 +336,7 @@ def summary(result: SizingResult) -> dict[str, Any]:
         "miss": None if result.miss is None else vars(result.miss),
         "assumed": result.circuit().assumed() if best is not None else [],
         "notes": list(result.notes),
+        "asked": dict(result.asked),
         "said": sentences(result),
     }
 

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 #: Draws of each choice, and of the ten best.
 DRAWS, DRAWS_BEST = 256, 1024
+#: The same as a factor, which the command takes for any number of draws.
+DRAWS_BEST_OF = DRAWS_BEST // DRAWS
 #: Choices that are simulated at least, where there are so many.
 LEAST = 100
 #: Choices that are tuned at most.
@@ -43,6 +45,11 @@ MOST = 3000
 #: Before the air of any choice is known, a cycle takes at least this share of the air that fills both sides (assumed);
 #: afterwards the least share that was found, less a reserve.
 LEAST_AIR, RESERVE = 0.75, 0.95
+
+
+def is_of_command(asked: Mapping[str, int]) -> bool:
+    """Whether the command can ask for these numbers of a search: it leaves `most` and the draws of the best alone."""
+    return asked["draws_best"] == DRAWS_BEST_OF * asked["draws"] and asked["most"] == MOST
 
 
 def size(
@@ -179,6 +186,7 @@ class Search:
             miss=miss,
             complete=complete,
             notes=tuple(self._notes(complete, len(left))),
+            asked={"least": self.least, "most": self.most, "draws": self.draws[0], "draws_best": self.draws[1]},
         )
         if self.folder is not None:
             made.save(self.folder.folder)

@@ -6,18 +6,33 @@ import math
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
 from pneudrive import units
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.describe import toml
-from pneudrive.describe.base import Angle, Bounds, Described, Force, Length, Mass, Quantity, WrongValueError, wrong
+from pneudrive.describe.all_values import leaves
+from pneudrive.describe.base import (
+    Angle,
+    Bounds,
+    Described,
+    Force,
+    Length,
+    Mass,
+    Quantity,
+    WrongValueError,
+    inline,
+    wrong,
+)
 from pneudrive.describe.base import StatedPressure as Stated
 from pneudrive.describe.catalogue import entries
 from pneudrive.describe.marks import Between, Percent
 from pneudrive.describe.parts import Ambient
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 #: Coefficient of friction of a guide for the load (assumed: usual values; ball guides with seals).
 GUIDES = {"none": 0.0, "ball": 0.02, "plain": 0.15}
@@ -196,3 +211,42 @@ class SizingTask(Described):
     def guide_friction_n(self) -> float:
         """Friction of the guide under the weight of the load, N."""
         return GUIDES[self.guide] * self.mass_kg * STANDARD_GRAVITY_M_S2 * math.cos(self.incline_rad)
+
+
+class TaskValue(NamedTuple):
+    """One value of a task: its key, its text, whether the task gives it (else it is a default), what it means."""
+
+    key: str
+    text: str
+    is_given: bool
+    meaning: str
+
+
+def values_of(task: SizingTask) -> list[TaskValue]:
+    """Return every value of a task, defaults included, in the order of its file."""
+    given = dict(leaves(task.to_dict()))
+    meanings = dict(_meanings(task))
+    return [
+        TaskValue(key, value if isinstance(value, str) else inline(value), key in given, meanings.get(key, ""))
+        for key, value in leaves(task.with_defaults())
+        if key != "schema"
+    ]
+
+
+def follows_from(task: SizingTask) -> list[tuple[str, float, str]]:
+    """Return what follows from a task: what it is, value, unit."""
+    return [
+        ("force against the outward stroke at rest, without friction", task.static_force_n, "N"),
+        ("friction of the guide under the load", task.guide_friction_n, "N"),
+        ("longest time outwards", task.outward_s, "s"),
+        ("longest time back", task.back_s, "s"),
+    ]
+
+
+def _meanings(part: Any, before: str = "") -> Iterator[tuple[str, str]]:  # noqa: ANN401 - a table of a description
+    for name, field in type(part).model_fields.items():
+        key, value = f"{before}{field.alias or name}", getattr(part, name)
+        if hasattr(type(value), "model_fields"):
+            yield from _meanings(value, f"{key}.")
+        else:
+            yield key, field.description or ""

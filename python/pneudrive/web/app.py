@@ -26,11 +26,12 @@ from pneudrive.web.asked_run import MOST_PIXELS, AskedRun, described_at
 from pneudrive.web.beside import AskedBeside
 from pneudrive.web.campaigns import WatchedCampaign
 from pneudrive.web.friction import FIT, fit_job, shown_fit, shown_map
-from pneudrive.web.guard import Guard
+from pneudrive.web.guard import REPORTS, Guard
 from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job, characterise_job
 from pneudrive.web.live import live
 from pneudrive.web.messages import pack, problems_of
 from pneudrive.web.recordings import Recordings, layout_in, proposed
+from pneudrive.web.reports import SANDBOX, OpenReports
 from pneudrive.web.sizing import FIRST, checked_task, shown_sizing, size_job
 from pneudrive.web.validation import apply_job, compared, identify_job, shown_validation, validate_job
 from pneudrive.web.workspace import TABLES, ChangedError, Workspace, fingerprint
@@ -79,7 +80,8 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
     """
     page = _page(built)
     build = json.loads(page.get(f"/{BUILD_FILE}", b"{}")).get("build", "")
-    views = _Views(workspace, build, control=control)
+    reports: dict[str, str] = {}
+    views = _Views(workspace, build, OpenReports(workspace, reports), control=control)
     threads = asyncio.Semaphore(os.cpu_count() or 1)
 
     async def socket(websocket: WebSocket) -> None:
@@ -113,6 +115,8 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
         Route("/api/control", _answered(views.control_choices)),
         Route("/api/comparison", _answered(views.comparison)),
         Route("/api/tracks", _answered(views.tracks)),
+        Route("/api/report", _answered(views.report)),
+        Route(f"{REPORTS}{{secret}}/{{name:path}}", views.open_report),
         Route("/api/comparisons", _answered(views.compare), methods=["POST"]),
         Route("/api/campaigns", _answered(views.begin), methods=["POST"]),
         WebSocketRoute("/api/live", socket),
@@ -122,7 +126,7 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
     routes.append(Route("/", partial(_static, page["/index.html"], TYPES[".html"])))
     app = Starlette(routes=routes)
     app.state.jobs = views.running
-    return Guard(app, port, token, frozenset(["/", *page]))
+    return Guard(app, port, token, frozenset(["/", *page]), reports)
 
 
 def _page(built: Path) -> dict[str, bytes]:
@@ -162,8 +166,8 @@ def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Aske
 class _Views:
     """What each address answers, from its parameters and its body."""
 
-    def __init__(self, workspace: Workspace, build: str, *, control: bool) -> None:
-        self.workspace, self.build, self.control = workspace, build, control
+    def __init__(self, workspace: Workspace, build: str, reports: OpenReports, *, control: bool) -> None:
+        self.workspace, self.build, self.reports, self.control = workspace, build, reports, control
         self.campaigns: dict[Path, WatchedCampaign] = {}
         self.recordings = Recordings(workspace)
         self.running = PageJobs(workspace)
@@ -313,6 +317,18 @@ class _Views:
     def sizing(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return the candidates of a task."""
         return shown_sizing(self.workspace, given.get("path", ""))
+
+    def report(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return the address of a folder's report."""
+        return {"address": self.reports.address(given.get("path", ""))}
+
+    async def open_report(self, asked: Asked) -> Response:
+        """Answer with a report, as it is in its folder, or with a picture of it."""
+        try:
+            data, kind = await asyncio.to_thread(self.reports.read, **asked.path_params)
+        except PneudriveError as error:
+            return JSONResponse({"problems": problems_of(error)}, status_code=404)
+        return Response(data, media_type=kind, headers={"content-security-policy": SANDBOX})
 
     def work(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Return a job as lines of a shell and as Python."""

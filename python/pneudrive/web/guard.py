@@ -22,6 +22,7 @@ MOST_BODY = 1 << 20  # bytes
 MOST_SOCKETS = 8
 PROTOCOL = "pneudrive"  # subprotocol of the socket; a second one carries the token
 TOKEN_PROTOCOL = "token."
+REPORTS = "/report/"  # what follows is the secret of one report
 NAMES = ("127.0.0.1", "localhost", "[::1]")
 READING = ("GET", "HEAD")
 METHODS = (*READING, "POST", "PUT")
@@ -69,12 +70,15 @@ class Guard:
         Secret of this run.
     open_paths : iterable of str
         Paths that need no token: the page itself, which holds no data.
+    reports : iterable of str
+        Secrets of reports, each a part of the address that opens one report.
     """
 
     app: App
     port: int
     token: str
     open_paths: Iterable[str] = ()
+    reports: Iterable[str] = ()
     sockets: int = field(default=0, init=False)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -125,13 +129,19 @@ class Guard:
         if is_socket:
             given = next((p for p in scope.get("subprotocols", ()) if p.startswith(TOKEN_PROTOCOL)), "")
             given = given.removeprefix(TOKEN_PROTOCOL)
-        elif path in self.open_paths:
+        elif path in self.open_paths or self._is_report(path):
             return
         else:
             scheme, _, given = (_one(headers, "authorization") or "").partition(" ")
             given = given if scheme == "Bearer" else ""
         if not hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode()):
             raise RefusedError(401, "the token is missing or wrong: open the address that the server printed")
+
+    def _is_report(self, path: str) -> bool:
+        """Whether an address has the secret of a report in it."""
+        given = path.removeprefix(REPORTS).partition("/")[0] if path.startswith(REPORTS) else ""
+        found = [hmac.compare_digest(given.encode("utf-8", "replace"), one.encode()) for one in list(self.reports)]
+        return any(found)
 
     async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Take the whole body, which is bounded, then hand it on; add the headers of the page's rules."""
@@ -151,7 +161,9 @@ class Guard:
 
         async def with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                message = {**message, "headers": [*message.get("headers", ()), *HEADERS]}
+                own = list(message.get("headers", ()))
+                names = {name for name, _ in own}
+                message = {**message, "headers": [*own, *(one for one in HEADERS if one[0] not in names)]}
             await send(message)
 
         await self.app(scope, with_body, with_headers)

@@ -6,18 +6,18 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.describe.base import inline
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.sizing.folder import ABOUT, LINES, read_choice
 from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, SizedDrive, set_to
-from pneudrive.sizing.task import SizingTask
+from pneudrive.sizing.search import DRAWS_BEST_OF, is_of_command
+from pneudrive.sizing.task import SizingTask, follows_from, values_of
 from pneudrive.web.jobs import RESULTS, AskedJob, folder_name, safe
 from pneudrive.web.messages import plain, problems_of
 from pneudrive.web.workspace import DESCRIPTIONS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from pneudrive.web.workspace import Workspace
 
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 FIRST = Path(__file__).with_name("first_task.toml")
 MOST_LEAST, MOST_DRAWS = 1000, 4096
 MOST_TASKS = 500  # that are kept as they were read
-#: Draws of the ten best over draws of each choice, as in the command.
-BEST = 4
 
 
 def size_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
@@ -50,7 +48,7 @@ def size_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
     else:
         raise CommandError(f"there is no folder {folder}")
     counts = ("--least", str(least), "--draws", str(draws))
-    options = f"least={least}, draws={draws}, draws_best={BEST * draws}"  # type: ignore[operator]
+    options = f"least={least}, draws={draws}, draws_best={DRAWS_BEST_OF * draws}"  # type: ignore[operator]
     python = f"import pneudrive as pn\n\nfound = pn.size({task!r}, {options})\n"
     return AskedJob(("size", safe(str(task)), *counts, "--out", out), out, is_new=is_new, python=python)
 
@@ -61,41 +59,11 @@ def checked_task(text: str) -> dict[str, Any]:
         task = SizingTask.load(text if "\n" in text else f"{text}\n")
     except PneudriveError as error:
         return {"problems": problems_of(error)}
-    given = dict(_leaves(task.to_dict()))
-    meanings = dict(_meanings(task))
     values = [
-        {"key": key, "text": value, "given": key in given, "meaning": meanings.get(key, "")}
-        for key, value in _leaves(task.with_defaults())
-        if key != "schema"
+        {"key": one.key, "text": one.text, "given": one.is_given, "meaning": one.meaning} for one in values_of(task)
     ]
-    follows = [
-        {
-            "what": "force against the outward stroke at rest, without friction",
-            "value": task.static_force_n,
-            "unit": "N",
-        },
-        {"what": "friction of the guide under the load", "value": task.guide_friction_n, "unit": "N"},
-        {"what": "longest time outwards", "value": task.outward_s, "unit": "s"},
-        {"what": "longest time back", "value": task.back_s, "unit": "s"},
-    ]
+    follows = [{"what": what, "value": value, "unit": unit} for what, value, unit in follows_from(task)]
     return {"problems": [], "name": task.name, "values": values, "follows": follows}
-
-
-def _leaves(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, str]]:
-    for key, value in table.items():
-        if isinstance(value, dict):
-            yield from _leaves(value, f"{before}{key}.")
-        else:
-            yield f"{before}{key}", value if isinstance(value, str) else inline(value)
-
-
-def _meanings(part: Any, before: str = "") -> Iterator[tuple[str, str]]:  # noqa: ANN401 - a table of a description
-    for name, field in type(part).model_fields.items():
-        key, value = f"{before}{field.alias or name}", getattr(part, name)
-        if hasattr(type(value), "model_fields"):
-            yield from _meanings(value, f"{key}.")
-        else:
-            yield key, field.description or ""
 
 
 def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
@@ -114,6 +82,7 @@ def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
     about = _json(folder / ABOUT, name)
     simulated, short = _choices(folder / LINES)
     summary = _json(folder / SUMMARY, name) if (folder / SUMMARY).is_file() else {}
+    asked = summary.get("asked")
     ranked = ["+".join(one["parts"].values()) for one in summary.get("ranked", [])]
     places = {one: place for place, one in enumerate(ranked)}
     task = SizingTask.model_validate(about["task"])
@@ -132,6 +101,7 @@ def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
             "miss": summary.get("miss"),
             "said": summary.get("said", []),
             "assumed": summary.get("assumed", []),
+            "asked": asked if asked and is_of_command(asked) else None,
         }
     )
 
