@@ -22,12 +22,11 @@ def web(
     import threading
     import webbrowser
 
-    from pneudrive.web.serve import serve, warm_up
+    from pneudrive.web.serve import serve
 
     def opened(address: str) -> None:
         typer.echo(f"{address}\nThe address opens the page for whoever knows it. Ctrl-C ends the server.")
         sys.stdout.flush()
-        threading.Thread(target=warm_up, daemon=True).start()
         if browser:
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 

@@ -1,4 +1,7 @@
-"""Routes of the server: files, descriptions, runs. Every one answers with JSON or with a frame of `messages`."""
+"""Routes of the server: files, descriptions, runs. Every one answers with JSON or with a frame of `messages`.
+
+What the first curves do not need is imported where it is used: `BEHIND` are these modules, for who loads them ahead.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,8 @@ import asyncio
 import json
 import math
 import os
-from functools import partial
+from functools import cached_property, partial
+from importlib import import_module
 from mimetypes import guess_type
 from pathlib import Path
 from posixpath import dirname
@@ -19,22 +23,16 @@ from starlette.routing import Route, WebSocketRoute
 from pneudrive import __version__
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_text
-from pneudrive.signals.layout import stem
 from pneudrive.start import is_circuit
-from pneudrive.web import control, description
+from pneudrive.web import description
 from pneudrive.web.asked_run import MOST_PIXELS, AskedRun, described_at
 from pneudrive.web.beside import AskedBeside
-from pneudrive.web.campaigns import WatchedCampaign
-from pneudrive.web.friction import FIT, fit_job, shown_fit, shown_map
 from pneudrive.web.guard import REPORTS, Guard
-from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job, characterise_job
+from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job
 from pneudrive.web.live import live
 from pneudrive.web.messages import pack, problems_of
-from pneudrive.web.recordings import Recordings, layout_in, proposed
 from pneudrive.web.reports import SANDBOX, OpenReports
-from pneudrive.web.sizing import FIRST, checked_task, shown_sizing, size_job
-from pneudrive.web.validation import apply_job, compared, identify_job, shown_validation, validate_job
-from pneudrive.web.workspace import TABLES, ChangedError, Workspace, fingerprint
+from pneudrive.web.workspace import BUILT, TABLES, ChangedError, Workspace, built_page, fingerprint
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -42,19 +40,23 @@ if TYPE_CHECKING:
     from starlette.requests import Request as Asked
     from starlette.websockets import WebSocket
 
-    from pneudrive.web.recordings import OpenRecording
+    from pneudrive.web.campaigns import WatchedCampaign
+    from pneudrive.web.recordings import OpenRecording, Recordings
 
-BUILT = Path(__file__).parent / "built"
 BUILD_FILE = "build.json"
-#: Jobs that a page may start, by the command that does them.
+#: Jobs that a page may start, by the command that does them: the module that has them as `COMMAND_job`.
 JOBS = {
-    "characterise": characterise_job,
-    "fit": fit_job,
-    "validate": validate_job,
-    "identify": identify_job,
-    "apply": apply_job,
-    "size": size_job,
+    "characterise": "jobs",
+    "fit": "friction",
+    "validate": "validation",
+    "identify": "validation",
+    "apply": "validation",
+    "size": "sizing",
 }
+#: Modules that are imported at their first use.
+BEHIND = tuple(
+    f"pneudrive.web.{name}" for name in ("recordings", "control", "friction", "validation", "campaigns", "sizing")
+)
 TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html; charset=utf-8", ".svg": "image/svg+xml"}
 
 
@@ -78,7 +80,7 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
     CommandError
         The page is not built.
     """
-    page = _page(built)
+    page = built_page(built)
     build = json.loads(page.get(f"/{BUILD_FILE}", b"{}")).get("build", "")
     reports: dict[str, str] = {}
     views = _Views(workspace, build, OpenReports(workspace, reports), control=control)
@@ -129,17 +131,6 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
     return Guard(app, port, token, frozenset(["/", *page]), reports)
 
 
-def _page(built: Path) -> dict[str, bytes]:
-    """Read the built page once: a request chooses among these files by name, no path is ever made of it."""
-    if not (built / "index.html").is_file():
-        raise CommandError("the page is not built", where=str(built), remedy="Run make setup.")
-    return {
-        f"/{path.relative_to(built).as_posix()}": path.read_bytes()
-        for path in sorted(built.rglob("*"))
-        if path.is_file()
-    }
-
-
 async def _static(data: bytes, kind: str | None, _: Asked) -> Response:
     return Response(data, media_type=kind or "application/octet-stream")
 
@@ -169,8 +160,14 @@ class _Views:
     def __init__(self, workspace: Workspace, build: str, reports: OpenReports, *, control: bool) -> None:
         self.workspace, self.build, self.reports, self.control = workspace, build, reports, control
         self.campaigns: dict[Path, WatchedCampaign] = {}
-        self.recordings = Recordings(workspace)
         self.running = PageJobs(workspace)
+
+    @cached_property
+    def recordings(self) -> Recordings:
+        """Recordings that are open."""
+        from pneudrive.web.recordings import Recordings
+
+        return Recordings(self.workspace)
 
     def studies(self, _given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """List the workspace and the drives of the catalogue."""
@@ -224,6 +221,8 @@ class _Views:
 
     def recording(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Open a recording, or say how far its first reading is."""
+        from pneudrive.web.recordings import layout_in
+
         name = given.get("path", "")
         reading = self.recordings.opened(name)
         if reading.done is None and reading.error is None:
@@ -275,10 +274,15 @@ class _Views:
 
     def propose(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Propose a layout."""
+        from pneudrive.web.recordings import proposed
+
         return proposed(self.workspace.path(given.get("path", ""), TABLES))
 
     def map(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return a friction map with the curves of its fit, and which recordings are in the workspace."""
+        from pneudrive.signals.layout import stem
+        from pneudrive.web.friction import FIT, shown_map
+
         path = given.get("path", "")
         fits = [one.path for one in self.workspace.files() if one.kind == "fit" and dirname(one.path) == dirname(path)]
         fit = given.get("fit", "")
@@ -290,32 +294,42 @@ class _Views:
 
     def fit(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return a fit."""
+        from pneudrive.web.friction import shown_fit
+
         return shown_fit(self.workspace.path(given.get("path", ""), (".toml",)))
 
     def _job(self, body: bytes) -> AskedJob:
         asked = _table(body)
         kind = asked.get("kind", "characterise")
-        made = JOBS.get(kind) if isinstance(kind, str) else None
-        if made is None:
+        module = JOBS.get(kind) if isinstance(kind, str) else None
+        if module is None:
             raise CommandError("the request is not one of this page", remedy="Reload the page.")
-        return made(asked, self.workspace)
+        return getattr(import_module(f"pneudrive.web.{module}"), f"{kind}_job")(asked, self.workspace)
 
     def validation(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return a validation."""
+        from pneudrive.web.validation import shown_validation
+
         return shown_validation(self.workspace, given.get("path", ""))
 
     def differences(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Return what differs between two drives."""
+        from pneudrive.web.validation import compared
+
         asked = _table(body, "before", "after")
         return compared(self.workspace, asked["before"], asked["after"])
 
     def task(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Check the text of a task; without one, return a task to begin with."""
+        from pneudrive.web.sizing import FIRST, checked_task
+
         text = _table(body).get("text")
         return checked_task(text) if isinstance(text, str) else {"text": read_text(FIRST, CommandError)}
 
     def sizing(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return the candidates of a task."""
+        from pneudrive.web.sizing import shown_sizing
+
         return shown_sizing(self.workspace, given.get("path", ""))
 
     def report(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
@@ -349,6 +363,8 @@ class _Views:
         return self.jobs(_given, body)
 
     def _watched(self, name: str) -> WatchedCampaign:
+        from pneudrive.web.campaigns import WatchedCampaign
+
         folder = self.workspace.folder(name)
         return self.campaigns.setdefault(folder, WatchedCampaign(folder))
 
@@ -364,14 +380,20 @@ class _Views:
 
     def control_choices(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return what can be chosen for a drive under control."""
+        from pneudrive.web import control
+
         return control.choices(self.workspace, given.get("path", ""))
 
     def comparison(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return the score card of a comparison."""
+        from pneudrive.web import control
+
         return control.shown_card(self.workspace, given.get("path", ""), given.get("measure", "max_error_m"))
 
     def tracks(self, given: Mapping[str, str], _body: bytes) -> bytes:
         """Return the tracks of a comparison's laws along a reference as a frame."""
+        from pneudrive.web import control
+
         pixels = given.get("pixels", "1000")
         if not pixels.isdecimal() or not 1 <= int(pixels) <= MOST_PIXELS:
             raise CommandError("the width is out of bounds", rule=f"1 to {MOST_PIXELS} pixels")
@@ -379,6 +401,8 @@ class _Views:
 
     def compare(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Compare laws, or go on with a comparison."""
+        from pneudrive.web import control
+
         return self.running.start(control.comparison_job(_table(body), self.workspace)).about()
 
     def begin(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:

@@ -16,10 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError
 from pneudrive.files import child
-from pneudrive.signals.trajectories import is_trajectory
 from pneudrive.trajectory import SUFFIXES
-from pneudrive.web.recordings import CACHE, layout_in
-from pneudrive.web.workspace import DESCRIPTIONS, TABLES
+from pneudrive.web.workspace import CACHE, DESCRIPTIONS, TABLES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -79,6 +77,9 @@ def characterise_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob
     is_list = isinstance(names, list) and 0 < len(names) <= MOST_RECORDINGS
     if not is_list or not all(isinstance(one, str) for one in names):
         raise CommandError("no recording is named", remedy="Choose at least one.")
+    from pneudrive.signals.trajectories import is_trajectory
+    from pneudrive.web.recordings import layout_in
+
     for name in names:
         path = workspace.path(name, TABLES)
         if not path.is_file():

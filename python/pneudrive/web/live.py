@@ -11,7 +11,6 @@ from starlette.websockets import WebSocketDisconnect
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.trajectory import meaning
 from pneudrive.units import readable
-from pneudrive.web import control, validation
 from pneudrive.web.asked_run import AskedRun, RunLimit
 from pneudrive.web.beside import AskedBeside
 from pneudrive.web.guard import PROTOCOL
@@ -91,8 +90,12 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
             raise CommandError("the request is not a table", remedy="Reload the page.")
         number = asked.get("number")
         if asked.get("what") == "control":
+            from pneudrive.web import control
+
             return control.answer(workspace, asked, limit)
         if asked.get("what") == "validation":
+            from pneudrive.web import validation
+
             return validation.frame_of(workspace, asked, number)
         limit = limit or RunLimit()
         request, beside = AskedRun.of(asked), AskedBeside.of(asked)

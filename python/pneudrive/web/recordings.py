@@ -23,7 +23,7 @@ from pneudrive.signals.trajectories import is_trajectory, read_trajectory
 from pneudrive.trajectory import SUFFIXES, meaning, save_columns
 from pneudrive.watch import Watch
 from pneudrive.web.tiles import BLOCK, Pyramid, TileWindow
-from pneudrive.web.workspace import TABLES
+from pneudrive.web.workspace import CACHE, TABLES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[Any]
 
-CACHE = ".pneudrive/cache"
 ENDS = 1 << 16  # bytes at both ends of a file that its key is made of
 MOST_CHANNELS = 16
 MOST_OPEN = 16  # recordings

@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import socket
+import threading
 import warnings
+from contextlib import suppress
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError, PneudriveError, PneudriveWarning
+from pneudrive.web.guard import address, new_token
+from pneudrive.web.workspace import Workspace, built_page
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
 HOST = "127.0.0.1"
 MOST_MESSAGE = 1 << 16  # bytes of a message of the socket
+_LIBRARIES = ("starlette", "uvicorn", "websockets", "tomlkit")
 _NEEDED = 'pip install "pneudrive[web]"'
 
 
 def serve(folder: Path, port: int, opened: Callable[[str], object], *, control: bool = False) -> None:
     """Serve a folder until Ctrl-C.
+
+    The address is given as soon as the port listens; what serves it is imported while the browser starts.
 
     Parameters
     ----------
@@ -36,16 +45,11 @@ def serve(folder: Path, port: int, opened: Callable[[str], object], *, control: 
     CommandError
         The folder is not one, the port is taken, the page is not built, or the libraries of the page are missing.
     """
-    try:
-        import uvicorn
-
-        from pneudrive.web.app import make_app
-    except ImportError as error:
-        raise CommandError(f"the page needs {error.name}", remedy=_NEEDED) from None
-    from pneudrive.web.guard import address, new_token
-    from pneudrive.web.workspace import Workspace
-
+    for name in _LIBRARIES:
+        if find_spec(name) is None:
+            raise CommandError(f"the page needs {name}", remedy=_NEEDED)
     workspace = Workspace.at(folder)
+    built_page()
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -53,7 +57,15 @@ def serve(folder: Path, port: int, opened: Callable[[str], object], *, control: 
         except (OSError, OverflowError) as error:
             raise CommandError(f"port {port} cannot be used: {error}", remedy="Choose another one: --port.") from None
         port, token = listening.getsockname()[1], new_token()
+        listening.listen(128)
+        opened(address(port, token))
+
+        import uvicorn
+
+        from pneudrive.web.app import make_app
+
         app = make_app(workspace, port, token, control=control)
+        threading.Thread(target=warm_up, daemon=True).start()
         warnings.simplefilter("ignore", PneudriveWarning)  # the page shows the warnings of a run
         settings = uvicorn.Config(
             app,
@@ -66,25 +78,16 @@ def serve(folder: Path, port: int, opened: Callable[[str], object], *, control: 
             log_level="warning",
             timeout_graceful_shutdown=1,
         )
-        server = uvicorn.Server(settings)
-        listening.listen(128)
-        opened(address(port, token))
-        server.run(sockets=[listening])
+        uvicorn.Server(settings).run(sockets=[listening])
 
 
 def warm_up() -> None:
-    """Simulate once, so that the first run of the page does not wait for imports."""
+    """Simulate once and import what other views need, so that no first click waits for it."""
+    from pneudrive.web.app import BEHIND
     from pneudrive.web.asked_run import AskedRun
-    from pneudrive.web.workspace import Workspace
 
     asked = {"path": "catalogue:reference", "command": "1", "duration": "10 ms"}
-    try:
-        AskedRun.of(asked).run(Workspace.at(_here()))
-    except PneudriveError:
-        return
-
-
-def _here() -> Path:
-    from pathlib import Path
-
-    return Path(__file__).parent
+    with suppress(PneudriveError):
+        AskedRun.of(asked).run(Workspace.at(Path(__file__).parent))
+    for name in BEHIND:
+        import_module(name)

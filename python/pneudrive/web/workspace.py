@@ -1,4 +1,7 @@
-"""The folder that the page shows: which files it may touch, and how they are written without losing anything."""
+"""The folder that the page shows: which files it may touch, and how they are written without losing anything.
+
+Light to import, as the address is printed behind it: what knows of campaigns and descriptions is imported in functions.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +10,12 @@ import os
 import posixpath
 import re
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.campaign.folder import ABOUT, RIG
-from pneudrive.control.card import ABOUT as COMPARISON
-from pneudrive.describe.catalogue import PREFIX
-from pneudrive.describe.written import FILE_PREFIX
 from pneudrive.errors import CommandError
 from pneudrive.files.content import read_text
-from pneudrive.sizing.folder import ABOUT as SIZING
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
@@ -26,6 +24,8 @@ if TYPE_CHECKING:
 DESCRIPTIONS = (".toml",)
 TABLES = (".csv", ".parquet", ".nc", ".tdms", ".mf4", ".mat", ".xz", ".txt")
 SUFFIXES = (*DESCRIPTIONS, *TABLES)
+BUILT = Path(__file__).parent / "built"  # the page
+CACHE = ".pneudrive/cache"  # in the workspace; what is in it can be made again
 LONGEST = 1024  # characters of a name
 MOST_FILES = 20_000
 HEAD = 1 << 16  # bytes of a TOML file that tell its kind
@@ -45,9 +45,6 @@ _KINDS = tuple(
         ("rig", r"\[\s*(?:cylinder|rig)\b|kind\s*=\s*[\"']opc-ua"),
     )
 )
-
-#: Kinds of folders that are shown as one, by files in them.
-_FOLDERS = (("campaign", (ABOUT, RIG)), ("comparison", (COMPARISON,)), ("sizing", (SIZING,)))
 
 
 class ChangedError(Exception):
@@ -125,6 +122,8 @@ class Workspace:
 
     def check_named(self, name: str, tables: dict[str, Any]) -> None:
         """Refuse a description that names a file outside the workspace; names are relative to its own folder."""
+        from pneudrive.describe.written import FILE_PREFIX
+
         for given in _texts(tables):
             if given.startswith(FILE_PREFIX):
                 beside = posixpath.join(posixpath.dirname(name), given.removeprefix(FILE_PREFIX).strip())
@@ -192,6 +191,23 @@ class Workspace:
         return fingerprint(text)
 
 
+def built_page(built: Path = BUILT) -> dict[str, bytes]:
+    """Read the built page once: a request chooses among these files by name, no path is ever made of it.
+
+    Raises
+    ------
+    CommandError
+        It is not built.
+    """
+    if not (built / "index.html").is_file():
+        raise CommandError("the page is not built", where=str(built), remedy="Run make setup.")
+    return {
+        f"/{path.relative_to(built).as_posix()}": path.read_bytes()
+        for path in sorted(built.rglob("*"))
+        if path.is_file()
+    }
+
+
 def fingerprint(text: str) -> str:
     """Return the SHA-256 of a text."""
     return hashlib.sha256(text.encode()).hexdigest()
@@ -199,6 +215,8 @@ def fingerprint(text: str) -> str:
 
 def is_in_catalogue(name: str) -> bool:
     """Return whether a name is one of the catalogue, which is no file of the workspace."""
+    from pneudrive.describe.catalogue import PREFIX
+
     return name.startswith(PREFIX)
 
 
@@ -217,9 +235,19 @@ def _texts(value: object) -> Iterator[str]:
             yield from _texts(one)
 
 
+@cache
+def _folder_marks() -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """Return the kinds of folders that are shown as one, by files in them."""
+    from pneudrive.campaign.folder import ABOUT, RIG
+    from pneudrive.control.card import ABOUT as COMPARISON
+    from pneudrive.sizing.folder import ABOUT as SIZING
+
+    return ("campaign", (ABOUT, RIG)), ("comparison", (COMPARISON,)), ("sizing", (SIZING,))
+
+
 def _folder_kind(path: str) -> str:
     """Return the kind of a folder that is shown as one; empty for any other folder."""
-    return next((kind for kind, own in _FOLDERS if all(Path(path, one).is_file() for one in own)), "")
+    return next((kind for kind, own in _folder_marks() if all(Path(path, one).is_file() for one in own)), "")
 
 
 @lru_cache(maxsize=MOST_FILES)

@@ -1,0 +1,47 @@
+"""The address comes before what serves it is imported, and only where the page can be served."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pneudrive.errors import CommandError
+from pneudrive.web import serve as served
+from pneudrive.web.workspace import built_page
+
+#: Gives the modules that are loaded when the address is there, then answers its first request.
+LOOKING = """
+import sys, threading, urllib.request, os
+from pathlib import Path
+from pneudrive.web.serve import serve
+
+def opened(address):
+    print(*sorted({name.partition(".")[0] for name in sys.modules}), flush=True)
+    def ask():
+        print(urllib.request.urlopen(address.partition("#")[0]).status, flush=True)
+        os._exit(0)
+    threading.Thread(target=ask).start()
+
+serve(Path(sys.argv[1]), 0, opened)
+"""
+
+
+def test_the_address_waits_for_no_library_and_its_first_request_is_answered(tmp_path: Path) -> None:
+    words = [sys.executable, "-c", LOOKING, str(tmp_path)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=True)
+    loaded, status = done.stdout.splitlines()
+    assert not {"numpy", "pydantic", "starlette", "uvicorn", "asyncio", "polars", "xarray"} & set(loaded.split())
+    assert status == "200"
+
+
+def test_no_address_is_given_where_nothing_can_be_served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(CommandError, match="the page is not built"):
+        built_page(tmp_path)
+    with pytest.raises(CommandError, match="is not a folder"):
+        served.serve(tmp_path / "none", 0, pytest.fail)
+    monkeypatch.setattr(served, "_LIBRARIES", ("starlette", "no_such_library"))
+    with pytest.raises(CommandError, match="the page needs no_such_library"):
+        served.serve(tmp_path, 0, pytest.fail)
