@@ -23,6 +23,7 @@ const RESULTS: Record<string, [View, string, string]> = {
   validate: ["validation", "/validation.toml", "Show the validation"],
   identify: ["friction", "", "Show the fit"],
   apply: ["drive", "", "Show the drive"],
+  export: ["handover", "", "Show what other tools see of"],
   size: ["sizing", "", "Show the candidates of"],
 };
 

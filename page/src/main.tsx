@@ -3,6 +3,7 @@ import { render } from "preact";
 import { CampaignView } from "./campaign";
 import { ControlView } from "./control";
 import { DriveView } from "./drive";
+import { HandoverView } from "./handover";
 import { opened, open } from "./opened";
 import { ConnectionLine } from "./parts";
 import { follow, link, route, type View } from "./routes";
@@ -25,6 +26,7 @@ const VIEWS: [View, string][] = [
   ["sizing", "Sizing"],
   ["campaign", "Campaigns"],
   ["control", "Control"],
+  ["handover", "Hand over"],
 ];
 const OF_A_DESCRIPTION: View[] = ["drive", "simulate"];
 
@@ -60,6 +62,7 @@ function Page() {
         {connection.value !== "locked" && view === "sizing" && <SizingView />}
         {connection.value !== "locked" && view === "campaign" && <CampaignView />}
         {connection.value !== "locked" && view === "control" && <ControlView />}
+        {connection.value !== "locked" && view === "handover" && <HandoverView />}
       </main>
       <footer>This page shows and simulates. It is no safety function.</footer>
     </>

@@ -1,7 +1,7 @@
 /** The address of a view: `#/simulate/<file>`. */
 import { signal } from "@preact/signals";
 
-export type View = "studies" | "drive" | "simulate" | "recording" | "friction" | "campaign" | "validation" | "sizing" | "control";
+export type View = "studies" | "drive" | "simulate" | "recording" | "friction" | "campaign" | "validation" | "sizing" | "control" | "handover";
 
 export const route = signal<{ view: View; path: string }>({ view: "studies", path: "" });
 
@@ -9,6 +9,6 @@ export const link = (view: View, path = ""): string => `#/${view}/${encodeURICom
 
 export function follow(): void {
   const [, view, path] = /^#\/(\w+)\/?(.*)$/.exec(location.hash) ?? [];
-  const known: View[] = ["studies", "drive", "simulate", "recording", "friction", "campaign", "validation", "sizing", "control"];
+  const known: View[] = ["studies", "drive", "simulate", "recording", "friction", "campaign", "validation", "sizing", "control", "handover"];
   route.value = { view: known.find((one) => one === view) ?? "studies", path: decodeURIComponent(path ?? "") };
 }

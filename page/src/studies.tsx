@@ -28,6 +28,7 @@ const TITLES: Record<string, string> = {
   "friction map": "Friction maps",
   fit: "Fits",
   validation: "Validations",
+  fmu: "Drives for other tools",
   task: "Tasks of drives",
   sizing: "Sizings",
   layout: "Layouts",
@@ -36,7 +37,7 @@ const TITLES: Record<string, string> = {
   setup: "Setups",
   controller: "Controllers",
 };
-const VIEW: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction", campaign: "campaign", comparison: "control", validation: "validation", task: "sizing", sizing: "sizing" };
+const VIEW: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction", campaign: "campaign", comparison: "control", validation: "validation", task: "sizing", sizing: "sizing", fmu: "handover" };
 const MOST = 200; // rows of a kind on the page; the filter finds the others
 
 function size(bytes: number): string {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import signal
@@ -380,3 +381,45 @@ def test_the_first_page_is_small() -> None:
     assert sum(sizes) < 100_000
     assert np.all(sizes)
     assert Path(AXE).is_file()
+
+
+IDENTIFIED = """
+[provenance.'friction.coulomb']
+interval = ["27.1 N", "28.9 N"]
+source = "monday"
+"""
+
+
+def test_hand_over(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+    (server.folder / "axis.toml").write_text(DRIVE + IDENTIFIED)
+    tab = open_tab(server.address)
+    page = tab.page
+    page.click("nav >> text=Hand over")
+    page.select_option("label:has-text('Drive or circuit') select", "axis.toml")
+    page.fill("label:has-text('Start state') input", "position = 50 mm")
+    page.fill("label:has-text('Into results/') input", "axis")
+    page.click("text=Copy as command or Python")
+    page.wait_for_selector("[data-copy=python]")
+    assert violations(tab) == []
+    page.click("button:text-is('Export')")
+    page.click("text=Show what other tools see of results/axis.fmu", timeout=30_000)
+    page.wait_for_selector("[data-variable=command]")
+
+    fmu = server.folder / "results" / "axis.fmu"
+    assert page.get_attribute("[data-sha256]", "data-sha256") == hashlib.sha256(fmu.read_bytes()).hexdigest()
+    assert "28" in page.inner_text("[data-variable='friction.coulomb'] td >> nth=1")
+    assert page.inner_text("[data-variable=pressure_a] td >> nth=0") == "Pa"
+    lines = page.inner_text("[data-copy=fmpy]")
+    assert len([line for line in lines.splitlines() if line]) == 3
+    monkeypatch.chdir(server.folder)
+    names: dict = {}
+    exec(lines, names)
+    drive = pn.Drive.load("axis.toml")
+    own = pn.simulate(drive, 0.5, "0.5 s", initial="position = 50 mm", rtol=1e-9)
+    assert abs(names["run"]["position"][-1] - own.position[-1].item()) < 0.02e-6
+    assert violations(tab) == []
+    tab.picture("hand-over")
+    page.click("nav >> text=Studies")
+    page.click("a:text-is('results/axis.fmu')")
+    page.wait_for_selector("[data-variable=command]")
+    tab.check()

@@ -52,10 +52,12 @@ JOBS = {
     "identify": "validation",
     "apply": "validation",
     "size": "sizing",
+    "export": "handover",
 }
 #: Modules that are imported at their first use.
 BEHIND = tuple(
-    f"pneudrive.web.{name}" for name in ("recordings", "control", "friction", "validation", "campaigns", "sizing")
+    f"pneudrive.web.{name}"
+    for name in ("recordings", "control", "friction", "validation", "campaigns", "sizing", "handover")
 )
 TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html; charset=utf-8", ".svg": "image/svg+xml"}
 
@@ -117,6 +119,7 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
         Route("/api/control", _answered(views.control_choices)),
         Route("/api/comparison", _answered(views.comparison)),
         Route("/api/tracks", _answered(views.tracks)),
+        Route("/api/fmu", _answered(views.fmu)),
         Route("/api/report", _answered(views.report)),
         Route(f"{REPORTS}{{secret}}/{{name:path}}", views.open_report),
         Route("/api/comparisons", _answered(views.compare), methods=["POST"]),
@@ -331,6 +334,12 @@ class _Views:
         from pneudrive.web.sizing import shown_sizing
 
         return shown_sizing(self.workspace, given.get("path", ""))
+
+    def fmu(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return what another tool sees of an FMU."""
+        from pneudrive.web.handover import shown_fmu
+
+        return shown_fmu(self.workspace, given.get("path", ""))
 
     def report(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return the address of a folder's report."""

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 DESCRIPTIONS = (".toml",)
 TABLES = (".csv", ".parquet", ".nc", ".tdms", ".mf4", ".mat", ".xz", ".txt")
-SUFFIXES = (*DESCRIPTIONS, *TABLES)
+FMUS = (".fmu",)
+SUFFIXES = (*DESCRIPTIONS, *TABLES, *FMUS)
 BUILT = Path(__file__).parent / "built"  # the page
 CACHE = ".pneudrive/cache"  # in the workspace; what is in it can be made again
 LONGEST = 1024  # characters of a name
@@ -253,6 +254,8 @@ def _folder_kind(path: str) -> str:
 @lru_cache(maxsize=MOST_FILES)
 def _kind(path: str, _changed_ns: int, _size: int) -> str:
     """Return the kind of a file; a TOML file is told by its tables."""
+    if path.lower().endswith(FMUS):
+        return "fmu"
     if not path.lower().endswith(DESCRIPTIONS):
         return "friction map" if Path(path).stem.lower() == "map" else "recording"
     try:

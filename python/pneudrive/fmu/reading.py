@@ -1,0 +1,90 @@
+"""What an FMU says of itself: its version, inputs, outputs and parameters, read from its description."""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+from pneudrive.errors import CommandError
+from pneudrive.files.content import check_file
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+DESCRIPTION = "modelDescription.xml"
+MOST_BYTES = 16_000_000  # of a description; one of a drive has 0.1 MB
+_KINDS = ("CoSimulation", "ModelExchange")
+_SHOWN = ("input", "output", "parameter")
+
+
+@dataclass(frozen=True)
+class SeenVariable:
+    """A variable as another tool sees it; its unit as written in the description."""
+
+    name: str
+    unit: str
+    meaning: str
+    causality: str
+    start: str
+
+
+@dataclass(frozen=True)
+class SeenFmu:
+    """What another tool sees of an FMU.
+
+    Attributes
+    ----------
+    title, tool, version, token : str
+        Name of the model, what wrote it, version of FMI, token.
+    kinds : tuple of str
+        ``"CoSimulation"``, ``"ModelExchange"``.
+    variables : tuple of SeenVariable
+        Inputs, outputs and parameters.
+    """
+
+    title: str
+    tool: str
+    version: str
+    token: str
+    kinds: tuple[str, ...]
+    variables: tuple[SeenVariable, ...]
+
+
+def read_fmu(path: Path) -> SeenFmu:
+    """Read the description of an FMU; nothing of it is run.
+
+    Raises
+    ------
+    CommandError
+        The file is no FMU, or its description is too large or has entities of its own.
+    """
+    check_file(path, CommandError)
+    try:
+        with zipfile.ZipFile(path) as archive, archive.open(DESCRIPTION) as file:
+            text = file.read(MOST_BYTES + 1)
+        if len(text) > MOST_BYTES or b"\0" in text or b"<!" in text.replace(b"<!--", b""):
+            raise CommandError(
+                f"{path.name}: its description is none that pneudrive reads",
+                rule="XML in UTF-8 without entities, up to 16 MB",
+            )
+        root = ElementTree.fromstring(text)
+    except (zipfile.BadZipFile, KeyError, ElementTree.ParseError, NotImplementedError, RuntimeError, OSError) as error:
+        raise CommandError(f"{path.name} is no FMU: {error}") from None
+    return SeenFmu(
+        title=root.get("modelName", ""),
+        tool=root.get("generationTool", ""),
+        version=root.get("fmiVersion", ""),
+        token=root.get("instantiationToken") or root.get("guid", ""),
+        kinds=tuple(kind for kind in _KINDS if root.find(kind) is not None),
+        variables=tuple(_seen(one) for one in root.iterfind("ModelVariables/*") if one.get("causality") in _SHOWN),
+    )
+
+
+def _seen(one: ElementTree.Element) -> SeenVariable:
+    """Return a variable; in FMI 2.0 unit and start stand in an element of its type."""
+    typed = one if one.get("unit") is not None or not len(one) else one[0]
+    keys = ("name", "description", "causality")
+    name, meaning, causality = (one.get(key, "") for key in keys)
+    return SeenVariable(name, typed.get("unit", ""), meaning, causality, typed.get("start", ""))
