@@ -7,16 +7,19 @@ export interface Frame<Head> {
   arrays: Map<string, Numbers>;
 }
 
-type Listed = [name: string, kind: "f4" | "f8", at: number, length: number];
+/** The last one: about what the numbers lie, where they are sent in 32 bits. */
+type Listed = [name: string, kind: "f4" | "f8", at: number, length: number, middle?: number];
 
-/** Read a frame; the arrays are views of its bytes, nothing is copied. */
+/** Read a frame; the arrays are views of its bytes, but for those that lie about a number. */
 export function unpack<Head>(bytes: ArrayBuffer): Frame<Head> {
   const start = 4 + new DataView(bytes).getUint32(0, true);
   const { arrays, ...head } = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, start - 4))) as {
     arrays: Listed[];
   };
   const found = new Map<string, Numbers>();
-  for (const [name, kind, at, length] of arrays)
-    found.set(name, kind === "f4" ? new Float32Array(bytes, start + at, length) : new Float64Array(bytes, start + at, length));
+  for (const [name, kind, at, length, middle] of arrays) {
+    const own = kind === "f4" ? new Float32Array(bytes, start + at, length) : new Float64Array(bytes, start + at, length);
+    found.set(name, middle === undefined ? own : Float64Array.from(own, (one) => one + middle));
+  }
   return { head: head as Head, arrays: found };
 }

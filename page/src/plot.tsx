@@ -1,5 +1,5 @@
 /** One plot over time: the only file that touches uPlot. */
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { digits, isDark, look } from "./looks";
@@ -57,6 +57,11 @@ function aligned(curves: Curve[], size: number): uPlot.AlignedData {
   return uPlot.join(tables);
 }
 
+/** Whether curves are the same numbers under the same names: then nothing is drawn again. */
+function alike(some: Curve[], others: Curve[]): boolean {
+  return some.length === others.length && some.every((one, i) => one.x === others[i]!.x && one.y === others[i]!.y && one.label === others[i]!.label);
+}
+
 export function Plot(props: PlotProps) {
   const place = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
@@ -64,8 +69,13 @@ export function Plot(props: PlotProps) {
   latest.current = props;
   const [open, setOpen] = useState(false);
   const shape = props.curves.map((one) => one.label).join("|") + props.unit + (isDark() ? "d" : "l");
+  const held = useRef({ curves: props.curves, size: 0, data: [[]] as uPlot.AlignedData });
+  if (held.current.size !== props.size || !alike(held.current.curves, props.curves))
+    held.current = { curves: props.curves, size: props.size, data: aligned(props.curves, props.size) };
+  const { data } = held.current;
 
-  useEffect(() => {
+  // Layout effects: an effect would run behind the next frame, and the curves would come a frame later.
+  useLayoutEffect(() => {
     const at = place.current!;
     const ink = isDark() ? "#d8d8d8" : "#333333";
     const axis = { stroke: ink, grid: { stroke: isDark() ? "#3a3a3a" : "#e2e2e2", width: 1 }, ticks: { show: false }, font: "12px system-ui" };
@@ -87,10 +97,11 @@ export function Plot(props: PlotProps) {
           { label: `${props.log ? "frequency" : "time"}, ${props.xUnit ?? "s"}`, value: (_, v) => digits(v) },
           ...props.curves.map((one, index) => {
             const { color, dash } = look(one.look ?? index);
-            return { label: one.label, stroke: color, dash, width: 1.4, spanGaps: props.curves.length > 1, points: { show: false }, value: (_: uPlot, v: number | null) => digits(v) };
+            return { label: one.label, stroke: color, dash, width: 1.4, spanGaps: props.curves.length > 1, points: { show: false }, paths: dash.length ? undefined : path, value: (_: uPlot, v: number | null) => digits(v) };
           }),
         ],
         hooks: {
+          drawSeries: [columns],
           drawClear: [(u) => shade(u, latest.current.shades ?? []), (u) => fill(u, latest.current.bands ?? [], latest.current.size)],
           setSelect: [
             (u) => {
@@ -102,11 +113,11 @@ export function Plot(props: PlotProps) {
           ],
         },
       },
-      aligned(props.curves, props.size),
+      data,
       at,
     );
     plot.current = made;
-    const seen = new ResizeObserver(() => made.setSize({ width: at.clientWidth, height: props.height ?? 210 }));
+    const seen = new ResizeObserver(() => at.clientWidth !== made.width && made.setSize({ width: at.clientWidth, height: props.height ?? 210 }));
     seen.observe(at);
     return () => {
       seen.disconnect();
@@ -115,9 +126,9 @@ export function Plot(props: PlotProps) {
     };
   }, [shape]);
 
-  useEffect(() => {
-    plot.current?.setData(aligned(props.curves, props.size));
-  }, [props.curves, props.shades, props.bands]);
+  useLayoutEffect(() => {
+    plot.current?.setData(data);
+  }, [data, props.shades, props.bands]);
 
   const label = props.unit ? `${props.title}, ${props.unit}` : props.title;
   return (
@@ -130,6 +141,57 @@ export function Plot(props: PlotProps) {
       </details>
     </figure>
   );
+}
+
+/** Whether a curve has more values in the view than pixels, and is drawn as `columns`. */
+function isDense(u: uPlot, series: number): boolean {
+  const [from, to] = [u.valToIdx(u.scales["x"]!.min!), u.valToIdx(u.scales["x"]!.max!)];
+  return !u.series[series]!.dash?.length && u.scales["x"]!.distr !== 3 && to - from >= u.bbox.width;
+}
+
+const path: uPlot.Series.PathBuilder = (u, series, from, to) => (isDense(u, series) ? null : uPlot.paths.linear!()(u, series, from, to));
+
+/**
+ * Draw a curve of many values as a bar in each column of pixels, from the lowest to the highest point of its line there:
+ * what a stroke shows of it, in a fiftieth of the time. NaN is a gap.
+ */
+function columns(u: uPlot, series: number): void {
+  if (!isDense(u, series)) return;
+  const [x, y] = [u.data[0], u.data[series] as ArrayLike<number>];
+  const { left, top, width, height } = u.bbox;
+  const { min: first, max: last } = u.scales["x"]!;
+  const { min: least, max: most } = u.scales["y"]!;
+  const [perX, perY] = [width / (last! - first!), height / (most! - least!)];
+  const half = (u.series[series]!.width! * devicePixelRatio) / 2;
+  const low = new Float64Array(width).fill(Infinity);
+  const high = new Float64Array(width).fill(-Infinity);
+  const put = (column: number, at: number) => {
+    if (column < 0 || column >= width) return;
+    if (at < low[column]!) low[column] = at;
+    if (at > high[column]!) high[column] = at;
+  };
+  let [column, at] = [Number.NaN, Number.NaN];
+  for (let i = 0; i < x.length; i++) {
+    const [next, to] = [Math.floor((x[i]! - first!) * perX), (most! - y[i]!) * perY];
+    if (to === to) put(next, to);
+    // The line from the value before: half a step belongs to the column it leaves, half to the one it enters.
+    if (to === to && at === at && next !== column) {
+      const step = (to - at) / (next - column);
+      for (let k = Math.max(column, -1); k < Math.min(next, width); k++) {
+        const middle = at + step * (k + 0.5 - column);
+        put(k, middle);
+        put(k + 1, middle);
+      }
+    }
+    [column, at] = [next, to];
+  }
+  u.ctx.save();
+  u.ctx.fillStyle = (u.series[series]!.stroke as () => string)();
+  for (let k = 0; k < width; k++) {
+    const [from, to] = [Math.max(low[k]! - half, 0), Math.min(high[k]! + half, height)];
+    if (to > from) u.ctx.fillRect(left + k, top + from, 1, to - from);
+  }
+  u.ctx.restore();
 }
 
 /** Draw the shaded parts below the curves; of many that are too thin to see, none. */

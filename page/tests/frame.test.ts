@@ -23,6 +23,15 @@ describe("frames", () => {
     expect([...arrays.get("y")!]).toEqual([1, NaN, 3]);
     expect(arrays.get("y")!.buffer).toBe(bytes);
   });
+  it("give numbers that lie about another in full", () => {
+    const head = JSON.stringify({ arrays: [["x", "f4", 0, 2, 100000]] });
+    const start = Math.ceil((4 + head.length) / 8) * 8;
+    const bytes = new ArrayBuffer(start + 8);
+    new DataView(bytes).setUint32(0, start - 4, true);
+    new Uint8Array(bytes).set(new TextEncoder().encode(head.padEnd(start - 4)), 4);
+    new Float32Array(bytes, start, 2).set([2 ** -20, -0.5]);
+    expect([...unpack(bytes).arrays.get("x")!]).toEqual([100000 + 2 ** -20, 99999.5]);
+  });
   it("that are cut off are refused", () => {
     expect(() => unpack(frame().slice(0, 20))).toThrow();
     expect(() => unpack(frame().slice(0, -8))).toThrow();

@@ -246,7 +246,7 @@ class _Views:
         found, columns, span, pixels = self._view(given)
         view = found.window(span, pixels, columns)
         head = {"missing": view.missing, "samples": view.samples, "raw": view.raw, "from": span[0], "to": span[1]}
-        return pack(head, {"time": view.time_s, **view.channels})
+        return pack(head, {"time": view.time_s, **view.channels}, drawn=True)
 
     def _view(self, given: Mapping[str, str]) -> tuple[OpenRecording, list[str], tuple[float, float], int]:
         """Read what part of a recording is asked for."""
