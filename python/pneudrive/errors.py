@@ -191,6 +191,10 @@ class SimulationError(PneudriveError):
     """A simulation cannot go on; the message gives the time, the state and a remedy."""
 
 
+class OwnLawError(SimulationError):
+    """A law of control of one's own raises an error or gives no number; the run ends there."""
+
+
 class FitError(PneudriveError):
     """Parameters could not be estimated from the data."""
 

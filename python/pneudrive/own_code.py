@@ -125,7 +125,7 @@ def guarded(source: str, kind: type[PneudriveError], work: Callable[[], Any]) ->
         return work()
     except PneudriveError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise kind(f"{source} fails: {type(error).__name__}: {error}", where=place_of(error)) from error
 
 

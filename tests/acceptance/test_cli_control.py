@@ -89,6 +89,9 @@ WRONG = {
         "2 s",
     ),
     "no sine": (["--reference", "sine 60 mm around 250 mm"], "is not a sine", "AMPLITUDE"),
+    "unknown reference": (["--reference", "R9"], 'no reference "R9"', "R1 to R8"),
+    "record of no number": (["--reference", "nan.csv"], "sample 3 is not valid", "position_m = nan"),
+    "record that goes back": (["--reference", "back.csv"], "sample 4 is not valid", "times rise"),
     "unit": (["--reference", "sine 60 mm 0.5 kg around 250 mm"], '"kg"', "a frequency is needed"),
     "unknown law": (["--controller", "nmcp"], 'no law "nmcp"', "'nmpc'"),
     "unknown setup": (["--setup", "reel"], 'no setup "reel"', "'real'"),
@@ -107,6 +110,10 @@ FILES = {
     "own code": ('law = "mine.py:Law"', "was not told to run", "--law mine.py:Law"),
     "another drive": ('law = "nmpc"\ndrive = "nowhere.toml"', "nowhere.toml", "no file"),
 }
+RECORDS = {
+    "nan.csv": ((0, 0.2), (1, 0.2), (2, "nan"), (3, 0.2), (4, 0.2)),
+    "back.csv": ((0, 0.2), (1, 0.2), (2, 0.2), (1, 0.2), (4, 0.2)),
+}
 FALLING = '[[disturbances]]\nat = "2 s"\nforce = "1 N"\n[[disturbances]]\nat = "1 s"\nforce = "1 N"'
 SETUPS = {
     "one pressure": ('[sensors.pressure_a]\nrange = "10 bar"', "without sensors.pressure_b", "Give both"),
@@ -122,6 +129,9 @@ SETUPS = {
 def test_wrong_input_gives_one_message(case, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     kind, _, name = case.partition(": ")
+    for name_of, numbers in RECORDS.items():
+        rows = "\n".join(f"{t},{x}" for t, x in numbers)
+        Path(name_of).write_text(f"time_s,position_m\n{rows}\n")
     if case in WRONG:
         options, *words = WRONG[case]
     else:
@@ -141,6 +151,18 @@ def test_wrong_input_gives_one_message(case, tmp_path, capsys, monkeypatch):
 def test_a_drive_without_a_proportional_valve_is_refused(capsys):
     assert run(["control", "tune", str(AXIS.with_name("pwm_axis.toml"))]) == 2
     assert "no proportional 5/3 valve" in capsys.readouterr().err
+
+
+def test_a_controller_for_another_drive_cannot_lead_this_one_out_of_its_stroke(tmp_path, capsys):
+    file = tmp_path / "longer.toml"
+    file.write_text(f'schema = 1\nlaw = "pva"\nperiod = "8 ms"\ndrive = {str(AXIS)!r}\n')  # a stroke of 500 mm
+    told = ["control", "run", str(AXIS.parent / "axes/bench.toml"), "--controller", str(file)]
+    assert run([*told, "--reference", "250 mm; 0.1 s: 400 mm in 0.3 s"]) == 2
+    assert "within the stroke, 0 mm to 300 mm" in capsys.readouterr().err
+    assert run([*told, "--reference", "150 mm; 0.1 s: 160 mm in 0.3 s", "--duration", "0.5 s"]) == 0
+    said = capsys.readouterr()
+    assert "pva, told of controlled axis, on bench" in said.out
+    assert said.err.count("Note: period = 8 ms: a law follows badly") == 1
 
 
 COMPARE = ["--laws", "pva,nmpc", "--references", f"R6,{STEP}", "--seeds", "4"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -19,13 +20,19 @@ if TYPE_CHECKING:
 control = group(dict.fromkeys(("tune", "run", "compare", "reference", "export", "header"), "pneudrive.cli.control"))
 
 SetupOption = Annotated[
-    str, typer.Option("--setup", help="What stands between drive and law: ideal, real, cheap, or a TOML file.")
+    str,
+    typer.Option(
+        "--setup",
+        help="What stands between drive and law: ideal, real, cheap (their values are assumed), or a TOML file.",
+    ),
 ]
-Law = Annotated[str, typer.Option("--law", help="Law: pid, pva, sliding-mode, super-twisting, inversion or nmpc.")]
+Law = Annotated[
+    str, typer.Option("--law", help="Law: pid, pva, fuzzy, sliding-mode, super-twisting, inversion or nmpc.")
+]
 Along = Annotated[
     str,
     typer.Option(
-        help='Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", or a TOML file.',
+        help='Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file.',
         metavar="REF",
     ),
 ]
@@ -37,7 +44,7 @@ MismatchOption = Annotated[
     str | None,
     typer.Option(
         help="How the true drive differs from the description, which the law believes: all, mass+30, sag, "
-        "other-friction, load-step, ..., or a TOML file."
+        "other-friction, load-step, ... (their values are assumed), or a TOML file."
     ),
 ]
 TOLD = ("max_error_m", "rmse_m", "settling_100_um_s", "rest_error_m", "hunting_m")
@@ -100,7 +107,7 @@ def run(
     allow_code: AllowCode = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Run a drive under control along a reference, and score it."""
+    """Run a drive under control along a reference, and score it. Thresholds of its supervisor are assumed."""
     from pneudrive.cli.progress import on_terminal
     from pneudrive.control.loop import prepare, run_prepared
     from pneudrive.control.measures import Score
@@ -126,7 +133,9 @@ def run(
         allow_code=allow_code,
     )
     found = run_prepared(prepared, seed, on_terminal())
-    title = f"{prepared.tuning.law} on {prepared.circuit.name} along {prepared.reference.text}"
+    belief, drive_name = prepared.tuning.belief.name, prepared.circuit.name
+    of = "" if belief == drive_name else f", told of {belief},"
+    title = f"{prepared.tuning.law}{of} on {drive_name} along {prepared.reference.text}"
     typer.echo(f"{title}, setup {prepared.setup_name}, seed {seed}, simulated:")
     typer.echo(_score(Score(**found.provenance["score"])))
     for event in found.provenance["events"]:
@@ -198,6 +207,7 @@ def compare(
     of |= {"out": out, "seeds": seeds, "setup": setup, "keep_runs": keep_runs, "allow_code": allow_code}
     found = compare_watched(described, words, along, **of, named=drive, watch=on_terminal())
     _show_comparison(found)
+    _show_failures(found)
     tell([out / SCORES, write_control_report(found, out)])
 
 
@@ -218,6 +228,13 @@ def _show_comparison(found: ControlComparison) -> None:
         show_table([heads[i] for i in used], [[row[i] for i in used] for row in rows])
 
 
+def _show_failures(found: ControlComparison) -> None:
+    """Tell each reason for which runs ended early, once, with their number."""
+    reasons = Counter((run.law, run.reason) for run in found.runs if run.reason)
+    for (law, reason), count in reasons.items():
+        typer.echo(f"{count} {'run' if count == 1 else 'runs'} of {law} ended early: {reason}", err=True)
+
+
 def _members(found: ControlComparison) -> int:
     return len({run.seed for run in found.runs})
 
@@ -231,7 +248,7 @@ def reference(
     """Check a reference against a drive: stroke, and its shares of valve, force and speed; how far to slow it."""
     from pneudrive.control.demand import feasibility
     from pneudrive.control.references import check_reach
-    from pneudrive.control.references import reference as read
+    from pneudrive.control.standard_references import named_or_read
     from pneudrive.control.tuning import tune as tuned
     from pneudrive.describe.load import load_described
     from pneudrive.report.written import PICTURES
@@ -240,7 +257,7 @@ def reference(
     if plot is not None:
         check_target(plot, PICTURES)
     tuning = tuned(load_described(drive))
-    found = read(along)
+    found = named_or_read(along, tuning.plant.stroke_m, tuning.plant.speed_m_s)
     typer.echo(f"{found.text}\n{aligned(feasibility(tuning, found).rows())}")
     if plot is not None:
         from pneudrive.report.control import plot_reference

@@ -13,7 +13,7 @@ import typer
 
 from pneudrive import __version__
 from pneudrive.cli.groups import group
-from pneudrive.errors import Cancelled, PneudriveError, PneudriveWarning, SimulationError, nearest
+from pneudrive.errors import Cancelled, OwnLawError, PneudriveError, PneudriveWarning, SimulationError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -52,7 +52,8 @@ def _root(version: bool = typer.Option(False, "--version", help="Show the versio
 def fail(error: PneudriveError) -> int:
     """Print an error once, on stderr, and return its exit status."""
     sys.stderr.write(f"{type(error).__name__}: {error}\n")
-    return EXIT_OTHER if isinstance(error, SimulationError) else EXIT_INPUT
+    ran = isinstance(error, SimulationError) and not isinstance(error, OwnLawError)
+    return EXIT_OTHER if ran else EXIT_INPUT
 
 
 @contextmanager

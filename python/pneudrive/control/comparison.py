@@ -374,7 +374,8 @@ class _Store:
             folder.mkdir(parents=True, exist_ok=True)
             text = lines.read_text("utf-8") if lines.exists() else ""
         except OSError as error:
-            raise CommandError(f"the folder {folder} cannot be made", value=error.strerror) from None
+            remedy = "Name another folder as out."
+            raise CommandError(f"the folder {folder} cannot be made", value=error.strerror, remedy=remedy) from None
         known: dict[str, dict[str, Any]] = {}
         for line in text.splitlines():
             with suppress(ValueError, KeyError, TypeError):  # a line that a kill has cut

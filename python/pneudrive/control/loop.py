@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from pneudrive import __version__, _core
 from pneudrive.control.measures import air_of, score_of
 from pneudrive.control.mismatch import Truth, mismatched, one_value, read_mismatch
-from pneudrive.control.references import check_reach, reference
+from pneudrive.control.references import check_reach
 from pneudrive.control.setup import Setup, read_setup, ready_setups
+from pneudrive.control.standard_references import named_or_read
 from pneudrive.control.supervision import told
 from pneudrive.control.tuning import Tuning, tune
 from pneudrive.describe.circuit import compiled
@@ -94,7 +95,7 @@ def run(
         ``step(t, sample, preview)``, which returns the command; ``start(model, period)`` is called before a run, if it
         is there. ``"mine.py:Law"`` names such a class, ``"mine.so:law"`` a compiled function.
     reference : Reference, str or path-like
-        See `pneudrive.control.reference`.
+        See `pneudrive.control.reference`; or the name of a standard one, ``"R1"`` to ``"R8"``.
     setup : Setup, str or path-like
         What stands between drive and law: ``"ideal"``, ``"real"``, ``"cheap"``, or a TOML file.
     duration : str or float, optional
@@ -135,7 +136,7 @@ def run(
     DescriptionError
         A file is not valid, or the drive is none that the law can command.
     SimulationError
-        The drive cannot go on, or a law of one's own fails; the message gives time and state.
+        The drive cannot go on, or a law of one's own fails (`OwnLawError`); the message gives time and state.
     Cancelled
         `cancel` was set.
 
@@ -175,14 +176,16 @@ def prepare(
         tuning = controller
     else:
         tuning = tune(drive, law, setup=read, controller=controller, believes=believes, allow_code=allow_code)
-    to_follow = reference(along)
-    check_reach(to_follow, tuning.plant.stroke_m, tuning.plant.speed_m_s)
+    circuit = circuit_of(drive)
+    to_follow = named_or_read(along, tuning.plant.stroke_m, tuning.plant.speed_m_s)
+    is_another = tuning.belief.core_json() != circuit.core_json()
+    stroke_m = tune(drive, setup=read).plant.stroke_m if is_another else tuning.plant.stroke_m
+    check_reach(to_follow, min(stroke_m, tuning.plant.stroke_m), tuning.plant.speed_m_s)
     seconds = to_follow.duration_s if duration is None else positive(duration, "s", "duration")
     samples = seconds / tuning.period_s
     if not 1.0 <= round(samples) <= MOST_SAMPLES:
         what = f"duration = {seconds:g} s at a period of {1e3 * tuning.period_s:g} ms makes {samples:.3g} samples"
         raise CommandError(what, rule=f"1 to {MOST_SAMPLES:.0e} samples")
-    circuit = circuit_of(drive)
     start = _start(drive, tuning.plant, float(to_follow.at([0.0])[0, 0]), initial)
     truth, called = Truth(circuit.core_json(), {}, read, {}), ""
     if mismatch is not None:
@@ -242,6 +245,7 @@ def _supply(truth: Truth) -> tuple[float, float]:
 def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:
     circuit, tuning, name = prepared.circuit, prepared.tuning, prepared.setup_name
     assumed = [f"setup {name}: {prepared.setup.about}"] if name in ready_setups() else []
+    assumed.append("supervisor: its thresholds and times")
     return {
         "title": circuit.name,
         "description_hash": circuit.description_hash,

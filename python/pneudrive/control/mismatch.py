@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -88,7 +88,6 @@ class Mismatch(Described):
     {'moving_mass': (1.3, 1.3), 'overlap': (0.005, 0.04)}
     """
 
-    table_name: ClassVar[str] = "mismatch"
     schema_version: Literal[1] = Field(default=1, alias="schema")
     about: str = ""
     friction_level: Factor = _factor("the Coulomb and the breakaway friction")

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import inspect
 import math
+import reprlib
 import shutil
 import tempfile
 import uuid
 from collections import namedtuple
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -16,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from pneudrive import _core, own_code
-from pneudrive.errors import CommandError, SimulationError, nearest
+from pneudrive.errors import CommandError, OwnLawError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -25,6 +28,7 @@ if TYPE_CHECKING:
 OWN = "own"
 #: Periods that a compiled law can look ahead, and bytes that it may remember.
 AHEAD, MEMORY = 200, 65536
+_FAILS = 'Mend it, or let another law take over: [on_fault] law = "inversion" in a controller file.'
 _RULE = "one is inputs, a tuple of names, and step(t, sample, preview), which returns the command"
 
 
@@ -46,38 +50,41 @@ class RunningLaw:
         The command for a tuple of numbers; not a number where the law fails.
     signals : list of str
         The numbers.
-    failure : SimulationError or None
+    failure : OwnLawError or None
         The first failure of the law.
     stopped : BaseException or None
         What stops more than a run, Ctrl-C for instance.
     """
 
     name: str
-    step: Callable[[tuple[float, ...]], float]
+    step: Callable[[tuple[float, ...]], Any]
     signals: list[str]
-    failure: SimulationError | None = None
+    failure: OwnLawError | None = None
     stopped: BaseException | None = None
 
     def call(self, values: tuple[float, ...]) -> float:
         """Return the command."""
         try:
-            command = self.step(values)
-        except Exception as error:
+            given = self.step(values)
+        except (Exception, SystemExit) as error:
             self._fails(values[0], f"{type(error).__name__}: {error}", own_code.place_of(error), error)
             return math.nan
         except BaseException as error:
             self.stopped = error
             return math.nan
+        try:
+            command = math.nan if isinstance(given, str) else float(given)
+        except (TypeError, ValueError, OverflowError):
+            command = math.nan
         if not math.isfinite(command):
-            self._fails(values[0], f"it returns {command}", None, None)
+            self._fails(values[0], f"it returns {reprlib.repr(given)}", None, None)
             return math.nan
         return command
 
-    def _fails(self, t: float, what: str, where: str | None, cause: Exception | None) -> None:
+    def _fails(self, t: float, what: str, where: str | None, cause: BaseException | None) -> None:
         if self.failure is None:
-            self.failure = SimulationError(
-                f"the law {self.name} fails at t = {t:g} s: {what}", where=where, rule="a command is a finite number"
-            )
+            what = f"the law {self.name} fails at t = {t:g} s: {what}"
+            self.failure = OwnLawError(what, where=where, rule="a command is a finite number", remedy=_FAILS)
             self.failure.__cause__ = cause
 
 
@@ -161,6 +168,13 @@ def _inputs(name: str, law: object) -> list[str]:
     for one in inputs:
         if one not in known:
             raise CommandError(f"{name}: there is no input {one!r}", remedy=nearest(str(one), known))
+        if list(inputs).count(one) > 1:
+            raise CommandError(f"{name}: the input {one!r} stands twice", rule="each input once")
+    with suppress(ValueError):  # code that does not tell what it takes
+        try:
+            inspect.signature(law.step).bind(0.0, None, None)  # type: ignore[attr-defined]
+        except TypeError as error:
+            raise CommandError(f"{name}: step cannot be called: {error}", rule=_RULE) from None
     return list(inputs)
 
 
@@ -175,8 +189,8 @@ def _python(name: str, given: object) -> Callable[..., RunningLaw]:
         make = namedtuple("Sample", inputs)._make
         step, preview = law.step, preview_of(motion)
 
-        def call(values: tuple[float, ...]) -> float:
-            return float(step(values[0], make(values[1:]), preview))
+        def call(values: tuple[float, ...]) -> object:
+            return step(values[0], make(values[1:]), preview)
 
         return RunningLaw(name, call, ["time", *inputs])
 

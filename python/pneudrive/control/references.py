@@ -136,6 +136,8 @@ def reference(given: Reference | str | Path) -> Reference:
     order = int(ordered[1]) if ordered else 7
     if order not in paths.BLENDS:
         raise CommandError(f"reference: there is no blend of order {order}", value=text, rule="7 or 9")
+    if text.isidentifier():
+        raise CommandError(f'there is no reference "{text}"', remedy=f"Give R1 to R8, the standard ones, {FORMS}.")
     first, *rest = (entry.strip() for entry in text[ordered.end() if ordered else 0 :].split(";"))
     start = _quantity(first, "m", text)
     return _checked(text, start, [_move_of(entry, text) for entry in rest if entry], order)
@@ -219,10 +221,18 @@ def _of_record(path: Path) -> Reference:
     if columns_in(path, names) != list(names):
         raise CommandError(f"the record {path} lacks a column", rule="columns time_s and position_m")
     time, position = read_columns(path, names).values()
-    if len(time) <= paths.REST or not (np.isfinite(time).all() and np.isfinite(position).all()):
-        raise CommandError(f"the record {path} is too short or holds no numbers", value=f"{len(time)} samples")
-    if not (np.diff(time) > 0.0).all() or time[0] < 0.0 or time[-1] > LONGEST_S:
-        raise CommandError(f"the times of the record {path} are not valid", rule=f"they rise, 0 to {LONGEST_S:g} s")
+    if len(time) <= paths.REST:
+        rule = f"more than {paths.REST} samples"
+        raise CommandError(f"the record {path} is too short", value=f"{len(time)} samples", rule=rule)
+    rises = np.diff(time, prepend=-1.0) > 0.0
+    for bad, rule in (
+        (~(np.isfinite(time) & np.isfinite(position)), "a finite time and a finite position in each sample"),
+        (~rises | (time < 0.0) | (time > LONGEST_S), f"times rise, 0 to {LONGEST_S:g} s"),
+    ):
+        if bad.any():
+            first = int(np.argmax(bad))
+            value = f"time_s = {time[first]:g}, position_m = {position[first]:g}"
+            raise CommandError(f"the record {path}: sample {first + 1} is not valid", value=value, rule=rule)
     sparse = float(np.diff(time).max())
     made = polynomials(str(path), float(position[0]), paths.near(time, position, max(KNOT_S, 2.0 * sparse)))
     return _missing(made, time, position)

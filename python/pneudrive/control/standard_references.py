@@ -12,6 +12,8 @@ from pneudrive.control.references import reference
 _SPEED_SHARE, _STROKE_SHARE = 0.85, 0.3
 #: Those that laws are compared along where nothing is said; the others are asked for by name.
 USUAL = ("R1", "R2", "R3", "R5", "R6")
+#: Names of all of them.
+NAMES = tuple(f"R{number}" for number in range(1, 9))
 #: A hand that leads a piston over a stroke of 500 mm, in jerks and pauses: made up, of no person's hand.
 HAND, HAND_STROKE_M = Path(__file__).with_name("hand.csv"), 0.5
 #: Of R4: speeds, m/s, and ways, m. Of R7: targets for each metre and least number, approaches, move and dwell, s.
@@ -52,6 +54,11 @@ def standard_references(stroke_m: float, speed_m_s: float) -> dict[str, Referenc
         "R8": _hand(stroke_m / HAND_STROKE_M),
     }
     return {name: one.stretched(one.reach().fastest_m_s / (_SPEED_SHARE * speed_m_s)) for name, one in made.items()}
+
+
+def named_or_read(given: Reference | str | Path, stroke_m: float, speed_m_s: float) -> Reference:
+    """Return a standard reference for a drive by its name, or read another one; errors are those of `reference`."""
+    return standard_references(stroke_m, speed_m_s)[str(given)] if given in NAMES else reference(given)
 
 
 def _moves(start_m: float, *moves: tuple[float, float, float], rest_s: float = REST_S) -> Reference:

@@ -1,4 +1,7 @@
-"""Supervisor of a law: limits, when a motion is complete, what is done about faults. It is no safety function."""
+"""Supervisor of a law: limits, when a motion is complete, what is done about faults. It is no safety function.
+
+What a controller file leaves out is assumed, as all other thresholds of the supervisor are.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ class ControlLimits(Described):
     )
     pressure: Annotated[Any, PressureBetween()] = Field(default=None, description="of the chambers; absent: none")
     stop_deceleration_m_s2: Annotated[float, Quantity("m/s^2", "m/s2", Bounds(above=0.0))] = Field(
-        default=10.0, description="of stop ramps"
+        default=10.0, description="of stop ramps; the default is assumed"
     )
 
 
@@ -34,9 +37,11 @@ class MotionComplete(Described):
     """When a motion is complete, and after which time it is told that it is not."""
 
     table_name: ClassVar[str] = "motion"
-    tolerance_m: Length = Field(default=1e-4, description="error within which the drive has settled")
-    settled_for_s: Annotated[float, _SECONDS] = Field(default=0.05, description="for how long")
-    timeout_s: Annotated[float, _SECONDS] = Field(default=2.0, description="time to move by 1 mm, or to settle")
+    tolerance_m: Length = Field(default=1e-4, description="error within which it has settled; assumed")
+    settled_for_s: Annotated[float, _SECONDS] = Field(default=0.05, description="for how long; assumed")
+    timeout_s: Annotated[float, _SECONDS] = Field(
+        default=2.0, description="time to move by 1 mm, or to settle; assumed"
+    )
 
 
 class OnFault(Described):

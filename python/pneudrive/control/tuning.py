@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.supervision import USUAL, Supervision
 from pneudrive.describe import toml
 from pneudrive.describe.base import wrong
-from pneudrive.errors import CommandError, DescriptionError, nearest
+from pneudrive.errors import CommandError, DescriptionError, nearest, warn
 from pneudrive.own_code import COMPILED, split
 from pneudrive.show import Card, Shown
 from pneudrive.start import circuit_of
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
 
 DEFAULT_LAW = "nmpc"
+#: Samples of a law in a period of the mass on its air, below which it is told to be slow (assumed).
+LEAST_SAMPLES = 40
 
 
 class TunedGain(NamedTuple):
@@ -398,6 +401,12 @@ def _limited(tuning: Tuning, setup: Setup) -> Tuning:
         f"A command acts {1e3 * plant.lag_s:.3g} ms late (dead time of the valve, spool, half a period): "
         f"{late:.2g} rad at {bandwidth:.3g} rad/s. A faster valve or a shorter period allows a larger bandwidth."
     )
+    of_valve = plant.lag_s - 0.5 * tuning.period_s
+    longest = max(of_valve, 2.0 * math.pi / plant.natural_frequency_rad_s / LEAST_SAMPLES)
+    if tuning.period_s > longest:
+        slow = f"period = {1e3 * tuning.period_s:g} ms: a law follows badly or loses the drive"
+        of = f"the lag of its valve or 1/{LEAST_SAMPLES} (assumed) of a period of its mass on the air"
+        warn(f"{slow} beyond {1e3 * longest:.3g} ms, {of}")
     if setup.computer.time_s > 0.0:
         said.append(f"The computer of the setup adds {1e3 * setup.computer.time_s:.3g} ms that the law does not know.")
     if setup.sensors.pressure_a is None:
