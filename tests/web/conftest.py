@@ -62,6 +62,12 @@ class Served:
         }
 
 
+@pytest.fixture(autouse=True)
+def no_faults(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a fault that nobody foresaw fail a test: to the page it is an answer."""
+    monkeypatch.setattr("pneudrive.web.live.print_exc", lambda: pytest.fail("a fault of the server"))
+
+
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[Served]:
     folder, built = tmp_path / "studies", tmp_path / "built"

@@ -10,6 +10,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
+from pneudrive.trajectory import save
 from pneudrive.web.live import answer
 from pneudrive.web.messages import unpack
 from pneudrive.web.workspace import Workspace
@@ -75,6 +76,28 @@ def test_other_drives_and_files_are_those_of_python(served: Served, monkeypatch:
     assert np.array_equal(pl.read_parquet("axis.parquet")["position_m"], arrays["position_m"])
 
 
+def test_a_gap_at_the_end_of_a_file_is_no_number_of_the_table(served: Served) -> None:
+    """It would be a word that no JSON has, and the page would draw nothing."""
+    text = "time_s,position_m,pressure_a_pa\n0,0.1,1e5\n0.2,0.1,1e5\n0.4,nan,2e5\n"
+    (served.folder / "gap.csv").write_text(text)
+    frame = answer(Workspace.at(served.folder), json.dumps(ASKED | {"others": ["gap.csv"]}))
+    assert b"NaN" not in frame
+    (other,) = unpack(frame)[0]["others"]
+    assert other["ends"] == {"pressure_a_pa": 2e5}
+
+
+def test_a_trajectory_of_any_kind_is_read_by_the_copied_python(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = pn.simulate(pn.Drive.load(served.folder / "axis.toml"), 0.3, "0.1 s")
+    monkeypatch.chdir(served.folder)
+    for suffix in ("csv", "nc"):
+        save(run, f"kept.{suffix}")
+        copied = post(served, "/api/copy", ASKED | {"others": [f"kept.{suffix}"], "columns": SHOWN})
+        names: dict = {}
+        exec(copied["python"], names)
+        name = "position" if suffix == "nc" else "position_m"
+        assert np.array_equal(names["run_1"][name].to_numpy(), run.position.to_numpy())
+
+
 def test_a_band_is_that_of_many_members(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     spreads = {"friction.coulomb": [20.0, 36.0, "N"], "supply.pressure": [6, 8, "bar abs"]}
     head, arrays = asked(served, spreads=spreads)
@@ -108,9 +131,13 @@ def test_a_band_is_that_of_many_members(served: Served, monkeypatch: pytest.Monk
         {"spreads": {"../x": [1, 2, "N"]}},
         {"spreads": {"friction.coulomb": [1, 2, "bar"]}},
         {"spreads": {"friction.coulomb": ["1", 2, "N"]}},
+        {"others": ["empty.csv"]},
+        {"others": ["backwards.csv"]},
     ],
 )
 def test_what_cannot_be_shown_beside_is_answered_in_words(served: Served, beside: dict) -> None:
+    (served.folder / "empty.csv").write_text("time_s,position_m\n")
+    (served.folder / "backwards.csv").write_text("time_s,position_m\n0.1,0.1\n0,0.1\n")
     head, arrays = unpack(answer(Workspace.at(served.folder), json.dumps(ASKED | beside)))
     assert head["problems"][0]["what"]
     assert not arrays

@@ -108,6 +108,9 @@ def test_a_map_is_fitted_again_by_command_and_by_python(
     assert fit.intervals == names["fit"].intervals
     shown = get(measured, "/api/map", path=asked["map"], fit="results/o-rings/second.toml")
     assert shown["fits"] == ["results/o-rings/second.toml"]
+    given = {"path": asked["map"], "fit": "results/o-rings/third.toml"}  # its curve is not that of another fit
+    refused = measured.client.get("/api/map", params=given, headers=measured.headers)
+    assert (refused.status_code, "no fit results/o-rings/third.toml" in refused.text) == (400, True)
     for group in shown["groups"]:
         predicted = fit.predict(np.array(group["curve"]["speed"]), *group["gauges"])
         assert np.array_equal(group["curve"]["friction"], predicted.friction_n)

@@ -22,6 +22,7 @@ from web.test_friction import post
 from web.test_recordings import get
 
 WRITTEN = "results/friday/validation.toml"
+LAW = Path(__file__).parents[2] / "examples/laws/lugre.toml"
 ASKED = {"kind": "validate", "drive": "axis.toml", "recordings": ["friday.parquet"], "name": "friday"}
 TRUE_C = "1.6 dm3/(s bar)"
 
@@ -125,6 +126,15 @@ def test_what_is_no_view_of_a_validation_is_answered_in_words(validated: Served,
     assert head["problems"][0]["what"]
     assert "secret = 1" not in json.dumps(head)
     assert not arrays
+
+
+def test_a_changed_value_names_no_file(validated: Served) -> None:
+    """A law of one's own outside of the folder is not even opened."""
+    place = validated.folder.parent / "law.toml"
+    place.write_bytes(LAW.read_bytes())
+    head, _ = asked_frame(validated, changes={"friction.law": f"file:{place}"}, drive="axis.toml")
+    assert "names a file" in head["problems"][0]["what"]
+    assert "own-lugre" not in json.dumps(head)
 
 
 def test_a_suspect_is_identified_applied_and_traced(validated: Served, monkeypatch: pytest.MonkeyPatch) -> None:

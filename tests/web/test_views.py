@@ -227,6 +227,22 @@ def test_frames_are_read_back_and_aligned(arrays: dict[str, list[float]], said: 
         assert np.array_equal(found[name], values, equal_nan=True)
 
 
+def test_a_fault_is_answered_too(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else the page would wait for an answer that never comes."""
+
+    def faulty(*_: object) -> object:
+        raise IndexError("index 0 is out of bounds")
+
+    monkeypatch.setattr("pneudrive.web.live.print_exc", lambda: None)
+    monkeypatch.setattr("pneudrive.web.live.AskedRun.of", faulty)
+    with served.client.websocket_connect("/api/live", **served.socket) as socket:
+        for number in (1, 2):
+            socket.send_text(f'{{"number": {number}}}')
+            head, _ = unpack(socket.receive_bytes())
+            assert head["number"] == number
+            assert "IndexError: index 0 is out of bounds" in head["problems"][0]["what"]
+
+
 def test_what_is_no_request_is_answered_in_words(served: Served) -> None:
     workspace = Workspace.at(served.folder)
     for message in (

@@ -25,7 +25,7 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_text
 from pneudrive.start import is_circuit
 from pneudrive.web import description
-from pneudrive.web.asked_run import MOST_PIXELS, AskedRun, described_at
+from pneudrive.web.asked_run import MOST_PIXELS, WRONG_REQUEST, AskedRun, described_at
 from pneudrive.web.beside import AskedBeside
 from pneudrive.web.guard import REPORTS, Guard
 from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job
@@ -257,7 +257,7 @@ class _Views:
             span = float(given["from"]), float(given["to"])
             pixels = int(given.get("pixels", "1000"))
         except (KeyError, ValueError):
-            raise CommandError("the request is not one of this page", remedy="Reload the page.") from None
+            raise CommandError(WRONG_REQUEST, remedy="Reload the page.") from None
         if not (math.isfinite(span[0]) and math.isfinite(span[1]) and span[0] < span[1] and 1 <= pixels <= MOST_PIXELS):
             raise CommandError("the view is out of bounds", rule=f"from < to, 1 to {MOST_PIXELS} pixels")
         return found, columns, span, pixels
@@ -289,7 +289,9 @@ class _Views:
         path = given.get("path", "")
         fits = [one.path for one in self.workspace.files() if one.kind == "fit" and dirname(one.path) == dirname(path)]
         fit = given.get("fit", "")
-        found = shown_map(self.workspace.path(path, (".parquet", ".csv")), Path(fit).name if fit in fits else FIT)
+        if fit and fit not in fits:
+            raise CommandError(f"there is no fit {fit[:80]} beside the map")
+        found = shown_map(self.workspace.path(path, (".parquet", ".csv")), Path(fit).name or FIT)
         names = {point["recording"] for group in found["groups"] for point in group["points"]}
         recordings = (one.path for one in self.workspace.files() if one.kind == "recording")
         there = {stem(Path(path)): path for path in recordings}
@@ -306,7 +308,7 @@ class _Views:
         kind = asked.get("kind", "characterise")
         module = JOBS.get(kind) if isinstance(kind, str) else None
         if module is None:
-            raise CommandError("the request is not one of this page", remedy="Reload the page.")
+            raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
         return getattr(import_module(f"pneudrive.web.{module}"), f"{kind}_job")(asked, self.workspace)
 
     def validation(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
@@ -426,5 +428,5 @@ def _table(body: bytes, *texts: str) -> dict[str, Any]:
     except (ValueError, RecursionError):
         table = None
     if not isinstance(table, dict) or not all(isinstance(table.get(key), str) for key in texts):
-        raise CommandError("the request is not one of this page", remedy="Reload the page.")
+        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
     return table

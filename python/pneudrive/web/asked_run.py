@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 MOST_SAMPLES = 1_000_000
 MOST_SECONDS = 2.0  # of a run, on the clock: the page waits for it
 MOST_PIXELS = 4000
+WRONG_REQUEST = "the request is not one of this page"
 _KEPT = 32  # descriptions that were read already
 #: A command that is no file: a number, or times with values; with the name of a component before it or not.
 _COMMAND = re.compile(r"\s*(?:[A-Za-z_][\w-]*(?:\.command)?\s*:)?\s*[-+.\d][^/\\]*", re.DOTALL)
@@ -100,13 +101,11 @@ class AskedRun:
         pixels = given.get("pixels", 1000)
         lines = command if isinstance(command, list) else [command]
         right = all(isinstance(one, str) for one in (*texts.values(), *lines, initial))
-        right = right and (text is None or isinstance(text, str)) and isinstance(changes, dict)
+        right = right and (text is None or isinstance(text, str))
         right = right and isinstance(pixels, int) and not isinstance(pixels, bool)
-        if not right or not all(isinstance(one, str | int | float) for one in changes.values()):
-            raise CommandError("the request is not one of this page", remedy="Reload the page.")
-        for key, value in changes.items():
-            if isinstance(value, str) and FILE_PREFIX in value:
-                raise CommandError(f"{key} = {value[:80]!r} names a file", remedy="Change it in the text of the file.")
+        if not right:
+            raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
+        check_changes(changes)
         for one in lines:
             if one.strip() and (not _COMMAND.fullmatch(one) or _FILE.search(one)):
                 raise CommandError(f'command "{one}" is not one', rule='a number, or "0 s: 1, 1 s: -1"')
@@ -128,13 +127,7 @@ class AskedRun:
         CommandError, DescriptionError
             The name leads out of the workspace, or the description is not valid.
         """
-        base = described_at(workspace, self.path, self.text)
-        try:
-            return base.replace(dict(self.changes)) if self.changes else base
-        except TypeError:  # a key that leads through a value, which no field of the page does
-            raise CommandError(
-                f"{', '.join(self.changes)[:200]} cannot be changed so", remedy="Reload the page."
-            ) from None
+        return with_changes(described_at(workspace, self.path, self.text), self.changes)
 
     def run(self, workspace: Workspace, cancel: Flag | None = None) -> Run:
         """Simulate.
@@ -221,3 +214,32 @@ def described_at(workspace: Workspace, path: str, text: str | None = None) -> Dr
             _read.pop(next(iter(_read)))
         _read[key] = found
     return found
+
+
+def check_changes(given: Any) -> None:  # noqa: ANN401 - plain data of a request
+    """Check changed values that a page sends: numbers and texts, none of which names a file.
+
+    Raises
+    ------
+    CommandError
+        They are others.
+    """
+    if not isinstance(given, dict) or not all(isinstance(one, str | int | float) for one in given.values()):
+        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
+    for key, value in given.items():
+        if isinstance(value, str) and FILE_PREFIX in value:
+            raise CommandError(f"{key} = {value[:80]!r} names a file", remedy="Change it in the text of the file.")
+
+
+def with_changes(described: Drive | Circuit, changes: Mapping[str, Any]) -> Drive | Circuit:
+    """Return a drive or a circuit with values that `check_changes` has passed.
+
+    Raises
+    ------
+    CommandError, DescriptionError
+        A value is not valid.
+    """
+    try:
+        return described.replace(dict(changes)) if changes else described
+    except TypeError:  # a key that leads through a value, which no field of the page does
+        raise CommandError(f"{', '.join(changes)[:200]} cannot be changed so", remedy="Reload the page.") from None

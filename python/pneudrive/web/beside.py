@@ -15,7 +15,7 @@ from pneudrive.errors import CommandError
 from pneudrive.start import circuit_of, is_circuit
 from pneudrive.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse
-from pneudrive.web.asked_run import described_at
+from pneudrive.web.asked_run import WRONG_REQUEST, described_at
 from pneudrive.web.jobs import safe
 from pneudrive.web.tiles import per_pixel
 from pneudrive.web.workspace import DESCRIPTIONS, is_in_catalogue
@@ -74,7 +74,7 @@ class AskedBeside:
         others, spreads = given.get("others", []), given.get("spreads", {})
         right = isinstance(others, list) and isinstance(spreads, dict) and len(others) <= MOST_OTHERS
         if not right or not all(isinstance(one, str) for one in others):
-            raise CommandError("the request is not one of this page", remedy="Reload the page.")
+            raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
         wanted = (bool(given.get(name)) for name in ("loops", "motion"))
         return cls(tuple(others), {key: _ends(key, one) for key, one in spreads.items()}, *wanted)
 
@@ -171,7 +171,7 @@ class AskedBeside:
                 lines += [line.replace("drive", f"drive_{number}", 1) for line in own[:-1]]
                 lines.append(own[-1].replace("run =", f"run_{number} =").replace("(drive,", f"(drive_{number},"))
             else:
-                lines += ["import polars as pl", f"run_{number} = pl.read_{path.rpartition('.')[2]}({path!r})"]
+                lines += _reading(f"run_{number}", path)
         if self.spreads:
             outputs = [self._output(asked, meaning(column)[0]) for column in shown]
             command = asked.command if not isinstance(asked.command, list) or asked.command else None
@@ -183,10 +183,17 @@ class AskedBeside:
         return "\n".join([*lines, ""]) if lines else ""
 
 
+def _reading(name: str, path: str) -> list[str]:
+    """Return the lines of Python that read a trajectory file."""
+    if path.endswith(".nc"):
+        return ["import xarray as xr", f"{name} = xr.load_dataset({path!r})"]
+    return ["import polars as pl", f"{name} = pl.read_{path.rpartition('.')[2]}({path!r})"]
+
+
 def _ends(key: object, given: object) -> tuple[str, str]:
     """Read the ends of a spread: two numbers and their unit."""
     if not isinstance(key, str) or not _KEY.fullmatch(key) or not isinstance(given, list) or len(given) != 3:
-        raise CommandError("the request is not one of this page", remedy="Reload the page.")
+        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
     low, high, unit = given
     numbers = all(
         isinstance(one, int | float) and not isinstance(one, bool) and math.isfinite(one) for one in (low, high)
@@ -213,11 +220,18 @@ def _other(
     names = columns_in(place, columns)
     if "time_s" not in names or len(names) < 2:
         raise CommandError(f"{path} is no trajectory of such a drive", rule="columns as pneudrive simulate writes them")
-    return read_columns(place, names)
+    found = read_columns(place, names)
+    time = found["time_s"]
+    if not len(time) or not (np.isfinite(time).all() and (np.diff(time) >= 0.0).all()):
+        raise CommandError(f"{path} has no samples whose times rise", remedy="Choose another file.")
+    return found
 
 
 def _differences(run: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, dict[str, float]]:
-    """Return the last values of another run, and the largest differences to a run at its times within both."""
+    """Return the last values of another run, and the largest differences to a run at its times within both.
+
+    What is no number is left out.
+    """
     ends, largest = {}, {}
     time, own = np.asarray(other["time_s"]), np.asarray(run["time_s"])
     inside = (own >= time[0]) & (own <= time[-1])
@@ -226,7 +240,8 @@ def _differences(run: Mapping[str, Array], other: Mapping[str, Array]) -> dict[s
             ends[name] = float(values[-1])
             off = np.abs(np.interp(own[inside], time, values) - np.asarray(run[name])[inside])
             largest[name] = float(off.max()) if len(off) else math.nan
-    return {"ends": ends, "largest": {name: value for name, value in largest.items() if math.isfinite(value)}}
+    told = {"ends": ends, "largest": largest}
+    return {what: {name: one for name, one in of.items() if math.isfinite(one)} for what, of in told.items()}
 
 
 def _cylinders(described: Drive | Circuit, columns: Mapping[str, Array]) -> Iterator[dict[str, Any]]:

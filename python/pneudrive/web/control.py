@@ -25,7 +25,7 @@ from pneudrive.describe import toml
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.start import is_circuit
 from pneudrive.watch import Watch
-from pneudrive.web.asked_run import MOST_PIXELS, MOST_SAMPLES, RunLimit, described_at
+from pneudrive.web.asked_run import MOST_PIXELS, MOST_SAMPLES, WRONG_REQUEST, RunLimit, described_at
 from pneudrive.web.jobs import RESULTS, AskedJob, folder_name, safe
 from pneudrive.web.messages import pack
 from pneudrive.web.tiles import per_pixel
@@ -54,7 +54,6 @@ _PANELS = (
     ("Disturbance, as the law sees it", "N", 1.0, (("disturbance_n", "disturbance"),)),
 )
 _REFERENCE_FILES = (*DESCRIPTIONS, *RECORDS, *PROGRAMS)
-_NO_REQUEST = "the request is not one of this page"
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ class AskedControl:
         right = all(isinstance(one, str) for one in texts.values()) and isinstance(gains, dict)
         right = right and all(isinstance(one, int) and not isinstance(one, bool) for one in (seed, pixels))
         if not right or not all(isinstance(one, str | int | float) for one in gains.values()):
-            raise CommandError(_NO_REQUEST, remedy="Reload the page.")
+            raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
         texts["reference"] = texts["reference"].strip()
         return cls(**texts, seed=seed, gains=gains, pixels=max(10, min(pixels, MOST_PIXELS)))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from traceback import print_exc
 from typing import TYPE_CHECKING, Any
 
 from starlette.websockets import WebSocketDisconnect
@@ -85,7 +86,7 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
     """Run what a message asks for, and return the frame of the answer, which carries its number."""
     number = None
     try:
-        asked = json.loads(message)
+        asked = _read(message)
         if not isinstance(asked, dict):
             raise CommandError("the request is not a table", remedy="Reload the page.")
         number = asked.get("number")
@@ -109,9 +110,18 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
         )
     except PneudriveError as wrong:
         error = wrong
-    except (ValueError, RecursionError):
-        error = CommandError("the request is not JSON", remedy="Reload the page.")
+    except Exception as fault:  # nobody foresaw it; without an answer the page would wait for ever
+        print_exc()
+        what = f"a fault of pneudrive: {type(fault).__name__}: {fault}"
+        error = CommandError(what, remedy="Report it with the files of this run; the terminal says more.")
     return pack({"number": number, "problems": problems_of(error)}, {})
+
+
+def _read(message: str) -> Any:  # noqa: ANN401 - plain data
+    try:
+        return json.loads(message)
+    except (ValueError, RecursionError):
+        raise CommandError("the request is not JSON", remedy="Reload the page.") from None
 
 
 def shown_columns(run: Run) -> list[str]:

@@ -26,7 +26,8 @@ TYPES = {"float32": "<f4", "float64": "<f8"}
 def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], *, drawn: bool = False) -> bytes:
     """Pack a head and arrays of 32- or 64-bit floats.
 
-    The head gets ``arrays``: name, type (``"f4"`` or ``"f8"``), place behind the head and length of each.
+    The head gets ``arrays``: name, type (``"f4"`` or ``"f8"``), place behind the head and length of each. What is no
+    number in it becomes null, as JSON has no other word for it.
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], *, drawn: bool = 
         padding = -own.nbytes % ALIGNED
         blocks += [own.tobytes(), bytes(padding)]
         at += own.nbytes + padding
-    text = json.dumps({**head, "arrays": listed}, default=str).encode()
+    text = json.dumps(plain({**head, "arrays": listed}), default=str, allow_nan=False).encode()
     text += b" " * (-(4 + len(text)) % ALIGNED)
     return b"".join([struct.pack("<I", len(text)), text, *blocks])
 

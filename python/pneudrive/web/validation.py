@@ -27,7 +27,7 @@ from pneudrive.validate.metrics import metrics
 from pneudrive.validate.signals import Signals
 from pneudrive.validate.simulation import run_model
 from pneudrive.validate.validation import CHANNELS
-from pneudrive.web.asked_run import MOST_PIXELS, described_at
+from pneudrive.web.asked_run import MOST_PIXELS, WRONG_REQUEST, check_changes, described_at, with_changes
 from pneudrive.web.description import field_of
 from pneudrive.web.jobs import MOST_RECORDINGS, RESULTS, AskedJob, folder_name, safe
 from pneudrive.web.messages import pack, plain
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 RESULT = "validation.toml"
 MOST_LIVE = 300_000  # samples of a recording that is run again while a slider moves
 MOST_DRIVES = 500  # files that are looked at for the one that was validated
-WRONG_REQUEST = "the request is not one of this page"
 
 
 def validate_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
@@ -284,10 +283,11 @@ def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> 
     found: list[Any] = [asked.get(key) for key in ("path", "record", "span", "pixels")]
     name, place, span, pixels = found
     changes: Any = asked.get("changes") or {}
-    right = isinstance(name, str) and isinstance(place, int) and isinstance(changes, dict)
+    check_changes(changes)
+    right = isinstance(name, str) and isinstance(place, int)
     right = right and isinstance(pixels, int) and 1 <= pixels <= MOST_PIXELS
     right = right and isinstance(span, list) and len(span) == 2 and all(isinstance(one, int | float) for one in span)
-    if not right or not all(isinstance(one, str | int | float) for one in changes.values()):
+    if not right:
         raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
     records = _read(workspace, str(name))["record"]
     if not 0 <= place < len(records):
@@ -314,7 +314,7 @@ def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> 
     time = columns["time_s"]
     begin, end = np.searchsorted(time, [span[0], span[1]])
     rows = slice(max(int(begin) - 1, 0), max(int(end) + 1, int(begin) + 2))
-    return pack(plain(head), per_pixel({key: values[rows] for key, values in columns.items()}, pixels))
+    return pack(head, per_pixel({key: values[rows] for key, values in columns.items()}, pixels))
 
 
 @lru_cache(maxsize=4)
@@ -338,7 +338,7 @@ def _changed(drive: Any, changes: dict[str, Any], signals: Signals) -> tuple[dic
             rule=f"at most {MOST_LIVE}",
             remedy="Put the value into the drive's text and validate again.",
         )
-    run = run_model(drive.replace(changes), signals)
+    run = run_model(with_changes(drive, changes), signals)  # type: ignore[arg-type]
     return {c: metrics(getattr(signals, c), run[c]).fit_percent for c in CHANNELS}, run.columns
 
 
