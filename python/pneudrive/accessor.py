@@ -44,7 +44,7 @@ class Pneu:
         Returns
         -------
         xarray.Dataset
-            A new one; ``units`` of each converted variable says its unit. Files and reports take runs in SI.
+            A new one; ``units`` of each converted variable says its unit. Strokes, files and reports take runs in SI.
 
         Raises
         ------
@@ -94,7 +94,7 @@ class Pneu:
         Raises
         ------
         CommandError
-            The run is not one of this drive.
+            The run is not one of this drive, or not in SI.
 
         Examples
         --------

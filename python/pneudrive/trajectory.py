@@ -92,11 +92,26 @@ def meaning(column: str) -> tuple[str, str, str]:
 
 
 def columns(run: xr.Dataset) -> dict[str, np.ndarray]:
-    """Return the columns of a trajectory's file, time first."""
+    """Return the columns of a trajectory's file, time first.
+
+    Raises
+    ------
+    CommandError
+        The run is not in SI.
+    """
+    check_si(run)
     out = {"time_s": run["time"].to_numpy()}
     for name, variable in run.data_vars.items():
         out[variable.attrs.get("column", name)] = variable.to_numpy()
     return out
+
+
+def check_si(run: xr.Dataset) -> None:
+    """Raise a CommandError for a run in other units: names of columns and labels of axes say SI."""
+    for name, variable in run.variables.items():
+        if "column" in variable.attrs and variable.attrs.get("units") != (unit := meaning(variable.attrs["column"])[1]):
+            what = f"{name} of this run is in {variable.attrs.get('units')}"
+            raise CommandError(what, rule=f"a run in SI, here in {unit}", remedy="Give the run before `run.pneu.to`.")
 
 
 def check_target(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
@@ -158,6 +173,7 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
         Unknown suffix, or the file cannot be written.
     """
     target = check_target(path)
+    check_si(run)
     if target.suffix.lower() == ".nc":
         flat = run.copy()
         flat.attrs = {key: _flat(value) for key, value in run.attrs.items()}

@@ -9,6 +9,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.errors import CommandError
+from pneudrive.trajectory import save
 
 COMMAND = "0 s: 0.6, 1 s: -0.6"
 
@@ -66,6 +67,24 @@ def test_one_unit_converts_all_columns_of_its_quantity(run):
     assert run.position.units == "m", "the run itself stays"
     with pytest.raises(CommandError, match='no column of this run is converted to "kV"'):
         run.pneu.to("kV")
+
+
+def test_a_run_in_other_units_is_no_run_in_si(drive, run, tmp_path):
+    """Its strokes, its file and its figure would be wrong by a thousand without a word."""
+    for unit, told in (("mm", "position of this run is in mm"), ("ms", "time of this run is in ms")):
+        shown = run.pneu.to(unit)
+        for use in (
+            lambda: shown.pneu.strokes(drive),  # noqa: B023
+            lambda: save(shown, tmp_path / "run.csv"),  # noqa: B023
+            lambda: save(shown, tmp_path / "run.nc"),  # noqa: B023
+            lambda: pn.report.plot(shown),  # noqa: B023
+        ):
+            with pytest.raises(CommandError, match=told):
+                use()
+    assert not list(tmp_path.iterdir())
+    back = run.pneu.to("mm").pneu.to("m")
+    assert back.position.to_numpy() == pytest.approx(run.position.to_numpy())
+    assert back.pneu.strokes(drive)[0].way == pytest.approx(run.pneu.strokes(drive)[0].way)
 
 
 def test_strokes_are_those_between_the_commands(drive, run):

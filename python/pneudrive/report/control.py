@@ -9,6 +9,7 @@ import numpy as np
 from pneudrive.report import style
 from pneudrive.report.axes import zero_line
 from pneudrive.report.written import drawn
+from pneudrive.trajectory import check_si
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -82,6 +83,7 @@ def _error_unit(errors_m: Sequence[Any]) -> tuple[float, str]:
 
 
 def _run(run: xr.Dataset) -> Figure:
+    check_si(run)
     figure, (track, error, pressure, command, force) = _panels(5)
     part = style.thin(run.time, MOST_DRAWN)
     time = run.time.to_numpy()[part]

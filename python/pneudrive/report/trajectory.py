@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.report import style
 from pneudrive.report.written import PICTURES, drawn, write_picture
-from pneudrive.trajectory import whole
+from pneudrive.trajectory import check_si, whole
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -53,7 +53,7 @@ def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
     Raises
     ------
     CommandError
-        Unknown suffix, or the file cannot be written.
+        Unknown suffix, the file cannot be written, or the run is not in SI.
 
     Examples
     --------
@@ -74,6 +74,7 @@ def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
 
 def draw(run: xr.Dataset) -> Figure:
     """Draw one panel for each kind of variable, on one time axis."""
+    check_si(run)
     shown = _panels(run)
     figure = style.new_figure(1.15 * len(shown) + 0.5)
     axes = figure.subplots(max(len(shown), 1), 1, sharex=True, squeeze=False)[:, 0]
