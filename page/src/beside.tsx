@@ -2,9 +2,10 @@
 import { computed, signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
 import type { Frame, Numbers } from "./frame";
-import { digits, look } from "./looks";
+import { digits } from "./looks";
 import { opened, type Field } from "./opened";
 import type { Curve } from "./plot";
+import { Strip } from "./strip";
 import { studies } from "./studies";
 
 export interface BesideHead {
@@ -152,66 +153,16 @@ export function Differences({ head, panels, ends }: { head: BesideHead; panels: 
   );
 }
 
-const SIZE = { width: 520, height: 300, left: 58, bottom: 40, top: 8, right: 10 };
 const LITRE = 1e-3;
 const BAR = 1e5;
-
-/** Round steps for about so many ticks between two ends. */
-function ticks(low: number, high: number, count = 5): number[] {
-  const rough = (high - low) / count;
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((one) => one * power).find((one) => one >= rough)!;
-  const out = [];
-  for (let value = Math.ceil(low / step) * step; value <= high + 1e-9 * step; value += step) out.push(Number(value.toPrecision(8)));
-  return out;
-}
 
 /** Pressure over volume of each chamber. */
 export function Loops({ now }: { now: Frame<BesideHead> }) {
   const names = now.head.loops ?? [];
   if (!names.length) return null;
   const of = (name: string, axis: string, unit: number) => Array.from(now.arrays.get(`loop/${name}/${axis}`)!, (one) => one / unit);
-  const pairs = names.map((name) => ({ name, x: of(name, "volume_m3", LITRE), y: of(name, "pressure_pa", BAR) }));
-  const span = (each: number[][]): [number, number] => {
-    const [low, high] = [Math.min(...each.map((one) => Math.min(...one))), Math.max(...each.map((one) => Math.max(...one)))];
-    return high > low ? [low, high] : [low - 1, high + 1];
-  };
-  const [x0, x1] = span(pairs.map((one) => one.x));
-  const [y0, y1] = span(pairs.map((one) => one.y));
-  const px = (x: number) => SIZE.left + ((x - x0) / (x1 - x0)) * (SIZE.width - SIZE.left - SIZE.right);
-  const py = (y: number) => SIZE.height - SIZE.bottom - ((y - y0) / (y1 - y0)) * (SIZE.height - SIZE.bottom - SIZE.top);
-  return (
-    <figure class="loops strip" data-loops={names.length}>
-      <figcaption>Pressure over volume of the chambers, bar absolute over l</figcaption>
-      <svg viewBox={`0 0 ${SIZE.width} ${SIZE.height}`} role="img" aria-label={`p-V loops of ${names.join(", ")}: volumes ${digits(x0)} to ${digits(x1)} l, pressures ${digits(y0)} to ${digits(y1)} bar absolute`}>
-        {ticks(x0, x1).map((one) => (
-          <g key={one}>
-            <line class="grid" x1={px(one)} x2={px(one)} y1={SIZE.top} y2={SIZE.height - SIZE.bottom} />
-            <text x={px(one)} y={SIZE.height - SIZE.bottom + 16} text-anchor="middle">{one}</text>
-          </g>
-        ))}
-        {ticks(y0, y1).map((one) => (
-          <g key={one}>
-            <line class="grid" y1={py(one)} y2={py(one)} x1={SIZE.left} x2={SIZE.width - SIZE.right} />
-            <text x={SIZE.left - 6} y={py(one) + 4} text-anchor="end">{one}</text>
-          </g>
-        ))}
-        <text x={(SIZE.left + SIZE.width) / 2} y={SIZE.height - 6} text-anchor="middle">volume, l</text>
-        <text transform={`translate(14 ${SIZE.height / 2 - 10}) rotate(-90)`} text-anchor="middle">pressure, bar</text>
-        {pairs.map((one, index) => (
-          <polyline key={one.name} data-loop={one.name} fill="none" stroke={look(index).color} stroke-width="1.4" stroke-dasharray={look(index).dash.join(" ")} points={one.x.map((x, i) => `${px(x).toFixed(2)},${py(one.y[i]!).toFixed(2)}`).join(" ")} />
-        ))}
-      </svg>
-      <ul class="legend">
-        {names.map((name, index) => (
-          <li key={name}>
-            <svg viewBox="0 0 34 8" width="34" height="8" aria-hidden="true"><line x1="0" y1="4" x2="34" y2="4" stroke={look(index).color} stroke-width="2" stroke-dasharray={look(index).dash.join(" ")} /></svg>{" "}
-            {name.replace(/\.([ab])$/, ", chamber $1")}
-          </li>
-        ))}
-      </ul>
-    </figure>
-  );
+  const curves = names.map((name) => ({ label: name.replace(/\.([ab])$/, ", chamber $1"), x: of(name, "volume_m3", LITRE), y: of(name, "pressure_pa", BAR) }));
+  return <Strip title="Pressure over volume of the chambers, bar absolute over l" x="volume, l" y="pressure, bar" curves={curves} />;
 }
 
 const CALM = typeof matchMedia === "undefined" ? null : matchMedia("(prefers-reduced-motion: reduce)");

@@ -3,10 +3,11 @@ import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { follow, JobList } from "./jobs";
 import { digits } from "./looks";
-import { InFolder, Problems } from "./parts";
+import { Copied, InFolder, Problems, ReportOf } from "./parts";
 import { Scatter } from "./plot";
 import { link, route } from "./routes";
-import { ask, attempting, read, Refused, type Problem } from "./server";
+import { ask, attempting, frame, read, Refused, type Problem } from "./server";
+import { Strip } from "./strip";
 import { studies } from "./studies";
 
 interface Campaign {
@@ -35,6 +36,26 @@ const pace = signal("");
 const LOOK_MS = 500;
 const HOLD_MS = 1000; // abort is held down this long
 const MM = 1000;
+const CYCLE_MS = 200; // between two looks at the cycle in progress
+
+interface Cycle {
+  cycle: string;
+  left: string;
+  samples: number;
+  position: number[];
+  force: number[];
+}
+
+interface Plan {
+  text: string;
+  time_s: number;
+  cycles: number;
+  command: string;
+  python: string;
+}
+
+const cycle = signal<Cycle | null>(null);
+const plan = signal<Plan | null>(null);
 
 function duration(seconds: number): string {
   if (seconds < 90) return `${Math.round(seconds)} s`;
@@ -65,6 +86,29 @@ export function CampaignView() {
       gone = true;
     };
   }, [path]);
+  const isRunning = Boolean(path && found.value?.state);
+  useEffect(() => {
+    cycle.value = null;
+    if (!isRunning) return;
+    let gone = false;
+    const look = async () => {
+      while (!gone) {
+        try {
+          const { head, arrays } = await frame<{ cycle: string; left: string; samples: number }>("/api/cycle", { path });
+          const of = (name: string) => Array.from(arrays.get(name) ?? []);
+          if (!gone && head.cycle) cycle.value = { ...head, position: of("position_m").map((one) => MM * one), force: of("force_n") };
+        } catch {
+          // the other look says what is wrong
+        }
+        await new Promise((resolve) => setTimeout(resolve, CYCLE_MS));
+      }
+    };
+    void look();
+    return () => {
+      gone = true;
+      cycle.value = null;
+    };
+  }, [path, isRunning]);
   return (
     <div class="campaign">
       <h2>{path || "Campaigns"}</h2>
@@ -89,8 +133,14 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
           {now.remaining_s !== null && now.done < total && `, ${duration(now.remaining_s)} left on the rig`}
         </span>
       </p>
-      {now.cycle && <p class="note">now: {now.cycle}</p>}
+      {now.cycle && <p class="note">now: {now.cycle}{cycle.value && `, ${cycle.value.left} left by the clock`}</p>}
       <Requests now={now} path={path} />
+      <ReportOf folder={path} />
+      {cycle.value && cycle.value.position.length > 1 && (
+        <div data-cycle={cycle.value.cycle} data-samples={cycle.value.samples}>
+          <Strip title={`Cycle in progress: ${cycle.value.cycle}, ${cycle.value.samples} samples`} x="position, mm" y="force, N" curves={[{ label: "force", x: cycle.value.position, y: cycle.value.force }]} />
+        </div>
+      )}
       <JobList />
       {now.groups.length > 0 && (
         <Scatter
@@ -171,13 +221,14 @@ function Start() {
         await new Promise((resolve) => setTimeout(resolve, 100));
       }
     });
+  const asked = () => ({ protocol: protocol.value });
   return (
     <>
       <p>Run a protocol on the simulated rig. A real rig is started in a terminal: pneudrive campaign run.</p>
       <p class="row">
         <label>
           Protocol{" "}
-          <select value={protocol.value} onChange={(event) => (protocol.value = event.currentTarget.value)}>
+          <select value={protocol.value} onChange={(event) => ([protocol.value, plan.value] = [event.currentTarget.value, null])}>
             {protocols.map((one) => <option key={one}>{one}</option>)}
           </select>
         </label>
@@ -187,8 +238,15 @@ function Start() {
         <label>
           Times real time <input size={6} value={pace.value} placeholder="fastest" onInput={(event) => (pace.value = event.currentTarget.value)} />
         </label>
+        <button type="button" onClick={() => void attempt(async () => void (plan.value = await ask<Plan>("/api/plan", asked())))}>Plan and check</button>
         <button type="button" onClick={() => void start()}>Run</button>
       </p>
+      {plan.value && (
+        <section aria-label="Plan" data-plan={plan.value.cycles} data-si={plan.value.time_s}>
+          <pre tabIndex={0} aria-label="Plan and pre-flight check">{plan.value.text}</pre>
+          <Copied command={plan.value.command} python={plan.value.python} />
+        </section>
+      )}
       <JobList />
       <InFolder files={campaigns} title="Campaigns" view="campaign" />
     </>

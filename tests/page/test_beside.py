@@ -24,7 +24,7 @@ def test_a_run_beside_others(server: Server, open_tab: Open, monkeypatch: pytest
     page.check("text=p-V loops")
     page.check("text=the piston as it moves")
     page.wait_for_selector("[data-band=position_m]")
-    page.wait_for_selector("[data-loop='cylinder.b']")
+    page.wait_for_selector("[data-loop='cylinder, chamber b']")
     before = settled(tab)
     drag(tab, "friction.coulomb", 0.36)
     for _ in range(30):  # an answer with a band takes longer than the look of `settled`

@@ -15,9 +15,12 @@ import pytest
 import pneudrive as pn
 from page.conftest import DRIVE, ROOT, Server, Tab
 from pneudrive.campaign.lock import holder
+from pneudrive.campaign.plan import lay_out
+from pneudrive.campaign.protocol import read_protocol
 from pneudrive.campaign.status import status_of
 from pneudrive.characterise import write_map
 from pneudrive.identify.result import FrictionFit
+from pneudrive.rig import load_rig
 from pneudrive.trajectory import save_columns
 
 AXE = ROOT / "page" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
@@ -211,10 +214,22 @@ def test_campaign_paused_killed_and_resumed(own_server: Server, open_tab: Open) 
     tab = open_tab(own_server.address)
     page = tab.page
     page.click("nav >> text=Campaigns")
+    page.select_option("label:has-text('Protocol') select", "stops-pressure")
+    page.click("text=Plan and check")
+    page.wait_for_selector("[data-plan]")
+    assert "pre-flight: passed (speed 100 of 500 mm/s" in page.inner_text("[data-plan] pre >> nth=0")
+    rig, asked = load_rig("default"), read_protocol("stops-pressure")
+    assert float(page.get_attribute("[data-plan]", "data-si")) == lay_out(asked, rig.identity(), rig.limits()).time_s
+    assert page.inner_text("[data-copy=command]") == "pneudrive campaign plan stops-pressure --rig default"
+    tab.picture("campaign-plan")
+    page.select_option("label:has-text('Protocol') select", "quick-look")
     page.fill("input[placeholder=fastest]", "40")
     assert violations(tab) == []
     page.click("button:text-is('Run')")
     page.wait_for_selector("[data-state=running]")
+    page.wait_for_selector("[data-cycle] polyline")  # the cycle in progress
+    assert violations(tab) == []
+    tab.picture("campaign-cycle")
     page.wait_for_selector("figure.plot canvas")  # the map grows
     page.click("text=Pause after the cycle")
     page.wait_for_selector("[data-state=paused]")

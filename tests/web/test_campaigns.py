@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.run import run_campaign
+from pneudrive.cli.main import run as command_line
 from pneudrive.web.app import make_app
 from pneudrive.web.workspace import Workspace
 from web.conftest import PORT, TOKEN, Served
@@ -70,6 +72,19 @@ def test_a_campaign_is_watched_killed_and_resumed(served: Served) -> None:
     expected, found = bits(served.folder / "alone"), bits(served.folder / NAME)
     assert expected.keys() == found.keys()
     assert all(np.array_equal(found[key], expected[key]) for key in expected)
+
+
+def test_the_plan_on_the_page_is_that_of_command_and_python(served: Served, capsys: pytest.CaptureFixture) -> None:
+    (served.folder / "speeds.toml").write_text(PROTOCOL)
+    shown = post(served, "/api/plan", {"protocol": "quick-look"})
+    assert command_line(shlex.split(shown["command"])[1:]) == 0
+    assert capsys.readouterr().out == f"{shown['text']}\n"
+    exec(shown["python"], {})
+    assert capsys.readouterr().out == f"{shown['text']}\n"
+    (served.folder / "fast.toml").write_text(PROTOCOL.replace("300 mm/s", "30 m/s"))
+    refused = post(served, "/api/plan", {"protocol": "fast.toml"}, 400)["problems"][0]
+    assert "speed" in refused["what"] + str(refused["value"])
+    assert "there is no protocol" in post(served, "/api/plan", {"protocol": 3}, 400)["problems"][0]["what"]
 
 
 def test_a_server_without_control_only_watches(served: Served) -> None:

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from pneudrive.watch import Flag
 
 FOLDER = "control"
+#: Files there that are no requests: what the campaign does now, written by itself.
+LIVE, LIVE_POINTS = "live.json", "live.f4"
 #: Requests: pause after the cycle, stop the axis now and pause, go on, end.
 PAUSE, STOP, RESUME, ABORT = "pause", "stop", "resume", "abort"
 WORDS = (PAUSE, STOP, RESUME, ABORT)
@@ -121,7 +123,7 @@ class Requests:
             names = sorted(os.listdir(self._folder))  # noqa: PTH208 - one system call, five times a second
         except OSError:
             return []
-        return [self._folder / name for name in names if not name.endswith((PART, ".taken"))]
+        return [self._folder / name for name in names if not name.endswith((PART, ".taken", LIVE, LIVE_POINTS))]
 
     @staticmethod
     def _take_file(path: Path) -> Request | None:

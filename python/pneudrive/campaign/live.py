@@ -99,20 +99,24 @@ class CampaignProgress:
         )
 
 
-def guarded(display: Display, journal: Journal) -> Display:
-    """Write the errors of a display into the journal, so that they do not end the campaign."""
+def guarded(journal: Journal, *displays: Display) -> Display:
+    """Return displays as one; their errors go into the journal, so that they do not end the campaign."""
+
+    def show(each: Any, *arguments: Any) -> None:  # noqa: ANN401
+        try:
+            each(*arguments)
+        except Exception as error:  # the terminal is gone, or a user's display is wrong
+            journal.write(f"the display failed: {type(error).__name__}: {error}")
 
     class Guarded:
         def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever a display has
-            found = getattr(display, name)
+            found = [getattr(display, name) for display in displays]
 
             def call(*arguments: Any) -> None:  # noqa: ANN401
-                try:
-                    found(*arguments)
-                except Exception as error:  # the terminal is gone, or a user's display is wrong
-                    journal.write(f"the display failed: {type(error).__name__}: {error}")
+                for each in found:
+                    show(each, *arguments)
 
-            return call if callable(found) else found
+            return call if callable(found[0]) else any(found)
 
     return cast("Display", Guarded())
 

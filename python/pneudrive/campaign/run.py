@@ -16,6 +16,7 @@ from pneudrive.campaign.folder import ABOUT, LOG, Campaign, create, tidy
 from pneudrive.campaign.folder_plan import plan_of
 from pneudrive.campaign.journal import Journal
 from pneudrive.campaign.live import Display, guarded
+from pneudrive.campaign.live_files import LiveFiles
 from pneudrive.campaign.lock import FolderLock, now
 from pneudrive.campaign.options import Options
 from pneudrive.campaign.plan import Plan, lay_out
@@ -322,7 +323,7 @@ def _run(
     audience: _Audience,
 ) -> Result:
     journal = Journal(campaign.path / LOG)
-    shown = guarded(audience.display or Display(), journal)
+    shown = guarded(journal, audience.display or Display(), LiveFiles(campaign.path))
     prompt = audience.prompt or Terminal()
     files, tidied = tidy(campaign)
     for line in tidied:

@@ -39,9 +39,10 @@ def plan(
     from pneudrive.campaign.fraction import propose, write_fraction
     from pneudrive.campaign.live import duration
     from pneudrive.campaign.plan import lay_out
+    from pneudrive.campaign.plan_words import show
     from pneudrive.campaign.preflight import check_levels
     from pneudrive.campaign.protocol import parse_protocol, read_protocol
-    from pneudrive.cli.campaign_plan import check_target, proposal_lines, show
+    from pneudrive.cli.campaign_plan import check_target, proposal_lines
     from pneudrive.rig.loading import load_rig, opened
 
     asked = read_protocol(protocol)

@@ -116,6 +116,8 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
         Route("/api/cancel", _answered(views.cancel), methods=["POST"]),
         Route("/api/campaign", _answered(views.campaign)),
         Route("/api/campaign", _answered(views.ask), methods=["POST"]),
+        Route("/api/cycle", _answered(views.cycle)),
+        Route("/api/plan", _answered(views.plan), methods=["POST"]),
         Route("/api/control", _answered(views.control_choices)),
         Route("/api/comparison", _answered(views.comparison)),
         Route("/api/tracks", _answered(views.tracks)),
@@ -382,6 +384,16 @@ class _Views:
     def campaign(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return how a campaign stands."""
         return self._watched(given.get("path", "")).about()
+
+    def cycle(self, given: Mapping[str, str], _body: bytes) -> bytes:
+        """Return the cycle that a campaign runs now as a frame."""
+        return self._watched(given.get("path", "")).live()
+
+    def plan(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Return the plan of a protocol."""
+        from pneudrive.web.campaigns import planned
+
+        return planned(_table(body), self.workspace)
 
     def ask(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Send a request to a campaign."""

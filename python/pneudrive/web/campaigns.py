@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import getpass
 import math
+import shlex
 import threading
 import time
 from typing import TYPE_CHECKING, Any
@@ -11,20 +12,56 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.campaign.adaptive import finished_of
 from pneudrive.campaign.control import WORDS, ask
 from pneudrive.campaign.folder import CYCLES, LOG
+from pneudrive.campaign.live_files import read_live
 from pneudrive.campaign.lock import holder
 from pneudrive.campaign.status import status_of
 from pneudrive.errors import CommandError
+from pneudrive.web.jobs import READY, RIG, protocol_named, safe
+from pneudrive.web.messages import pack
+from pneudrive.web.workspace import DESCRIPTIONS
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from pneudrive.campaign.adaptive import Finished
     from pneudrive.campaign.status import Status
+    from pneudrive.web.workspace import Workspace
 
 PAUSE_S = 0.3  # between two looks into a folder whose cycles changed, or as long as a look takes
 LAST_LINES, LAST_BYTES = 30, 1 << 15  # of the journal
 MOST_POINTS = 10_000
 CONTROL = "Start the server with --control to send requests to a campaign."
+
+
+def planned(given: Mapping[str, Any], workspace: Workspace) -> dict[str, Any]:
+    """Return the plan of a protocol on the simulated rig in words, with what gives the same.
+
+    Raises
+    ------
+    CommandError, ProtocolError
+        As for `campaign_job`; or a cycle of the plan breaks a limit of the rig.
+    """
+    from pneudrive.campaign.plan import lay_out
+    from pneudrive.campaign.plan_words import show
+    from pneudrive.campaign.preflight import check_levels
+    from pneudrive.campaign.protocol import read_protocol
+    from pneudrive.rig.loading import load_rig, opened
+
+    name = protocol_named(given, workspace)
+    asked = read_protocol(name if name in READY else workspace.path(name, DESCRIPTIONS))
+    with opened(load_rig(RIG, asked.seed)) as bench:
+        check_levels(asked, bench)
+        plan = lay_out(asked, bench.identity(), bench.limits())
+    python = (
+        "from pneudrive.campaign.plan import lay_out\nfrom pneudrive.campaign.plan_words import show\n"
+        "from pneudrive.campaign.protocol import read_protocol\nfrom pneudrive.rig import load_rig\n\n"
+        f"rig, asked = load_rig({RIG!r}), read_protocol({name!r})\n"
+        "plan = lay_out(asked, rig.identity(), rig.limits())\nprint(show(plan))\n"
+    )
+    command = shlex.join(["pneudrive", "campaign", "plan", safe(name), "--rig", RIG])
+    about = {"text": show(plan), "time_s": plan.time_s, "cycles": len(plan.planned)}
+    return {**about, "command": command, "python": python}
 
 
 class WatchedCampaign:
@@ -72,6 +109,14 @@ class WatchedCampaign:
             "log": self._log(),
             "groups": _groups(points, status.campaign.identity.ambient_pressure_pa),
         }
+
+    def live(self) -> bytes:
+        """Return the cycle in progress as a frame; its head has no cycle where none runs."""
+        found = read_live(self.folder) if holder(self.folder) is not None else None
+        if found is None:
+            return pack({"cycle": ""}, {})
+        head = {"cycle": found.cycle, "left": found.left, "samples": found.samples}
+        return pack(head, {**found.points})
 
     def _changed(self) -> int:
         """Return when a cycle was last stored: a cycle is renamed into its folder once it is whole."""

@@ -98,7 +98,7 @@ def campaign_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
     CommandError
         The protocol or the folder is not in the workspace, or the pace is no number.
     """
-    folder, protocol, pace = given.get("resume"), given.get("protocol"), given.get("pace")
+    folder, pace = given.get("resume"), given.get("pace")
     if not (pace is None or (isinstance(pace, int | float) and 1.0 <= pace <= FASTEST)):
         raise CommandError(f"pace = {pace} is out of bounds", rule=f"1 to {FASTEST:.0e}, or none")
     options = ("--yes", *(() if pace is None else ("--pace", f"{pace:g}")))
@@ -106,11 +106,16 @@ def campaign_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
         if not workspace.folder(folder).is_dir():
             raise CommandError(f"there is no folder {folder}")
         return AskedJob(("campaign", "resume", safe(folder), *options), folder, is_new=False)
-    is_known = isinstance(protocol, str) and (protocol in READY or workspace.path(protocol, DESCRIPTIONS).is_file())
-    if not is_known:
+    protocol, out = protocol_named(given, workspace), f"{CAMPAIGNS}/{folder_name(given.get('name'))}"
+    return AskedJob(("campaign", "run", safe(protocol), "--rig", RIG, "--into", out, *options), out)
+
+
+def protocol_named(given: Mapping[str, Any], workspace: Workspace) -> str:
+    """Return the protocol that is named: one of `READY`, or a file of the workspace."""
+    protocol = given.get("protocol")
+    if not isinstance(protocol, str) or not (protocol in READY or workspace.path(protocol, DESCRIPTIONS).is_file()):
         raise CommandError(f"there is no protocol {str(protocol)[:80]}", rule=f"a file, or {', '.join(READY)}")
-    out = f"{CAMPAIGNS}/{folder_name(given.get('name'))}"
-    return AskedJob(("campaign", "run", safe(str(protocol)), "--rig", RIG, "--into", out, *options), out)
+    return protocol
 
 
 def folder_name(given: object) -> str:

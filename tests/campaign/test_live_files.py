@@ -1,0 +1,66 @@
+"""A campaign tells what it does now in files that anybody may read; no extreme of the force is lost, none stays."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from campaign.fake_rig import QUICK, FakeRig, protocol
+from pneudrive.campaign.live_files import COLUMNS, read_live, thinned
+from pneudrive.campaign.lock import holder
+from pneudrive.campaign.run import DONE, run_campaign
+
+
+def test_another_process_sees_the_cycle_as_it_runs_and_requests_stay_requests(tmp_path):
+    folder, seen = tmp_path / "c", []
+
+    def look(rig, word):
+        since = rig.calls[len(rig.calls) - 1 - rig.calls[::-1].index("acquire") :] if "acquire" in rig.calls else []
+        if word != "part" or seen or rig.calls.count("acquire") < 4 or since.count("part") != 2:
+            return
+        for _ in range(100):
+            found = read_live(folder)
+            if found is not None and found.samples:
+                seen.append((found, holder(folder).cycle))
+                return
+            time.sleep(0.02)
+
+    parts = []
+
+    class Watched(FakeRig):
+        def acquire(self, steps, sampling):
+            for part in super().acquire(steps, sampling):
+                parts.append(part)
+                yield part
+
+    assert run_campaign(protocol(), Watched(trouble=look), folder, options=QUICK).ended == DONE
+    ((found, cycle),) = seen
+    assert found.cycle == cycle
+    assert found.done == 3
+    assert found.planned > 4
+    taken = np.concatenate([part.force_n for part in parts])
+    assert found.samples <= len(taken)
+    force = found.points["force_n"].astype(float)
+    (start,) = (
+        at
+        for at in range(len(taken) - len(force) + 1)
+        if np.allclose(taken[at : at + len(force)], force, rtol=1e-6, atol=1e-6)
+    )
+    assert start > 0  # not the first cycle: the points are those of this one
+    assert sorted(path.name for path in (folder / "control").iterdir()) == []
+    assert read_live(folder) is None
+
+
+@pytest.mark.parametrize("count", [3999, 4001, 123_457])
+def test_a_spike_of_one_sample_is_kept_however_often_points_are_thinned(count):
+    rows = np.zeros((count, len(COLUMNS)), dtype=np.float32)
+    rows[:, 0] = np.arange(count)
+    rows[count // 3, 2], rows[count // 2, 2], rows[7, 2] = 90.0, -80.0, np.nan
+    found = thinned(thinned(rows, 8000), 4000)
+    assert len(found) <= 4000
+    assert np.nanmax(found[:, 2]) == 90.0
+    assert np.nanmin(found[:, 2]) == -80.0
+    assert (np.diff(found[:, 0]) > 0).all()
+    assert (found[0, 0], found[-1, 0] > 0.99 * count) == (0, True)
