@@ -23,23 +23,42 @@ sys.path.insert(0, str(ROOT / "tests"))
 HEAD = ("page", "measured", "goal")
 DRIVE = 'drive = "catalogue:reference"\n'
 ROUNDS, DRAG_MS, SAMPLES = 60, 3000, 4_000_000
-#: Moves a slider by a step, waits for its curves and the frame that shows them; ms of each round.
-ONE_BY_ONE = """async ([name, rounds]) => {
-  const page = document.documentElement, slider = document.getElementById(name), out = [];
-  const next = () => new Promise((done) => {
-    const seen = new MutationObserver(() => { seen.disconnect(); requestAnimationFrame(() => setTimeout(done)); });
-    seen.observe(page, {attributes: true, attributeFilter: ["data-drawn"]});
+#: Waits for an answer, told by a mark of the page, and for the frame that shows curves drawn since: an answer that is
+#: there has not been drawn yet, and a frame may pass between the two.
+PAINTED = """
+  let cleared = 0;
+  const clear = CanvasRenderingContext2D.prototype.clearRect;
+  CanvasRenderingContext2D.prototype.clearRect = function (...place) {
+    cleared = performance.now();
+    clear.apply(this, place);
+  };
+  const painted = (mark) => new Promise((done) => {
+    const seen = new MutationObserver(() => {
+      seen.disconnect();
+      const answered = performance.now();
+      const look = () => (cleared >= answered ? setTimeout(done) : requestAnimationFrame(look));
+      requestAnimationFrame(look);
+    });
+    seen.observe(document.documentElement, {attributes: true, attributeFilter: [mark]});
   });
+"""
+#: Moves a slider by a step, waits for its curves and the frame that shows them; ms of each round.
+ONE_BY_ONE = (
+    f"""async ([name, rounds]) => {{{PAINTED}"""
+    """
+  const slider = document.getElementById(name), out = [];
   for (let i = 0; i < rounds; i++) {
     await new Promise((done) => setTimeout(done, 7 + (i * 5) % 17));
-    const began = performance.now(), drawn = next();
+    const began = performance.now(), drawn = painted("data-drawn");
     slider.value = String(100 + (i * 7) % 40);
     slider.dispatchEvent(new Event("input", {bubbles: true}));
     await drawn;
     out.push(performance.now() - began);
   }
+  CanvasRenderingContext2D.prototype.clearRect = clear;
   return out;
 }"""
+)
 #: Moves a slider at each frame; ms between frames, and how many answers were drawn.
 DRAGGED = """async ([name, lasts]) => {
   const page = document.documentElement, slider = document.getElementById(name), frames = [];
@@ -69,16 +88,15 @@ EMPTY = """async (count) => {
   return frames;
 }"""
 #: Clicks a button of a recording, waits for its view and the frame that shows it; ms, and bytes of the views.
-VIEWS = """async ([words, rounds]) => {
-  const page = document.documentElement, out = [];
+VIEWS = (
+    f"""async ([words, rounds]) => {{{PAINTED}"""
+    """
+  const out = [];
   for (let i = 0; i < rounds; i++) {
     const name = words[i % words.length];
     const button = [...document.querySelectorAll("button")].find((one) => one.textContent.trim().startsWith(name));
     await new Promise((done) => setTimeout(done, 60));
-    const drawn = new Promise((done) => {
-      const seen = new MutationObserver(() => { seen.disconnect(); requestAnimationFrame(() => setTimeout(done)); });
-      seen.observe(page, {attributes: true, attributeFilter: ["data-points"]});
-    });
+    const drawn = painted("data-points");
     const began = performance.now();
     button.click();
     await drawn;
@@ -87,6 +105,7 @@ VIEWS = """async ([words, rounds]) => {
   const views = performance.getEntriesByType("resource").filter((one) => one.name.includes("/api/window"));
   return [out, views.map((one) => one.encodedBodySize)];
 }"""
+)
 
 
 @contextmanager

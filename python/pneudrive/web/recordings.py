@@ -22,6 +22,7 @@ from pneudrive.signals.tables.sniff import sniff_format
 from pneudrive.signals.trajectories import is_trajectory, read_trajectory
 from pneudrive.trajectory import SUFFIXES, meaning, save_columns
 from pneudrive.watch import Watch
+from pneudrive.web.samples import Samples
 from pneudrive.web.tiles import BLOCK, Pyramid, TileWindow
 from pneudrive.web.workspace import CACHE, TABLES
 
@@ -67,9 +68,7 @@ class OpenRecording:
 
     def window(self, span: tuple[float, float], pixels: int, columns: Sequence[str]) -> TileWindow:
         """Return a view; see `Pyramid.window`."""
-        return self.pyramid.window(
-            span, pixels, columns, lambda rows: _times(self.table, self.time, rows), self.table.get
-        )
+        return self.pyramid.window(span, pixels, columns, self.samples)
 
     def spectrum(self, span: tuple[float, float], column: str) -> tuple[Any, Any]:
         """Return frequencies, Hz, and amplitude density of a channel within a span of time.
@@ -93,10 +92,14 @@ class OpenRecording:
                 rule=f"a spectrum of at most {MOST_SAMPLES_OF_SPECTRUM}",
                 remedy="Look closer.",
             )
-        time = _times(self.table, self.time, rows)
-        inside = (time >= span[0]) & (time <= span[1])
-        values = np.asarray(self.table.get([column], rows)[column], float)
-        return amplitude_density(time[inside], values[inside])
+        found = self.samples.get([column], rows)
+        inside = (found.time_s >= span[0]) & (found.time_s <= span[1])
+        return amplitude_density(found.time_s[inside], found.values[column][inside])
+
+    @cached_property
+    def samples(self) -> Samples:
+        """Its samples, of which those near the last view are kept."""
+        return Samples(self.table, self.time)
 
     @cached_property
     def span(self) -> tuple[float, float]:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.watch import Watch
+    from pneudrive.web.samples import Samples
 
     Array = NDArray[Any]
     #: Values of columns between two rows, by name.
@@ -179,8 +180,7 @@ class Pyramid:
         span: tuple[float, float],
         pixels: int,
         channels: Sequence[str],
-        times: Callable[[tuple[int, int]], Array],
-        read: Reader,
+        samples: Samples,
     ) -> TileWindow:
         """Return a view of at most two values a pixel for each channel, or of the samples where there are fewer.
 
@@ -191,22 +191,26 @@ class Pyramid:
         pixels : int
         channels : sequence of str
             Some of `names`.
-        times, read : callable
-            As for `build`.
+        samples : Samples
+            Of the recording.
         """
         starts = self.time[:, 0]
         first = max(int(np.searchsorted(starts, span[0], "right")) - 1, 0)
         last = max(int(np.searchsorted(starts, span[1], "right")), first + 1)
-        if last - first >= pixels:
-            return self._of_blocks(span, pixels, channels, first, last)
         rows = (first * BLOCK, min(last * BLOCK, self.count))
-        seconds = times(rows)
+        if last - first >= pixels:
+            view = self._of_blocks(span, pixels, channels, first, last)
+            if last - first < 2 * pixels:  # the next view may be a closer one, of samples
+                quarter = (rows[1] - rows[0]) // 4
+                samples.ahead(channels, (rows[0] + quarter, rows[1] - quarter), self.count)
+            return view
+        _, _, seconds, values = samples.get(channels, rows)
+        samples.ahead(channels, rows, self.count)
         # One sample beyond each end, so that the line leaves the view.
         begin = max(int(np.searchsorted(seconds, span[0], "left")) - 1, 0)
         end = min(int(np.searchsorted(seconds, span[1], "right")) + 1, len(seconds))
         seconds = seconds[begin:end]
-        values = {name: np.asarray(own, float)[begin:end] for name, own in read(channels, rows).items()}
-        values = {name: np.where(np.isfinite(own), own, np.nan) for name, own in values.items()}
+        values = {name: own[begin:end] for name, own in values.items()}
         missing = sum(int(np.isnan(own).sum()) for own in values.values())
         if len(seconds) <= 2 * pixels:
             return TileWindow(seconds, values, missing, len(seconds), raw=True)

@@ -1,0 +1,112 @@
+"""Samples of a recording that is looked at: what lies around the last view is read ahead, and kept for the next one."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from pneudrive.errors import PneudriveError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.files.tables import Table
+
+    Array = NDArray[Any]
+
+MOST_ROWS = 1 << 20  # read ahead
+
+
+class Rows(NamedTuple):
+    """Columns between two rows: times in s, and values, NaN where they are no number."""
+
+    first: int
+    last: int
+    time_s: Array
+    values: dict[str, Array]
+
+    def holds(self, names: Sequence[str], rows: tuple[int, int]) -> bool:
+        """Whether some rows of some columns are here."""
+        return self.first <= rows[0] and rows[1] <= self.last and all(name in self.values for name in names)
+
+    def part(self, names: Sequence[str], rows: tuple[int, int]) -> Rows:
+        """Return some rows of some columns, not copied."""
+        own = slice(rows[0] - self.first, rows[1] - self.first)
+        return Rows(*rows, self.time_s[own], {name: self.values[name][own] for name in names})
+
+
+class Samples:
+    """The samples of one recording; of all recordings the one that was looked at last keeps some.
+
+    Parameters
+    ----------
+    table : Table
+    time : (str, float) or None
+        Column of the time and what one of its units is in s; None: samples are counted.
+    """
+
+    _last: ClassVar[Samples | None] = None
+
+    def __init__(self, table: Table, time: tuple[str, float] | None) -> None:
+        self.table, self.time = table, time
+        self.reads = 0
+        self._kept: Rows | None = None
+        self._reading = threading.Lock()
+
+    def get(self, names: Sequence[str], rows: tuple[int, int]) -> Rows:
+        """Return columns between two rows, read if they are not kept.
+
+        Raises
+        ------
+        RecordingError
+            As for `pneudrive.files.tables.Table.get`.
+        """
+        kept = self._kept
+        if kept is None or not kept.holds(names, rows):
+            with self._reading:  # what is read ahead just now may hold them
+                kept = self._kept
+            if kept is None or not kept.holds(names, rows):
+                return self._read(names, rows)
+        return kept.part(names, rows)
+
+    def ahead(self, names: Sequence[str], rows: tuple[int, int], count: int) -> None:
+        """Read in the background what views beside and within some rows need, unless half of that is kept.
+
+        Parameters
+        ----------
+        names : sequence of str
+        rows : (int, int)
+            Of the view.
+        count : int
+            Rows of the recording.
+        """
+        half = min(rows[1] - rows[0], MOST_ROWS // 3) // 2
+        near, far = ((max(rows[0] - by, 0), min(rows[1] + by, count)) for by in (half, 2 * half))
+        if (self._kept is None or not self._kept.holds(names, near)) and self._reading.acquire(blocking=False):
+            threading.Thread(target=self._keep, args=(names, far), daemon=True).start()
+
+    def _keep(self, names: Sequence[str], rows: tuple[int, int]) -> None:
+        try:
+            with suppress(PneudriveError):  # the view that needs them says so
+                self._kept = self._read(names, rows)
+                if Samples._last not in (None, self):
+                    Samples._last._kept = None
+                Samples._last = self
+        finally:
+            self._reading.release()
+
+    def _read(self, names: Sequence[str], rows: tuple[int, int]) -> Rows:
+        self.reads += 1
+        wanted = [*names, *([] if self.time is None else [self.time[0]])]
+        found = {name: np.asarray(own, float) for name, own in self.table.get(wanted, rows).items()}
+        time = np.arange(*rows, dtype=float) if self.time is None else found[self.time[0]] * self.time[1]
+        values = {name: found[name] for name in names}
+        for name, own in values.items():
+            if not np.isfinite(own).all():
+                values[name] = np.where(np.isfinite(own), own, np.nan)
+        return Rows(*rows, time, values)
