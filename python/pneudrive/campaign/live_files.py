@@ -169,7 +169,7 @@ def read_live(folder: Path) -> LiveCycle | None:
             return None
         rows = np.frombuffer(data, dtype="<f4").reshape(-1, len(COLUMNS))
         done, planned, samples = (int(about[key]) for key in ("done", "planned", "samples"))
-        points = dict(zip(COLUMNS, rows.T, strict=True))
+        points: dict[str, Points] = {name: rows[:, place] for place, name in enumerate(COLUMNS)}
         return LiveCycle(str(about["cycle"]), str(about["left"]), done, planned, samples, points)
     except (CampaignError, KeyError, TypeError, ValueError):
         return None
