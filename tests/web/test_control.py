@@ -215,11 +215,23 @@ def test_another_comparison_in_the_folder_takes_the_scores_with_it(tmp_path: Pat
     with pytest.raises(Cancelled):
         pn.control.compare(drive, ["pid"], [STEP], seeds=1, out=tmp_path, cancel=flag)
     assert pn.control.read_comparison(tmp_path).runs == ()
-    (tmp_path / "comparison.json").write_text('{"drive": 3}')
-    with pytest.raises(CommandError, match="damaged"):
-        pn.control.read_comparison(tmp_path)
+    about = json.loads((tmp_path / "comparison.json").read_text())
+    for damaged in ({"drive": 3}, {key: value for key, value in about.items() if key != "laws"}):
+        (tmp_path / "comparison.json").write_text(json.dumps(damaged))
+        with pytest.raises(CommandError, match="damaged"):
+            pn.control.read_comparison(tmp_path)
     with pytest.raises(CommandError, match="no comparison"):
         pn.control.read_comparison(tmp_path / "runs")
+
+
+def test_two_names_of_one_reference_keep_their_runs(tmp_path: Path) -> None:
+    made = pn.control.compare(
+        pn.Drive.load("catalogue:reference"), ["pva"], {"a": STEP, "b": STEP}, seeds=2, out=tmp_path
+    )
+    read = pn.control.read_comparison(tmp_path)
+    assert [(run.reference, run.seed) for run in read.runs] == [("a", 1), ("a", 2), ("b", 1), ("b", 2)]
+    for along in "ab":
+        assert read.middle("pva", along, "max_error_m") == made.middle("pva", along, "max_error_m") > 0.0
 
 
 @pytest.mark.parametrize(

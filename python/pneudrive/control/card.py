@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -247,13 +248,15 @@ def read_comparison(folder: str | Path) -> StoredComparison:
     try:
         asked: dict[str, Any] = {name: str(about[name]) for name in ("drive", "setup", "mismatch", "spread")}
         asked |= {"references": dict(about["references"]), "count": int(about["count"]), "about": dict(about)}
-        runs = _runs(place, {text: name for name, text in asked["references"].items()})
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        runs = _runs(place, asked["references"])
+        if not isinstance(about["laws"], dict) or not isinstance(about["plant"], list):
+            raise TypeError("laws or plant")
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise CommandError(f"{path} is damaged", value=str(error), remedy="Run the comparison again.") from None
     return StoredComparison(place, runs=runs, **asked)
 
 
-def _runs(folder: Path, names: Mapping[str, str]) -> tuple[ControlledRun, ...]:
+def _runs(folder: Path, references: Mapping[str, str]) -> tuple[ControlledRun, ...]:
     import polars as pl
 
     path = folder / TABLE
@@ -264,12 +267,15 @@ def _runs(folder: Path, names: Mapping[str, str]) -> tuple[ControlledRun, ...]:
     table = pl.read_parquet(path)
     measures = [one.name for one in fields(Score)]
     true = [name for name in table.columns if name.startswith(_TRUE)]
-    out = []
+    out, times = [], Counter[tuple[str, str, int]]()  # two names may have one text: their runs come in this order
     for row in table.iter_rows(named=True):
         score = None if row["reason"] else Score(**{name: row[name] for name in measures})
         truth = {name.removeprefix(_TRUE): row[name] for name in true if row[name] is not None}
         file = folder / RUNS / Path(row["run"] or "none.parquet").name
-        out.append(ControlledRun(row["law"], names[row["reference"]], row["seed"], score, row["reason"], file, truth))
+        law, text, seed = row["law"], row["reference"], row["seed"]
+        along = [name for name, own in references.items() if own == text][times[law, text, seed]]
+        times[law, text, seed] += 1
+        out.append(ControlledRun(law, along, seed, score, row["reason"], file, truth))
     return tuple(out)
 
 

@@ -120,7 +120,7 @@ def standard(drive: Drive | Circuit) -> dict[str, Reference]:
 def compare(
     drive: Drive | Circuit,
     laws: str | object | Sequence[str | Path | Tuning | object] = "all",
-    references: str | Sequence[str | Path | Reference] | Mapping[str, Reference] = "standard",
+    references: str | Sequence[str | Path | Reference] | Mapping[str, str | Path | Reference] = "standard",
     *,
     out: str | Path,
     seeds: int = 5,
@@ -188,7 +188,7 @@ def compare(
 def compare_watched(
     drive: Drive | Circuit,
     asked_laws: str | object | Sequence[str | Path | Tuning | object],
-    references: str | Sequence[str | Path | Reference] | Mapping[str, Reference],
+    references: str | Sequence[str | Path | Reference] | Mapping[str, str | Path | Reference],
     *,
     out: str | Path,
     seeds: int = 5,
@@ -315,10 +315,10 @@ def _tunings(
 
 
 def _references(
-    drive: Drive | Circuit, asked: str | Sequence[str | Path | Reference] | Mapping[str, Reference]
+    drive: Drive | Circuit, asked: str | Sequence[str | Path | Reference] | Mapping[str, str | Path | Reference]
 ) -> dict[str, Reference]:
     if isinstance(asked, Mapping):
-        return dict(asked)
+        return {name: reference(one) for name, one in asked.items()}
     usual = standard(drive)
     if asked == "standard":
         return {name: usual[name] for name in USUAL}

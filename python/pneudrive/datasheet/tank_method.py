@@ -1,7 +1,7 @@
 """Air of a cycle read from a tank that feeds the drive, cut off from the mains: measured beside simulated.
 
     m = V (p_1 - p_2) / (n R T)       V volume of the tank, m3; T its temperature at rest, that of the room, K;
-                                      p_1, p_2 its pressures at rest before and after n cycles, Pa
+                                      p_1, p_2 its pressures at rest before and after n cycles, Pa; R of the drive's gas
 
 The gas cools as it leaves, so the recording has to begin and end at rest.
 """
@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pneudrive import units
-from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
 from pneudrive.datasheet.air import drawn_mass
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.strokes import litres_anr
@@ -68,7 +67,7 @@ def _air(drive: Drive, recording: VolumeRecording) -> TankAir:
     cycles = _label(recording, "cycles", "")
     before, after = _at_rest(recording)
     room = drive.ambient.temperature_k
-    mass = volume * (before - after) / (cycles * AIR_GAS_CONSTANT_J_KG_K * room)
+    mass = volume * (before - after) / (cycles * drive.gas.gas_constant_j_kg_k * room)
     fed = HeldDrive(drive.replace({"supply.pressure": f"{0.5 * (before + after)!r} Pa abs"}))
     cycle = f"half period {recording.labels['half_period']}"
     simulated = litres_anr(drawn_mass(fed, 1.0, half))
