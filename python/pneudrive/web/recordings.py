@@ -22,7 +22,7 @@ from pneudrive.signals.tables.sniff import sniff_format
 from pneudrive.signals.trajectories import is_trajectory, read_trajectory
 from pneudrive.trajectory import SUFFIXES, meaning, save_columns
 from pneudrive.watch import Watch
-from pneudrive.web.samples import Samples
+from pneudrive.web.samples import KeptSamples
 from pneudrive.web.tiles import BLOCK, Pyramid, TileWindow
 from pneudrive.web.workspace import CACHE, TABLES
 
@@ -97,9 +97,9 @@ class OpenRecording:
         return amplitude_density(found.time_s[inside], found.values[column][inside])
 
     @cached_property
-    def samples(self) -> Samples:
+    def samples(self) -> KeptSamples:
         """Its samples, of which those near the last view are kept."""
-        return Samples(self.table, self.time)
+        return KeptSamples(self.table, self.time)
 
     @cached_property
     def span(self) -> tuple[float, float]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 MOST_ROWS = 1 << 20  # read ahead
 
 
-class Rows(NamedTuple):
+class KeptRows(NamedTuple):
     """Columns between two rows: times in s, and values, NaN where they are no number."""
 
     first: int
@@ -34,13 +34,13 @@ class Rows(NamedTuple):
         """Whether some rows of some columns are here."""
         return self.first <= rows[0] and rows[1] <= self.last and all(name in self.values for name in names)
 
-    def part(self, names: Sequence[str], rows: tuple[int, int]) -> Rows:
+    def part(self, names: Sequence[str], rows: tuple[int, int]) -> KeptRows:
         """Return some rows of some columns, not copied."""
         own = slice(rows[0] - self.first, rows[1] - self.first)
-        return Rows(*rows, self.time_s[own], {name: self.values[name][own] for name in names})
+        return KeptRows(*rows, self.time_s[own], {name: self.values[name][own] for name in names})
 
 
-class Samples:
+class KeptSamples:
     """The samples of one recording; of all recordings the one that was looked at last keeps some.
 
     Parameters
@@ -50,15 +50,15 @@ class Samples:
         Column of the time and what one of its units is in s; None: samples are counted.
     """
 
-    _last: ClassVar[Samples | None] = None
+    _last: ClassVar[KeptSamples | None] = None
 
     def __init__(self, table: Table, time: tuple[str, float] | None) -> None:
         self.table, self.time = table, time
         self.reads = 0
-        self._kept: Rows | None = None
+        self._kept: KeptRows | None = None
         self._reading = threading.Lock()
 
-    def get(self, names: Sequence[str], rows: tuple[int, int]) -> Rows:
+    def get(self, names: Sequence[str], rows: tuple[int, int]) -> KeptRows:
         """Return columns between two rows, read if they are not kept.
 
         Raises
@@ -83,7 +83,7 @@ class Samples:
         rows : (int, int)
             Of the view.
         count : int
-            Rows of the recording.
+            KeptRows of the recording.
         """
         half = min(rows[1] - rows[0], MOST_ROWS // 3) // 2
         near, far = ((max(rows[0] - by, 0), min(rows[1] + by, count)) for by in (half, 2 * half))
@@ -94,13 +94,13 @@ class Samples:
         try:
             with suppress(PneudriveError):  # the view that needs them says so
                 self._kept = self._read(names, rows)
-                if Samples._last not in (None, self):
-                    Samples._last._kept = None
-                Samples._last = self
+                if KeptSamples._last not in (None, self):
+                    KeptSamples._last._kept = None
+                KeptSamples._last = self
         finally:
             self._reading.release()
 
-    def _read(self, names: Sequence[str], rows: tuple[int, int]) -> Rows:
+    def _read(self, names: Sequence[str], rows: tuple[int, int]) -> KeptRows:
         self.reads += 1
         wanted = [*names, *([] if self.time is None else [self.time[0]])]
         found = {name: np.asarray(own, float) for name, own in self.table.get(wanted, rows).items()}
@@ -109,4 +109,4 @@ class Samples:
         for name, own in values.items():
             if not np.isfinite(own).all():
                 values[name] = np.where(np.isfinite(own), own, np.nan)
-        return Rows(*rows, time, values)
+        return KeptRows(*rows, time, values)

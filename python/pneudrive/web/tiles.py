@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.watch import Watch
-    from pneudrive.web.samples import Samples
+    from pneudrive.web.samples import KeptSamples
 
     Array = NDArray[Any]
     #: Values of columns between two rows, by name.
@@ -180,7 +180,7 @@ class Pyramid:
         span: tuple[float, float],
         pixels: int,
         channels: Sequence[str],
-        samples: Samples,
+        samples: KeptSamples,
     ) -> TileWindow:
         """Return a view of at most two values a pixel for each channel, or of the samples where there are fewer.
 
@@ -191,7 +191,7 @@ class Pyramid:
         pixels : int
         channels : sequence of str
             Some of `names`.
-        samples : Samples
+        samples : KeptSamples
             Of the recording.
         """
         starts = self.time[:, 0]
