@@ -12,7 +12,7 @@ import { FrictionView } from "./friction";
 import { RecordingView } from "./recording";
 import { SimulateView } from "./simulate";
 import { SizingView } from "./sizing";
-import { isOld, list, studies, StudiesView } from "./studies";
+import { isOld, list, studies, StudiesView, takeDrops } from "./studies";
 import { ValidationView } from "./validation";
 import "./style.css";
 
@@ -72,6 +72,7 @@ function Page() {
 async function start(): Promise<void> {
   if (await unlock()) {
     await list();
+    takeDrops();
     addEventListener("hashchange", follow);
     follow();
     effect(() => {

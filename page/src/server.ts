@@ -132,6 +132,10 @@ export const write = (path: string, text: string, known: string): Promise<{ sha2
     headers: known ? { "If-Match": `"${known}"` } : {},
   });
 
+/** Copy a file into the folder; one that is there is never written over. */
+export const drop = (file: File): Promise<{ size: number }> =>
+  answered(`/api/drop?${new URLSearchParams({ path: file.name })}`, { method: "PUT", body: file });
+
 /** The bytes of a frame behind an address. */
 export async function frame<Head>(path: string, given: Record<string, string>): Promise<Frame<Head>> {
   const answer = await fetch(`${path}?${new URLSearchParams(given)}`, { headers: { Authorization: `Bearer ${token}` } });

@@ -1,7 +1,8 @@
 /** The start: what is in the folder, by kind, and the drives of the catalogue. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { connection, read, Refused, type Listed, type Studies } from "./server";
+import { Problems } from "./parts";
+import { connection, drop, read, Refused, type Listed, type Problem, type Studies } from "./server";
 import { link, type View } from "./routes";
 
 declare const __BUILD__: string;
@@ -17,6 +18,40 @@ export async function list(): Promise<void> {
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
   }
+}
+
+const taking = signal("");
+const refused = signal<Problem[]>([]);
+
+/** Copy files into the folder, one after the other; a single recording is opened. */
+export async function take(files: File[]): Promise<void> {
+  if (!files.length || taking.value) return;
+  refused.value = [];
+  for (const [index, file] of files.entries()) {
+    taking.value = `Copying ${file.name}, ${size(file.size)} (${index + 1} of ${files.length}).`;
+    try {
+      await drop(file);
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      refused.value = [...refused.value, ...error.problems];
+    }
+  }
+  taking.value = "";
+  await list();
+  const own = studies.value?.files.find((one) => one.path === files[0]!.name);
+  if (files.length === 1 && own?.kind === "recording" && !refused.value.length) location.hash = link("recording", own.path);
+  else location.hash = link("studies");
+}
+
+/** Take files that are dropped anywhere on the page. */
+export function takeDrops(): void {
+  const isFiles = (event: DragEvent) => event.dataTransfer?.types.includes("Files") ?? false;
+  addEventListener("dragover", (event) => isFiles(event) && event.preventDefault());
+  addEventListener("drop", (event) => {
+    if (!isFiles(event)) return;
+    event.preventDefault();
+    void take([...event.dataTransfer!.files]);
+  });
 }
 
 const TITLES: Record<string, string> = {
@@ -60,6 +95,14 @@ export function StudiesView() {
         <button type="button" onClick={() => void list()}>Read the folder again</button>
         <span>{found.files.length} files in {found.folder}</span>
       </p>
+      <p class="row">
+        <label>
+          Copy files into the folder (or drop them anywhere on the page){" "}
+          <input type="file" multiple onChange={(event) => void take([...(event.currentTarget.files ?? [])])} />
+        </label>
+        <span role="status">{taking.value}</span>
+      </p>
+      <Problems of={refused.value} />
       {Object.entries(TITLES).map(([kind, title]) => (
         <Kind key={kind} title={title} files={files.filter((one) => one.kind === kind)} />
       ))}

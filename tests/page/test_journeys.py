@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import os
 import shutil
@@ -134,14 +135,26 @@ def test_drive_by_text_and_by_form(server: Server, open_tab: Open) -> None:
     tab.check()
 
 
+#: A file that is dropped onto the page.
+DROPPED = """([name, packed]) => {
+  const bytes = Uint8Array.from(atob(packed), (one) => one.charCodeAt(0));
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File([bytes], name));
+  const event = new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true });
+  document.querySelector("main").dispatchEvent(event);
+}"""
+
+
 def test_own_recording(server: Server, open_tab: Open) -> None:
     name = "O-ring_1bar.csv.xz"
     measured = ROOT / "data" / "measurements" / "zillen-2021-pneumatic-piston"
-    shutil.copy(measured / "friction" / name, server.folder)
     tab = open_tab(server.address)
     page = tab.page
-    page.click(f"text={name}")
-    page.wait_for_selector("[data-from]")
+    page.wait_for_selector("text=axis.toml")
+    packed = (measured / "friction" / name).read_bytes()
+    page.evaluate(DROPPED, [name, base64.b64encode(packed).decode()])
+    page.wait_for_selector("[data-from]")  # it was copied, and is opened
+    assert (server.folder / name).read_bytes() == packed
     page.click("text=Propose a layout")
     page.wait_for_selector("td:has-text('mm')")
     assert "guess" in page.input_value("textarea.text")

@@ -17,6 +17,7 @@ from posixpath import dirname
 from typing import TYPE_CHECKING, Any
 
 from starlette.applications import Starlette
+from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 
@@ -27,7 +28,8 @@ from pneudrive.start import is_circuit
 from pneudrive.web import description
 from pneudrive.web.asked_run import MOST_PIXELS, WRONG_REQUEST, AskedRun, described_at
 from pneudrive.web.beside import AskedBeside
-from pneudrive.web.guard import REPORTS, Guard
+from pneudrive.web.drop import take
+from pneudrive.web.guard import DROP, REPORTS, Guard
 from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job
 from pneudrive.web.live import live
 from pneudrive.web.messages import pack, problems_of
@@ -122,6 +124,7 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
         Route("/api/comparison", _answered(views.comparison)),
         Route("/api/tracks", _answered(views.tracks)),
         Route("/api/fmu", _answered(views.fmu)),
+        Route(DROP, views.drop, methods=["PUT"]),
         Route("/api/report", _answered(views.report)),
         Route(f"{REPORTS}{{secret}}/{{name:path}}", views.open_report),
         Route("/api/comparisons", _answered(views.compare), methods=["POST"]),
@@ -348,6 +351,18 @@ class _Views:
     def report(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return the address of a folder's report."""
         return {"address": self.reports.address(given.get("path", ""))}
+
+    async def drop(self, asked: Asked) -> Response:
+        """Take a file that was dropped onto the page."""
+        length = asked.headers.get("content-length")
+        said = int(length) if length is not None else None
+        try:
+            size = await take(self.workspace, asked.query_params.get("path", ""), said, asked.stream())
+        except ClientDisconnect:  # the tab was closed: nothing is kept, nobody reads the answer
+            return Response(status_code=400)
+        except PneudriveError as error:
+            return JSONResponse({"problems": problems_of(error)}, status_code=400)
+        return JSONResponse({"size": size})
 
     async def open_report(self, asked: Asked) -> Response:
         """Answer with a report, as it is in its folder, or with a picture of it."""

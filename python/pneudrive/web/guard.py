@@ -23,6 +23,8 @@ MOST_SOCKETS = 8
 PROTOCOL = "pneudrive"  # subprotocol of the socket; a second one carries the token
 TOKEN_PROTOCOL = "token."
 REPORTS = "/report/"  # what follows is the secret of one report
+#: Files that are dropped here may have any length; what takes them writes each piece as it comes.
+DROP = "/api/drop"
 NAMES = ("127.0.0.1", "localhost", "[::1]")
 READING = ("GET", "HEAD")
 METHODS = (*READING, "POST", "PUT")
@@ -121,7 +123,8 @@ class Guard:
             raise RefusedError(503, f"{MOST_SOCKETS} sockets are open")
         self._check_token(scope, headers, is_socket=is_socket)
         length = _one(headers, "content-length")
-        if length is not None and not (length.isascii() and length.isdigit() and int(length) <= MOST_BODY):
+        is_number = length is not None and length.isascii() and length.isdigit()
+        if length is not None and not (is_number and (_is_drop(scope) or int(length) <= MOST_BODY)):
             raise RefusedError(413, f"more than {MOST_BODY} bytes")
 
     def _check_token(self, scope: Scope, headers: dict[str, list[str]], *, is_socket: bool) -> None:
@@ -145,7 +148,7 @@ class Guard:
 
     async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Take the whole body, which is bounded, then hand it on; add the headers of the page's rules."""
-        body, is_more = b"", True
+        body, is_more = b"", not _is_drop(scope)
         while is_more:
             message = await receive()
             if message["type"] != "http.request":  # the client went
@@ -154,7 +157,7 @@ class Guard:
             if len(body) > MOST_BODY:
                 await _refuse(scope, receive, send, RefusedError(413, f"more than {MOST_BODY} bytes"))
                 return
-        whole = iter([{"type": "http.request", "body": body, "more_body": False}])
+        whole = iter([] if _is_drop(scope) else [{"type": "http.request", "body": body, "more_body": False}])
 
         async def with_body() -> Message:
             return next(whole, None) or await receive()
@@ -167,6 +170,10 @@ class Guard:
             await send(message)
 
         await self.app(scope, with_body, with_headers)
+
+
+def _is_drop(scope: Scope) -> bool:
+    return scope["type"] == "http" and scope["path"] == DROP and scope["method"] == "PUT"
 
 
 def _headers(scope: Scope) -> dict[str, list[str]]:

@@ -1,0 +1,89 @@
+"""Files that are dropped onto the page: into the workspace, whole or not at all, never over one that is there."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import secrets
+import shutil
+from typing import TYPE_CHECKING
+
+from pneudrive.errors import CommandError
+from pneudrive.web.workspace import CACHE
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+    from pathlib import Path
+
+    from pneudrive.web.workspace import Workspace
+
+#: What stays free on the disk, bytes.
+RESERVE = 1 << 30
+#: Bytes between two looks at the free disk.
+LOOK_BYTES = 1 << 26
+
+
+async def take(workspace: Workspace, name: str, said: int | None, pieces: AsyncIterator[bytes]) -> int:
+    """Write a file of a known kind beside the others and return its size in bytes.
+
+    Parameters
+    ----------
+    workspace : Workspace
+    name : str
+        A name without folders.
+    said : int or None
+        Its size as the browser says it.
+    pieces : async iterator of bytes
+
+    Raises
+    ------
+    CommandError
+        The name is none of a recording or a description, the file is there already, the disk has too little room for
+        it, or it did not arrive whole.
+    """
+    target = workspace.path(name)
+    if "/" in name:
+        raise CommandError(f"{name} is in a folder", rule="files are dropped into the workspace itself")
+    if target.exists():
+        raise CommandError(f"{name} is there already", remedy="Rename one of the two.")
+    folder = workspace.root / CACHE
+    folder.mkdir(parents=True, exist_ok=True)
+    _check_room(folder, name, said or 0)
+    part, size, looked = folder / f"drop-{secrets.token_hex(8)}.part", 0, 0
+    try:
+        with part.open("xb") as file:
+            async for piece in pieces:
+                await asyncio.to_thread(file.write, piece)
+                size += len(piece)
+                if size - looked > LOOK_BYTES:
+                    _check_room(folder, name, 0)
+                    looked = size
+        if said is not None and size != said:
+            raise CommandError(f"{name} did not arrive whole", value=f"{size} of {said} bytes", remedy="Drop it again.")
+        _place(part, target)
+    except OSError as error:
+        raise CommandError(f"{name} cannot be written: {error.strerror}") from None
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink()
+    return size
+
+
+def _check_room(folder: Path, name: str, size: int) -> None:
+    free = shutil.disk_usage(folder).free
+    if size > free - RESERVE:
+        raise CommandError(
+            f"the disk has too little room for {name}", value=f"{free / 1e9:.3g} GB free", rule="1.07 GB stay free"
+        )
+
+
+def _place(part: Path, target: Path) -> None:
+    """Give a file that is whole its name, which nobody took meanwhile."""
+    try:
+        target.hardlink_to(part)
+    except FileExistsError:
+        raise CommandError(f"{target.name} is there already", remedy="Rename one of the two.") from None
+    except OSError:  # a file system without links
+        if target.exists():
+            raise CommandError(f"{target.name} is there already", remedy="Rename one of the two.") from None
+        part.replace(target)
