@@ -15,6 +15,7 @@ from pneudrive.errors import CommandError
 from pneudrive.start import circuit_of, is_circuit
 from pneudrive.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse
+from pneudrive.watch import Watch
 from pneudrive.web.asked_run import WRONG_REQUEST, described_at
 from pneudrive.web.jobs import safe
 from pneudrive.web.tiles import per_pixel
@@ -34,7 +35,8 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 MOST_OTHERS = 7  # with the run itself as many as there are looks
-MEMBERS, BAND_SAMPLES = 200, 400  # of a band
+MEMBERS, BAND_SAMPLES = 200, 200  # of a band: its plot is some 400 pixels wide
+BAND_RTOL = 1e-5  # of its members: its edges move by less than a tenth of a pixel against 1e-6
 BAND = (0.05, 0.95)  # shares of the members between which it lies
 MOST_SECONDS = 10.0  # of a band: its first one imports what it needs
 TRAJECTORIES = (".parquet", ".csv", ".nc")
@@ -113,10 +115,11 @@ class AskedBeside:
     def _band(
         self, described: Drive | Circuit, asked: AskedRun, shown: Sequence[str], limit: RunLimit
     ) -> tuple[dict[str, Any], dict[str, Array]]:
-        from pneudrive.ensemble.many import simulate_many
+        from pneudrive.ensemble.engine import DONE
+        from pneudrive.ensemble.many import Gathered, results, study_of
 
         names = [meaning(column)[0] for column in shown]
-        many = simulate_many(
+        study = study_of(
             described,
             asked.command_of(described),
             asked.duration,
@@ -124,15 +127,19 @@ class AskedBeside:
             n=MEMBERS,
             outputs=[self._output(asked, name) for name in names],
             initial=asked.initial or None,
-            cancel=limit,
+            rtol=BAND_RTOL,
         )
-        whole = many["status"].to_numpy() == 0
+        many = Gathered(study)
+        for result in results(study, None, None, None, Watch(cancel=limit)):
+            many.take(result)
+        whole = many.status == DONE
         if not whole.any():
             raise CommandError(f"none of the {MEMBERS} members of the band could be simulated", remedy="Narrow it.")
-        arrays = {"band/time_s": many["time"].to_numpy()}
+        arrays = {"band/time_s": study.sample_times(study.outputs[0].rate_hz)}
         ends = {}
-        for column, name in zip(shown, names, strict=True):
-            low, high = np.quantile(many[name].to_numpy()[whole], BAND, axis=0)
+        for column, values in zip(shown, many.values, strict=True):
+            ordered = np.sort(values[whole].T, axis=1)
+            low, high = (_quantile(ordered, share) for share in BAND)
             arrays |= {f"band/{column}/low": low, f"band/{column}/high": high}
             ends[column] = [float(low[-1]), float(high[-1])]
         return {"members": MEMBERS, "failed": int((~whole).sum()), "share": BAND, "ends": ends}, arrays
@@ -157,7 +164,8 @@ class AskedBeside:
                 words += ["--vary", f"{key} = {text}"]
             for column in shown:
                 words += ["--output", self._output(asked, meaning(column)[0])]
-            lines.append(shlex.join([*words, "--members", str(MEMBERS), "--out", f"{asked.stem()}-band.parquet"]))
+            words += ["--members", str(MEMBERS), "--rtol", str(BAND_RTOL)]
+            lines.append(shlex.join([*words, "--out", f"{asked.stem()}-band.parquet"]))
         return "\n".join(lines)
 
     def as_python(self, workspace: Workspace, asked: AskedRun, shown: Sequence[str]) -> str:
@@ -175,7 +183,7 @@ class AskedBeside:
         if self.spreads:
             outputs = [self._output(asked, meaning(column)[0]) for column in shown]
             command = asked.command if not isinstance(asked.command, list) or asked.command else None
-            options = f"vary={self._vary()!r}, n={MEMBERS}, outputs={outputs!r}"
+            options = f"vary={self._vary()!r}, n={MEMBERS}, outputs={outputs!r}, rtol={BAND_RTOL!r}"
             options += f", initial={asked.initial!r}" if asked.initial else ""
             lines.append(f"many = pn.simulate_many(drive, {command!r}, {asked.duration!r}, {options})")
             each = f'name: many[name].quantile({list(BAND)!r}, "member")'
@@ -188,6 +196,14 @@ def _reading(name: str, path: str) -> list[str]:
     if path.endswith(".nc"):
         return ["import xarray as xr", f"{name} = xr.load_dataset({path!r})"]
     return ["import polars as pl", f"{name} = pl.read_{path.rpartition('.')[2]}({path!r})"]
+
+
+def _quantile(ordered: Array, share: float) -> Array:
+    """Return a quantile of each row of values in order: that of `numpy.quantile` to the bit, in a fifth of its time."""
+    part, place = math.modf(share * (ordered.shape[1] - 1))
+    below, above = ordered[:, int(place)], ordered[:, min(int(place) + 1, ordered.shape[1] - 1)]
+    step = above - below
+    return below + step * part if part < 0.5 else above - step * (1.0 - part)
 
 
 def _ends(key: object, given: object) -> tuple[str, str]:
