@@ -32,6 +32,7 @@ def section(found: Characterisation) -> Section | None:
         return None
     topic, shown = Topic("recordings", "closure"), spread_evenly(found.closures, MOST_GROUPS)
     text = topic.say("one_chamber" if _is_one_chamber(shown) else "both_chambers")
+    text = topic.say("with_residuals", said=text) if _has_spare(shown) else text
     return topic.section(
         topic.text(),
         topic.picture("closure", draw(shown), said=text),
@@ -44,10 +45,19 @@ def _is_one_chamber(closures: Sequence[ClosureFit]) -> bool:
     return all(len(fit.areas_m2) == 1 for fit in closures)
 
 
-def draw(closures: list[ClosureFit]) -> Figure:
-    """Draw all groups in two panels: against pressure, or against the fit if both chambers' pressures changed."""
-    figure = style.new_figure(4.0)
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+def _has_spare(closures: Sequence[ClosureFit]) -> bool:
+    return any(fit.degrees_of_freedom > 0 for fit in closures)
+
+
+def draw(closures: Sequence[ClosureFit]) -> Figure:
+    """Draw all groups against pressure, or against the fit if both chambers' pressures changed; below, residuals.
+
+    A line through as many points as it has numbers has no residuals: where all are such, there is one panel.
+    """
+    has_spare = _has_spare(closures)
+    figure = style.new_figure(4.0 if has_spare else 2.8)
+    panels = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1)) if has_spare else [figure.subplots()]
+    above, below = panels[0], panels[-1]
     one_chamber = _is_one_chamber(closures)
     for index, fit in enumerate(closures):
         look = style.look(index)
@@ -60,10 +70,12 @@ def draw(closures: list[ClosureFit]) -> Figure:
         line = look.linestyle if x.size <= MOST_JOINED else "none"
         above.plot(x, force, look.marker, color=look.color, mfc="none", label=fit.group)
         above.plot(x, force - rest, linestyle=look.linestyle, color=look.color, lw=0.8)
-        below.plot(x, rest, linestyle=line, marker=look.marker, color=look.color, mfc="none", lw=0.8)
-    below.axhline(0, color=style.GREY, lw=0.8)
+        if fit.degrees_of_freedom > 0:
+            below.plot(x, rest, linestyle=line, marker=look.marker, color=look.color, mfc="none", lw=0.8)
+    if has_spare:
+        below.axhline(0, color=style.GREY, lw=0.8)
+        below.set_ylabel("residual / N")
     above.set_ylabel("half sum −\nnominal area × pressure / N" if one_chamber else "half sum of forces / N")
-    below.set_ylabel("residual / N")
     below.set_xlabel("gauge pressure / bar" if one_chamber else "half sum as fitted / N")
     above.legend(ncols=2)
     figure.align_ylabels()

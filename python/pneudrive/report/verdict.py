@@ -64,10 +64,15 @@ def _pressure(topic: Topic, found: Characterisation) -> str:
     if not lines:
         return topic.say("no_pressure", known=known)
     slopes = sorted(1e5 * line.slope_n_pa for line in lines)
-    rise = f"{slopes[0]:+.2f} N/bar" if len(slopes) == 1 else f"{slopes[0]:+.2f} to {slopes[-1]:+.2f} N/bar"
+    rise = f"{_range(slopes, '+.2f')} N/bar"
     confounded = sum(abs(line.speed_pressure_correlation) > CONFOUNDED for line in lines)
     tail = topic.say("confounded", some=confounded, all=len(lines)) if confounded else ""
     return topic.say("pressure", rise=rise, known=known, tail=tail)
+
+
+def _range(values: list[float], form: str) -> str:
+    """Return the ends of sorted values in words; one number where there is one value."""
+    return " to ".join(f"{one:{form}}" for one in (values[:1] if len(values) == 1 else (values[0], values[-1])))
 
 
 def _beyond_u(found: Characterisation) -> bool:
@@ -85,7 +90,7 @@ def _closure(topic: Topic, found: Characterisation) -> str:
     zeros = sorted(c.force_zero_n.value for c in known)
     large = sum(abs(level.offset_n) > level.friction_n for level in found.levels)
     offset = topic.say("offset", recordings=plural(large, "recording")) if large else ""
-    return topic.say("closure", areas=(areas[0], areas[-1]), zeros=(zeros[0], zeros[-1]), offset=offset)
+    return topic.say("closure", areas=_range(areas, "+.1f"), zeros=_range(zeros, "+.2f"), offset=offset)
 
 
 def _is_determined(area: Estimate, nominal: float) -> bool:

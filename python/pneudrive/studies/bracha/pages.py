@@ -162,7 +162,7 @@ def draw_chambers(compared: ChamberComparison) -> Figure:
     axes[0, 0].set_ylabel("position / mm")
     axes[0, 0].legend(loc="lower center")
     axes[0, 1].plot(time, 1e3 * (printed.position - balanced.position)[part], color=style.BLACK)
-    axes[0, 1].set_ylabel("difference of position / mm")
+    axes[0, 1].set_ylabel("difference / mm")
     for axis in axes[-1]:
         axis.set_xlabel("time / s")
     figure.align_ylabels()
