@@ -71,7 +71,7 @@ function Page() {
 
 async function start(): Promise<void> {
   if (await unlock()) {
-    await list();
+    void list(); // the view that is asked for does not wait for the folder
     takeDrops();
     addEventListener("hashchange", follow);
     follow();

@@ -45,11 +45,14 @@ export async function open(path: string): Promise<void> {
   said.value = "";
   valid.value = null;
   drawing.value = null;
+  const mine = ++asked;
   try {
-    const { text, sha256 } = await read<{ text: string; sha256: string | null }>("/api/file", { path });
-    opened.value = { path, text, saved: text, sha256: sha256 ?? "" };
-    await check(text);
+    const found = await read<{ text: string; sha256: string | null; checked: Checked }>("/api/file", { path, checked: "1" });
+    if (mine !== asked) return;
+    opened.value = { path, text: found.text, saved: found.text, sha256: found.sha256 ?? "" };
+    await take(found.checked, path, found.text, mine);
   } catch (error) {
+    if (mine !== asked) return;
     opened.value = null;
     problems.value = error instanceof Refused ? error.problems : [];
   }
@@ -62,17 +65,21 @@ export async function change(text: string): Promise<void> {
   await check(text);
 }
 
+/** Show what the server says of a text, and its drawing behind that; only the newest answer counts. */
+async function take(found: Checked, path: string, text: string, mine: number): Promise<void> {
+  if (mine !== asked) return;
+  problems.value = found.problems;
+  if (found.problems.length) return;
+  valid.value = found;
+  const shapes = await ask<Drawing>("/api/drawing", { path, text });
+  if (mine === asked) drawing.value = shapes;
+}
+
 async function check(text: string): Promise<void> {
   const mine = ++asked;
   const path = opened.value!.path;
   try {
-    const found = await ask<Checked>("/api/check", { path, text });
-    if (mine !== asked) return;
-    problems.value = found.problems;
-    if (found.problems.length) return;
-    valid.value = found;
-    const shapes = await ask<Drawing>("/api/drawing", { path, text });
-    if (mine === asked) drawing.value = shapes;
+    await take(await ask<Checked>("/api/check", { path, text }), path, text, mine);
   } catch (error) {
     if (mine === asked && error instanceof Refused) problems.value = error.problems;
   }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -13,11 +14,12 @@ from hypothesis import strategies as st
 
 import pneudrive as pn
 from pneudrive.cli.main import run as run_command
+from pneudrive.web.app import make_app
 from pneudrive.web.asked_run import RunLimit
 from pneudrive.web.live import answer
 from pneudrive.web.messages import pack, unpack
 from pneudrive.web.workspace import Workspace
-from web.conftest import DRIVE, Served
+from web.conftest import DRIVE, PORT, TOKEN, Served, TestClient
 
 CHANGED = {"friction.coulomb": "31 N", "valve.critical_pressure_ratio": 0.35}
 ASKED = {
@@ -273,3 +275,29 @@ def test_arrays_that_are_drawn_take_32_bits_and_lose_nothing_that_is_seen() -> N
     for name in ("pressure", "time"):
         off = np.nanmax(np.abs(drawn[name] - values[name]))
         assert off <= 2.0**-25 * np.nanmax(values[name]) - 2.0**-25 * np.nanmin(values[name]) + np.spacing(1e6)
+
+
+def test_a_file_is_checked_as_it_is_read(served: Served) -> None:
+    def got(**query: str) -> dict:
+        return served.client.get("/api/file", params={"path": "axis.toml", **query}, headers=served.headers).json()
+
+    found = got(checked="1")
+    asked = {"path": "axis.toml", "text": found["text"]}
+    assert found["checked"] == served.client.post("/api/check", json=asked, headers=served.headers).json()
+    assert found["checked"]["name"] == "my axis"
+    assert "checked" not in got()
+    (served.folder / "axis.toml").write_text(DRIVE.replace("28 N", "28 bar"))
+    assert got(checked="1")["checked"]["problems"][0]["line"] == 5
+
+
+def test_a_browser_keeps_what_has_a_hash_in_its_name_alone(served: Served, tmp_path: Path) -> None:
+    built = tmp_path / "other"
+    (built / "assets").mkdir(parents=True)
+    (built / "index.html").write_text("<!doctype html>")
+    (built / "assets" / "index-abc.js").write_text("1")
+    client = TestClient(make_app(Workspace.at(served.folder), PORT, TOKEN, built), base_url=f"http://127.0.0.1:{PORT}")
+    kept = client.get("/assets/index-abc.js", headers=served.headers).headers
+    assert kept["cache-control"] == "max-age=31536000, immutable"
+    assert "script-src 'self'" in kept["content-security-policy"]
+    for path in ("/", "/index.html", "/api/studies"):
+        assert client.get(path, headers=served.headers).headers["cache-control"] == "no-store"

@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from pneudrive.web.recordings import OpenRecording, Recordings
 
 BUILD_FILE = "build.json"
+#: Files with a hash of what is in them in their name, which a browser may keep: they hold no data.
+HASHED, KEPT = "/assets/", {"cache-control": "max-age=31536000, immutable"}
 #: Jobs that a page may start, by the command that does them: the module that has them as `COMMAND_job`.
 JOBS = {
     "characterise": "jobs",
@@ -132,15 +134,17 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
         WebSocketRoute("/api/live", socket),
     ]
     for name, data in page.items():
-        routes.append(Route(name, partial(_static, data, TYPES.get(Path(name).suffix) or guess_type(name)[0])))
-    routes.append(Route("/", partial(_static, page["/index.html"], TYPES[".html"])))
+        kind = TYPES.get(Path(name).suffix) or guess_type(name)[0] or "application/octet-stream"
+        kept = KEPT if name.startswith(HASHED) else {}
+        routes.append(Route(name, partial(_static, Response(data, media_type=kind, headers=kept))))
+    routes.append(Route("/", partial(_static, Response(page["/index.html"], media_type=TYPES[".html"]))))
     app = Starlette(routes=routes)
     app.state.jobs = views.running
     return Guard(app, port, token, frozenset(["/", *page]), reports)
 
 
-async def _static(data: bytes, kind: str | None, _: Asked) -> Response:
-    return Response(data, media_type=kind or "application/octet-stream")
+async def _static(answer: Response, _: Asked) -> Response:
+    return answer
 
 
 def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Asked], Any]:
@@ -189,9 +193,11 @@ class _Views:
         return {**about, "files": files, "catalogue": drives}
 
     def read(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return the text of a file."""
-        text, sha256 = description.text_at(self.workspace, given.get("path", ""))
-        return {"text": text, "sha256": sha256}
+        """Return the text of a file, and what is to be said of it as a description if that is asked for."""
+        path = given.get("path", "")
+        text, sha256 = description.text_at(self.workspace, path)
+        about = {"checked": description.checked(self.workspace, path, text)} if "checked" in given else {}
+        return {"text": text, "sha256": sha256, **about}
 
     def write(self, given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Write a file that is still what the page knows."""
