@@ -34,6 +34,7 @@ export type Connection = "open" | "lost" | "locked" | "starting";
 export const connection = signal<Connection>("starting");
 
 const KEY = "pneudrive-token";
+const LOGIN = "pneudrive-login"; // here users log in
 const CHANNEL = "pneudrive";
 let token = "";
 
@@ -44,6 +45,7 @@ export async function unlock(): Promise<boolean> {
     sessionStorage.setItem(KEY, found[1]);
     history.replaceState(null, "", "/#/");
   }
+  if (location.hash === "#login") sessionStorage.setItem(LOGIN, "yes");
   token = sessionStorage.getItem(KEY) ?? (await askTabs());
   const channel = new BroadcastChannel(CHANNEL);
   channel.onmessage = (event: MessageEvent<"ask" | { token: string }>) => {
@@ -54,6 +56,17 @@ export async function unlock(): Promise<boolean> {
   if (token) keep(token);
   else connection.value = "locked";
   return token !== "";
+}
+
+/** Whether users of a file log in at this server. */
+export const hasUsers = (): boolean => sessionStorage.getItem(LOGIN) !== null;
+
+/** Log in: the page begins again with the token that the server gives. */
+export async function logIn(user: string, password: string): Promise<void> {
+  const given = await ask<{ token: string }>("/api/login", { user, password });
+  sessionStorage.setItem(KEY, given.token);
+  location.hash = "#/";
+  location.reload();
 }
 
 function keep(given: string): void {
@@ -159,7 +172,7 @@ export class Live<Head extends { number: number }> {
   }
 
   private connect(): void {
-    const socket = new WebSocket(`ws://${location.host}/api/live`, ["pneudrive", `token.${token}`]);
+    const socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/api/live`, ["pneudrive", `token.${token}`]);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       connection.value = "open";

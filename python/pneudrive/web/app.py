@@ -29,10 +29,11 @@ from pneudrive.web import description
 from pneudrive.web.asked_run import MOST_PIXELS, WRONG_REQUEST, AskedRun, described_at
 from pneudrive.web.beside import AskedBeside
 from pneudrive.web.drop import take
-from pneudrive.web.guard import DROP, REPORTS, Guard
+from pneudrive.web.guard import DROP, LOGIN, REPORTS, Guard
 from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job
 from pneudrive.web.live import live
 from pneudrive.web.messages import pack, problems_of
+from pneudrive.web.reach import Door, WebReach
 from pneudrive.web.reports import SANDBOX, OpenReports
 from pneudrive.web.workspace import BUILT, TABLES, ChangedError, Workspace, built_page, fingerprint
 
@@ -66,7 +67,15 @@ BEHIND = tuple(
 TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html; charset=utf-8", ".svg": "image/svg+xml"}
 
 
-def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *, control: bool = False) -> Guard:
+def make_app(
+    workspace: Workspace,
+    port: int,
+    token: str,
+    built: Path = BUILT,
+    *,
+    control: bool = False,
+    reach: WebReach | None = None,
+) -> Guard:
     """Return the application behind its guard.
 
     Parameters
@@ -80,13 +89,15 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
         Folder of the built page.
     control : bool
         Whether the page may send requests to campaigns.
+    reach : WebReach, optional
+        From where the page may be reached; default: this machine.
 
     Raises
     ------
     CommandError
         The page is not built.
     """
-    page = built_page(built)
+    page, reach = built_page(built), reach or WebReach()
     build = json.loads(page.get(f"/{BUILD_FILE}", b"{}")).get("build", "")
     reports: dict[str, str] = {}
     views = _Views(workspace, build, OpenReports(workspace, reports), control=control)
@@ -126,6 +137,7 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
         Route("/api/comparison", _answered(views.comparison)),
         Route("/api/tracks", _answered(views.tracks)),
         Route("/api/fmu", _answered(views.fmu)),
+        Route(LOGIN, partial(_login, Door(reach.users, token)), methods=["POST"]),
         Route(DROP, views.drop, methods=["PUT"]),
         Route("/api/report", _answered(views.report)),
         Route(f"{REPORTS}{{secret}}/{{name:path}}", views.open_report),
@@ -140,7 +152,17 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
     routes.append(Route("/", partial(_static, Response(page["/index.html"], media_type=TYPES[".html"]))))
     app = Starlette(routes=routes)
     app.state.jobs = views.running
-    return Guard(app, port, token, frozenset(["/", *page]), reports)
+    login = [LOGIN] if reach.users else []
+    return Guard(app, port, token, frozenset(["/", *page, *login]), reports, reach.names, reach.scheme)
+
+
+async def _login(door: Door, asked: Asked) -> Response:
+    """Give the token to who has a name and its password."""
+    try:
+        given = _table(await asked.body(), "user", "password")
+        return JSONResponse({"token": await door.token_for(given["user"], given["password"])})
+    except PneudriveError as error:
+        return JSONResponse({"problems": problems_of(error)}, status_code=401)
 
 
 async def _static(answer: Response, _: Asked) -> Response:

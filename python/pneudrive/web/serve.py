@@ -13,18 +13,26 @@ from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError, PneudriveError, PneudriveWarning
 from pneudrive.web.guard import address, new_token
+from pneudrive.web.reach import HOST, WebReach
 from pneudrive.web.workspace import Workspace, built_page
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-HOST = "127.0.0.1"
 MOST_MESSAGE = 1 << 16  # bytes of a message of the socket
+LOG_IN = "login"  # in the place of the token, where users log in
 _LIBRARIES = ("starlette", "uvicorn", "websockets", "tomlkit")
 _NEEDED = 'pip install "pneudrive[web]"'
 
 
-def serve(folder: Path, port: int, opened: Callable[[str], object], *, control: bool = False) -> None:
+def serve(
+    folder: Path,
+    port: int,
+    opened: Callable[[str], object],
+    *,
+    control: bool = False,
+    reach: WebReach | None = None,
+) -> None:
     """Serve a folder until Ctrl-C.
 
     The address is given as soon as the port listens; what serves it is imported while the browser starts.
@@ -39,32 +47,37 @@ def serve(folder: Path, port: int, opened: Callable[[str], object], *, control: 
         Called with the address when the server listens.
     control : bool
         Whether the page may send requests to campaigns.
+    reach : WebReach, optional
+        From where the page may be reached; default: this machine.
 
     Raises
     ------
     CommandError
         The folder is not one, the port is taken, the page is not built, or the libraries of the page are missing.
     """
+    reach = reach or WebReach()
     for name in _LIBRARIES:
         if find_spec(name) is None:
             raise CommandError(f"the page needs {name}", remedy=_NEEDED)
     workspace = Workspace.at(folder)
     built_page()
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
+    family = socket.AF_INET6 if ":" in reach.bind else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as listening:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            listening.bind((HOST, port))
+            listening.bind((reach.bind, port))
         except (OSError, OverflowError) as error:
-            raise CommandError(f"port {port} cannot be used: {error}", remedy="Choose another one: --port.") from None
+            where = f"port {port}" if reach.bind == HOST else f"port {port} of {reach.bind}"
+            raise CommandError(f"{where} cannot be used: {error}", remedy="Choose another one: --port.") from None
         port, token = listening.getsockname()[1], new_token()
         listening.listen(128)
-        opened(address(port, token))
+        opened(address(port, LOG_IN if reach.users else f"token={token}", reach.name, reach.scheme))
 
         import uvicorn
 
         from pneudrive.web.app import make_app
 
-        app = make_app(workspace, port, token, control=control)
+        app = make_app(workspace, port, token, control=control, reach=reach)
         threading.Thread(target=warm_up, daemon=True).start()
         warnings.simplefilter("ignore", PneudriveWarning)  # the page shows the warnings of a run
         settings = uvicorn.Config(
@@ -77,6 +90,8 @@ def serve(folder: Path, port: int, opened: Callable[[str], object], *, control: 
             lifespan="off",
             log_level="warning",
             timeout_graceful_shutdown=1,
+            ssl_certfile=None if reach.certificate is None else str(reach.certificate),
+            ssl_keyfile=None if reach.key is None else str(reach.key),
         )
         uvicorn.Server(settings).run(sockets=[listening])
 

@@ -204,7 +204,7 @@ class Protection:
         """Hash a password, which takes time, before `get_user` compares it."""
         if len(self._checked) > MOST_CHECKED:  # remains of logins that failed for another reason
             self._checked.clear()
-        self._checked[(username, password)] = _is_password(self.users.get(username, ""), password)
+        self._checked[(username, password)] = is_password(self.users.get(username, ""), password)
 
     def get_user(
         self,
@@ -407,7 +407,8 @@ def _validator(peer: str, trusted: tuple[bytes, ...] | None = None) -> Any:  # n
     return check
 
 
-def _is_password(kept: str, password: str) -> bool:
+def is_password(kept: str, password: str) -> bool:
+    """Return whether a password has this salted hash; for an empty one too it takes the time of a hash."""
     _, salt, expected = kept.split(":") if kept else ("", "", "")
     return hmac.compare_digest(_text(_hash(password, base64.b64decode(salt))), expected)
 
