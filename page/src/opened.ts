@@ -50,7 +50,7 @@ export async function open(path: string): Promise<void> {
     const found = await read<{ text: string; sha256: string | null; checked: Checked }>("/api/file", { path, checked: "1" });
     if (mine !== asked) return;
     opened.value = { path, text: found.text, saved: found.text, sha256: found.sha256 ?? "" };
-    await take(found.checked, path, found.text, mine);
+    void take(path, found.text, mine, Promise.resolve(found.checked));
   } catch (error) {
     if (mine !== asked) return;
     opened.value = null;
@@ -66,24 +66,21 @@ export async function change(text: string): Promise<void> {
 }
 
 /** Show what the server says of a text, and its drawing behind that; only the newest answer counts. */
-async function take(found: Checked, path: string, text: string, mine: number): Promise<void> {
-  if (mine !== asked) return;
-  problems.value = found.problems;
-  if (found.problems.length) return;
-  valid.value = found;
-  const shapes = await ask<Drawing>("/api/drawing", { path, text });
-  if (mine === asked) drawing.value = shapes;
-}
-
-async function check(text: string): Promise<void> {
-  const mine = ++asked;
-  const path = opened.value!.path;
+async function take(path: string, text: string, mine: number, answered: Promise<Checked>): Promise<void> {
   try {
-    await take(await ask<Checked>("/api/check", { path, text }), path, text, mine);
+    const found = await answered;
+    if (mine !== asked) return;
+    problems.value = found.problems;
+    if (found.problems.length) return;
+    valid.value = found;
+    const shapes = await ask<Drawing>("/api/drawing", { path, text });
+    if (mine === asked) drawing.value = shapes;
   } catch (error) {
     if (mine === asked && error instanceof Refused) problems.value = error.problems;
   }
 }
+
+const check = (text: string): Promise<void> => take(opened.value!.path, text, ++asked, ask<Checked>("/api/check", { path: opened.value!.path, text }));
 
 /** Set one value in the text; the server keeps comments and order. */
 export async function set(key: string, value: string | number): Promise<void> {
