@@ -4,6 +4,7 @@ import { useEffect } from "preact/hooks";
 import { digits } from "./looks";
 import { follow, JobList } from "./jobs";
 import { Copied, folderOf, Problems, ReportOf } from "./parts";
+import { Heat } from "./heat";
 import { Scatter, type Group } from "./plot";
 import { link, route } from "./routes";
 import { ask, attempting, read, Refused, type Problem } from "./server";
@@ -23,6 +24,7 @@ interface FrictionMap {
     points: Point[];
     curve?: { speed: number[]; friction: number[]; low: number[]; high: number[]; measured: [number, number] };
   }[];
+  heat: { edges: number[]; rows: { label: string; cells: ([friction: number, kind: "measured" | "fit" | "extrapolated"] | null)[] }[] };
   fit: string;
   fits: string[];
   recordings: Record<string, string>;
@@ -165,6 +167,7 @@ function Map({ found }: { found: FrictionMap }) {
         </span>
       </p>
       <Scatter title="Friction over speed" x="speed, mm/s" y="friction, N" groups={groups} log={isLog.value} />
+      <Heat of={found.heat} />
       <div class="scroll" tabIndex={0} role="region" aria-label="Points of the map">
         <table>
           <thead>

@@ -203,6 +203,9 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     assert float(page.get_attribute("[data-value=coulomb]", "data-si")) == fit.values["coulomb"]
     shown = sorted(float(cell.get_attribute("data-si")) for cell in page.locator(".scroll td[data-si]").all())
     assert shown == sorted(curves["friction_n"].to_numpy())
+    cells = page.locator("[data-heat] rect[data-kind]")
+    assert cells.count() == 2 * 24
+    assert page.locator("[data-heat] rect[data-kind=measured]").count() >= 2
     page.check("text=logarithmic scale")
     assert "What the data do not determine" in page.inner_text("main")
     assert violations(tab) == []

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 10_000
 MOST_CURVES = 8
+HEAT_COLUMNS, HEAT_ROWS = 24, 60
 SPEEDS = 120  # points of a curve
 FIT = "fit.toml"
 PRESSURES = ("none", *PRESSURE_FORMS)
@@ -91,8 +92,46 @@ def shown_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
                 "high": predicted.upper_n.tolist(),
                 "measured": [min(own), max(own)],
             }
+    heat = _heat(groups, fit)
     about = {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in COLUMNS.items()}
-    return {"groups": groups, "fit": why, "columns": about, "left_out": int(found.sizes["row"] - len(rows))}
+    return {
+        "groups": groups,
+        "heat": heat,
+        "fit": why,
+        "columns": about,
+        "left_out": int(found.sizes["row"] - len(rows)),
+    }
+
+
+def _heat(groups: list[dict[str, Any]], fit: FrictionFit | None) -> dict[str, Any]:
+    """Return friction over speed and pressure as cells: the mean of the points in a cell, else what the fit says.
+
+    Of each pair of pressures one row of cells ``[friction, kind]``: ``"measured"``, ``"fit"`` between the measured
+    speeds of the row, ``"extrapolated"`` beyond them; None where there is neither point nor fit.
+    """
+    speeds = np.array([one["speed"] for group in groups for one in group["points"]])
+    if not len(speeds) or not 0.0 < speeds.min() < speeds.max():
+        return {"edges": [], "rows": []}
+    edges = np.geomspace(speeds.min(), speeds.max(), HEAT_COLUMNS + 1)
+    middles = np.sqrt(edges[1:] * edges[:-1])
+    rows = []
+    for group in groups[:HEAT_ROWS]:
+        own = np.array([one["speed"] for one in group["points"]])
+        friction = np.array([one["friction"] for one in group["points"]])
+        column = np.clip(np.searchsorted(edges, own, side="right") - 1, 0, HEAT_COLUMNS - 1)
+        known = None if fit is None else fit.predict(middles, *group["gauges"]).friction_n
+        cells: list[list[Any] | None] = []
+        for place, middle in enumerate(middles):
+            inside = friction[column == place]
+            if len(inside):
+                cells.append([float(inside.mean()), "measured"])
+            elif known is None:
+                cells.append(None)
+            else:
+                between = own.min() <= middle <= own.max()
+                cells.append([float(known[place]), "fit" if between else "extrapolated"])
+        rows.append({"label": group["label"], "cells": cells})
+    return {"edges": edges.tolist(), "rows": rows}
 
 
 def _pressures(found: xr.Dataset, rows: Any) -> Any:  # noqa: ANN401 - arrays of numbers

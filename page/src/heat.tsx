@@ -1,0 +1,63 @@
+/** Friction over speed and pressure as cells: measured, of the fit, or hatched where the fit is extrapolated. */
+import { digits, isDark } from "./looks";
+
+interface Heated {
+  edges: number[];
+  rows: { label: string; cells: ([friction: number, kind: string] | null)[] }[];
+}
+
+const LEFT = 190;
+const CELL = { width: 26, height: 20 };
+const BELOW = 62;
+const MM = 1000;
+const KINDS: Record<string, string> = { measured: "mean of the measured points", fit: "of the fit, between measured speeds", extrapolated: "of the fit, beyond the measured speeds" };
+
+/** A colour between the paper and a dark (or, on dark paper, a light) blue. */
+function colour(share: number): string {
+  const [from, to] = isDark() ? [[30, 45, 62], [150, 205, 255]] : [[236, 243, 250], [14, 60, 112]];
+  return `rgb(${from!.map((one, k) => Math.round(one + share * (to![k]! - one))).join(" ")})`;
+}
+
+export function Heat({ of }: { of: Heated }) {
+  const values = of.rows.flatMap((row) => row.cells.flatMap((cell) => (cell ? [cell[0]] : [])));
+  if (of.rows.length < 2 || values.length < 2) return null;
+  const [low, high] = [Math.min(...values), Math.max(...values)];
+  const share = (value: number) => (high > low ? (value - low) / (high - low) : 0.5);
+  const columns = of.edges.length - 1;
+  const [width, height] = [LEFT + columns * CELL.width + 24, of.rows.length * CELL.height];
+  return (
+    <figure class="plot heat" data-heat={of.rows.length}>
+      <figcaption>Friction over speed and pressure</figcaption>
+      <svg viewBox={`0 0 ${width} ${height + BELOW}`} role="img" aria-label={`Friction from ${digits(low)} to ${digits(high)} N over speed and chamber pressures; the table below has the points`}>
+        <defs>
+          <pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">
+            <line x1="0" y1="0" x2="0" y2="6" class="hatch" />
+          </pattern>
+        </defs>
+        {of.rows.map((row, y) => (
+          <g key={row.label}>
+            <text x={LEFT - 8} y={(y + 0.7) * CELL.height} text-anchor="end">{row.label}</text>
+            {row.cells.map((cell, x) => {
+              if (!cell) return null;
+              const at = { x: LEFT + x * CELL.width, y: y * CELL.height, width: CELL.width - 1, height: CELL.height - 1 };
+              return (
+                <g key={x}>
+                  <rect {...at} fill={colour(share(cell[0]))} data-kind={cell[1]} class={cell[1] === "measured" ? "measured" : ""}>
+                    <title>{`${row.label}, ${digits(MM * of.edges[x]!, 3)} to ${digits(MM * of.edges[x + 1]!, 3)} mm/s: ${digits(cell[0])} N, ${KINDS[cell[1]]}`}</title>
+                  </rect>
+                  {cell[1] === "extrapolated" && <rect {...at} fill="url(#hatch)" pointer-events="none" />}
+                </g>
+              );
+            })}
+          </g>
+        ))}
+        {of.edges.map((edge, x) => x % 4 === 0 && <text key={x} x={LEFT + x * CELL.width} y={height + 16} text-anchor="middle">{digits(MM * edge, 3)}</text>)}
+        <text x={LEFT + (columns * CELL.width) / 2} y={height + 34} text-anchor="middle">speed, mm/s</text>
+        {Array.from({ length: 40 }, (_, k) => <rect key={k} x={LEFT + 4 * k} y={height + 44} width={4} height={12} fill={colour(k / 39)} />)}
+        <text x={LEFT - 8} y={height + 55} text-anchor="end">{digits(low, 3)} N</text>
+        <text x={LEFT + 168} y={height + 55}>{digits(high, 3)} N</text>
+      </svg>
+      <p class="note">Framed: mean of the measured points. Without a frame: of the fit. Hatched: the fit beyond the measured speeds.</p>
+    </figure>
+  );
+}
