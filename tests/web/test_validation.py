@@ -128,6 +128,21 @@ def test_what_is_no_view_of_a_validation_is_answered_in_words(validated: Served,
     assert not arrays
 
 
+def test_a_job_writes_into_folders_of_the_workspace_alone(validated: Served) -> None:
+    outside = validated.folder.parent / "outside"
+    outside.mkdir()
+    (validated.folder / "linked").symlink_to(outside)
+    identify = ASKED | {"kind": "identify", "free": "valve.conductance"}
+    for out, told in (("linked/fit.toml", "no file of this workspace"), ("axis.toml/fit.toml", "cannot be made")):
+        refused = post(validated, "/api/jobs", identify | {"out": out}, 400)
+        assert told in refused["problems"][0]["what"]
+    (validated.folder / "results").rename(validated.folder / "old")
+    (validated.folder / "results").symlink_to(outside)
+    post(validated, "/api/jobs", ASKED, 400)
+    assert validated.jobs == []
+    assert not list(outside.iterdir())
+
+
 def test_a_changed_value_names_no_file(validated: Served) -> None:
     """A law of one's own outside of the folder is not even opened."""
     place = validated.folder.parent / "law.toml"

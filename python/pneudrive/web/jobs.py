@@ -168,7 +168,7 @@ def _said(log: Path) -> dict[str, Any]:
         with log.open("rb") as file:
             size = file.seek(0, os.SEEK_END)
             file.seek(max(size - LAST_BYTES, 0))
-            lines = file.read().decode("utf-8", "replace").splitlines()
+            lines = file.read().decode("utf-8", "replace").splitlines()[size > LAST_BYTES :]  # the first one is cut
     except OSError:
         lines = []
     reports = [line for line in lines if line.startswith(REPORT)]
@@ -194,16 +194,19 @@ class PageJobs:
         Raises
         ------
         CommandError
-            The folder is there already, or all processors are busy.
+            The folder is there already, leads out of the workspace or cannot be made; or all processors are busy.
         """
         with self._lock:
             running = [one.out for one in self.all if one.state == "running"]
             if len(running) >= (os.cpu_count() or 1):
                 raise CommandError(f"{len(running)} jobs are running", remedy="Wait for one, or cancel it.")
-            out = self.workspace.root / work.out
+            out = self.workspace.folder(work.out)
             if (work.is_new and out.exists()) or work.out in running:
                 raise CommandError(f"{work.out} is there already", remedy="Choose another name.")
-            out.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                out.parent.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise CommandError(f"the folder of {work.out} cannot be made", value=error.strerror) from None
             logs = self.workspace.root / CACHE
             logs.mkdir(parents=True, exist_ok=True)
             number = next(self._numbers)
