@@ -61,7 +61,9 @@ const copied = signal<{ command: string; python: string } | null>(null);
 /** Draw the curves of another fit beside the map. */
 const choose = (path: string, of: string): Promise<void> =>
   attempt(async () => {
-    map.value = await read<FrictionMap>("/api/map", { path, fit: of });
+    const one = await read<FrictionMap>("/api/map", { path, fit: of });
+    if (route.value.path !== path) return;
+    map.value = one;
     fit.value = null;
     if (!map.value.fit) fit.value = await read<Fit>("/api/fit", { path: of });
     drawn.value = of;
@@ -88,7 +90,7 @@ function Refit({ path, found }: { path: string; found: FrictionMap }) {
         {found.fits.length > 0 && (
           <label>
             Curves of{" "}
-            <select value={drawn.value || found.fits.find((one) => one.endsWith("/fit.toml"))} onChange={(event) => void choose(path, event.currentTarget.value)}>
+            <select value={drawn.value || found.fits.find((one) => /(^|\/)fit\.toml$/.test(one))} onChange={(event) => void choose(path, event.currentTarget.value)}>
               {found.fits.map((one) => <option key={one}>{one}</option>)}
             </select>
           </label>

@@ -17,6 +17,8 @@ interface ToldGain {
 }
 
 interface Card {
+  path: string;
+  measure: string; // that its cells and runs are of
   drive: string;
   setup: [string, string];
   mismatch: string;
@@ -51,14 +53,20 @@ const measure = signal("max_error_m");
 const along = signal("");
 const wrong = signal<Problem[]>([]);
 
+let asked = 0;
+
+/** Read a card; only the newest answer counts. */
 async function openCard(path: string, one: string): Promise<void> {
+  const mine = ++asked;
   try {
     wrong.value = [];
     const found = await read<Card>("/api/comparison", { path, measure: one });
-    card.value = found;
+    if (mine !== asked) return;
+    card.value = { ...found, path, measure: one };
     if (!found.references.some((it) => it.name === along.value)) along.value = found.references[0]?.name ?? "";
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
+    if (mine !== asked) return;
     wrong.value = error.problems;
     card.value = null;
   }
@@ -72,7 +80,7 @@ export function ScoreCard({ path }: { path: string }) {
   useEffect(() => {
     void openCard(path, measure.value);
   }, [path, measure.value, job?.state]);
-  const found = card.value;
+  const found = card.value?.path === path ? card.value : null;
   const isReady = found?.finished ?? false;
   useEffect(() => {
     tracks.value = null;
@@ -144,7 +152,7 @@ function Unfinished({ path, isRunning }: { path: string; isRunning: boolean }) {
 }
 
 function Matrix({ found }: { found: Card }) {
-  const now = found.measures.find((one) => one.name === measure.value)!;
+  const now = found.measures.find((one) => one.name === found.measure)!;
   const middle = found.spread ? "median, then what 95 % and all of the members stay below" : "median of the seeds, then least and largest";
   return (
     <section aria-label="Score card">
@@ -247,7 +255,7 @@ const LEFT = 120;
 
 /** Each run as a tick on the line of its law, over a logarithmic axis. */
 function Strip({ found }: { found: Card }) {
-  const now = found.measures.find((one) => one.name === measure.value)!;
+  const now = found.measures.find((one) => one.name === found.measure)!;
   const runs = found.each.filter((one) => one.reference === along.value);
   const known = runs.filter((one) => one.value !== null && one.value > 0) as { law: string; seed: number; value: number }[];
   if (!known.length) return <p class="note">{now.title}: no number above zero along this reference.</p>;

@@ -102,11 +102,13 @@ const changes = computed<Record<string, string | number>>(() => {
 });
 
 async function load(at: string): Promise<void> {
-  found.value = frame.value = number.value = null;
+  found.value = frame.value = number.value = difference.value = copied.value = null;
+  free.value = after.value = "";
   wrong.value = [];
   record.value = 0;
   try {
     const one = await read<Validation>("/api/validation", { path: at });
+    if (path.value !== at) return;
     found.value = one;
     span.value = one.record[0]!.span;
     key.value = one.diagnosis.culprit?.find((cause) => cause.free.length)?.free[0] ?? "";
@@ -130,8 +132,8 @@ export function ValidationView() {
     const page = document.documentElement.dataset;
     const count = () => (page["sent"] = String(live.sent + Number(live.isWaiting)));
     const live = new Live<Head>((answer) => {
-      if (answer.head.problems) wrong.value = answer.head.problems;
-      else frame.value = answer;
+      wrong.value = answer.head.problems ?? [];
+      if (!answer.head.problems) frame.value = answer;
       count();
       page["drawn"] = String(answer.head.number);
       page["mostOnTheWay"] = String(live.mostOnTheWay);
