@@ -143,10 +143,18 @@ export function Plot(props: PlotProps) {
   );
 }
 
-/** Whether a curve has more values in the view than pixels, and is drawn as `columns`. */
+/** Whether a curve turns up and down more often than every fourth pixel, and is drawn as `columns`: a stroke is smoother, but slow there. */
 function isDense(u: uPlot, series: number): boolean {
   const [from, to] = [u.valToIdx(u.scales["x"]!.min!), u.valToIdx(u.scales["x"]!.max!)];
-  return !u.series[series]!.dash?.length && u.scales["x"]!.distr !== 3 && to - from >= u.bbox.width;
+  if (u.series[series]!.dash?.length || u.scales["x"]!.distr === 3 || to - from < u.bbox.width) return false;
+  const y = u.data[series] as ArrayLike<number>;
+  let [turns, before] = [0, 0];
+  for (let i = from + 1; i <= to; i++) {
+    const step = y[i]! - y[i - 1]!;
+    if (step * before < 0) turns += 1;
+    if (step) before = step;
+  }
+  return turns > u.bbox.width / 4;
 }
 
 const path: uPlot.Series.PathBuilder = (u, series, from, to) => (isDense(u, series) ? null : uPlot.paths.linear!()(u, series, from, to));
