@@ -11,6 +11,7 @@ import xarray as xr
 from pneudrive import units
 from pneudrive.datasheet.strokes import stroke_of
 from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.trajectory import attributes
 from pneudrive.units import UnitFloat
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class Pneu:
     """
 
     def __init__(self, run: xr.Dataset) -> None:
-        self._run = run
+        self._run = run.assign_attrs(attributes(run))
 
     def to(self, *wanted: str) -> xr.Dataset:
         """Return the run in other units: each converts all columns and coordinates of its quantity.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import os
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,6 +63,8 @@ _SUFFIXES = {
     "_s": "s",
     "_j": "J",
 }
+#: Attributes of a run that are lists or tables.
+STRUCTURED = frozenset(("statistics", "warnings", "impacts", "citations", "assumed", "labels", "identified", "ledger"))
 SUFFIXES = (".parquet", ".csv", ".nc")
 TABLES = {".parquet": "parquet", ".nc": "netcdf"}
 
@@ -299,6 +301,19 @@ def read_columns(
 def _name_in(path: Path, column: str) -> str:
     """Return the name of a column in the file: names of netCDF variables carry no unit."""
     return meaning(column)[0] if path.suffix == ".nc" else column
+
+
+def attributes(run: xr.Dataset) -> dict[str, Any]:
+    """Return the attributes of a run as `pneudrive.simulate` gave them, also of one that was read from netCDF.
+
+    There, lists and tables are texts (JSON).
+    """
+    out = dict(run.attrs)
+    for name in STRUCTURED & out.keys():
+        if isinstance(out[name], str):
+            with suppress(ValueError):
+                out[name] = json.loads(out[name])
+    return out
 
 
 def _flat(value: Any) -> Any:  # noqa: ANN401 - attributes are of any kind

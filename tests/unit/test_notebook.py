@@ -6,6 +6,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import pneudrive as pn
 from pneudrive.errors import CommandError
@@ -97,6 +98,16 @@ def test_strokes_are_those_between_the_commands(drive, run):
     assert back.stroke_time == pytest.approx(first_back["time_s"] - 1.0, abs=1e-3)
     with pytest.raises(CommandError, match="not one of the drive"):
         run.pneu.strokes(drive.replace({"load.mass": "1 kg"}))
+
+
+def test_a_run_read_from_its_file_is_the_run(drive, run, tmp_path):
+    read = xr.load_dataset(save(run, tmp_path / "run.nc"))
+    assert [str(one) for one in read.pneu.strokes(drive)] == [str(one) for one in run.pneu.strokes(drive)]
+    assert read.pneu.energy() == run.pneu.energy()
+    pages = [tmp_path / f"{name}.html" for name in ("run", "read")]
+    for one, page in zip((run, read), pages, strict=True):
+        pn.report.plot(one, page)
+    assert len({page.read_text().count("<tr>") for page in pages}) == 1
 
 
 def test_energy_leaves_as_the_heat_of_friction(drive, run):

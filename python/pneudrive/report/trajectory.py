@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.report import style
 from pneudrive.report.written import PICTURES, drawn, write_picture
-from pneudrive.trajectory import check_si, whole
+from pneudrive.trajectory import attributes, check_si, whole
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -132,8 +132,9 @@ def _write_page(figure: Figure, run: xr.Dataset, target: Path) -> None:
     from pneudrive.report.page import PageTable, Picture, Report, Section, inline, svg_text
 
     names = ("version", "solver", "rtol", "description_hash", "statistics")
-    rows = [(name, str(run.attrs[name])) for name in names if name in run.attrs]
-    rows += [(name, one) for name in ("warning", "assumed") for one in run.attrs.get(LISTS[name], [])]
+    about = attributes(run)
+    rows = [(name, str(about[name])) for name in names if name in about]
+    rows += [(name, one) for name in ("warning", "assumed") for one in about.get(LISTS[name], [])]
     title = str(run.attrs.get("title") or "Trajectory")
     picture = Picture("trajectory", f"{title}, simulated.", figure)
     table = PageTable(("", ""), tuple(rows), "Provenance", numbers_from=9)
