@@ -149,7 +149,7 @@ def measure() -> list[tuple[str, str, str]]:
             page.wait_for_selector("[data-end=position_m]")
             rows.append(("command to first curves, with a click", f"{time.perf_counter() - began:.2f} s", "1 s"))
             rows.append(("a frame of an empty page, median / p95", _ms(empty), ""))
-            return rows + _rows(page)
+            return [*rows, *_rows(page), *_memory(process.pid)]
         finally:
             process.kill()
             process.communicate()
@@ -188,6 +188,18 @@ def _rows(page: Any) -> list[tuple[str, str, str]]:
     rows.append(("bytes of a view, largest", f"{max(sizes) / 1e3:.0f} kB", "64 kB"))
     rows.append(("first page, gzip", f"{_first_page() / 1e3:.0f} kB", "100 kB"))
     return rows
+
+
+def _memory(pid: int) -> list[tuple[str, str, str]]:
+    """Return the most memory that the server and its process that reads files have had; of Linux alone."""
+    place = Path(f"/proc/{pid}/task/{pid}/children")
+    if not place.is_file():
+        return []
+    found = [
+        int(re.findall(r"VmHWM:\s+(\d+)", Path(f"/proc/{one}/status").read_text())[0])
+        for one in (pid, *place.read_text().split())
+    ]
+    return [("memory of the server, with that of its reader", f"{sum(found) / 1e3:.0f} MB", "300 MB")]
 
 
 def _recording(path: Path) -> None:

@@ -6,7 +6,7 @@ import { follow, JobList } from "./jobs";
 import { digits } from "./looks";
 import { opened } from "./opened";
 import { Copied, InFolder, Problems } from "./parts";
-import { Plot } from "./plot";
+import { pixelsOfPlots, Plot } from "./plot";
 import { route } from "./routes";
 import { ask, attempting, Live, read, type Problem } from "./server";
 import { list, studies } from "./studies";
@@ -90,6 +90,7 @@ function request(): Record<string, unknown> | null {
     mismatch: mismatch.value,
     seed: seed.value,
     duration: duration.value,
+    pixels: pixelsOfPlots(),
   };
 }
 

@@ -57,6 +57,12 @@ function aligned(curves: Curve[], size: number): uPlot.AlignedData {
   return uPlot.join(tables);
 }
 
+/** Columns of pixels that the plots of the page have: each gets its own lowest and highest value. Without plots as told. */
+export function pixelsOfPlots(otherwise = 1000): number {
+  const width = document.querySelector("main .u-over")?.clientWidth;
+  return width ? Math.min(Math.max(Math.round(width * devicePixelRatio), 200), 4000) : otherwise;
+}
+
 /** Whether curves are the same numbers under the same names: then nothing is drawn again. */
 function alike(some: Curve[], others: Curve[]): boolean {
   return some.length === others.length && some.every((one, i) => one.x === others[i]!.x && one.y === others[i]!.y && one.label === others[i]!.label);

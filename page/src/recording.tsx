@@ -5,7 +5,7 @@ import type { Numbers } from "./frame";
 import { follow, JobList } from "./jobs";
 import { digits } from "./looks";
 import { Copied, Problems } from "./parts";
-import { Plot, type Curve, type Shade } from "./plot";
+import { pixelsOfPlots, Plot, type Curve, type Shade } from "./plot";
 import { route } from "./routes";
 import { ask, attempting, frame, read, Refused, write, type Problem } from "./server";
 
@@ -105,7 +105,7 @@ async function fetchView(): Promise<void> {
   if (isAsking) return;
   isAsking = true;
   const [from, to] = span.value;
-  const pixels = columns();
+  const pixels = pixelsOfPlots();
   const given = { path: route.value.path, from: String(from), to: String(to), pixels: String(pixels), columns: shown.value.join("\n") };
   try {
     const found = await frame<Head>("/api/window", given);
@@ -113,18 +113,12 @@ async function fetchView(): Promise<void> {
     found.arrays.delete("time");
     views.value = { head: found.head, time, channels: found.arrays };
     document.documentElement.dataset["points"] = String(time.length);
-    requestAnimationFrame(() => route.value.path === given.path && pixels !== columns(pixels) && void fetchView()); // the first view comes before its plots
+    requestAnimationFrame(() => route.value.path === given.path && pixels !== pixelsOfPlots(pixels) && void fetchView()); // the first view comes before its plots
   } catch (error) {
     if (error instanceof Refused) wrong.value = error.problems;
   }
   isAsking = false;
   if (isWaiting) void fetchView();
-}
-
-/** Columns of pixels that a curve has: each gets its own lowest and highest value. Without curves they are as told. */
-function columns(otherwise = 1000): number {
-  const width = document.querySelector(".recording .u-over")?.clientWidth;
-  return width ? Math.min(Math.max(Math.round(width * devicePixelRatio), 200), 4000) : otherwise;
 }
 
 function zoom(factor: number): void {
