@@ -136,6 +136,7 @@ def test_a_folder_that_holds_no_sizing_is_answered_in_words(served: Served) -> N
     answered = served.client.get("/api/sizing", params={"path": "x"}, headers=served.headers)
     assert answered.status_code == 400
     assert "holds no sizing" in answered.json()["problems"][0]["what"]
-    (served.folder / "x" / "sizing.json").write_text(json.dumps([1]))
-    answered = served.client.get("/api/sizing", params={"path": "x"}, headers=served.headers)
-    assert "damaged" in answered.json()["problems"][0]["what"]
+    for damaged in ([1], {"task": {"mass": "8 kg"}}):
+        (served.folder / "x" / "sizing.json").write_text(json.dumps(damaged))
+        answered = served.client.get("/api/sizing", params={"path": "x"}, headers=served.headers)
+        assert "damaged" in answered.json()["problems"][0]["what"]

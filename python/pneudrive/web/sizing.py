@@ -79,7 +79,7 @@ def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
     folder = workspace.folder(name)
     if not folder.exists():
         return {"waits": True}
-    about = _json(folder / ABOUT, name)
+    about = _json(folder / ABOUT, name, "task", "draws")
     simulated, short = _choices(folder / LINES)
     summary = _json(folder / SUMMARY, name) if (folder / SUMMARY).is_file() else {}
     asked = summary.get("asked")
@@ -106,12 +106,12 @@ def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
     )
 
 
-def _json(path: Path, name: str) -> dict[str, Any]:
+def _json(path: Path, name: str, *keys: str) -> dict[str, Any]:
     if not path.is_file():
         raise CommandError(f"{name} holds no sizing", remedy="Size a task first.")
     found = read_json(path, CommandError)
-    if not isinstance(found, dict):
-        raise CommandError(f"{path.name} in {name} is damaged")
+    if not isinstance(found, dict) or not all(found.get(key) for key in keys):
+        raise CommandError(f"{path.name} in {name} is damaged", remedy="Size the task again.")
     return found
 
 
