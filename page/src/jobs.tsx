@@ -27,6 +27,9 @@ const RESULTS: Record<string, [View, string, string]> = {
   size: ["sizing", "", "Show the candidates of"],
 };
 
+/** Jobs whose results are shown while they are made. */
+const WATCHED = ["control", "size"];
+
 /** Look at the jobs until none runs. */
 export async function follow(): Promise<void> {
   for (;;) {
@@ -61,6 +64,14 @@ export function JobList({ of }: { of?: string }) {
           )}
         </details>
       ))}
+      {of === undefined &&
+        shown
+          .filter((one) => one.state === "running" && WATCHED.includes(one.kind))
+          .map((one) => (
+            <p key={one.number}>
+              <a href={link(RESULTS[one.kind]![0], one.out)}>Watch {one.out}</a>
+            </p>
+          ))}
       {shown
         .filter((one) => one.state === "done" && RESULTS[one.kind])
         .map((one) => (

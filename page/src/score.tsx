@@ -26,6 +26,7 @@ interface Card {
   count: number;
   total: number;
   finished: boolean;
+  done: number;
   laws: string[];
   references: { name: string; text: string }[];
   measures: { name: string; title: string; size: number; unit: string }[];
@@ -47,6 +48,7 @@ interface Tracks {
   error: { unit: string; size: number };
 }
 
+const LOOK_MS = 1000; // between two looks at a comparison that runs
 const card = signal<Card | null>(null);
 const tracks = signal<Frame<Tracks> | null>(null);
 const measure = signal("max_error_m");
@@ -80,6 +82,21 @@ export function ScoreCard({ path }: { path: string }) {
   useEffect(() => {
     void openCard(path, measure.value);
   }, [path, measure.value, job?.state]);
+  useEffect(() => {
+    if (job?.state !== "running") return;
+    let gone = false;
+    const look = async () => {
+      for (;;) {
+        await new Promise((resolve) => setTimeout(resolve, LOOK_MS));
+        if (gone) return;
+        await openCard(path, measure.value); // the next look waits for the answer
+      }
+    };
+    void look();
+    return () => {
+      gone = true;
+    };
+  }, [path, job?.state]);
   const found = card.value?.path === path ? card.value : null;
   const isReady = found?.finished ?? false;
   useEffect(() => {
@@ -105,9 +122,10 @@ export function ScoreCard({ path }: { path: string }) {
       <Problems of={wrong.value} />
       {found && <About found={found} />}
       <ReportOf folder={path} changed={found?.finished} />
+      {found && !found.finished && <p data-done={found.done}>{found.done} of {found.total} runs are done. The medians below are of those, and can change.</p>}
       {found && !found.finished && <Unfinished path={path} isRunning={job?.state === "running"} />}
       <JobList of={path} />
-      {found?.finished && <Matrix found={found} />}
+      {found && found.done > 0 && <Matrix found={found} />}
       {found?.finished && <Along found={found} />}
       {found && <Told found={found} />}
       {found && (

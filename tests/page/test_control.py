@@ -42,12 +42,23 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
     page.fill("label:has-text('Seeds') input", "40")
     page.keyboard.press("Tab")
     page.click("button:text-is('Compare')")
-    page.wait_for_selector("progress[aria-label='Progress of results/laws']", state="attached")
+    page.wait_for_selector("progress[aria-label='Progress of results/laws']", state="attached", timeout=60_000)
+    about = server.folder / "results" / "laws" / "comparison.json"
+    for _ in range(400):
+        if about.is_file():
+            break
+        page.wait_for_timeout(50)
+    page.click("text=Watch results/laws")
+    page.wait_for_selector("[data-done]:not([data-done='0'])", timeout=60_000)
+    page.wait_for_selector("[data-cell][data-si]")  # medians so far
+    assert "can change" in page.inner_text("[data-done]")
+    assert violations(tab) == []
+    tab.picture("control-so-far")
     page.click("summary:has-text('results/laws')")
     page.click("text=Cancel results/laws")
     page.wait_for_selector("[data-state=cancelled]")
-    page.click("ul.files >> text=results/laws")
-    page.wait_for_selector("text=Not finished")
+    page.wait_for_selector("button:text-is('Resume')")
+    assert "Not finished" in page.inner_text("main")
     page.close()
 
     drive = pn.Drive.load(server.folder / "axis.toml")  # a comparison of fewer seeds, which the page takes up

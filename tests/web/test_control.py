@@ -157,7 +157,9 @@ def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeyp
     card = card_of(served)
     assert not card["finished"]
     assert card["total"] == 12
-    assert card["each"] == []
+    so_far = {(one["law"], one["reference"], one["seed"]): one["value"] for one in card["each"]}
+    assert len(so_far) == card["done"] <= len(before) <= len(so_far) + 2  # two that were being told
+    assert card["tables"] == {}
 
     post(served, "/api/comparisons", {"resume": "results/laws"})
     job = finish(served)
@@ -171,6 +173,10 @@ def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeyp
 
     card = card_of(served)
     assert card["finished"]
+    each = {(one["law"], one["reference"], one["seed"]): one["value"] for one in card["each"]}
+    assert len(each) == 12
+    assert so_far.items() <= each.items()
+    assert not (served.folder / "results" / "laws" / "so-far.jsonl").exists()
     assert card["command"].startswith("pneudrive control compare axis.toml --laws pva,pid")
     monkeypatch.chdir(served.folder)
     names: dict = {}

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.control.measures import SHOWN, SPREAD_SHOWN, Score, written
 from pneudrive.errors import CommandError
-from pneudrive.files.content import read_json
+from pneudrive.files.content import read_json, read_text
 from pneudrive.files.tables import open_table
 from pneudrive.show import Card, Shown
 from pneudrive.trajectory import read_columns, whole
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     import numpy as np
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 RUNS, SCORES, KEPT, ABOUT = "runs", "score.csv", "scores.jsonl", "comparison.json"
 TABLE = "score.parquet"
+SO_FAR = "so-far.jsonl"  # a line of each run that is done; gone once the tables are there
 SHARES = (0.5, 0.95, 1.0)  # of the members of a spread, that are told
 _TRUE = "true_"  # before the names of what was true, in the tables
 
@@ -197,7 +198,7 @@ class StoredComparison(ScoreCard, Shown):
     about : dict
         All of ``comparison.json``: what the laws were told, what was asked for.
     runs : tuple of ControlledRun
-        Empty as long as the comparison is not finished.
+        As long as the comparison is not finished those that are done, without what was true.
     """
 
     folder: Path
@@ -209,6 +210,11 @@ class StoredComparison(ScoreCard, Shown):
     count: int
     about: dict[str, Any]
     runs: tuple[ControlledRun, ...]
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether all runs are done."""
+        return (self.folder / TABLE).is_file()
 
     def _card(self) -> Card:
         rows = [
@@ -261,7 +267,7 @@ def _runs(folder: Path, references: Mapping[str, str]) -> tuple[ControlledRun, .
 
     path = folder / TABLE
     if not path.is_file():
-        return ()
+        return tuple(_so_far(folder, references))
     if open_table(path, "parquet").own is None:  # its seal says that the bytes are ours
         raise CommandError(f"{path} is damaged or was changed", remedy="Run the comparison again.")
     table = pl.read_parquet(path)
@@ -277,6 +283,27 @@ def _runs(folder: Path, references: Mapping[str, str]) -> tuple[ControlledRun, .
         times[law, text, seed] += 1
         out.append(ControlledRun(law, along, seed, score, row["reason"], file, truth))
     return tuple(out)
+
+
+def tell(folder: Path, run: ControlledRun) -> None:
+    """Add a run that is done to those so far."""
+    said = {"law": run.law, "reference": run.reference, "seed": run.seed, "reason": run.reason, "run": run.file.name}
+    said["score"] = None if run.score is None else run.score.to_dict()
+    with (folder / SO_FAR).open("a", encoding="utf-8") as file:
+        file.write(json.dumps(said) + "\n")
+
+
+def _so_far(folder: Path, references: Mapping[str, str]) -> Iterator[ControlledRun]:
+    text = ""
+    with suppress(CommandError):  # none is done, or there are so many that they are told at the end
+        text = read_text(folder / SO_FAR, CommandError)
+    for line in text.splitlines():
+        with suppress(ValueError, LookupError, TypeError):  # a line that is being written, or that a kill has cut
+            one = json.loads(line)
+            score = None if one["score"] is None else Score(**one["score"])
+            file = folder / RUNS / Path(one["run"]).name
+            if one["reference"] in references:
+                yield ControlledRun(one["law"], one["reference"], int(one["seed"]), score, one["reason"], file, {})
 
 
 def finished(folder: Path) -> int:

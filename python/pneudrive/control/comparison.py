@@ -14,7 +14,19 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.control.card import KEPT, RUNS, SCORES, TABLE, ControlledRun, ScoreCard, begin, row_of, told
+from pneudrive.control.card import (
+    KEPT,
+    RUNS,
+    SCORES,
+    SO_FAR,
+    TABLE,
+    ControlledRun,
+    ScoreCard,
+    begin,
+    row_of,
+    tell,
+    told,
+)
 from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
 from pneudrive.control.measures import Score, written
 from pneudrive.control.mismatch import mismatched, read_mismatch
@@ -243,8 +255,12 @@ def compare_watched(
 
     def one_of(asked: tuple[str, str, int]) -> ControlledRun:
         law, along, seed = asked
-        return store.run(prepared[law, along]._replace(truth=truths(seed)), law, along, seed)
+        run = store.run(prepared[law, along]._replace(truth=truths(seed)), law, along, seed)
+        with store.lock:
+            tell(Path(out), run)
+        return run
 
+    (Path(out) / SO_FAR).unlink(missing_ok=True)
     # Members outermost, so that each of their circuits is compiled once.
     each = [(law, along, seed) for seed in range(1, count + 1) for along in to_follow for law in tunings]
     if any(tuning.own is not None for tuning in tunings.values()):
@@ -254,6 +270,7 @@ def compare_watched(
     made = ControlComparison(drive.name, tunings, to_follow, read, name, runs, first.mismatch, spread_name)
     for table in (SCORES, TABLE):
         made.save(Path(out) / table)
+    (Path(out) / SO_FAR).unlink(missing_ok=True)
     return made
 
 

@@ -407,14 +407,15 @@ def shown_card(workspace: Workspace, name: str, measure: str) -> dict[str, Any]:
         "spread": card.spread,
         "count": card.count,
         "total": card.count * len(card.references) * len(told),
-        "finished": bool(card.runs),
+        "finished": card.is_finished,
+        "done": len(card.runs),
         "laws": list(told),
         "references": [{"name": along, "text": text} for along, text in card.references.items()],
         "measures": [
             {"name": one, "title": title, "size": 1.0 / factor, "unit": unit}
             for one, (title, factor, unit) in SHOWN.items()
         ],
-        "cells": [_cell(card, law, along, measure) for law in card.laws for along in card.references],
+        "cells": [_cell(card, law, along, measure) for law in told for along in card.references],
         "each": [
             {
                 "law": run.law,
@@ -424,7 +425,7 @@ def shown_card(workspace: Workspace, name: str, measure: str) -> dict[str, Any]:
             }
             for run in card.runs[:MOST_EACH]
         ],
-        "tables": {along: _table(card, along) for along in card.references} if card.runs else {},
+        "tables": {along: _table(card, along) for along in card.references} if card.is_finished else {},
         "told": told,
         "plant": card.about["plant"],
         "true": _true(card),
