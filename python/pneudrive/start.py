@@ -175,7 +175,7 @@ def _entries(text: str) -> dict[str, str]:
 def check_tolerance(rtol: float) -> None:
     """Raise an error for a relative tolerance that no simulation can keep."""
     low, high = RTOL_BOUNDS
-    if isinstance(rtol, bool) or not low <= rtol <= high:
+    if isinstance(rtol, (bool, str)) or not low <= rtol <= high:
         raise CommandError(f"rtol = {rtol} is out of bounds", rule=f"{low:g} <= rtol <= {high:g}")
 
 

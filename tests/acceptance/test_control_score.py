@@ -250,3 +250,24 @@ def test_wrong_spreads_give_one_message(case, tmp_path, capsys, monkeypatch):
     assert error.count("Error:") == 1
     assert said in error
     shutil.rmtree("out", ignore_errors=True)
+
+
+OBJECTS = {
+    "setup is a dict": {"setup": {"converter": {"bits": 12}}},
+    "mismatch is a dict": {"mismatch": {"moving_mass": 1.3}},
+    "believes is a str": {"believes": "drive.toml"},
+    "rtol = fine is out of bounds": {"rtol": "fine"},
+}
+
+
+@pytest.mark.parametrize("message", OBJECTS)
+def test_an_object_of_another_kind_gives_one_message(message, axis):
+    with pytest.raises(pn.errors.PneudriveError, match=message):
+        pn.control.run(axis, reference="R6", **OBJECTS[message])
+
+
+def test_a_comparison_of_no_reference_is_refused(axis, tmp_path):
+    for references in ({}, [], None):
+        with pytest.raises(pn.errors.CommandError, match="no reference"):
+            pn.control.compare(axis, ["pid"], references, out=tmp_path / "compared")
+    assert not (tmp_path / "compared").exists()

@@ -334,6 +334,8 @@ def _tunings(
 def _references(
     drive: Drive | Circuit, asked: str | Sequence[str | Path | Reference] | Mapping[str, str | Path | Reference]
 ) -> dict[str, Reference]:
+    if not asked:
+        raise CommandError("no reference is given", remedy='For instance "standard".')
     if isinstance(asked, Mapping):
         return {name: reference(one) for name, one in asked.items()}
     usual = standard(drive)
@@ -343,8 +345,6 @@ def _references(
     for one in [asked] if isinstance(asked, str) else asked:
         read = usual[one] if isinstance(one, str) and one in usual else reference(one)
         out[one if isinstance(one, str) and one in usual else read.text] = read
-    if not out:
-        raise CommandError("no reference is given", remedy='For instance "standard".')
     return out
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import _core
 from pneudrive.show import Card, Shown
+from pneudrive.simulate import require
 
 if TYPE_CHECKING:
     from pneudrive.control.motion import Reference
@@ -129,6 +130,7 @@ def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
     >>> found.is_feasible, found.factor > 1.0
     (False, True)
     """
+    require(reference, "is_sine", "reference", 'pn.control.reference("250 mm; 1 s: 280 mm in 0.3 s")')
     seen_s = (
         _PERIODS / reference.frequency_hz if reference.is_sine else reference.duration_s - reference.rest_s + _SEEN_S
     )

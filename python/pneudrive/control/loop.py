@@ -170,6 +170,8 @@ def prepare(
 ) -> Prepared:
     """Read and check all that decides a run but its seed. Arguments and errors are those of `run`."""
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
+    if believes is not None:
+        require(believes, "core_json", "believes", 'pn.Drive.load("drive.toml")')
     check_tolerance(rtol)
     read, name = read_setup(setup)
     if isinstance(controller, Tuning):

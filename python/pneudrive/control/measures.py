@@ -170,7 +170,7 @@ def score(run: xr.Dataset) -> Score:
     CommandError
         The dataset is no run under control.
     """
-    motion = run.attrs.get("motion")
+    motion = getattr(run, "attrs", {}).get("motion")
     names = tuple(SCORED)
     if not isinstance(motion, dict) or not all(name in run for name in names):
         raise CommandError(

@@ -265,7 +265,11 @@ def read_ready(kind: type[_Kind], given: _Kind | str | Path, ready: dict[str, Pa
     """
     if isinstance(given, kind):
         return given, "own"
-    assert isinstance(given, (str, Path))
+    if not isinstance(given, (str, Path)):
+        name = kind.__name__.lower()
+        raise wrong(
+            "", f"{name} is a {type(given).__name__}", remedy=f"Give a name, a file, or a pn.control.{kind.__name__}."
+        )
     path = ready.get(str(given), Path(given))
     if not path.suffix and not path.exists():
         what = f'there is no {kind.__name__.lower()} "{given}"'
