@@ -357,6 +357,17 @@ def test_no_view_has_a_violation_of_accessibility(server: Server, open_tab: Open
     page.wait_for_selector("g[data-key=cylinder]")
     assert violations(tab) == []
     tab.picture(f"drive-{look}")
+    pn.export_fmu(pn.Drive.load("catalogue:reference"), server.folder / "drive.fmu")
+    page.click("nav >> text=Studies")
+    page.click("text=Read the folder again")
+    page.click("a:text-is('drive.fmu')")
+    page.wait_for_selector("[data-variable=command]")
+    assert violations(tab) == []
+    for view in page.locator("nav a").all():
+        view.click()
+        page.wait_for_timeout(150)
+        found = violations(tab)
+        assert found == [], view.inner_text()
 
 
 def test_the_server_is_killed_while_a_slider_is_dragged(own_server: Server, open_tab: Open) -> None:
