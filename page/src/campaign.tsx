@@ -7,7 +7,7 @@ import { Copied, InFolder, Problems, ReportOf } from "./parts";
 import { Scatter } from "./plot";
 import { link, route } from "./routes";
 import { ask, attempting, frame, read, Refused, type Problem } from "./server";
-import { Strip } from "./strip";
+import { Behind, Strip } from "./strip";
 import { studies } from "./studies";
 
 interface Campaign {
@@ -152,6 +152,14 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
             label: group.label,
             points: group.points.map((one) => ({ x: MM * one.speed, y: one.friction, spread: null })),
           }))}
+        />
+      )}
+      {now.groups.length > 0 && (
+        <Behind
+          title="Friction so far"
+          x="speed, mm/s"
+          y="friction, N"
+          curves={now.groups.map((group) => ({ label: group.label, x: group.points.map((one) => MM * one.speed), y: group.points.map((one) => one.friction) }))}
         />
       )}
       {now.problems.map((one) => <p class="note" key={one}>{one}</p>)}

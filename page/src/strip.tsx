@@ -1,4 +1,5 @@
 /** Curves of any shape over each other, such as loops: both axes are free, and a curve may run back. */
+import { useState } from "preact/hooks";
 import { digits, look } from "./looks";
 
 export interface Strand {
@@ -66,6 +67,45 @@ export function Strip({ title, x, y, curves }: { title: string; x: string; y: st
           ))}
         </ul>
       )}
+      <Behind title={title} x={x} y={y} curves={curves} />
     </figure>
+  );
+}
+
+const ROWS = 41; // of a curve in its table
+
+/** The numbers behind a figure, as many of each curve as people read. */
+export function Behind({ title, x, y, curves }: { title: string; x: string; y: string; curves: Strand[] }) {
+  const [open, setOpen] = useState(false);
+  return (
+    <details onToggle={(event) => setOpen((event.currentTarget as HTMLDetailsElement).open)}>
+      <summary>{title}: values as a table</summary>
+      {open && (
+        <div class="scroll" tabIndex={0} role="region" aria-label={`Table of ${title}`}>
+          <table>
+            <thead>
+              <tr>
+                <th scope="col">curve</th>
+                <th scope="col">{x}</th>
+                <th scope="col">{y}</th>
+              </tr>
+            </thead>
+            <tbody>
+              {curves.flatMap((one) => {
+                const rows = Math.min(ROWS, one.x.length);
+                const at = Array.from({ length: rows }, (_, row) => Math.round(((one.x.length - 1) * row) / Math.max(rows - 1, 1)));
+                return at.map((index, row) => (
+                  <tr key={`${one.label} ${row}`}>
+                    <th scope="row">{one.label}</th>
+                    <td>{digits(one.x[index])}</td>
+                    <td>{digits(one.y[index])}</td>
+                  </tr>
+                ));
+              })}
+            </tbody>
+          </table>
+        </div>
+      )}
+    </details>
   );
 }

@@ -48,6 +48,9 @@ def test_a_run_beside_others(server: Server, open_tab: Open, monkeypatch: pytest
     shown = page.inner_text("[data-band=position_m]").replace(" mm", "").split(" … ")
     assert [float(one) for one in shown] == pytest.approx([low, high], rel=1e-4)
 
+    page.click("summary:has-text('Pressure over volume')")
+    page.wait_for_selector("[aria-label^='Table of Pressure over volume']")
+    assert page.locator("[aria-label^='Table of Pressure over volume'] tbody tr").count() == 2 * 41
     assert page.locator("button:text-is('Play')").count() == 0  # who asks for calm gets a slider alone
     run = names["run"]
     page.focus(".motion input[type=range]")
