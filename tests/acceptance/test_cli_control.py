@@ -100,7 +100,7 @@ WRONG = {
 }
 FILES = {
     "law": ('law = "pdi"', "law: 'pdi' is not known", "'pid'"),
-    "a key that no core has": ('law = "nmpc"\n[observer]\nkind = "levant"', "observer is not a known key", ":3"),
+    "a key that no core has": ('law = "nmpc"\n[observer]\nkind = "levant"', 'there is no observer "levant"', ":4"),
     "period": ('law = "nmpc"\nperiod = "10 s"', "it must lie within", ":3"),
     "unknown gain": ('law = "nmpc"\n[gains]\nbandwith = "90 rad/s"', "no gain of nmpc", "'bandwidth'"),
     "gain out of bounds": ('law = "nmpc"\n[gains]\nbandwidth = "-90 rad/s"', "out of bounds", ":4"),
@@ -148,9 +148,11 @@ def test_wrong_input_gives_one_message(case, tmp_path, capsys, monkeypatch):
         assert word in said.err
 
 
-def test_a_drive_without_a_proportional_valve_is_refused(capsys):
-    assert run(["control", "tune", str(AXIS.with_name("pwm_axis.toml"))]) == 2
-    assert "no proportional 5/3 valve" in capsys.readouterr().err
+def test_a_drive_on_valves_that_no_law_commands_is_refused(tmp_path, capsys):
+    text = (Path(__file__).parents[2] / "examples/pwm_axis.toml").read_text()
+    (tmp_path / "axis.toml").write_text(text.replace("pwm_model", 'normally = "open"\npwm_model'))
+    assert run(["control", "tune", str(tmp_path / "axis.toml")]) == 2
+    assert "in_a is normally open" in capsys.readouterr().err
 
 
 def test_a_controller_for_another_drive_cannot_lead_this_one_out_of_its_stroke(tmp_path, capsys):

@@ -65,7 +65,7 @@ def test_a_controller_and_a_drive_are_coupled_as_in_a_run(tmp_path):
     tuning = pn.control.tune(AXIS, "pva", setup="ideal")
     run = pn.control.run(AXIS, reference=MOVE, controller=tuning, setup="ideal", duration="0.5 s")
     law = str(pn.control.export(tuning, "fmu", tmp_path / "law.fmu", setup="ideal", along=MOVE)[0])
-    cylinder, valve = tuning.plant.cylinder, tuning.plant.valve
+    cylinder, (valve,) = tuning.plant.cylinder, tuning.plant.valves
     start = {f"{cylinder}.position": "220 mm"}
     start |= {f"{cylinder}.{side}.pressure": f"{float(run[f'pressure_{side}'][0])!r} Pa abs" for side in "ab"}
     plant = str(pn.export_fmu(AXIS, tmp_path / "axis.fmu", initial=start).path)

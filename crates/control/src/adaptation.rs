@@ -115,10 +115,13 @@ impl Adaptation {
         }
     }
 
-    /// Learns from a state that follows measured pressures, with the spool's position and speed there.
-    pub fn learn(&mut self, model: &mut Model, state: &State, spool: [f64; 2], period: f64) {
+    /// Learns from a state that follows measured pressures, with position and speed there of the spool of one 5/3 valve; of
+    /// other valves it learns nothing.
+    pub fn learn(&mut self, model: &mut Model, state: &State, spool: Option<[f64; 2]>, period: f64) {
         self.learn_friction(model, state, period);
-        self.learn_valve(model, state, spool, period);
+        if let Some(spool) = spool {
+            self.learn_valve(model, state, spool, period);
+        }
     }
 
     fn learn_friction(&mut self, model: &mut Model, state: &State, period: f64) {

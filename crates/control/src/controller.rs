@@ -4,12 +4,13 @@ use crate::adaptation::Adaptation;
 use crate::course::Course;
 use crate::gains::{Gain, Gains};
 use crate::law::{Fuzzy, Inversion, Law, Nmpc, Pid, Plant, Pva, Sliding, SuperTwisting, Tick, Tuned};
-use crate::model::Model;
+use crate::model::{Edges, Model};
 use crate::number::{Memory, Number};
-use crate::observer::{Noise, Observer, Sample, State};
+use crate::observer::{Noise, Observer, Observing, Sample, State};
 use crate::own::{Own, Seen};
 use crate::reference::{Reference, Wanted, blend};
 use crate::supervisor::{Rules, Supervisor};
+use crate::valves::{Commands, Valves};
 
 macro_rules! laws {
     ($($name:ident),* $(,)?) => {
@@ -82,9 +83,6 @@ macro_rules! laws {
 
 laws!(Pid, Pva, Fuzzy, Sliding, SuperTwisting, Inversion, Nmpc);
 
-/// Share of opening within which the inverse of the overlap passes from one edge to the other (assumed).
-const OVERLAP_WIDTH: f64 = 0.004;
-
 /// Standing still: the force at which the seal rests is kept.
 #[derive(Clone, Debug)]
 pub struct Hold<S = f64> {
@@ -139,6 +137,8 @@ pub struct Controller<L = AnyLaw, S = f64> {
     pub plant: Plant,
     /// The law.
     pub law: L,
+    /// The valves that its command is given to.
+    pub valves: Valves,
     /// Standing still, if it may.
     pub hold: Option<Hold<S>>,
     /// What it learns of its drive, if it does.
@@ -148,6 +148,8 @@ pub struct Controller<L = AnyLaw, S = f64> {
     /// Who stands in front of the law, if anybody.
     pub supervisor: Option<Box<Supervisor>>,
     pub(crate) takeover: Takeover,
+    /// The observer that it has.
+    pub observing: Observing,
     pub(crate) noise: Noise,
     pub(crate) observer: Option<Observer<S>>,
     pub(crate) friction: Option<S>,
@@ -239,9 +241,11 @@ impl Controller {
             takeover: Takeover::default(),
             hold: Some(Hold::new(30e-6, 20e-3)),
             adaptation: Some(Adaptation::new(model)),
+            valves: Valves::tuned(model, &plant, period),
             model: model.clone(),
             plant,
             period,
+            observing: Observing::default(),
             noise,
             observer: None,
             friction: None,
@@ -253,8 +257,17 @@ impl Controller {
     pub fn step(&mut self, sample: &Sample, reference: &Reference) -> Answer {
         let answer = self.decide(sample, reference);
         let time = self.supervisor.as_ref().map_or(sample.time, |own| own.corrected(sample.time));
-        self.told(time, answer.command);
+        self.give(time, answer.command);
         answer
+    }
+
+    /// What the valves are commanded for a command that was given at a sample, with its true time.
+    pub fn give(&mut self, time: f64, command: f64) -> Commands {
+        let Controller { valves, model, observer, period, .. } = self;
+        match observer {
+            Some(observer) => valves.open(model, observer, (time, *period), command),
+            None => valves.shut(command),
+        }
     }
 
     /// What sensors and the observer say at the last sample.
@@ -262,7 +275,7 @@ impl Controller {
         self.observer.as_ref().map(|observer| Seen::of(&self.model, sample, observer)).unwrap_or_default()
     }
 
-    /// The command for a sample, on the way along a reference; [`Controller::told`] comes next. Without a supervisor a
+    /// The command for a sample, on the way along a reference; [`Controller::give`] comes next. Without a supervisor a
     /// sample that is no number gives a command that is none.
     pub fn decide(&mut self, sample: &Sample, reference: &Reference) -> Answer {
         if let Some(mut supervisor) = self.supervisor.take() {
@@ -294,7 +307,8 @@ impl Controller {
         }
         let measured = measured && sample.pressures.is_some();
         if let (Some(adaptation), Some(observer), true) = (&mut self.adaptation, &self.observer, measured) {
-            adaptation.learn(&mut self.model, &observer.state, observer.spool.state(), self.period);
+            let spool = matches!(self.valves, Valves::One).then(|| observer.spool.state());
+            adaptation.learn(&mut self.model, &observer.state, spool, self.period);
         }
     }
 
@@ -378,11 +392,11 @@ impl Controller {
         self.observer.as_ref().map(|observer| observer.state)
     }
 
-    /// The state and where the spool was halfway, at the next sample as the model foresees it.
-    pub(crate) fn foresee(&self, time: f64) -> Option<(State, f64)> {
+    /// The state and how far edges were open halfway, at the next sample as the model foresees it.
+    pub(crate) fn foresee(&self, time: f64) -> Option<(State, Edges<f64>)> {
         let observer = self.observer.as_ref()?;
         let (state, _) = observer.predict(&self.model, time, self.period);
-        Some((state, observer.spool.clone().halfway(observer.time(), time)))
+        Some((state, observer.spool.clone().edges(&self.model, observer.time(), time)))
     }
 
     /// Distance of two readings of the position sensor, m.
@@ -410,8 +424,9 @@ impl Controller {
 impl<S: Number, L: Law<S>> Controller<L, S> {
     /// Takes over a sample.
     pub(crate) fn observe(&mut self, sample: &Sample<S>) {
-        let Controller { model, period, noise, .. } = self;
-        let observer = self.observer.get_or_insert_with(|| Observer::new(model, sample, *period, *noise));
+        let Controller { model, period, noise, observing, .. } = self;
+        let observer =
+            self.observer.get_or_insert_with(|| Observer::new(model, sample, (*period, *noise), observing));
         observer.update(model, sample);
         self.friction.get_or_insert(observer.state.friction);
     }
@@ -485,15 +500,13 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
             asked.limited()
         };
         let share = S::either(holds, &mut self.law, |_| tick.opening_for(held), of_law);
-        let overlap = model.valve.overlap;
-        let inverse = (share / S::c(OVERLAP_WIDTH)).tanh().times(overlap);
-        let command = (share.times(1.0 - overlap) + inverse).limited();
+        let command = model.command_for(share);
         let State { velocity, disturbance, .. } = observer.state;
         Decided { command, velocity, disturbance, holds }
     }
 
-    /// Takes over the command that was given at a sample, with its true time.
-    pub fn told(&mut self, time: f64, command: S) {
+    /// Takes over the command that one 5/3 valve was given at a sample, with its true time.
+    pub(crate) fn told(&mut self, time: f64, command: S) {
         if let Some(observer) = &mut self.observer {
             observer.spool.command(time + self.model.valve.delay, command);
         }

@@ -13,6 +13,7 @@ use crate::gains::Gain;
 use crate::law::Law;
 use crate::observer::{Observer, Sample};
 use crate::reference::{Reference, Wanted, between, blend};
+use crate::valves::Valves;
 use math::Real;
 
 /// A number that code is given.
@@ -111,6 +112,11 @@ pub fn program(controller: &Controller, with_pressures: bool) -> Result<Program,
             }
         };
     }
+    if !matches!(controller.valves, Valves::One) {
+        return Err("a law cannot be exported that commands several or switching valves: its code has one command. Export it for \
+                    one proportional 5/3 valve, or call the compiled core"
+            .into());
+    }
     any!(Pid, Pva, Fuzzy, Sliding, SuperTwisting, Inversion)
 }
 
@@ -162,10 +168,10 @@ impl Inputs {
 impl Recorder<'_> {
     /// Observers of a controller that has run for long: at time zero, its last command given, and at the next sample.
     fn settled(&self) -> [Observer; 2] {
-        let Controller { model, period, noise, .. } = self.controller;
+        let Controller { model, period, noise, observing, .. } = self.controller;
         let sample =
             |k: u32| Sample { time: -f64::from(k) * period, position: 0.5 * model.stroke, pressures: None };
-        let mut own = Observer::new(model, &sample(SETTLED), *period, *noise);
+        let mut own = Observer::new(model, &sample(SETTLED), (*period, *noise), observing);
         for k in (0..=SETTLED).rev() {
             own.update(model, &sample(k));
             own.spool.command(sample(k).time + model.valve.delay, 0.0);
@@ -176,16 +182,18 @@ impl Recorder<'_> {
     }
 
     fn traced<L: Law<Traced>>(&self, law: L, observer: &Observer) -> Controller<L, Traced> {
-        let Controller { model, plant, hold, period, noise, .. } = self.controller;
+        let Controller { model, plant, hold, period, noise, observing, .. } = self.controller;
         Controller {
             model: model.clone(),
             plant: *plant,
             law,
+            valves: Valves::One,
             hold: hold.as_ref().map(|own| Hold::new(own.band, own.after)),
             adaptation: None,
             period: *period,
             supervisor: None,
             takeover: Takeover::default(),
+            observing: observing.clone(),
             noise: *noise,
             observer: Some(observer.at_rest()),
             friction: Some(Traced::zero()),
@@ -254,7 +262,7 @@ impl Recorder<'_> {
         let mut results = Vec::new();
         match piece {
             Piece::Begin => {
-                let mut first = Observer::new(&own.model, &at, own.period, own.noise);
+                let mut first = Observer::new(&own.model, &at, (own.period, own.noise), &own.observing);
                 first.update(&own.model, &at);
                 own.friction = Some(first.state.friction);
                 if let Some(observer) = &mut own.observer {

@@ -26,6 +26,11 @@ pub trait Gains {
     fn gains_mut(&mut self) -> Vec<&mut f64>;
 }
 
+/// Gains with their values.
+pub(crate) fn listed<G: Gains>(own: &mut G) -> Vec<(&'static Gain, &mut f64)> {
+    G::GAINS.iter().zip(own.gains_mut()).collect()
+}
+
 /// A law: a struct of its gains and of its memory, which begins as it is said here.
 macro_rules! law {
     ($(#[$attribute:meta])* pub struct $name:ident {

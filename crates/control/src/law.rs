@@ -32,7 +32,7 @@ pub struct Plant {
     pub speed: f64,
     /// Rate of the force of a chamber at full opening, N/s.
     pub force_rate: f64,
-    /// Time by which a command acts late, s: dead time, spool, half a period.
+    /// Time by which a command acts late, s: dead time, spool, half of the time for which it acts.
     pub lag: f64,
     /// Coulomb friction, N.
     pub coulomb: f64,
@@ -66,7 +66,7 @@ impl Plant {
             damping_ratio: viscous / (2.0 * model.mass * natural_frequency),
             speed: volume_flow / area,
             force_rate: k * volume_flow * model.supply.pressure * area / volume,
-            lag: model.valve.lag() + 0.5 * period,
+            lag: model.valve.lag() + 0.5 * model.valve.arrangement.acts_for(period),
             coulomb,
         }
     }

@@ -2,6 +2,7 @@
 
 use crate::number::Number;
 use crate::observer::State;
+use crate::valves::Arrangement;
 use math::Over;
 use physics::chamber::{EnergyBalance, Exchange};
 use physics::flow::{End, Iso6358, leaking, opened};
@@ -57,9 +58,32 @@ impl Side {
 /// Least share of the dead volume that a prediction leaves of a chamber.
 const FLOOR: f64 = 0.01;
 
-/// A proportional valve with a spool.
+/// Edges that open: filling and venting of chambers a and b.
+pub type Edges<S> = [[S; 2]; 2];
+
+/// Openings of edges: of each chamber, or those of one 5/3 valve, supply to a and a to exhaust.
+pub trait Openings<S> {
+    /// Those of each chamber.
+    fn edges(self) -> Edges<S>;
+}
+
+impl<S> Openings<S> for Edges<S> {
+    fn edges(self) -> Edges<S> {
+        self
+    }
+}
+
+impl<S: Copy> Openings<S> for [S; 2] {
+    fn edges(self) -> Edges<S> {
+        [self, [self[1], self[0]]]
+    }
+}
+
+/// A proportional valve with a spool, or valves that do for a law what such a one would.
 #[derive(Clone, Debug)]
 pub struct Valve {
+    /// The valves that there are.
+    pub arrangement: Arrangement,
     /// Flow through each edge, fully open.
     pub flow: Iso6358<f64>,
     /// Angular natural frequency of the spool, rad/s; infinite: it follows the command at once.
@@ -158,6 +182,21 @@ impl Model {
         [of(0, 1.0), of(1, -1.0)]
     }
 
+    /// Rates, 1/s, at which pressures of the shut chambers return by themselves, by leakage and heat, with the piston at rest about
+    /// mid stroke: -(dp'/dp) of each. Where they are equal, the position tells the force of the gas alone, not both pressures.
+    pub fn pressure_decay(&self) -> [f64; 2] {
+        let (x, p) = (0.5 * self.stroke, self.rest_pressures());
+        let at = |by: f64| {
+            // Gas that was at the wall's temperature, compressed without heat.
+            let k = self.gas.heat_capacity_ratio;
+            let temperature = self.wall_temperature * (1.0 + by).powf(1.0 - 1.0 / k);
+            let contents = self.contents(x, p.map(|p| p * (1.0 + by)), [temperature; 2]);
+            self.chambers([x, 0.0], contents, self.openings(0.0)).pressure_rates
+        };
+        let [low, high] = [-SMALL, SMALL].map(at);
+        [0, 1].map(|i| (low[i] - high[i]) / (2.0 * SMALL * p[i]))
+    }
+
     /// m and U of both chambers at pressures, Pa, and temperatures, K, with the piston at x.
     #[inline(always)]
     pub fn contents<S: Over<f64>>(&self, x: S, pressures: [S; 2], temperatures: [S; 2]) -> [[S; 2]; 2] {
@@ -175,13 +214,27 @@ impl Model {
         [1.0, -1.0].map(|way| opened(S::c(-overlap / whole), S::c(way / whole), spool) + leak)
     }
 
+    /// The command that opens an edge by a share of its conductance: past the overlap, and back past it within a width about
+    /// zero.
+    pub fn command_for<S: Number>(&self, share: S) -> S {
+        let overlap = self.valve.overlap;
+        let inverse = (share / S::c(OVERLAP_WIDTH)).tanh().times(overlap);
+        (share.times(1.0 - overlap) + inverse).limited()
+    }
+
+    /// The share by which a command opens an edge.
+    pub fn share_of(&self, command: f64) -> f64 {
+        let overlap = self.valve.overlap;
+        command.signum() * (command.abs() - overlap).max(0.0) / (1.0 - overlap)
+    }
+
     /// Chambers with m and U at (x, v), the edges open by `openings`.
     #[inline(always)]
     pub fn chambers<S: Over<f64>>(
         &self,
         place: [S; 2],
         contents: [[S; 2]; 2],
-        openings: [S; 2],
+        openings: impl Openings<S>,
     ) -> Chambers<S> {
         self.chambers_on(&self.supply, place, contents, openings)
     }
@@ -193,16 +246,16 @@ impl Model {
         supply: &Held,
         [x, v]: [S; 2],
         contents: [[S; 2]; 2],
-        openings: [S; 2],
+        openings: impl Openings<S>,
     ) -> Chambers<S> {
-        let (source, exhaust) = (supply.end(), self.ambient.end());
+        let (source, exhaust, openings) = (supply.end(), self.ambient.end(), openings.edges());
         let cp = self.gas.cp;
         let each: [_; 2] = std::array::from_fn(|i| {
             let side = &self.sides[i];
             let volume = side.volume(x);
             let gas = EnergyBalance::state(&*self.gas, contents[i], volume);
             let own = End { p: gas.p, inverse_p: gas.inverse_p, choked: gas.p * gas.inverse_sqrt_t };
-            let [fills, vents] = if i == 0 { openings } else { [openings[1], openings[0]] };
+            let [fills, vents] = openings[i];
             let (inflow, back) = self.valve.flow.flow(fills, &source, &own);
             let (outflow, drawn) = self.valve.flow.flow(vents, &own, &exhaust);
             let filled = S::select(back, gas.t, S::c(supply.temperature));
@@ -284,5 +337,9 @@ impl Model {
     }
 }
 
+/// Share of a pressure by which it is moved for a slope.
+const SMALL: f64 = 1e-4;
+/// Share of opening within which the inverse of the overlap passes from one edge to the other (assumed).
+const OVERLAP_WIDTH: f64 = 0.004;
 /// Speed, m/s, below which the direction of friction has none.
 const SMOOTH: f64 = 1e-4;

@@ -2,10 +2,12 @@
 
 #![allow(clippy::needless_range_loop)] // rows and columns of matrices, and sides of the piston
 
-use crate::model::Model;
+use crate::gains::{Gain, law, listed};
+use crate::model::{Model, Openings};
 use crate::number::Number;
 use crate::spool::Spool;
 use math::Over;
+use physics::within;
 
 /// What sensors say at a sample.
 #[derive(Clone, Copy, Debug)]
@@ -36,8 +38,9 @@ pub struct State<S = f64> {
 }
 
 impl<S: Over<f64>> State<S> {
-    /// Goes on for `h` s with the spool at `spool` halfway; with `measured` pressures, gas follows those.
-    pub fn advance(&mut self, model: &Model, openings: [S; 2], h: f64, measured: Option<[S; 2]>) {
+    /// Goes on for `h` s with edges open by `openings`; with `measured` pressures, gas follows those.
+    pub fn advance(&mut self, model: &Model, openings: impl Openings<S>, h: f64, measured: Option<[S; 2]>) {
+        let openings = openings.edges();
         let old = model.gas_force(self.pressures);
         let speed = self.velocity + self.clone().pushed(model, old, None).times(0.5 * h);
         let halfway = self.flow(model, openings, 0.5 * h, &State { velocity: speed, ..*self });
@@ -54,7 +57,7 @@ impl<S: Over<f64>> State<S> {
     }
 
     /// The gas after `h` s at the rates that it has in another state; the piston goes on at its speed.
-    pub(crate) fn flow(&self, model: &Model, openings: [S; 2], h: f64, at: &State<S>) -> State<S> {
+    pub(crate) fn flow(&self, model: &Model, openings: impl Openings<S>, h: f64, at: &State<S>) -> State<S> {
         let contents = model.contents(at.position, at.pressures, at.temperatures);
         let gas = model.chambers([at.position, at.velocity], contents, openings);
         let mut next = *self;
@@ -116,7 +119,70 @@ pub struct Observer<S = f64> {
     /// The spool.
     pub spool: Spool<S>,
     gain: [f64; 3],
+    /// Of a force that is missing, that friction takes while the drive slides.
+    share: f64,
     time: f64,
+}
+
+law! {
+    /// The filter, whose innovation corrects the friction force at any speed, as an observer of the bristle does [canudas1995]:
+    ///
+    ///   F' = sigma_0 |v|/g (g sgn v - F) - share K_d e/T
+    ///
+    /// K_d the filter's gain of the unknown force, which takes the rest, e the miss of the position, T the period. At rest
+    /// friction takes all of it, as without.
+    pub struct Lugre {
+        share: "1", within(0.0, 1.0), "of the force that is missing that friction takes while it slides", rule "0.5, assumed";
+    } memory<S> {}
+}
+
+/// An observer as it is chosen.
+#[derive(Clone, Debug, Default)]
+pub enum Observing {
+    /// A steady Kalman filter of position, velocity and an unknown force over the model's motion. At rest friction takes a force
+    /// that is missing, as long as it can bear it.
+    #[default]
+    Kalman,
+    /// See [`Lugre`].
+    Lugre(Lugre),
+}
+
+/// The words of all observers.
+pub const OBSERVERS: &[&str] = &["kalman", "lugre"];
+
+impl Observing {
+    /// The observer called so, with its usual numbers.
+    pub fn tuned(key: &str) -> Option<Self> {
+        match key {
+            "kalman" => Some(Observing::Kalman),
+            "lugre" => Some(Observing::Lugre(Lugre::new(0.5))),
+            _ => None,
+        }
+    }
+
+    /// Its word.
+    pub fn key(&self) -> &'static str {
+        match self {
+            Observing::Kalman => "kalman",
+            Observing::Lugre(_) => "lugre",
+        }
+    }
+
+    /// Its numbers.
+    pub fn gains(&mut self) -> Vec<(&'static Gain, &mut f64)> {
+        match self {
+            Observing::Kalman => vec![],
+            Observing::Lugre(own) => listed(own),
+        }
+    }
+
+    /// Of a force that is missing, that friction takes while the drive slides.
+    fn share(&self) -> f64 {
+        match self {
+            Observing::Kalman => 0.0,
+            Observing::Lugre(own) => own.share,
+        }
+    }
 }
 
 /// How a disturbance is expected to wander, and what position sensors do.
@@ -181,7 +247,7 @@ impl Observer {
     /// The same in other numbers: a drive of which nothing is known yet, at the same time.
     pub(crate) fn at_rest<S: Number>(&self) -> Observer<S> {
         let zero = S::zero();
-        let (pair, gain, time) = ([zero; 2], self.gain, self.time);
+        let (pair, gain, share, time) = ([zero; 2], self.gain, self.share, self.time);
         let state = State {
             position: zero,
             velocity: zero,
@@ -190,13 +256,18 @@ impl Observer {
             pressures: pair,
             temperatures: pair,
         };
-        Observer { state, spool: self.spool.at_rest(), gain, time }
+        Observer { state, spool: self.spool.at_rest(), gain, share, time }
     }
 }
 
 impl<S: Number> Observer<S> {
     /// Of a drive at rest at a first sample.
-    pub fn new(model: &Model, sample: &Sample<S>, period: f64, noise: Noise) -> Self {
+    pub fn new(
+        model: &Model,
+        sample: &Sample<S>,
+        (period, noise): (f64, Noise),
+        observing: &Observing,
+    ) -> Self {
         // Nobody measures them: a usual start is the mean of supply and ambient.
         let mean = 0.5 * (model.supply.pressure + model.ambient.pressure);
         let pressures = sample.pressures.unwrap_or([S::c(mean); 2]);
@@ -208,16 +279,16 @@ impl<S: Number> Observer<S> {
             pressures,
             temperatures: [S::c(model.wall_temperature); 2],
         };
-        let gain = steady_gain(model.mass, period, noise);
-        Observer { state, spool: Spool::new(&model.valve), gain, time: sample.time }
+        let (gain, share) = (steady_gain(model.mass, period, noise), observing.share());
+        Observer { state, spool: Spool::new(&model.valve), gain, share, time: sample.time }
     }
 
     /// Takes over a sample.
     pub fn update(&mut self, model: &Model, sample: &Sample<S>) {
         let (from, to) = (self.time, sample.time);
         if to > from {
-            let spool = self.spool.halfway(from, to);
-            self.state.advance(model, model.openings(spool), to - from, sample.pressures);
+            let edges = self.spool.edges(model, from, to);
+            self.state.advance(model, edges, to - from, sample.pressures);
         }
         self.time = to;
         let miss = sample.position - self.state.position;
@@ -229,8 +300,9 @@ impl<S: Number> Observer<S> {
         let [level, _] = model.friction_levels([state.position, S::zero()], state.pressures);
         let slides = state.velocity / S::c(REST);
         let rests = S::one() / (S::one() + slides * slides);
+        let share = if self.share > 0.0 { rests.max(S::c(self.share)) } else { rests };
         let before = state.friction;
-        state.friction = (before - rests * force).max(-level).min(level);
+        state.friction = (before - share * force).max(-level).min(level);
         state.disturbance += force + (state.friction - before);
     }
 
@@ -247,8 +319,8 @@ impl<S: Number> Observer<S> {
         let (mut state, mut spool) = (self.state, self.spool.clone());
         for k in 0..n as usize {
             let begin = self.time + h * k as f64;
-            let position = spool.halfway(begin, begin + h);
-            state.advance(model, model.openings(position), h, None);
+            let edges = spool.edges(model, begin, begin + h);
+            state.advance(model, edges, h, None);
         }
         (state, spool)
     }

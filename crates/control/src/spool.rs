@@ -1,7 +1,8 @@
 //! A twin of the valve's spool: where it is and will be under the commands given so far.
 
-use crate::model::Valve;
+use crate::model::{Edges, Model, Openings, Valve};
 use crate::number::Number;
+use crate::valves::{Arrangement, MOST_VALVES};
 use std::collections::VecDeque;
 
 /// A spool of second order behind a dead time, advanced exactly for commands that hold from tick to tick.
@@ -13,22 +14,111 @@ pub struct Spool<S = f64> {
     acts: VecDeque<(f64, S)>,
     angular_frequency: f64,
     damping_ratio: f64,
+    beside: Beside<S>,
+}
+
+/// Values by the times from which on they act, s; the first one acts now.
+type Line<S> = VecDeque<(f64, S)>;
+
+/// What valves of each chamber do that one 5/3 valve cannot.
+#[derive(Clone, Debug)]
+enum Beside<S> {
+    Nothing,
+    /// Half the sum of both commands: valve a is at the sum of both spools, valve b at the difference.
+    Both(Box<Spool<S>>),
+    /// Edges that are open or shut, filling and venting a, filling and venting b, instead of a spool.
+    Edges(Box<[Line<S>; MOST_VALVES]>),
+}
+
+fn line<S: Number>() -> Line<S> {
+    VecDeque::from([(f64::NEG_INFINITY, S::zero())])
+}
+
+/// The mean of a line between two times; what is over is forgotten.
+fn mean<S: Number>(line: &mut Line<S>, from: f64, to: f64) -> S {
+    let mut sum = S::zero();
+    for place in 0..line.len() {
+        let begin = line[place].0.max(from);
+        let end = line.get(place + 1).map_or(to, |next| next.0.min(to));
+        if end > begin {
+            sum += line[place].1.times((end - begin) / (to - from));
+        }
+    }
+    while line.len() > 1 && line[1].0 <= to {
+        line.pop_front();
+    }
+    sum
+}
+
+/// A value acts from a time on; what was to act later does not.
+fn act<S: Number>(line: &mut Line<S>, acts: f64, value: S) {
+    while line.len() > 1 && line.back().is_some_and(|last| last.0 >= acts) {
+        line.pop_back();
+    }
+    line.push_back((acts, value));
 }
 
 impl<S: Number> Spool<S> {
     /// At rest in the centre.
     pub fn new(valve: &Valve) -> Self {
+        let beside = match valve.arrangement {
+            Arrangement::One => Beside::Nothing,
+            Arrangement::Pair => {
+                let one = Valve { arrangement: Arrangement::One, ..valve.clone() };
+                Beside::Both(Box::new(Spool::new(&one)))
+            }
+            _ => Beside::Edges(Box::new(std::array::from_fn(|_| line()))),
+        };
         Spool {
             state: [S::zero(); 2],
-            acts: VecDeque::from([(f64::NEG_INFINITY, S::zero())]),
+            acts: line(),
             angular_frequency: valve.angular_frequency,
             damping_ratio: valve.damping_ratio,
+            beside,
         }
     }
 
     /// Takes over a command that acts from a time on, s.
     pub fn command(&mut self, acts: f64, value: S) {
+        match &mut self.beside {
+            Beside::Nothing => {}
+            Beside::Both(both) => both.command(acts, S::zero()),
+            Beside::Edges(edges) => {
+                for (edge, way) in edges.iter_mut().zip([1.0, -1.0, -1.0, 1.0]) {
+                    act(edge, acts, value.times(way).max(S::zero()));
+                }
+                return;
+            }
+        }
         self.acts.push_back((acts, value));
+    }
+
+    /// Takes over commands of the valves of chambers a and b.
+    pub(crate) fn command_both(&mut self, acts: f64, [a, b]: [S; 2]) {
+        self.acts.push_back((acts, (a - b).times(0.5)));
+        if let Beside::Both(both) = &mut self.beside {
+            both.command(acts, (a + b).times(0.5));
+        }
+    }
+
+    /// An edge, filling or venting of a or b, is open by a share from a time on, s.
+    pub(crate) fn switch(&mut self, edge: usize, acts: f64, share: S) {
+        if let Beside::Edges(edges) = &mut self.beside {
+            act(&mut edges[edge], acts, share);
+        }
+    }
+
+    /// Goes on from a time to another, s; how far edges are open halfway, or in the mean where they switch.
+    pub fn edges(&mut self, model: &Model, from: f64, to: f64) -> Edges<S> {
+        if let Beside::Edges(edges) = &mut self.beside {
+            let [fills_a, vents_a, fills_b, vents_b] = [0, 1, 2, 3].map(|i| mean(&mut edges[i], from, to));
+            self.state = [(fills_a - vents_a - fills_b + vents_b).times(0.5), S::zero()];
+            return [[fills_a, vents_a], [fills_b, vents_b]];
+        }
+        let half = self.middle(from, to);
+        let Beside::Both(both) = &mut self.beside else { return model.openings(half.limited()).edges() };
+        let sum = both.middle(from, to);
+        [sum + half, sum - half].map(|own| model.openings(own.limited()))
     }
 
     /// Goes on from a time to another, s; commands that are over are forgotten.
@@ -47,10 +137,10 @@ impl<S: Number> Spool<S> {
     }
 
     /// Goes on likewise; where it was halfway.
-    pub fn halfway(&mut self, from: f64, to: f64) -> S {
+    fn middle(&mut self, from: f64, to: f64) -> S {
         let middle = 0.5 * (from + to);
         self.advance(from, middle);
-        let position = self.position();
+        let [position, _] = self.state;
         self.advance(middle, to);
         position
     }
@@ -95,17 +185,23 @@ impl<S: Number> Spool<S> {
     pub(crate) fn numbers(&mut self, see: &mut dyn FnMut(&mut S)) {
         self.state.iter_mut().for_each(&mut *see);
         self.acts.iter_mut().for_each(|(_, value)| see(value));
+        match &mut self.beside {
+            Beside::Nothing => {}
+            Beside::Both(both) => both.numbers(see),
+            Beside::Edges(edges) => edges.iter_mut().flatten().for_each(|(_, value)| see(value)),
+        }
     }
 }
 
 impl Spool {
-    /// The same in other numbers, at rest in the centre under commands of zero.
+    /// The same in other numbers, at rest in the centre under commands of zero: of one 5/3 valve.
     pub(crate) fn at_rest<S: Number>(&self) -> Spool<S> {
         Spool {
             state: [S::zero(); 2],
             acts: self.acts.iter().map(|&(acts, _)| (acts, S::zero())).collect(),
             angular_frequency: self.angular_frequency,
             damping_ratio: self.damping_ratio,
+            beside: Beside::Nothing,
         }
     }
 

@@ -284,7 +284,7 @@ impl Supervisor {
 
     /// Readings that are not credible are replaced; what is to be done about them.
     fn check_sensors(&mut self, own: &Controller, sample: &mut Sample) -> Option<Reaction> {
-        let Some((foreseen, spool)) = own.foresee(sample.time) else {
+        let Some((foreseen, edges)) = own.foresee(sample.time) else {
             // Nothing to compare with yet; pressures that are no numbers are a usual mean.
             sample.pressures = sample.pressures.filter(|own| own.iter().all(|p| p.is_finite()));
             return None;
@@ -299,7 +299,7 @@ impl Supervisor {
         if let Some(pressures) = &mut sample.pressures {
             let states = (&before, &foreseen);
             let readings = (sample.time, pressures);
-            let found = self.gas.checked(&own.model, readings, states, (spool, own.period), &mut self.log);
+            let found = self.gas.checked(&own.model, readings, states, (edges, own.period), &mut self.log);
             self.modelled = found.modelled;
             let Rules { on_pressure, on_valve, on_supply, .. } = self.rules;
             for (happened, reaction) in

@@ -3,8 +3,8 @@
 use approx::assert_abs_diff_eq;
 use control::spool::Spool;
 use control::{
-    COEFFICIENTS, Controller, Held, LAWS, Model, Move, Noise, Observer, Piece, Reference, Sample, Side,
-    Valve, Wanted, blend, demand, export, least_factor, sugeno,
+    Arrangement, COEFFICIENTS, Controller, Held, LAWS, Model, Move, Noise, Observer, Observing, Piece,
+    Reference, Sample, Side, Valve, Wanted, blend, demand, export, least_factor, sugeno,
 };
 use physics::flow::{Iso6358, LINEAR_ABOVE};
 use physics::friction::{AnyLaw, Choices, Contact};
@@ -49,6 +49,7 @@ fn drive() -> Model {
         heat_transfer: 30.0,
         wall_temperature: 293.15,
         valve: Valve {
+            arrangement: Arrangement::One,
             flow: Iso6358::for_gas(2e-8, 0.3, 0.5, LINEAR_ABOVE, true, &gas, true),
             angular_frequency: TAU * 100.0,
             damping_ratio: 0.7,
@@ -175,7 +176,7 @@ fn an_observer_finds_a_force_that_it_is_not_told() {
     let model = drive();
     let sample = |t: f64, position: f64| Sample { time: t, position, pressures: Some([PRESSURE; 2]) };
     let noise = Noise { disturbance: 15.0, position: 2e-6 };
-    let mut observer = Observer::new(&model, &sample(0.0, 0.1), PERIOD, noise);
+    let mut observer = Observer::new(&model, &sample(0.0, 0.1), (PERIOD, noise), &Observing::Kalman);
     // 40 N drive it against 30 N of Coulomb and 40 N s/m of viscous friction: it comes to 0.25 m/s.
     let (mut x, mut v, force) = (0.1, 0.2, 40.0);
     for i in 1..=300 {
@@ -268,11 +269,15 @@ fn every_law_is_odd() {
 fn what_is_recorded_of_a_law_gives_its_commands() {
     let (model, moves) = (drive(), vec![Move { begin: 0.02, duration: 0.1, to: MIDDLE + 0.01 }]);
     let reference = Reference::Moves { start: MIDDLE, moves };
-    for key in LAWS {
+    let with_bristle = ("inversion", "lugre");
+    for (key, observer) in LAWS.iter().map(|key| (*key, "kalman")).chain([with_bristle]) {
         let mut law = Controller::tuned(key, &model, PERIOD, 2e-6).expect("a law of that name");
         law.adaptation = None;
+        law.observing = Observing::tuned(observer).expect("an observer of that name");
+        // What is recorded has none.
+        law.supervisor = None;
         let Ok(program) = export::program(&law, true) else {
-            assert_eq!(*key, "nmpc");
+            assert_eq!(key, "nmpc");
             continue;
         };
         let (gains, mut kept) = (program.gains.iter().map(|own| own.1), Vec::new());

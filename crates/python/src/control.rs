@@ -4,7 +4,7 @@ use crate::convert::{Table, Teller, parse, to_python, watched};
 use crate::network::PyCircuit;
 use circuit::Look;
 use control::export::program;
-use control::{AnyLaw, Demand, EventKind, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
+use control::{AnyLaw, Demand, EventKind, Gain, LAWS, OBSERVERS, Own, OwnLaw, Reference, SIGNALS, Seen};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use ode::Options;
 use pyo3::exceptions::PyValueError;
@@ -20,16 +20,31 @@ pub fn control_laws() -> Vec<&'static str> {
     LAWS.to_vec()
 }
 
+/// Words of the observers.
+#[pyfunction]
+pub fn control_observers() -> Vec<&'static str> {
+    OBSERVERS.to_vec()
+}
+
 /// Key, unit, value, meaning of a gain, and the rule that it follows from the drive by.
 type Ruled = (&'static str, &'static str, f64, &'static str, &'static str);
 
-/// What a drive is to a law, and the law's gains: key, unit, value, meaning, and the rule that it follows from the drive by.
+fn ruled<'g>(gains: impl IntoIterator<Item = (&'static Gain, &'g mut f64)>) -> Vec<Ruled> {
+    let row = |(gain, value): (&'static Gain, &mut f64)| {
+        let Gain { key, unit, meaning, rule, .. } = *gain;
+        (key, unit, *value, meaning, rule)
+    };
+    gains.into_iter().map(row).collect()
+}
+
+/// What a drive is to a law, and gains of the law, numbers of its valves and of its observer: key, unit, value, meaning, and the rule that it
+/// follows from the drive by.
 #[pyfunction]
 pub fn control_tune<'py>(
     py: Python<'py>,
     spec: &str,
     deviation: f64,
-) -> PyResult<(Bound<'py, PyDict>, Vec<Ruled>)> {
+) -> PyResult<(Bound<'py, PyDict>, [Vec<Ruled>; 3])> {
     let spec: Controller = parse(spec)?;
     let (mut controller, axis) = controller(&spec, deviation).map_err(to_python)?;
     let plant = PyDict::new(py);
@@ -47,14 +62,11 @@ pub fn control_tune<'py>(
     }
     plant.set_item("rest_pressures_pa", controller.model.rest_pressures())?;
     plant.set_item("cylinder", axis.cylinder)?;
-    plant.set_item("valve", axis.valve)?;
+    plant.set_item("valves", axis.valves)?;
     plant.set_item("left_out", axis.left_out)?;
-    let law: &mut AnyLaw = &mut controller.law;
-    let gains = law.gains().map(|(gain, value)| {
-        let Gain { key, unit, meaning, rule, .. } = *gain;
-        (key, unit, *value, meaning, rule)
-    });
-    Ok((plant, gains.collect()))
+    plant.set_item("pressure_decay_1_s", controller.model.pressure_decay())?;
+    let of_law = ruled(controller.law.gains());
+    Ok((plant, [of_law, ruled(controller.valves.gains()), ruled(controller.observing.gains())]))
 }
 
 /// Files with the source of a law and its observer in a language, `"c"` or `"st"`: names and texts. Their head says `about`, too.
@@ -190,10 +202,22 @@ impl PyReference {
     }
 }
 
-fn columns<'py>(py: Python<'py>, rows: &[[f64; COLUMNS.len()]]) -> PyResult<Bound<'py, PyDict>> {
+/// Columns of rows, and of the commands of several valves or of one that switches.
+fn columns<'py>(
+    py: Python<'py>,
+    rows: &[[f64; COLUMNS.len()]],
+    under: &Loop,
+) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     for (i, name) in COLUMNS.into_iter().enumerate() {
         out.set_item(name, PyArray1::from_iter(py, rows.iter().map(|row| row[i])))?;
+    }
+    let (valves, each) = under.commanded();
+    if !each.is_empty() {
+        for (i, name) in valves.iter().enumerate() {
+            let own = each.iter().skip(i).step_by(valves.len()).copied();
+            out.set_item(format!("{name}.command"), PyArray1::from_iter(py, own))?;
+        }
     }
     Ok(out)
 }
@@ -272,7 +296,7 @@ impl PyLoop {
 
     /// Columns of what has run.
     fn columns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        columns(py, &self.rows)
+        columns(py, &self.rows, &self.under)
     }
 }
 
@@ -304,7 +328,7 @@ pub fn control_run<'py>(
     let reference = Reference::from(&parse::<Motion>(motion)?);
     let network = circuit.accounted().map_err(to_python)?;
     let own = own.map(|(call, names)| places(&names).map(|places| Called { call, places })).transpose()?;
-    let (rows, air, events) = watched(py, look, move |interrupted| {
+    let (rows, air, events, under) = watched(py, look, move |interrupted| {
         let (mut controller, axis) = controller(&spec, Encoder::from(setup.position).deviation())?;
         if let Some(own) = own {
             controller.law = AnyLaw::Own(Own::new(own));
@@ -313,9 +337,9 @@ pub fn control_run<'py>(
         let mut under = Loop::new(session, &axis, &setup)?;
         let rows = under.run(&mut controller, &reference, duration, &mut Look::new(interrupted))?;
         let told = controller.supervisor.map_or(vec![], |own| own.log().events().to_vec());
-        Ok((rows, under.air_drawn(), told))
+        Ok((rows, under.air_drawn(), told, under))
     })?;
-    let out = columns(py, &rows)?;
+    let out = columns(py, &rows, &under)?;
     out.set_item(
         "events",
         events.iter().map(|own| (own.time, own.kind.key(), own.value)).collect::<Vec<_>>(),

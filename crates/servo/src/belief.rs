@@ -1,20 +1,21 @@
 //! What a law is told of a drive: read from the description of its circuit.
 
 use crate::refuse;
+use crate::valves::valves;
 use circuit::specification::{Circuit, Component};
 use circuit::{ComponentKind, Error, PistonSide, friction_law, kinds};
-use control::{Held, Model, Side, Valve};
-use physics::flow::Iso6358;
+use control::{Arrangement, Held, Model, Side};
 use physics::{Gas, IdealGas};
-use std::f64::consts::TAU;
 
 /// The components of an axis that is controlled, by their names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axis {
     /// Of the cylinder.
     pub cylinder: String,
-    /// Of its valve.
-    pub valve: String,
+    /// Of its valves, in the order of their commands.
+    pub valves: Vec<String>,
+    /// These are open or shut.
+    pub switches: bool,
     /// Of its supply.
     pub supply: String,
     /// Components of which a law knows nothing: it takes the valve to stand at the cylinder and at its supply.
@@ -40,30 +41,29 @@ fn only<'c>(circuit: &'c Circuit, kind: &str, what: &str) -> Result<&'c Componen
 }
 
 /// A number of a component, as given or by its default.
-fn number(own: &Component, key: &str) -> Option<f64> {
+pub(crate) fn number(own: &Component, key: &str) -> Option<f64> {
     let kind: &ComponentKind = kinds().into_iter().find(|kind| kind.key == own.kind)?;
     let row = kind.parameters.iter().find(|row| row.key == key)?;
     own.numbers.get(key).copied().or(row.default)
 }
 
-fn given(own: &Component, key: &str) -> Result<f64, Error> {
+pub(crate) fn given(own: &Component, key: &str) -> Result<f64, Error> {
     match number(own, key) {
         Some(value) => Ok(value),
         None => refuse(format!("{}.{key} is missing: a law needs it", own.name)),
     }
 }
 
-/// The belief of a drive with one cylinder on one proportional 5/3 valve, and its components.
+/// The belief of a drive with one cylinder on valves that a law commands, and its components.
 pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
     let cylinder = only(circuit, "cylinder/", "cylinder")?;
-    let valve = only(circuit, "valve/proportional-5/3", "proportional 5/3 valve")?;
     let supply = only(circuit, "reservoir", "reservoir")?;
+    let gas = IdealGas::new(circuit.gas.heat_capacity_ratio, circuit.gas.gas_constant_j_kg_k);
+    let (commanded, valve) = valves(circuit, cylinder, supply, &gas)?;
     let (loads, others): (Vec<&Component>, Vec<&Component>) = (circuit.components.iter())
-        .filter(|own| ![cylinder, valve, supply].iter().any(|known| known.name == own.name))
+        .filter(|own| !commanded.iter().chain([&cylinder, &supply]).any(|known| known.name == own.name))
         .partition(|own| own.kind == "load");
     let of_loads = |key: &str| loads.iter().filter_map(|own| number(own, key)).sum::<f64>();
-    let gas = IdealGas::new(circuit.gas.heat_capacity_ratio, circuit.gas.gas_constant_j_kg_k);
-    let is_air = gas.is_air();
     let [bore, rod, stroke, incline] = [
         given(cylinder, "bore")?,
         given(cylinder, "rod_diameter")?,
@@ -97,9 +97,6 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
         (None, _) => STICK_DAMPING,
         (_, damping) => damping.unwrap_or(0.0) / stick_stiffness,
     };
-    let frequency = given(valve, "frequency")?;
-    let (c, b) = (given(valve, "conductance")?, given(valve, "critical_pressure_ratio")?);
-    let (m, linear_above) = (given(valve, "subsonic_index")?, given(valve, "linear_above")?);
     let ambient = Held { pressure: circuit.ambient.pressure_pa, temperature: circuit.ambient.temperature_k };
     let model = Model {
         ambient,
@@ -113,15 +110,7 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
         load: of_loads("force") - mass * physics::constants::STANDARD_GRAVITY * incline.sin(),
         heat_transfer: given(cylinder, "heat_transfer")?,
         wall_temperature: number(cylinder, "wall_temperature").unwrap_or(ambient.temperature),
-        valve: Valve {
-            flow: Iso6358::for_gas(c, b, m, linear_above, m == 0.5, &gas, is_air),
-            angular_frequency: if frequency == 0.0 { f64::INFINITY } else { TAU * frequency },
-            damping_ratio: given(valve, "damping_ratio")?,
-            delay: given(valve, "delay")?,
-            overlap: given(valve, "overlap")?,
-            leakage: given(valve, "leakage")?,
-            leakage_width: given(valve, "leakage_width")?,
-        },
+        valve,
         friction_shares: [1.0; 2],
         stick_stiffness,
         stick_damping_time,
@@ -129,7 +118,17 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
         friction: contact,
         gas: Gas::from(&gas),
     };
+    let switches = !matches!(model.valve.arrangement, Arrangement::One | Arrangement::Pair);
     let left_out = others.into_iter().map(|own| own.name.clone()).collect();
     let name = |own: &Component| own.name.clone();
-    Ok((model, Axis { cylinder: name(cylinder), valve: name(valve), supply: name(supply), left_out }))
+    Ok((
+        model,
+        Axis {
+            cylinder: name(cylinder),
+            valves: commanded.into_iter().map(name).collect(),
+            switches,
+            supply: name(supply),
+            left_out,
+        },
+    ))
 }

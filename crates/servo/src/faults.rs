@@ -1,7 +1,7 @@
 //! Faults of a run: what sensors, valve, supply, computer and user do that they should not.
 
 use crate::specification::{Channel, Fault, FaultKind};
-use control::{Inputs, Reference, Sample};
+use control::{Commands, Inputs, Reference, Sample};
 
 /// The faults of a run, with what they remember.
 #[derive(Clone, Debug)]
@@ -9,8 +9,8 @@ pub struct Faults {
     each: Vec<Fault>,
     /// What a channel showed when it stuck.
     kept: Vec<Option<f64>>,
-    /// The command at which the valve stuck.
-    stuck: Option<f64>,
+    /// The commands at which the valves stuck.
+    stuck: Option<Commands>,
     /// Positions of limit switches, m.
     switches: Option<[f64; 2]>,
     elsewhere: Reference,
@@ -84,11 +84,11 @@ impl Faults {
         }
     }
 
-    /// What the valve makes of a command.
-    pub fn command(&mut self, t: f64, command: f64) -> f64 {
+    /// What the valves make of commands.
+    pub fn command(&mut self, t: f64, command: Commands) -> Commands {
         let kind = self.at(t).map(|own| own.kind).find(|kind| kind.is_of_valve());
         match kind {
-            Some(FaultKind::ValveDead) => 0.0,
+            Some(FaultKind::ValveDead) => command.map(|_| 0.0),
             Some(_) => *self.stuck.get_or_insert(command),
             None => {
                 self.stuck = None;

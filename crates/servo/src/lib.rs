@@ -9,6 +9,7 @@ mod noise;
 mod run;
 mod sensor;
 pub mod specification;
+mod valves;
 
 pub use belief::{Axis, belief};
 pub use noise::{Noise, philox};

@@ -8,7 +8,11 @@ use crate::refuse;
 use crate::sensor::{Encoder, Sensor};
 use crate::specification;
 use circuit::{Error, Look, Session};
-use control::{Answer, AnyLaw, Controller, Gain, LAWS, Reference, Rules, Sample};
+use control::{
+    Answer, AnyLaw, Controller, Gain, LAWS, MOST_VALVES, OBSERVERS, Observing, Reference, Rules, Sample,
+    Valves,
+};
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 /// A controller as it is described, with the axis that it commands. Position sensors have this deviation, m.
@@ -24,19 +28,27 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
         return refuse(format!("there is no law \"{}\"; there are {}", spec.law, LAWS.join(", ")));
     };
     let law = controller.law.key();
-    for (key, &value) in &spec.gains {
-        let mut keys = Vec::new();
-        let found = controller.law.gains().find(|(gain, _)| {
-            keys.push(gain.key);
-            gain.key == key
-        });
-        let Some((Gain { unit, bounds, .. }, own)) = found else {
-            return refuse(format!("the law {law} has no gain \"{key}\"; it has {}", keys.join(", ")));
+    set(&format!("the law {law}"), law, controller.law.gains().collect(), &spec.gains)?;
+    let pulses = controller.model.valve.arrangement.acts_for(period);
+    if pulses < period * (1.0 - 1e-9) {
+        return refuse(format!(
+            "the valves pulse every {pulses} s, more often than the law is sampled, every {period} s: take a lower pwm_frequency or \
+             a shorter period"
+        ));
+    }
+    if spec.valves.is_empty() || !controller.valves.gains().is_empty() {
+        set("the valves", "valves", controller.valves.gains(), &spec.valves)?;
+    } else {
+        return refuse(
+            "valves: one proportional 5/3 valve has no numbers of its own here. Leave the table out",
+        );
+    }
+    if let Some(specification::ObserverChoice { kind, numbers }) = &spec.observer {
+        let Some(own) = Observing::tuned(kind) else {
+            return refuse(format!("there is no observer \"{kind}\"; there are {}", OBSERVERS.join(", ")));
         };
-        if !value.is_finite() || !bounds.contain(value) {
-            return refuse(format!("{law}.{key} = {value} {unit} is out of bounds: it must be {bounds}"));
-        }
-        *own = value;
+        controller.observing = own;
+        set(&format!("the observer {kind}"), "observer", controller.observing.gains(), numbers)?;
     }
     if !spec.adaptation {
         controller.adaptation = None;
@@ -52,6 +64,26 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
         }
     }
     Ok((controller, axis))
+}
+
+/// Gives values to numbers of what is called so, under this name of their table.
+fn set(
+    what: &str,
+    table: &str,
+    mut own: Vec<(&'static Gain, &mut f64)>,
+    values: &BTreeMap<String, f64>,
+) -> Result<(), Error> {
+    for (key, &value) in values {
+        let keys: Vec<_> = own.iter().map(|(gain, _)| gain.key).collect();
+        let Some((Gain { unit, bounds, .. }, own)) = own.iter_mut().find(|(gain, _)| gain.key == key) else {
+            return refuse(format!("{what} has no gain \"{key}\"; it has {}", keys.join(", ")));
+        };
+        if !value.is_finite() || !bounds.contain(value) {
+            return refuse(format!("{table}.{key} = {value} {unit} is out of bounds: it must be {bounds}"));
+        }
+        **own = value;
+    }
+    Ok(())
 }
 
 /// Periods within which laws are sampled, s.
@@ -91,7 +123,12 @@ pub struct Loop {
     repeats: u32,
     /// Columns of position, velocity and both pressures.
     columns: [usize; 4],
-    command: usize,
+    /// Inputs of the valves, whether they are open or shut alone, and commands of each sample where there are several.
+    commands: Vec<usize>,
+    valves: Vec<String>,
+    switches: bool,
+    told: [f64; MOST_VALVES],
+    commanded: Vec<f64>,
     faults: Faults,
     jitter: [f64; 4],
     /// Both pressures at the last sample, as they were and behind the sensors' lag.
@@ -152,7 +189,13 @@ impl Loop {
         Ok(Loop {
             faults,
             jitter: setup.jitter_s,
-            command: input(&session, format!("{}.command", axis.valve))?,
+            commands: (axis.valves.iter())
+                .map(|valve| input(&session, format!("{valve}.command")))
+                .collect::<Result<_, _>>()?,
+            valves: axis.valves.clone(),
+            switches: axis.switches,
+            told: [0.0; MOST_VALVES],
+            commanded: vec![],
             session,
             encoder: setup.position.into(),
             pressures: setup.pressures.map(|own| own.map(Sensor::from)),
@@ -271,6 +314,12 @@ impl Loop {
         Ok(Turn { tick, sample, truth, answer, took, least })
     }
 
+    /// Names of the valves and their commands at each sample, one after the other, where they are not those of one proportional
+    /// 5/3 valve.
+    pub fn commanded(&self) -> (&[String], &[f64]) {
+        (&self.valves, &self.commanded)
+    }
+
     /// Gives a command, which may be another one than the law's: the [`COLUMNS`] of this sample.
     pub fn give(
         &mut self,
@@ -282,18 +331,29 @@ impl Loop {
         if !command.is_finite() {
             return Err(Error::Stopped(format!("the law gives no command at t = {t} s: {command}")));
         }
-        controller.told(t, command);
+        let mut given = controller.give(t, command);
         if self.command_bits > 0 {
             let half = ((1_u64 << self.command_bits) - 1) as f64 / 2.0;
-            command = ((command + 1.0) * half).round_ties_even() / half - 1.0;
+            let convert = |own: f64| ((own + 1.0) * half).round_ties_even() / half - 1.0;
+            // What is open or shut has no converter.
+            (command, given) = (convert(command), if self.switches { given } else { given.map(convert) });
         }
-        let acts = self.faults.command(t, command);
+        let acts = self.faults.command(t, given);
+        if !matches!(controller.valves, Valves::One) {
+            self.commanded.extend(acts.values());
+        }
         let computing = self.computing_time + self.late(3, turn.tick).abs();
-        if computing > 0.0 {
-            let computing = computing.min(LATEST * controller.period);
-            self.session.schedule(self.command, &[t + computing], &[acts])?;
-        } else {
-            self.session.set(self.command, acts)?;
+        let computing = computing.min(LATEST * controller.period);
+        for (i, (&input, &own)) in self.commands.iter().zip(acts.values()).enumerate() {
+            // A solenoid that is told again what it was told would start anew.
+            if self.switches && std::mem::replace(&mut self.told[i], own) == own {
+                continue;
+            }
+            if computing > 0.0 {
+                self.session.schedule(input, &[t + computing], &[own])?;
+            } else {
+                self.session.set(input, own)?;
+            }
         }
         let Answer { wanted, velocity, disturbance, holds, .. } = turn.answer;
         let ([x, v, a, b], holds) = (turn.truth, f64::from(u8::from(holds)));

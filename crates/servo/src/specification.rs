@@ -17,6 +17,12 @@ pub struct Controller {
     /// Gains by their keys; those that are left out follow from the drive.
     #[serde(default)]
     pub gains: BTreeMap<String, f64>,
+    /// Numbers of the valves by their keys, where there is more than one proportional valve; likewise.
+    #[serde(default)]
+    pub valves: BTreeMap<String, f64>,
+    /// Its observer; none: the usual one.
+    #[serde(default)]
+    pub observer: Option<ObserverChoice>,
     /// Standing still; none: it never holds.
     pub hold: Option<Hold>,
     /// It learns friction and valve of its drive while it runs.
@@ -34,6 +40,17 @@ fn once() -> u32 {
 
 fn yes() -> bool {
     true
+}
+
+/// An observer.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObserverChoice {
+    /// Its word.
+    pub kind: String,
+    /// Numbers by their keys; those that are left out follow from the drive.
+    #[serde(default)]
+    pub numbers: BTreeMap<String, f64>,
 }
 
 /// Standing still.

@@ -168,9 +168,11 @@ fn a_prediction_agrees_with_the_circuit_over_its_horizon() {
         let mut session = session(&plant, 0.2);
         let sample = control::Sample { time: 0.0, position: 0.2, pressures: Some([MEAN; 2]) };
         let noise = control::Noise { disturbance: 15.0, position: 2e-6 };
-        let mut observer = control::Observer::new(&model, &sample, 1e-3, noise);
+        let mut observer =
+            control::Observer::new(&model, &sample, (1e-3, noise), &control::Observing::Kalman);
         observer.spool.command(0.0, command);
-        let input = session.inputs().iter().position(|own| own.name == format!("{}.command", names.valve));
+        let input =
+            session.inputs().iter().position(|own| own.name == format!("{}.command", names.valves[0]));
         session.set(input.expect("a command"), command).expect("within bounds");
         let mut never = |_| false;
         session.go_on(0.04, &mut Look::new(&mut never)).expect("it runs");

@@ -39,10 +39,13 @@ def _hold(given: Any) -> HoldBand | None:  # noqa: ANN401 - of any type
     return HoldBand.model_validate(given)  # type: ignore[return-value]
 
 
-def _gains(given: Any) -> dict[str, Any]:  # noqa: ANN401 - of any type
-    if not isinstance(given, dict):
-        raise WrongValueError(f"{given!r} is not a table", remedy="Write [gains], then a line for each gain.")
-    return dict(given)
+def _numbers(table: str) -> Reads:
+    def read(given: Any) -> dict[str, Any]:  # noqa: ANN401 - of any type
+        if not isinstance(given, dict):
+            raise WrongValueError(f"{given!r} is not a table", remedy=f"Write [{table}], then a line for each number.")
+        return dict(given)
+
+    return Reads(read)
 
 
 class LawWord(Choice):
@@ -58,8 +61,9 @@ class LawWord(Choice):
 class Controller(Described):
     """A controller as its file describes it.
 
-    Gains have their units; they are read by `pneudrive.control.tune`, because the core lists them by law. Those that
-    are left out follow from the drive.
+    Gains, and numbers of the observer and of several or switching valves, have their units; they are read by
+    `pneudrive.control.tune`, because the core lists them by law, observer and valves. Those that are left out follow
+    from the drive.
 
     Examples
     --------
@@ -75,7 +79,11 @@ class Controller(Described):
     )
     drive: str | None = Field(default=None, description="what the law believes; absent: the drive it is run on")
     adaptation: bool = Field(default=True, description="it learns friction and valve of its drive while it runs")
-    gains: Annotated[dict[str, Any], Reads(_gains)] = Field(default_factory=dict)
+    gains: Annotated[dict[str, Any], _numbers("gains")] = Field(default_factory=dict)
+    valves: Annotated[dict[str, Any], _numbers("valves")] = Field(default_factory=dict)
+    observer: Annotated[dict[str, Any], _numbers("observer")] = Field(
+        default_factory=dict, description="kind: kalman or lugre, and its numbers"
+    )
     hold: Annotated[HoldBand | None, Reads(_hold)] = Field(default=HoldBand(), description="false: it never holds")
     limits: ControlLimits = ControlLimits()
     motion: MotionComplete = MotionComplete()

@@ -212,16 +212,21 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
     """
     form = json.loads(core_json)
     named = {one["name"]: one for one in form["components"]}
-    cylinder, valve = named[plant.cylinder], named[plant.valve]
-    conductance = valve["numbers"]["conductance"]
+    cylinder, valves = named[plant.cylinder], [named[name] for name in plant.valves]
+    conductance = valves[0]["numbers"]["conductance"]
     for name, value in drawn.items():
         if name in _FRICTION:
             _scale((cylinder["friction"] or {}).get("parameters", {}), _FRICTION[name], name, value)
         if name in _CYLINDER:
             _scale(cylinder["numbers"], _CYLINDER[name], name, value)
         if name in _VALVE:
-            valve["numbers"][_VALVE[name]] = value
-    valve["numbers"]["conductance"] = conductance * drawn.get("conductance", 1.0)
+            if "frequency" not in valves[0]["numbers"]:
+                what = f"{name}: {valves[0]['name']} is a switching valve, which has no spool that could deviate"
+                raise wrong(name, what, remedy="Leave it out of the mismatch.")
+            for valve in valves:
+                valve["numbers"][_VALVE[name]] = value
+    for valve in valves:
+        valve["numbers"]["conductance"] = conductance * drawn.get("conductance", 1.0)
     if mismatch.friction_law is not None:
         cylinder["friction"] |= _other_law(mismatch.friction_law, cylinder["friction"]["parameters"])
     start = _supply(form, drawn, conductance)

@@ -23,12 +23,19 @@ from pneudrive.start import circuit_of
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
 
 DEFAULT_LAW = "nmpc"
 #: Samples of a law in a period of the mass on its air, below which it is told to be slow (assumed).
 LEAST_SAMPLES = 40
+USUAL_OBSERVER = "kalman"
+#: Rates that differ by a smaller share are equal.
+EQUAL_DECAY = 0.01
+#: Key, unit, value, meaning and rule of a number, as the core lists it.
+_Ruled = tuple[str, str, float, str, str]
 
 
 class TunedGain(NamedTuple):
@@ -84,10 +91,14 @@ class Plant(Shown):
     stroke_m : float
     rest_pressures_pa : list of float
         Of chambers a and b, absolute, about the mean of supply and ambient pressure: the piston rests without friction.
-    cylinder, valve : str
-        Names of the components.
+    cylinder : str
+        Name of the component.
+    valves : list of str
+        Names of the valves in the order of their commands.
     left_out : list of str
         Components of which the law knows nothing.
+    pressure_decay_1_s : list of float
+        Rates at which the pressures of both shut chambers return by leakage and heat, mid stroke.
     """
 
     natural_frequency_rad_s: float
@@ -99,8 +110,9 @@ class Plant(Shown):
     stroke_m: float
     rest_pressures_pa: list[float]
     cylinder: str
-    valve: str
+    valves: list[str]
     left_out: list[str]
+    pressure_decay_1_s: list[float]
 
     def rows(self) -> list[tuple[str, str]]:
         """Return name and value with unit of each number."""
@@ -155,6 +167,11 @@ class Tuning(Shown):
         The law, where it is one of one's own: it has no gains here.
     supervision : Supervision
         Limits, when a motion is complete, and what is done about faults.
+    valves : tuple of TunedGain
+        Numbers of several or switching valves.
+    observer : str
+        Word of the observer.
+    observer_numbers : tuple of TunedGain
     """
 
     law: str
@@ -168,17 +185,26 @@ class Tuning(Shown):
     limits: tuple[str, ...] = ()
     own: OwnLaw | None = None
     supervision: Supervision = USUAL
+    valves: tuple[TunedGain, ...] = ()
+    observer: str = USUAL_OBSERVER
+    observer_numbers: tuple[TunedGain, ...] = ()
 
     @property
     def model(self) -> LawModel:
         """What a law of one's own is told of its drive."""
         return LawModel(self.plant, self.belief)
 
+    @property
+    def numbers(self) -> tuple[TunedGain, ...]:
+        """Gains of the law, numbers of its valves and of its observer."""
+        return (*self.gains, *self.valves, *self.observer_numbers)
+
     def core(self) -> dict[str, Any]:
         """Return it in the core's form, SI."""
-        gains = {gain.key: gain.value for gain in self.gains}
+        given = [{one.key: one.value for one in numbers} for numbers in (self.gains, self.valves)]
         word = self.law if self.own is None else OWN
-        form = _core_form(word, self.period_s, (self.hold, self.adaptation), self.belief, gains)
+        form = _core_form(word, self.period_s, (self.hold, self.adaptation), self.belief, *given)
+        form |= _observer_form(self.observer, {one.key: one.value for one in self.observer_numbers})
         return form | self.supervision.core(self.belief.ambient.pressure_pa)
 
     def to_toml(self) -> str:
@@ -187,10 +213,10 @@ class Tuning(Shown):
         lines = ["schema = 1", f'law = "{word}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
         if self.source:
             lines.append(f"drive = {toml.value_text(self.source)}")
-        lines += ["", "[gains]"]
-        for gain in self.gains:
-            why = "given" if gain.given else gain.rule
-            lines.append(f"{gain.key} = {toml.value_text(gain.quantity)}  # {gain.meaning}: {why}")
+        for name, numbers in (("gains", self.gains), ("valves", self.valves)):
+            lines += ["", f"[{name}]", *_lines(numbers)] if numbers or name == "gains" else []
+        if self.observer != USUAL_OBSERVER:
+            lines += ["", "[observer]", f'kind = "{self.observer}"', *_lines(self.observer_numbers)]
         if not self.adaptation:
             lines.insert(3, "adaptation = false")
         if self.hold is None:
@@ -216,10 +242,23 @@ class Tuning(Shown):
         return Path(path)
 
     def _card(self) -> Card:
-        rows = [(g.key, str(g), g.meaning, "given" if g.given else g.rule) for g in self.gains]
+        rows = [(g.key, str(g), g.meaning, "given" if g.given else g.rule) for g in self.numbers]
         plant = [(name, value, "", "") for name, value in self.plant.rows()]
         title = f"{self.law} for {self.belief.name}, every {1e3 * self.period_s:g} ms"
         return Card(title, ("", "", "meaning", "rule"), [*rows, *plant], self.limits)
+
+
+def _lines(numbers: tuple[TunedGain, ...]) -> list[str]:
+    """Return numbers as lines of a controller file, with meaning and rule beside each."""
+    return [
+        f"{one.key} = {toml.value_text(one.quantity)}  # {one.meaning}: {'given' if one.given else one.rule}"
+        for one in numbers
+    ]
+
+
+def _observer_form(kind: str, numbers: dict[str, float]) -> dict[str, Any]:
+    """Return an observer in the core's form, SI; nothing where it is the usual one."""
+    return {} if kind == USUAL_OBSERVER else {"observer": {"kind": kind, "numbers": numbers}}
 
 
 def laws() -> list[str]:
@@ -247,7 +286,8 @@ def tune(
     Parameters
     ----------
     drive : Drive or Circuit
-        With one cylinder on one proportional 5/3 valve and one reservoir.
+        With one cylinder and one reservoir, on one proportional 5/3 valve, two proportional 3/2 valves, four 2/2
+        switching valves, or one 5/3 switching valve.
     law : str or object, optional
         Of `laws`; the default is that of the controller, or ``"nmpc"``. One's own: see `pneudrive.control.run`.
     setup : Setup, str or path-like
@@ -323,13 +363,19 @@ def _beside(law: str, folder: Path) -> str:
 
 
 def _core_form(
-    law: str, period_s: float, ways: tuple[HoldBand | None, bool], belief: Circuit, gains: dict[str, float]
+    law: str,
+    period_s: float,
+    ways: tuple[HoldBand | None, bool],
+    belief: Circuit,
+    gains: dict[str, float],
+    valves: dict[str, float],
 ) -> dict[str, Any]:
     """Return a controller in the core's form, SI."""
     hold, adaptation = ways
     held = None if hold is None else hold.core()
     drive = json.loads(belief.core_json())
     core = {"law": law, "period_s": period_s, "gains": gains, "hold": held, "adaptation": adaptation}
+    core |= {"valves": valves} if valves else {}
     return core | {"belief": drive}
 
 
@@ -340,32 +386,59 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
         drive, source = _believed(table.drive, folder)
     belief = circuit_of(drive)
 
-    def asked(gains: dict[str, float]) -> tuple[dict[str, Any], list[tuple[str, str, float, str, str]]]:
-        form = _core_form(word, table.period_s, (table.hold, table.adaptation), belief, gains)
-        return _core.control_tune(json.dumps(form), 0.0)
+    kind, of_observer = _observer(table.observer)
+
+    def asked(
+        gains: dict[str, float] | None = None,
+        valves: dict[str, float] | None = None,
+        numbers: dict[str, float] | None = None,
+    ) -> tuple[dict[str, Any], list[list[_Ruled]]]:
+        ways = (table.hold, table.adaptation)
+        form = _core_form(word, table.period_s, ways, belief, gains or {}, valves or {})
+        return _core.control_tune(json.dumps(form | _observer_form(kind, numbers or {})), 0.0)
 
     try:
-        plant, ruled = asked({})
+        plant, ruled = asked()
     except ValueError as error:
         if str(error).startswith("period"):
             raise wrong("period", str(error)) from None
         raise DescriptionError(str(error), where=belief.name) from None
+    gains = _numbers_of("gains", table.law, table.gains, ruled[0], lambda given: asked(gains=given))
+    if table.valves and not ruled[1]:
+        what = "the controller has a table [valves], and the drive one proportional 5/3 valve"
+        raise wrong("valves", what, rule="it is for several or switching valves", remedy="Leave it out.")
+    valves = _numbers_of("valves", "these valves", table.valves, ruled[1], lambda given: asked(valves=given))
+    numbers = _numbers_of("observer", f"the observer {kind}", of_observer, ruled[2], lambda given: asked(numbers=given))
+    made = Tuning(table.law, table.period_s, table.hold, table.adaptation, gains, Plant(**plant), belief, source)
+    return replace(made, supervision=table.supervision, valves=valves, observer=kind, observer_numbers=numbers)
+
+
+def _observer(table: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Return the word of an observer, and its numbers as they are given."""
+    kind, known = table.get("kind", USUAL_OBSERVER), _core.control_observers()
+    if kind not in known:
+        raise wrong("observer.kind", f'there is no observer "{kind}"', remedy=nearest(str(kind), known))
+    return kind, {key: value for key, value in table.items() if key != "kind"}
+
+
+def _numbers_of(
+    table: str, whose: str, values: dict[str, Any], ruled: list[_Ruled], check: Callable[[dict[str, float]], object]
+) -> tuple[TunedGain, ...]:
+    """Read the numbers of a table of a controller file; those that are left out are as the core has them."""
     known = {key: gain_quantity(unit) for key, unit, *_ in ruled}
     given: dict[str, float] = {}
-    for key, value in table.gains.items():
+    for key, value in values.items():
         if key not in known:
-            raise wrong(f"gains.{key}", f"gains.{key} is no gain of {table.law}", remedy=nearest(key, known))
-        given[key] = known[key].read_at(f"gains.{key}", value)
+            raise wrong(f"{table}.{key}", f"{table}.{key} is no gain of {whose}", remedy=nearest(key, known))
+        given[key] = known[key].read_at(f"{table}.{key}", value)
         try:
-            asked({key: given[key]})
+            check({key: given[key]})
         except ValueError as error:
-            raise wrong(f"gains.{key}", str(error)) from None
-    gains = tuple(
+            raise wrong(f"{table}.{key}", str(error)) from None
+    return tuple(
         TunedGain(key, unit, given.get(key, value), meaning, rule, key in given)
         for key, unit, value, meaning, rule in ruled
     )
-    made = Tuning(table.law, table.period_s, table.hold, table.adaptation, gains, Plant(**plant), belief, source)
-    return replace(made, supervision=table.supervision)
 
 
 def believed_by(controller: str | None) -> Drive | Circuit:
@@ -411,13 +484,32 @@ def _limited(tuning: Tuning, setup: Setup) -> Tuning:
         said.append(f"The computer of the setup adds {1e3 * setup.computer.time_s:.3g} ms that the law does not know.")
     if setup.sensors.pressure_a is None:
         said.append("The setup has no pressure sensors: the law follows the pressures by its model of the drive.")
+    said += _unobservable(tuning, measured=setup.sensors.pressure_a is not None)
     if plant.left_out:
         said.append(
             f"The law knows nothing of {', '.join(plant.left_out)}: it takes the valve to stand at the cylinder, at a "
             "supply of constant pressure."
         )
     said.append(f"References up to {plant.speed_m_s:.3g} m/s and within {1e3 * plant.stroke_m:g} mm are accepted.")
-    assumed = [gain.key for gain in tuning.gains if "assumed" in gain.rule and not gain.given]
+    assumed = [gain.key for gain in tuning.numbers if "assumed" in gain.rule and not gain.given]
     if assumed:
         said.append(f"Assumed, not derived from this drive: {', '.join(assumed)}.")
     return replace(tuning, limits=tuple(said))
+
+
+def _unobservable(tuning: Tuning, *, measured: bool) -> list[str]:
+    """Return what no observer can find out about this drive, in words."""
+    said = [
+        "Not told apart by any observer: a force on the piston, friction that differs between the directions, and "
+        "zeros of the sensors; conductance of the valve and supply pressure; mass and force, while nothing "
+        "accelerates."
+    ]
+    if not measured:
+        rates = sorted(tuning.plant.pressure_decay_1_s)
+        apart = rates[1] - rates[0]
+        if apart <= EQUAL_DECAY * rates[1]:
+            why = f"both shut chambers return at {rates[1]:.2g} 1/s by leakage and heat"
+        else:
+            why = f"only their return by leakage and heat, at {rates[0]:.2g} and {rates[1]:.2g} 1/s, tells them apart"
+        said.append(f"At rest the position tells the force of the gas, not both pressures: {why}.")
+    return said

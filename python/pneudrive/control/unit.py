@@ -39,10 +39,13 @@ def law_plan(tuning: Tuning, reference: Reference, setup: Setup) -> FmuPlan:
     Raises
     ------
     CommandError
-        The law is one's own.
+        The law is one's own, or it commands several or switching valves.
     """
     if tuning.own is not None:
         raise CommandError("a law of one's own cannot be part of an FMU", remedy="Choose a law of pneudrive.")
+    if tuning.valves:
+        what = "the FMU of a law has one command, and this drive several or switching valves"
+        raise CommandError(what, remedy="Tune the law for one proportional 5/3 valve.")
     form = setup.core(0, tuning.belief.ambient.pressure_pa)
     rest_pa = tuning.belief.ambient.pressure_pa
     given = [

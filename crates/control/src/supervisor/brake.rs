@@ -43,9 +43,9 @@ pub fn brakes(model: &Model, observer: &Observer, (command, margin): (f64, f64),
         let begin = state.position;
         let mut t = acts;
         for step in 0..STEPS {
-            let opening = spool.halfway(t, t + period);
+            let edges = spool.edges(model, t, t + period);
             t += period;
-            state.advance(model, model.openings(opening), period, None);
+            state.advance(model, edges, period, None);
             let ends = way * state.velocity < TOUCH || room(state.position) < 0.0;
             if ends && step > 0 {
                 break;

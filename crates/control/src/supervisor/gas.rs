@@ -1,7 +1,7 @@
 //! Pressures against a twin of the gas: sensors, valve and supply.
 
 use super::event::{EventKind, Log};
-use crate::model::{Held, Model};
+use crate::model::{Edges, Held, Model};
 use crate::observer::State;
 
 /// Distance from the twin at which a pressure is not credible, Pa, and for how long, s (assumed).
@@ -73,13 +73,13 @@ impl Gas {
     }
 
     /// Readings that are not credible become what the model foresees; `state` is that of the observer before the sample, `seen` that
-    /// which it foresees, `spool` the way of the spool between them, `mean`.
+    /// which it foresees, `edges` how far edges were open between them.
     pub fn checked(
         &mut self,
         model: &Model,
         (time, readings): (f64, &mut [f64; 2]),
         (state, seen): (&State, &State),
-        (spool, period): (f64, f64),
+        (edges, period): (Edges<f64>, f64),
         log: &mut Log,
     ) -> Found {
         let mut found = Found::default();
@@ -99,12 +99,10 @@ impl Gas {
         };
         let contents = model.contents(twin.position, twin.pressures, twin.temperatures);
         let at = |openings| model.chambers([twin.position, twin.velocity], contents, openings).pressure_rates;
-        let openings = model.openings(spool);
-        let (open, shut) = (at(openings), at([0.0; 2]));
+        let (open, shut) = (at(edges), at([[0.0; 2]; 2]));
         let fallen = Held { pressure: model.supply.pressure - FALLEN, ..model.supply };
-        let weak =
-            model.chambers_on(&fallen, [twin.position, twin.velocity], contents, openings).pressure_rates;
-        twin.advance(model, openings, period, None);
+        let weak = model.chambers_on(&fallen, [twin.position, twin.velocity], contents, edges).pressure_rates;
+        twin.advance(model, edges, period, None);
         let share = period / (period + FOLLOWS);
         for i in 0..2 {
             let own = &mut chambers[i];
@@ -126,7 +124,8 @@ impl Gas {
             own.temperature = twin.temperatures[i];
             // A reading that rests says nothing of a flow.
             if is_good && before.is_finite() && f64::from(own.rests) * period < 0.25 * FOR {
-                let side = usize::from((openings[0] > openings[1]) != (i == 0));
+                let is_first = [edges[0][0] > edges[0][1], edges[1][1] > edges[1][0]][i];
+                let side = usize::from(is_first != (i == 0));
                 let changes = [measured, by_flow, (weak[i] - shut[i]) * period];
                 for (own, change) in self.flown[side].iter_mut().zip(changes) {
                     *own += change - share * *own;

@@ -1,5 +1,7 @@
 //! The reference axis of the tests: its circuit, its usual setup, and a loop around it (values assumed).
 
+#![allow(dead_code)] // each test takes what it needs
+
 use circuit::specification::Circuit;
 use circuit::{Network, Session};
 use ode::Options;
@@ -17,7 +19,15 @@ pub fn axis() -> Circuit {
 }
 
 pub fn session(plant: &Circuit, position: f64) -> Session {
-    let network = Network::assemble(plant, false).expect("it can be assembled");
+    from_rest(&Network::assemble(plant, false).expect("it can be assembled"), position)
+}
+
+/// One that keeps its accounts.
+pub fn accounted(plant: &Circuit, position: f64) -> Session {
+    from_rest(&Network::assemble(plant, true).expect("it can be assembled"), position)
+}
+
+fn from_rest(network: &Network, position: f64) -> Session {
     let value = |name: &str| match name {
         _ if name.ends_with("pressure_pa") => MEAN,
         _ if name.ends_with("temperature_k") => 293.15,
@@ -65,6 +75,8 @@ pub fn begin(
         period_s: PERIOD,
         gains: Default::default(),
         adaptation: true,
+        valves: Default::default(),
+        observer: None,
         hold: Some(Hold { band_m: 3e-5, after_s: 0.02 }),
         supervision,
         belief,

@@ -1,0 +1,483 @@
+//! Valves that a share of opening is given to: one 5/3 valve, two 3/2 valves, valves that are open or shut.
+
+use crate::gains::{Gain, law, listed};
+use crate::law::Plant;
+use crate::model::Model;
+use crate::observer::{Observer, State};
+use crate::spool::Spool;
+use physics::{above, at_least};
+
+/// Valves of a drive at most.
+pub const MOST_VALVES: usize = 4;
+
+/// Commands of the valves of a drive, in their order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Commands {
+    values: [f64; MOST_VALVES],
+    count: usize,
+}
+
+impl Commands {
+    fn of<const N: usize>(each: [f64; N]) -> Self {
+        let mut values = [0.0; MOST_VALVES];
+        values[..N].copy_from_slice(&each);
+        Commands { values, count: N }
+    }
+
+    /// Their values.
+    pub fn values(&self) -> &[f64] {
+        &self.values[..self.count]
+    }
+
+    /// The same after something was done to each.
+    pub fn map(mut self, f: impl FnMut(f64) -> f64) -> Self {
+        self.values = self.values.map(f);
+        self
+    }
+}
+
+/// How the armature of a switching valve moves: there, and back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Armature {
+    /// From a command until it moves, s.
+    pub dead: [f64; 2],
+    /// For which it moves, s.
+    pub travel: [f64; 2],
+}
+
+impl Armature {
+    /// From a command until it is at a share of its way, s.
+    fn at(&self, back: bool, share: f64) -> f64 {
+        self.dead[usize::from(back)] + share * self.travel[usize::from(back)]
+    }
+
+    /// A time in which it arrives either way, s.
+    fn arrives(&self) -> f64 {
+        self.at(false, 1.0).max(self.at(true, 1.0))
+    }
+
+    /// The mean of both times to the middle of its way, s.
+    pub fn mean(&self) -> f64 {
+        0.5 * (self.at(false, 0.5) + self.at(true, 0.5))
+    }
+}
+
+/// Valves as a circuit has them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Arrangement {
+    /// One proportional 5/3 valve.
+    One,
+    /// Two proportional 3/2 valves, at chambers a and b.
+    Pair,
+    /// One 5/3 switching valve with a shut centre.
+    Three(Armature),
+    /// Four 2/2 switching valves: filling and venting a, filling and venting b.
+    Seven(Armature),
+    /// The same under pulses of a period, s.
+    Pulses(Armature, f64),
+}
+
+impl Arrangement {
+    /// How long a command of a law that is sampled with a period acts at least, s.
+    pub fn acts_for(&self, period: f64) -> f64 {
+        match self {
+            Arrangement::One | Arrangement::Pair => period,
+            Arrangement::Three(armature) | Arrangement::Seven(armature) => {
+                samples(armature.arrives(), period) * period
+            }
+            Arrangement::Pulses(_, pulses) => *pulses,
+        }
+    }
+}
+
+/// Samples that a time takes.
+fn samples(time: f64, period: f64) -> f64 {
+    (time / period - 1e-6).ceil().max(1.0)
+}
+
+law! {
+    /// Two 3/2 valves, one at each chamber. What a law asks of one 5/3 valve gives the force; beside it both forces of the
+    /// chambers grow at one rate, so that the drive has the stiffness
+    ///
+    ///   K = k (p_a A_a^2/V_a + p_b A_b^2/V_b),   K' = rate (stiffness - K)
+    ///
+    /// as far as the valves can beside the force.
+    pub struct Pair {
+        stiffness: "N/m", above(0.0), "of the shut-in gas, where pressures allow it", rule "that of both chambers at the mean of supply and ambient pressure, mid stroke";
+        rate: "1/s", at_least(0.0), "at which the stiffness follows", rule "a fifth of 0.22/lag, assumed";
+    } memory<S> {}
+}
+
+law! {
+    /// A 5/3 valve that is in one of three positions. At each sample it takes that one behind which least is missing of the
+    /// force that the law's opening would give,
+    ///
+    ///   E^2 + dead_band^2 (solenoids that switch)
+    ///
+    /// E what is missing at the end of the shortest pulse, N. What is missing then is made up for later on.
+    pub struct Three {
+        shortest_pulse: "s", above(0.0), "time for which a position stays, and not less than the armature takes", rule "dead time and travel of the armature";
+        dead_band: "N", at_least(0.0), "force that is missing when a solenoid switches", rule "half of what the shortest pulse gives at mid stroke";
+    } memory<S> { switched: Switched<S> = Switched::new() }
+}
+
+law! {
+    /// Four 2/2 valves that are open or shut. Of seven modes - each chamber filled, shut or vented, but not both filled or both
+    /// vented - they take at each sample that one behind which least is missing of the force that the law's opening would give,
+    ///
+    ///   (E_a - E_b)^2 + stiffness_share^2 (E_a + E_b)^2 + dead_band^2 (valves that switch)
+    ///
+    /// E_a and E_b what is missing of the forces of both chambers at the end of the shortest pulse, N, with the stiffness as of two
+    /// 3/2 valves. What is missing then is made up for later on.
+    pub struct Seven {
+        shortest_pulse: "s", above(0.0), "time for which a mode stays, and not less than the armature takes", rule "dead time and travel of the armature";
+        dead_band: "N", at_least(0.0), "force that is missing when a valve switches", rule "half of what the shortest pulse gives at mid stroke";
+        stiffness: "N/m", above(0.0), "of the shut-in gas, where pressures allow it", rule "that of both chambers at the mean of supply and ambient pressure, mid stroke";
+        rate: "1/s", at_least(0.0), "at which the stiffness follows", rule "a fifth of 0.22/lag, assumed";
+        stiffness_share: "1", at_least(0.0), "weight of the stiffness beside the force", rule "0.3, assumed";
+    } memory<S> { switched: Switched<S> = Switched::new() }
+}
+
+law! {
+    /// Four 2/2 valves under pulses: of each pulse the share for which a valve is open. An opening that is too small for a
+    /// pulse, or too large for a gap, is made up for by the pulses that follow; the stiffness is as of two 3/2 valves.
+    pub struct Pulses {
+        stiffness: "N/m", above(0.0), "of the shut-in gas, where pressures allow it", rule "that of both chambers at the mean of supply and ambient pressure, mid stroke";
+        rate: "1/s", at_least(0.0), "at which the stiffness follows", rule "a fifth of 0.22/lag, assumed";
+    } memory<S> { missing: [S; 2] = [S::zero(); 2], open: [S; MOST_VALVES] = [S::zero(); MOST_VALVES] }
+}
+
+/// Weight of the stiffness beside the force (assumed).
+const STIFFNESS_SHARE: f64 = 0.3;
+/// Rate of the stiffness as a share of the bandwidth (assumed).
+const RATE_SHARE: f64 = 0.2;
+/// Shares of the way from ambient to supply pressure between which a stiffness is asked for (assumed).
+const MEAN_WITHIN: [f64; 2] = [0.25, 0.75];
+
+/// Valves with their numbers and what they remember.
+#[derive(Clone, Debug)]
+pub enum Valves {
+    /// One proportional 5/3 valve.
+    One,
+    /// See [`Pair`].
+    Pair(Pair),
+    /// See [`Three`].
+    Three(Armature, Three),
+    /// See [`Seven`].
+    Seven(Armature, Seven),
+    /// See [`Pulses`]; with their period, s.
+    Pulses(Armature, f64, Pulses),
+}
+
+impl Valves {
+    /// With numbers that follow from the drive.
+    pub fn tuned(model: &Model, plant: &Plant, period: f64) -> Self {
+        let stiffness = plant.natural_frequency * plant.natural_frequency * model.mass;
+        let rate = RATE_SHARE * plant.bandwidth();
+        let least = |armature: &Armature| {
+            let pulse = armature.arrives();
+            (pulse, 0.5 * plant.force_rate * samples(pulse, period) * period)
+        };
+        match model.valve.arrangement {
+            Arrangement::One => Valves::One,
+            Arrangement::Pair => Valves::Pair(Pair::new(stiffness, rate)),
+            Arrangement::Three(armature) => {
+                let (pulse, band) = least(&armature);
+                Valves::Three(armature, Three::new(pulse, band))
+            }
+            Arrangement::Seven(armature) => {
+                let (pulse, band) = least(&armature);
+                Valves::Seven(armature, Seven::new(pulse, band, stiffness, rate, STIFFNESS_SHARE))
+            }
+            Arrangement::Pulses(armature, pulses) => {
+                Valves::Pulses(armature, pulses, Pulses::new(stiffness, rate))
+            }
+        }
+    }
+
+    /// Their numbers, with key, unit, meaning and rule.
+    pub fn gains(&mut self) -> Vec<(&'static Gain, &mut f64)> {
+        match self {
+            Valves::One => vec![],
+            Valves::Pair(own) => listed(own),
+            Valves::Three(_, own) => listed(own),
+            Valves::Seven(_, own) => listed(own),
+            Valves::Pulses(_, _, own) => listed(own),
+        }
+    }
+
+    /// Without an observer yet: a command of one 5/3 valve as it is, and no command of others.
+    pub(crate) fn shut(&self, command: f64) -> Commands {
+        match self {
+            Valves::One => Commands::of([command]),
+            Valves::Three(..) => Commands::of([0.0]),
+            Valves::Pair(_) => Commands::of([0.0; 2]),
+            Valves::Seven(..) | Valves::Pulses(..) => Commands::of([0.0; 4]),
+        }
+    }
+
+    /// The commands for a command of one 5/3 valve at a sample; the observer's twin is told.
+    pub(crate) fn open(
+        &mut self,
+        model: &Model,
+        observer: &mut Observer,
+        (time, period): (f64, f64),
+        command: f64,
+    ) -> Commands {
+        let acts = time + model.valve.delay;
+        if matches!(self, Valves::One) {
+            observer.spool.command(acts, command);
+            return Commands::of([command]);
+        }
+        let (state, _) = observer.predict(model, acts, period);
+        let share = model.share_of(command);
+        let reach = Reach::of(model, &state);
+        let spool = &mut observer.spool;
+        match self {
+            Valves::One => Commands::of([command]),
+            Valves::Pair(own) => {
+                let wanted = reach.wanted(share, Some([own.stiffness, own.rate]));
+                let each = [0, 1].map(|i| model.command_for(reach.opening(i, wanted[i])));
+                spool.command_both(acts, each);
+                Commands::of(each)
+            }
+            Valves::Three(armature, own) => {
+                let rules =
+                    (samples(own.shortest_pulse.max(armature.arrives()), period), period, own.dead_band, 0.0);
+                let before = own.switched.mode[0];
+                let [now, _] = own.switched.choose(&reach, reach.wanted(share, None), &THREE, rules);
+                switch_three(spool, armature, time, [before, now]);
+                Commands::of([now])
+            }
+            Valves::Seven(armature, own) => {
+                let wanted = reach.wanted(share, Some([own.stiffness, own.rate]));
+                let rules = (
+                    samples(own.shortest_pulse.max(armature.arrives()), period),
+                    period,
+                    own.dead_band,
+                    own.stiffness_share,
+                );
+                let before = own.switched.mode.map(edges);
+                let now = own.switched.choose(&reach, wanted, &SEVEN, rules).map(edges);
+                for edge in 0..MOST_VALVES {
+                    let [was, is] = [before, now].map(|mode| mode[edge / 2][edge % 2]);
+                    if was != is {
+                        spool.switch(edge, time + armature.at(is == 0.0, 0.5), is);
+                    }
+                }
+                Commands::of([now[0][0], now[0][1], now[1][0], now[1][1]])
+            }
+            Valves::Pulses(armature, pulses, own) => {
+                let wanted = reach.wanted(share, Some([own.stiffness, own.rate]));
+                let each = [0, 1].map(|i| reach.opening(i, wanted[i]));
+                own.pulse(each, (armature, *pulses), spool, (time, period))
+            }
+        }
+    }
+}
+
+/// Filling and venting of a chamber that is filled, shut or vented: 1, 0, -1.
+fn edges(mode: f64) -> [f64; 2] {
+    [mode.max(0.0), (-mode).max(0.0)]
+}
+
+/// What valves may do: chambers a and b filled, shut or vented.
+const THREE: [[f64; 2]; 3] = [[0.0, 0.0], [1.0, -1.0], [-1.0, 1.0]];
+const SEVEN: [[f64; 2]; 7] =
+    [[0.0, 0.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 0.0], [0.0, -1.0], [-1.0, 0.0], [0.0, 1.0]];
+
+/// Rates of the forces of both chambers, N/s: filled, shut and vented.
+struct Reach {
+    filled: [f64; 2],
+    shut: [f64; 2],
+    vented: [f64; 2],
+    /// Stiffness, N/m, that which both chambers would have at the bounds of their mean pressure, and its rate for each rate
+    /// of a chamber's force, 1/m.
+    stiffness: f64,
+    within: [f64; 2],
+    by_force: [f64; 2],
+    /// Its rate by the motion alone, N/(m s).
+    by_motion: f64,
+}
+
+impl Reach {
+    fn of(model: &Model, state: &State) -> Self {
+        let State { position: x, velocity: v, pressures, temperatures, .. } = *state;
+        let contents = model.contents(x, pressures, temperatures);
+        let rates = |each: [f64; 2]| {
+            let rates = model.chambers([x, v], contents, [each; 2]).pressure_rates;
+            [0, 1].map(|i| rates[i] * model.sides[i].area)
+        };
+        let k = model.gas.heat_capacity_ratio;
+        // k A/V of each: stiffness for each newton of its force.
+        let by_force = [0, 1].map(|i| k * model.sides[i].area / model.sides[i].volume(x));
+        let of_pressure = |i: usize| by_force[i] * model.sides[i].area;
+        let [low, high] = [model.ambient.pressure, model.supply.pressure];
+        let at = |share: f64| (low + share * (high - low)) * (of_pressure(0) + of_pressure(1));
+        let grows = |i: usize| {
+            let side = &model.sides[i];
+            -of_pressure(i) * pressures[i] * side.sign * side.area * v / side.volume(x)
+        };
+        Reach {
+            filled: rates([1.0, 0.0]),
+            shut: rates([0.0, 0.0]),
+            vented: rates([0.0, 1.0]),
+            stiffness: of_pressure(0) * pressures[0] + of_pressure(1) * pressures[1],
+            within: MEAN_WITHIN.map(at),
+            by_force,
+            by_motion: grows(0) + grows(1),
+        }
+    }
+
+    /// Rate of the force of a chamber at a share of opening, -1 .. 1.
+    fn rate(&self, i: usize, share: f64) -> f64 {
+        let full = if share > 0.0 { self.filled[i] } else { self.vented[i] };
+        self.shut[i] + share.abs() * (full - self.shut[i])
+    }
+
+    /// The share of opening at which the force of a chamber has a rate, or the nearest that there is.
+    fn opening(&self, i: usize, rate: f64) -> f64 {
+        let (way, full) = if rate > self.shut[i] { (1.0, self.filled[i]) } else { (-1.0, self.vented[i]) };
+        let most = full - self.shut[i];
+        if way * most > f64::MIN_POSITIVE { way * ((rate - self.shut[i]) / most).min(1.0) } else { 0.0 }
+    }
+
+    /// Rates of the forces of both chambers for a share of opening of one 5/3 valve: the difference is that which this would
+    /// give, the mean that which brings the stiffness to a value, N/m, at a rate, 1/s.
+    fn wanted(&self, share: f64, stiffness: Option<[f64; 2]>) -> [f64; 2] {
+        let base = [self.rate(0, share), self.rate(1, -share)];
+        let Some([stiffness, rate]) = stiffness else { return base };
+        let [low, high] = self.within;
+        let now = self.by_force[0] * base[0] + self.by_force[1] * base[1] + self.by_motion;
+        let both = (rate * (stiffness.clamp(low, high) - self.stiffness) - now)
+            / (self.by_force[0] + self.by_force[1]);
+        let least = (self.vented[0] - base[0]).max(self.vented[1] - base[1]).min(0.0);
+        let most = (self.filled[0] - base[0]).min(self.filled[1] - base[1]).max(0.0);
+        base.map(|own| own + both.clamp(least, most))
+    }
+}
+
+/// Modes, what they leave missing, and how long they stay.
+#[derive(Clone, Debug)]
+pub(crate) struct Switched<S> {
+    /// Of the forces of both chambers, N.
+    missing: [S; 2],
+    /// Samples for which no valve may switch.
+    waits: S,
+    /// Each chamber filled, shut or vented: 1, 0, -1.
+    mode: [S; 2],
+}
+
+impl<S: crate::number::Number> Switched<S> {
+    fn new() -> Self {
+        Switched { missing: [S::zero(); 2], waits: S::zero(), mode: [S::zero(); 2] }
+    }
+}
+
+impl<S: crate::number::Number> crate::number::Memory<S> for Switched<S> {
+    fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
+        let Switched { missing, waits, mode } = self;
+        missing.iter_mut().chain([waits]).chain(mode).for_each(see);
+    }
+}
+
+impl Switched<f64> {
+    /// The mode of a sample, for rates of both chambers' forces that are wanted; `rules` are the samples for which a mode
+    /// stays, the period, the dead band and the share of the stiffness.
+    fn choose(
+        &mut self,
+        reach: &Reach,
+        wanted: [f64; 2],
+        modes: &[[f64; 2]],
+        (stays, period, dead_band, share): (f64, f64, f64, f64),
+    ) -> [f64; 2] {
+        let span = stays * period;
+        let left = |mode: [f64; 2], span: f64| {
+            [0, 1].map(|i| self.missing[i] + (wanted[i] - reach.rate(i, mode[i])) * span)
+        };
+        let cost = |mode: [f64; 2]| {
+            let [a, b] = left(mode, span);
+            let switches: f64 = (0..2).map(|i| (mode[i] - self.mode[i]).abs()).sum();
+            (a - b).powi(2) + (share * (a + b)).powi(2) + dead_band * dead_band * switches
+        };
+        let best = modes
+            .iter()
+            .copied()
+            .fold(self.mode, |best, own| if cost(own) < cost(best) { own } else { best });
+        let mode = if self.waits > 0.0 { self.mode } else { best };
+        // No more than a pulse makes up for.
+        let most = |i: usize| reach.filled[i].abs().max(reach.vented[i].abs()) * span;
+        let next = left(mode, period);
+        self.waits = if mode == self.mode { (self.waits - 1.0).max(0.0) } else { stays - 1.0 };
+        self.missing = [0, 1].map(|i| next[i].clamp(-most(i), most(i)));
+        self.mode = mode;
+        mode
+    }
+}
+
+/// A 5/3 switching valve goes from a position to another: its edges open and shut within the half of the way that is
+/// next to the end.
+fn switch_three(spool: &mut Spool, armature: &Armature, time: f64, [before, now]: [f64; 2]) {
+    if before == now {
+        return;
+    }
+    // Chambers a and b are filled and vented by edges 0 .. 3: those of position 1, then those of -1.
+    for (position, pair) in [(1.0, [0, 3]), (-1.0, [1, 2])] {
+        let (was, is) = (before == position, now == position);
+        let after = match (was, is) {
+            (true, false) if now == 0.0 => armature.at(true, 0.25),
+            (true, false) => armature.at(false, 0.25),
+            (false, true) if before == 0.0 => armature.at(false, 0.75),
+            (false, true) => armature.at(false, 1.75),
+            _ => continue,
+        };
+        pair.into_iter().for_each(|edge| spool.switch(edge, time + after, f64::from(u8::from(is))));
+    }
+}
+
+impl Pulses {
+    /// Shares of pulses for shares of opening of both chambers. Those of the last sample before a pulse begins are its own.
+    fn pulse(
+        &mut self,
+        openings: [f64; 2],
+        (armature, pulses): (&Armature, f64),
+        spool: &mut Spool,
+        (time, period): (f64, f64),
+    ) -> Commands {
+        let begins = ((time / pulses + 1e-9).floor() + 1.0) * pulses;
+        let counts = begins <= time + period * (1.0 + 1e-9);
+        let [on, off] = [false, true].map(|back| armature.at(back, 0.5));
+        let least = (armature.at(false, 1.0) + off - on) / pulses;
+        let most = 1.0 - (armature.at(true, 1.0) + on - off) / pulses;
+        let mut commands = [0.0; MOST_VALVES];
+        for (side, opening) in openings.into_iter().enumerate() {
+            let asked = opening + self.missing[side];
+            let given = match asked.abs() {
+                own if own < 0.5 * least => 0.0,
+                own if own < 0.5 * (most + 1.0) => own.clamp(least, most.max(least)),
+                _ => 1.0,
+            };
+            let share = if given > 0.0 && given < 1.0 { given - (off - on) / pulses } else { given };
+            for (edge, own) in edges(share.copysign(asked)).into_iter().enumerate() {
+                let edge = 2 * side + edge;
+                commands[edge] = own;
+                if counts {
+                    let was_open = self.open[edge] > 0.0;
+                    if own > 0.0 && !was_open {
+                        spool.switch(edge, begins + on, 1.0);
+                    } else if own == 0.0 && was_open {
+                        spool.switch(edge, begins + off, 0.0);
+                    }
+                    if own > 0.0 && own < 1.0 {
+                        spool.switch(edge, begins + own * pulses + off, 0.0);
+                    }
+                    self.open[edge] = f64::from(u8::from(own == 1.0));
+                }
+            }
+            if counts {
+                self.missing[side] = (asked - given.copysign(asked)).clamp(-1.0, 1.0);
+            }
+        }
+        Commands::of(commands)
+    }
+}

@@ -1,0 +1,241 @@
+//! Which valves of a circuit a law commands, and what it is told of them.
+
+use crate::belief::{given, number};
+use crate::refuse;
+use circuit::Error;
+use circuit::specification::{Circuit, Component};
+use control::{Armature, Arrangement, Valve};
+use physics::IdealGas;
+use physics::flow::Iso6358;
+use std::f64::consts::TAU;
+
+const PROPORTIONAL_53: &str = "valve/proportional-5/3";
+const PROPORTIONAL_32: &str = "valve/proportional-3/2";
+const SWITCHING_22: &str = "valve/switching-2/2";
+const SWITCHING_53: &str = "valve/switching-5/3";
+/// Valves that shut no chamber, under no command.
+const NEVER_SHUT: [&str; 3] = ["valve/switching-3/2", "valve/switching-5/2", "valve/impulse-5/2"];
+const COMMANDED: &str = "a law commands one proportional 5/3 valve, two proportional 3/2 valves, four 2/2 switching valves or one \
+                         5/3 switching valve";
+
+/// The valves of a cylinder, in the order of their commands, and what a law is told of them.
+pub fn valves<'c>(
+    circuit: &'c Circuit,
+    cylinder: &'c Component,
+    supply: &'c Component,
+    gas: &IdealGas<f64>,
+) -> Result<(Vec<&'c Component>, Valve), Error> {
+    let of = |kind: &str| circuit.components.iter().filter(|own| own.kind == kind).collect::<Vec<_>>();
+    let (fives, threes) = (of(PROPORTIONAL_53), of(PROPORTIONAL_32));
+    let (twos, switching) = (of(SWITCHING_22), of(SWITCHING_53));
+    if let [one, other, ..] = *fives {
+        return refuse(format!(
+            "the circuit has {} and {}: a law commands a circuit with one proportional 5/3 valve. Describe the axis that is \
+             controlled alone",
+            one.name, other.name
+        ));
+    }
+    if let [one] = *fives {
+        return Ok((vec![one], proportional(one, Arrangement::One, gas)?));
+    }
+    let ports = Ports { circuit, cylinder, supply };
+    match (&*threes, &*switching, &*twos) {
+        ([one, other], [], []) => {
+            let each = ports.at_chambers([one, other])?;
+            same(&each, &["exhaust_conductance", "exhaust_critical_pressure_ratio"])?;
+            Ok((each.to_vec(), proportional(one, Arrangement::Pair, gas)?))
+        }
+        ([], [one], []) => {
+            let centre = one.choices.get("centre").map_or("closed", String::as_str);
+            if centre != "closed" {
+                return refuse(format!(
+                    "{}.centre = \"{centre}\": the valve shuts the chambers in no position, so that the drive cannot rest under \
+                     a law. Take centre = \"closed\"",
+                    one.name
+                ));
+            }
+            same(&[one], &["exhaust_conductance", "exhaust_critical_pressure_ratio"])?;
+            let armature = armature(one)?;
+            Ok((vec![one], switching_as(one, Arrangement::Three(armature), armature.mean(), gas)?))
+        }
+        ([], [], &[a, b, c, d]) => {
+            let each = ports.bridge([a, b, c, d])?;
+            same(&each, &[])?;
+            let (armature, frequency) = (armature(a)?, number(a, "pwm_frequency").unwrap_or(0.0));
+            let arrangement = if frequency > 0.0 {
+                Arrangement::Pulses(armature, 1.0 / frequency)
+            } else {
+                Arrangement::Seven(armature)
+            };
+            Ok((each.to_vec(), switching_as(a, arrangement, armature.mean(), gas)?))
+        }
+        _ => {
+            let never = circuit.components.iter().find(|own| NEVER_SHUT.contains(&&*own.kind));
+            if let Some(own) = never {
+                return refuse(format!(
+                    "{} is a valve that shuts its chambers in no position, so that a drive on it cannot rest under a law: \
+                     {COMMANDED}",
+                    own.name
+                ));
+            }
+            let found: Vec<_> =
+                [&*threes, &*switching, &*twos].concat().iter().map(|own| &*own.name).collect();
+            let has = if found.is_empty() {
+                "no proportional 5/3 valve".into()
+            } else {
+                format!("the valves {}", found.join(", "))
+            };
+            refuse(format!("the circuit has {has}: {COMMANDED}"))
+        }
+    }
+}
+
+fn flow(own: &Component, gas: &IdealGas<f64>) -> Result<Iso6358<f64>, Error> {
+    let (c, b) = (given(own, "conductance")?, given(own, "critical_pressure_ratio")?);
+    let (m, linear_above) = (given(own, "subsonic_index")?, given(own, "linear_above")?);
+    let is_air = gas.is_air();
+    Ok(Iso6358::for_gas(c, b, m, linear_above, m == 0.5, gas, is_air))
+}
+
+fn proportional(own: &Component, arrangement: Arrangement, gas: &IdealGas<f64>) -> Result<Valve, Error> {
+    let frequency = given(own, "frequency")?;
+    Ok(Valve {
+        arrangement,
+        flow: flow(own, gas)?,
+        angular_frequency: if frequency == 0.0 { f64::INFINITY } else { TAU * frequency },
+        damping_ratio: given(own, "damping_ratio")?,
+        delay: given(own, "delay")?,
+        overlap: given(own, "overlap")?,
+        leakage: given(own, "leakage")?,
+        leakage_width: given(own, "leakage_width")?,
+    })
+}
+
+fn switching_as(
+    own: &Component,
+    arrangement: Arrangement,
+    delay: f64,
+    gas: &IdealGas<f64>,
+) -> Result<Valve, Error> {
+    Ok(Valve {
+        arrangement,
+        flow: flow(own, gas)?,
+        angular_frequency: f64::INFINITY,
+        damping_ratio: 1.0,
+        delay,
+        overlap: 0.0,
+        leakage: 0.0,
+        leakage_width: 1.0,
+    })
+}
+
+fn armature(own: &Component) -> Result<Armature, Error> {
+    if own.choices.get("pwm_model").is_some_and(|model| model == "averaged") {
+        return refuse(format!(
+            "{}.pwm_model = \"averaged\": a law commands pulses. Take pwm_model = \"exact\"",
+            own.name
+        ));
+    }
+    if own.choices.get("normally").is_some_and(|normally| normally == "open") {
+        return refuse(format!(
+            "{} is normally open: a law shuts the chambers without a command. Take normally = \"closed\"",
+            own.name
+        ));
+    }
+    let share = given(own, "travel_share")?;
+    let times = [given(own, "time_on")?, given(own, "time_off")?];
+    Ok(Armature { dead: times.map(|t| t * (1.0 - 0.5 * share)), travel: times.map(|t| t * share) })
+}
+
+/// Valves that a law takes for equal are equal, and have no numbers of these of their own.
+fn same(each: &[&Component], never: &[&str]) -> Result<(), Error> {
+    let [first, others @ ..] = each else { return Ok(()) };
+    for own in others {
+        let keys = first.numbers.keys().chain(own.numbers.keys());
+        let (choices, of_own) = (&first.choices, &own.choices);
+        if let Some(key) = keys.into_iter().find(|key| number(own, key) != number(first, key)) {
+            let shown = |one| number(one, key).map_or("absent".into(), |value| value.to_string());
+            return refuse(format!(
+                "{}.{key} is {}, {}.{key} is {} (SI): a law takes the valves of a drive for equal",
+                first.name,
+                shown(first),
+                own.name,
+                shown(own)
+            ));
+        }
+        if choices != of_own {
+            return refuse(format!(
+                "{} and {} differ in a choice: a law takes the valves of a drive for equal",
+                first.name, own.name
+            ));
+        }
+    }
+    for own in each {
+        let pairs = [
+            ("exhaust_conductance", "conductance"),
+            ("exhaust_critical_pressure_ratio", "critical_pressure_ratio"),
+        ];
+        for (key, usual) in pairs.into_iter().filter(|(key, _)| never.contains(key)) {
+            if own.numbers.get(key).is_some_and(|value| Some(*value) != number(own, usual)) {
+                return refuse(format!(
+                    "{0}.{key} differs from {0}.{usual}: a law takes the paths of a valve for equal. Leave it out",
+                    own.name
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What is joined to what.
+struct Ports<'c> {
+    circuit: &'c Circuit,
+    cylinder: &'c Component,
+    supply: &'c Component,
+}
+
+impl<'c> Ports<'c> {
+    fn joined(&self, one: &str, other: &str) -> bool {
+        self.circuit
+            .joints
+            .iter()
+            .any(|joint| joint.iter().any(|own| own == one) && joint.iter().any(|own| own == other))
+    }
+
+    fn at(&self, own: &Component, port: u32, chamber: &str) -> bool {
+        self.joined(&format!("{}.{port}", own.name), &format!("{}.{chamber}", self.cylinder.name))
+    }
+
+    fn missing<T>(&self, what: &str) -> Result<T, Error> {
+        refuse(format!(
+            "no {what} of {}: a law commands valves that stand at the cylinder, between supply and ambient",
+            self.cylinder.name
+        ))
+    }
+
+    /// Two 3/2 valves in the order of the chambers.
+    fn at_chambers(&self, [one, other]: [&'c Component; 2]) -> Result<[&'c Component; 2], Error> {
+        for pair in [[one, other], [other, one]] {
+            if self.at(pair[0], 2, "a") && self.at(pair[1], 2, "b") {
+                return Ok(pair);
+            }
+        }
+        self.missing("3/2 valves are joined by port 2 to chambers a and b")
+    }
+
+    /// Four 2/2 valves: those that fill and vent a, then b.
+    fn bridge(&self, each: [&'c Component; 4]) -> Result<[&'c Component; 4], Error> {
+        let supply = format!("{}.1", self.supply.name);
+        let find = |chamber: &str, other: &str| {
+            each.into_iter().find(|own| {
+                [(1, 2), (2, 1)].into_iter().any(|(near, far)| {
+                    self.at(own, near, chamber) && self.joined(&format!("{}.{far}", own.name), other)
+                })
+            })
+        };
+        match (find("a", &supply), find("a", "ambient"), find("b", &supply), find("b", "ambient")) {
+            (Some(a), Some(b), Some(c), Some(d)) => Ok([a, b, c, d]),
+            _ => self.missing("2/2 valves fill and vent each of the chambers"),
+        }
+    }
+}
