@@ -1,4 +1,4 @@
-//! What a law believes, brought to what its drive does: friction and valve, by recursive least squares while it moves.
+//! What a law believes, brought to what its drive does: friction, mass and valve, by recursive least squares while it moves.
 
 use crate::model::Model;
 use crate::observer::State;
@@ -57,14 +57,15 @@ impl<const N: usize> Lagged<N> {
     }
 }
 
-/// Coulomb and viscous friction as shares of what is described, and the valve's conductance and overlap. A force that
-/// stays the same in both directions is learned beside them and left to the observer: the zeros of pressure sensors look
-/// like it, and friction that differs between the directions cannot be told from it.
+/// Coulomb and viscous friction and the moving mass as shares of what is described, and the valve's conductance and
+/// overlap. A force that stays the same in both directions is learned beside them and left to the observer: the zeros of
+/// pressure sensors look like it, and friction that differs between the directions cannot be told from it.
 #[derive(Clone, Debug)]
 pub struct Adaptation {
     /// The model as it is described.
     described: Model,
-    friction: Fit<3>,
+    /// Shares of Coulomb and viscous friction, the force that stays the same, and the share of the mass.
+    friction: Fit<4>,
     valve: Fit<2>,
     motion: Lagged<4>,
     gas: [Lagged<4>; 2],
@@ -89,6 +90,7 @@ const FLOW_DEVIATION: f64 = 0.05;
 const OFFSET: f64 = 10.0;
 /// Shares of the described value within which estimates stay (assumed).
 const FRICTION_WITHIN: [f64; 2] = [0.3, 3.0];
+const MASS_WITHIN: [f64; 2] = [0.5, 3.0];
 const CONDUCTANCE_WITHIN: [f64; 2] = [0.4, 2.5];
 const OVERLAP_WITHIN: [f64; 2] = [0.0, 0.1];
 /// Distance behind the overlap from which the valve is learned, and speed of the spool below which it is, 1/s (assumed).
@@ -105,7 +107,7 @@ impl Adaptation {
         let d = model.valve.overlap;
         Adaptation {
             described: model.clone(),
-            friction: Fit::new([1.0, 1.0, 0.0]),
+            friction: Fit::new([1.0, 1.0, 0.0, 1.0]),
             valve: Fit::new([1.0 / (1.0 - d), -d / (1.0 - d)]),
             motion: Lagged::default(),
             gas: [Lagged::default(); 2],
@@ -141,12 +143,13 @@ impl Adaptation {
         if self.slid < SETTLED * MOTION_LAG || slow * v < 0.0 || self.rests > 0.0 {
             return;
         }
-        let y = force - model.mass * (v - slow) / MOTION_LAG;
-        let phi = [coulomb, viscous, OFFSET].map(|own| own / FORCE_DEVIATION);
-        let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-level / OFFSET, level / OFFSET]];
-        self.friction.observe(phi, y / FORCE_DEVIATION, within);
-        let [coulomb, viscous, _] = self.friction.theta;
+        let inertia = self.described.mass * (v - slow) / MOTION_LAG;
+        let phi = [coulomb, viscous, OFFSET, inertia].map(|own| own / FORCE_DEVIATION);
+        let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-level / OFFSET, level / OFFSET], MASS_WITHIN];
+        self.friction.observe(phi, force / FORCE_DEVIATION, within);
+        let [coulomb, viscous, _, mass] = self.friction.theta;
         model.friction_shares = [coulomb, viscous];
+        model.mass = mass * self.described.mass;
     }
 
     fn learn_valve(&mut self, model: &mut Model, state: &State, [spool, speed]: [f64; 2], period: f64) {

@@ -68,7 +68,7 @@ fn known_drives_are_led_along_sines_within_their_bounds() {
 
 /// A drive that is not as its law believes: more friction and mass, a smaller valve with more overlap.
 #[test]
-fn predictive_control_learns_the_friction_and_the_valve_of_its_drive() {
+fn predictive_control_learns_friction_mass_and_valve_of_its_drive() {
     let mut plant = axis();
     for own in &mut plant.components {
         let mut times = |key: &str, factor: f64| {
@@ -88,8 +88,10 @@ fn predictive_control_learns_the_friction_and_the_valve_of_its_drive() {
     assert!(error < 0.12, "largest error {error} mm");
     let [coulomb, viscous] = controller.model.friction_shares;
     assert!((coulomb - 1.2).abs() < 0.03 && (viscous - 1.2).abs() < 0.06, "friction {coulomb}, {viscous}");
-    let described = belief(&axis()).expect("a belief").0.valve;
-    let valve = controller.model.valve;
+    let described = belief(&axis()).expect("a belief").0;
+    let mass = controller.model.mass / described.mass;
+    assert!((mass - 1.3).abs() < 0.04, "mass {mass}");
+    let (described, valve) = (described.valve, controller.model.valve);
     assert!((valve.flow.gain / described.flow.gain - 0.8).abs() < 0.03, "conductance");
     assert!((valve.overlap - 0.03).abs() < 0.002, "overlap {}", valve.overlap);
 }

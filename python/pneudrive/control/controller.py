@@ -78,7 +78,7 @@ class Controller(Described):
         default=PERIOD_S, description="time between two samples"
     )
     drive: str | None = Field(default=None, description="what the law believes; absent: the drive it is run on")
-    adaptation: bool = Field(default=True, description="it learns friction and valve of its drive while it runs")
+    adaptation: bool = Field(default=True, description="it learns friction, mass and valve of its drive while it runs")
     gains: Annotated[dict[str, Any], _numbers("gains")] = Field(default_factory=dict)
     valves: Annotated[dict[str, Any], _numbers("valves")] = Field(default_factory=dict)
     observer: Annotated[dict[str, Any], _numbers("observer")] = Field(

@@ -154,7 +154,7 @@ class Tuning(Shown):
     hold : HoldBand or None
         Standing still; None: it never holds.
     adaptation : bool
-        It learns friction and valve of its drive while it runs.
+        It learns friction, mass and valve of its drive while it runs.
     gains : tuple of TunedGain
     plant : Plant
     belief : Circuit
