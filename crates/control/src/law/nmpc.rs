@@ -5,6 +5,7 @@ use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;
 use crate::observer::State;
+use crate::reference::Wanted;
 use math::{Dual, Over};
 use physics::above;
 
@@ -23,7 +24,39 @@ const SHORTER: f64 = 0.25;
 /// Rounds of the search for the moves that lie at a limit.
 const ROUNDS: usize = 20;
 
+/// Steps of all moves.
+const HORIZON: usize = {
+    let (mut sum, mut block) = (0, 0);
+    while block < MOVES {
+        sum += BLOCKS[block] / STEPS[block];
+        block += 1;
+    }
+    sum
+};
+
 type Seeded = Dual<f64, MOVES>;
+
+/// What no plan changes: what becomes of the spool within half a step and a whole one of 1 ms and of 2 ms, and where the
+/// drive is to be after each step.
+struct Horizon {
+    transitions: [[[f64; 4]; 2]; 2],
+    wanted: [Wanted; HORIZON],
+}
+
+impl Horizon {
+    fn of(tick: &Tick) -> Self {
+        let transitions = [1e-3, 2e-3].map(|h| [0.5 * h, h].map(|h| tick.spool.transition(h)));
+        let (mut wanted, mut t, mut step) = ([Wanted::default(); HORIZON], 0.0, 0);
+        for block in 0..MOVES {
+            for _ in 0..BLOCKS[block] / STEPS[block] {
+                t += 1e-3 * STEPS[block] as f64;
+                wanted[step] = tick.preview.at(tick.acts + t);
+                step += 1;
+            }
+        }
+        Horizon { transitions, wanted }
+    }
+}
 
 law! {
     /// Nonlinear predictive control: the moves w of the coming 40 ms that make
@@ -136,20 +169,26 @@ impl Nmpc {
     }
 
     /// Runs the horizon under a plan and shows each residual.
-    fn follow<S: Over<f64>>(&self, tick: &Tick, plan: &[S; MOVES], mut row: impl FnMut(S)) {
+    fn follow<S: Over<f64>>(
+        &self,
+        tick: &Tick,
+        horizon: &Horizon,
+        plan: &[S; MOVES],
+        mut row: impl FnMut(S),
+    ) {
         let model = tick.model;
         let mut state: State<S> = tick.state.map(S::c);
         let [mut spool, mut speed] = tick.spool.share(model.valve.overlap).map(S::c);
         let leak = model.openings(0.0);
-        let mut t = 0.0;
+        let mut wanted = horizon.wanted.iter();
         let mut before = S::c(self.last);
         for block in 0..MOVES {
             let w = plan[block];
             row((w - before).times(100.0 * self.move_penalty));
             before = w;
             let h = 1e-3 * STEPS[block] as f64;
-            let [half, whole] = [0.5 * h, h].map(|h| tick.spool.transition(h));
-            for _ in 0..BLOCKS[block] / STEPS[block] {
+            let [half, whole] = horizon.transitions[STEPS[block] - 1];
+            for wanted in wanted.by_ref().take(BLOCKS[block] / STEPS[block]) {
                 let go = |by: [f64; 4]| {
                     let e = spool - w;
                     [w + e.times(by[0]) + speed.times(by[1]), e.times(by[2]) + speed.times(by[3])]
@@ -160,8 +199,6 @@ impl Nmpc {
                 let open = [share.max(S::zero()), (-share).max(S::zero())];
                 let open = [0, 1].map(|i| open[i] + S::c(leak[i]));
                 state.advance(model, open, h, None);
-                t += h;
-                let wanted = tick.preview.at(tick.acts + t);
                 let weight = (h * 1e3 * if block + 1 == MOVES { LAST } else { 1.0 }).sqrt() * 1e3;
                 let l = self.bandwidth;
                 row((state.position - S::c(wanted.position)).times(weight));
@@ -195,7 +232,8 @@ impl Law for Nmpc {
         let (mut h_matrix, mut gradient) = ([[0.0; MOVES]; MOVES], [0.0; MOVES]);
         let mut cost = 0.0;
         let seeded: [Seeded; MOVES] = std::array::from_fn(|i| Seeded::variable(self.plan[i], i));
-        self.follow(tick, &seeded, |residual| {
+        let horizon = Horizon::of(tick);
+        self.follow(tick, &horizon, &seeded, |residual| {
             cost += residual.re * residual.re;
             for i in 0..MOVES {
                 gradient[i] += residual.eps[i] * residual.re;
@@ -214,7 +252,7 @@ impl Law for Nmpc {
             // Derivatives in stick say nothing of what comes behind breakaway.
             let whole: [f64; MOVES] = std::array::from_fn(|i| self.plan[i] + step[i]);
             let mut foreseen = 0.0;
-            self.follow(tick, &whole, |residual| foreseen += residual * residual);
+            self.follow(tick, &horizon, &whole, |residual| foreseen += residual * residual);
             let share = if foreseen > WORSE * cost { SHORTER } else { 1.0 };
             for (own, step) in self.plan.iter_mut().zip(step) {
                 *own = (*own + share * step).clamp(-1.0, 1.0);
