@@ -42,6 +42,8 @@ fn errors(law: impl control::OwnLaw + 'static) -> Result<[f64; 2], Error> {
         law: Own::KEY.into(),
         period_s: 1e-3,
         gains: BTreeMap::new(),
+        valves: BTreeMap::new(),
+        observer: None,
         hold: None,
         adaptation: false,
         supervision: None,
