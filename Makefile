@@ -21,7 +21,8 @@ unexport PYTHONDONTWRITEBYTECODE
 RUST := Cargo.toml Cargo.lock $(wildcard .cargo/config.toml) \
         $(shell find crates \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*')
 PAGE := $(wildcard page/*.json page/*.ts page/index.html page/src/* page/public/*) tools/page.py
-PYTEST_WORKERS ?= 2
+# More than two cores have: some tests wait for a process that they killed, or for a browser.
+PYTEST_WORKERS ?= 3
 
 .PHONY: help setup demo test test-rust test-python test-page test-extras check bench docs wheel test-wheel fmt lock
 
@@ -42,7 +43,7 @@ test-python: setup
 	$(PY) -m pytest -n $(PYTEST_WORKERS) --ignore=tests/page --ignore=tests/documentation
 
 test-page: setup $(VENV)/.page  ## the page in a browser: PNEUDRIVE_CHROMIUM, else one on the path, else that of page/browser's lock
-	$(PY) -m pytest tests/page
+	$(PY) -m pytest -n $(PYTEST_WORKERS) tests/page
 
 test-extras: setup $(EXTRAS)/.deps  ## a Dask cluster whose workers are killed, JAX, PyTorch; in an environment of its own
 	PYTHONPATH=python $(EXTRAS)/bin/python -m pytest --confcutdir=tests/extras tests/extras
