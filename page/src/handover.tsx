@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { follow, JobList } from "./jobs";
 import { digits } from "./looks";
-import { Copied, InFolder, Problems } from "./parts";
+import { Copied, DriveChoice, InFolder, Problems } from "./parts";
 import { link, route } from "./routes";
 import { ask, attempting, read, type Problem } from "./server";
 import { list, studies } from "./studies";
@@ -76,13 +76,7 @@ function Start() {
       <h2>A drive for other tools</h2>
       <p>The whole drive, compiled: the other tool needs neither Python nor a compiler nor a licence.</p>
       <p class="row">
-        <label>
-          Drive or circuit{" "}
-          <select value={drive.value} onChange={(event) => (drive.value = event.currentTarget.value)}>
-            <option value="">choose</option>
-            {drives.map((one) => <option key={one}>{one}</option>)}
-          </select>
-        </label>
+        <DriveChoice label="Drive or circuit" drives={drives} chosen={drive} />
         <label>
           As{" "}
           <select value={form.value} onChange={(event) => (form.value = event.currentTarget.value)}>

@@ -1,4 +1,5 @@
 /** Small parts that several views use. */
+import type { Signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
 import { link, type View } from "./routes";
 import { connection, hasUsers, logIn, read, Refused, type Listed, type Problem } from "./server";
@@ -97,6 +98,19 @@ export const KINDS: Record<string, string> = {
   assumed: "assumed",
   default: "default",
 };
+
+/** A choice of one drive, by its path. */
+export function DriveChoice({ label, drives, chosen }: { label: string; drives: string[]; chosen: Signal<string> }) {
+  return (
+    <label>
+      {label}{" "}
+      <select value={chosen.value} onChange={(event) => (chosen.value = event.currentTarget.value)}>
+        <option value="">choose</option>
+        {drives.map((one) => <option key={one}>{one}</option>)}
+      </select>
+    </label>
+  );
+}
 
 /** Files of the folder that a view shows, below a title. */
 export function InFolder({ files, title, view }: { files: Listed[]; title: string; view: View }) {

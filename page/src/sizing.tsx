@@ -8,6 +8,7 @@ import { Copied, InFolder, Problems, ReportOf } from "./parts";
 import { link, route } from "./routes";
 import { ask, attempting, read, Refused, write, type Problem } from "./server";
 import { list, studies } from "./studies";
+import { ticks } from "./strip";
 
 interface Limit {
   name: string;
@@ -335,19 +336,6 @@ const WIDTH = 520;
 const HEIGHT = 300;
 const EDGE = { left: 56, right: 12, top: 10, bottom: 40 };
 
-/** A round step that cuts a range into four to eight parts. */
-function step(range: number): number {
-  const size = 10 ** Math.floor(Math.log10(range / 4));
-  return [1, 2, 5, 10].map((one) => one * size).find((one) => range / one <= 8) ?? range;
-}
-
-function ticks(low: number, high: number): number[] {
-  const by = step(high - low);
-  const first = Math.ceil(low / by);
-  return Array.from({ length: Math.floor(high / by + 1e-9) - first + 1 }, (_, k) => (first + k) * by);
-}
-
-/** Time of a stroke over the air of a cycle, with the longest time allowed. */
 function Candidates({ now, way }: { now: Sizing; way: "out" | "back" }) {
   const timed = (one: Candidate) => (way === "out" ? one.time_out : one.time_back);
   const shown = now.candidates.filter((one) => timed(one) !== null && one.air !== null);

@@ -5,7 +5,7 @@ import type { Frame } from "./frame";
 import { follow, JobList, jobs } from "./jobs";
 import { digits } from "./looks";
 import { open as openDrive, valid, type Field } from "./opened";
-import { Copied, folderOf, InFolder, KINDS, Problems, ReportOf } from "./parts";
+import { Copied, DriveChoice, folderOf, InFolder, KINDS, Problems, ReportOf } from "./parts";
 import { Plot } from "./plot";
 import { link, route } from "./routes";
 import { ask, attempting, Live, read, Refused, type Problem } from "./server";
@@ -174,13 +174,7 @@ function Start() {
       <h2>Does my model hold?</h2>
       <p>The drive runs under the recorded command; the page shows where it leaves the recording, and what would explain it.</p>
       <p class="row">
-        <label>
-          Drive or fit of a drive{" "}
-          <select value={drive.value} onChange={(event) => (drive.value = event.currentTarget.value)}>
-            <option value="">choose</option>
-            {drives.map((one) => <option key={one}>{one}</option>)}
-          </select>
-        </label>
+        <DriveChoice label="Drive or fit of a drive" drives={drives} chosen={drive} />
         <label>
           Into results/ <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
         </label>

@@ -44,7 +44,7 @@ def settled(tab: Tab) -> dict[str, str]:
     """Wait until the newest answer is drawn; return what the page counts."""
     for _ in range(300):
         counts = dict(tab.page.evaluate("() => ({...document.documentElement.dataset})"))
-        if counts.get("sent") and counts["sent"] == counts["drawn"]:
+        if counts.get("sent") and counts["sent"] == counts.get("drawn"):
             tab.page.wait_for_timeout(60)
             again = dict(tab.page.evaluate("() => ({...document.documentElement.dataset})"))
             if again == counts:

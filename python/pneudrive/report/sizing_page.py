@@ -102,10 +102,14 @@ def _missed(one: SizedDrive) -> str:
     said = []
     for name, (value, limit, unit) in one.worst.items():
         if one.margins[name] < 0.0:
-            factor, read = READ.get(unit, (1.0, unit))
-            shown = f"{factor * value:.3g} {read}" if value < float("inf") else "the stroke does not end"
-            said.append(f"{name} {shown}, limit {factor * limit:.3g} {read}")
+            said.append(f"{name} {_read(value, unit)}, limit {_read(limit, unit)}")
     return "; ".join(said) or f"{one.met} of {one.draws} draws keep all limits together"
+
+
+def _read(value: float, unit: str) -> str:
+    """Return a value, in SI, as it is read; infinite where the stroke does not end."""
+    factor, read = READ.get(unit, (1.0, unit))
+    return f"{factor * value:.3g} {read}" if value < float("inf") else "the stroke does not end"
 
 
 def _candidates(found: SizingResult) -> Section:
@@ -137,8 +141,7 @@ def _limits(found: SizingResult) -> Section | None:
     said = []
     for name in names:
         _, limit, unit = next(one.worst[name] for one in shown if name in one.worst)
-        factor, read = READ.get(unit, (1.0, unit))
-        said.append(f"{name}, limit {factor * limit:.3g} {read}")
+        said.append(f"{name}, limit {_read(limit, unit)}")
     head = ("parts", *said, "binds")
     return section(
         "limits", "What limits each", Paragraph(MARGIN), PageTable(head, rows, "Value, and margin in brackets")
@@ -149,9 +152,7 @@ def _against(one: SizedDrive, name: str) -> str:
     if name not in one.worst:
         return "–"
     value, _, unit = one.worst[name]
-    factor, read = READ.get(unit, (1.0, unit))
-    shown = f"{factor * value:.3g} {read}" if value < float("inf") else "does not end"
-    return f"{shown} ({100.0 * one.margins[name]:.0f} %)"
+    return f"{_read(value, unit)} ({100.0 * one.margins[name]:.0f} %)"
 
 
 def _best(found: SizingResult) -> list[Section]:

@@ -83,7 +83,7 @@ class KeptSamples:
         rows : (int, int)
             Of the view.
         count : int
-            KeptRows of the recording.
+            Rows of the recording.
         """
         half = min(rows[1] - rows[0], MOST_ROWS // 3) // 2
         near, far = ((max(rows[0] - by, 0), min(rows[1] + by, count)) for by in (half, 2 * half))
