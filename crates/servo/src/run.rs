@@ -9,8 +9,7 @@ use crate::sensor::{Encoder, Sensor};
 use crate::specification;
 use circuit::{Error, Look, Session};
 use control::{
-    Answer, AnyLaw, Controller, Gain, LAWS, MOST_VALVES, OBSERVERS, Observing, Reference, Rules, Sample,
-    Valves,
+    Answer, AnyLaw, Controller, Gain, LAWS, OBSERVERS, Observing, Reference, Rules, Sample, Valves,
 };
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -127,7 +126,6 @@ pub struct Loop {
     commands: Vec<usize>,
     valves: Vec<String>,
     switches: bool,
-    told: [f64; MOST_VALVES],
     commanded: Vec<f64>,
     faults: Faults,
     jitter: [f64; 4],
@@ -194,7 +192,6 @@ impl Loop {
                 .collect::<Result<_, _>>()?,
             valves: axis.valves.clone(),
             switches: axis.switches,
-            told: [0.0; MOST_VALVES],
             commanded: vec![],
             session,
             encoder: setup.position.into(),
@@ -344,11 +341,7 @@ impl Loop {
         }
         let computing = self.computing_time + self.late(3, turn.tick).abs();
         let computing = computing.min(LATEST * controller.period);
-        for (i, (&input, &own)) in self.commands.iter().zip(acts.values()).enumerate() {
-            // A solenoid that is told again what it was told would start anew.
-            if self.switches && std::mem::replace(&mut self.told[i], own) == own {
-                continue;
-            }
+        for (&input, &own) in self.commands.iter().zip(acts.values()) {
             if computing > 0.0 {
                 self.session.schedule(input, &[t + computing], &[own])?;
             } else {

@@ -193,11 +193,27 @@ impl<R: Lane> Session<R> {
         }
     }
 
-    /// Switches an armature: it starts after the dead time, unless it is switched back before.
+    /// Where an armature goes by what it was told last, or stands: -1, 0 or 1.
+    fn goal(&self, timing: usize) -> f64 {
+        let what = self.timings()[timing];
+        let entry = |due: Due| self.schedule.iter().find(|entry| entry.1 == What::Timing(timing, due));
+        if let Some(&(_, _, to)) = entry(Due::Start) {
+            return to;
+        }
+        let speed = self.circuit().input(what.input(signal::ACTS)).get(0);
+        let left = entry(Due::Act).map_or(0.0, |(arrives, ..)| arrives - self.time());
+        (self.circuit().part_state(what.part(), self.state()).get(0) + speed * left).round()
+    }
+
+    /// Switches an armature: it starts after the dead time, unless it is switched back before. Told again where it goes by
+    /// then, it does not begin anew.
     fn switch(&mut self, timing: usize, to: f64) {
         let (Timing::Travel { dead, .. } | Timing::Keep { dead, .. }) = self.timings()[timing] else {
             return;
         };
+        if self.goal(timing) == to {
+            return;
+        }
         self.forget(timing, Due::Start);
         self.later(self.time() + dead[usize::from(to == 0.0)], timing, Due::Start, to);
     }

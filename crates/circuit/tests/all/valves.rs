@@ -45,6 +45,24 @@ fn mass(columns: &BTreeMap<String, Vec<f64>>, volume: f64, sample: usize) -> f64
 const VALVE: &str = "valve.command";
 
 #[test]
+fn a_valve_that_is_told_again_where_it_goes_does_not_begin_anew() {
+    // Told every 1 ms: its dead time is 3 ms, its travel 2 ms. Once to fill a tank, then to shut it.
+    let (volume, times) = (1e-3, json!({ "time_on": 4e-3, "time_off": 4e-3, "travel_share": 0.5 }));
+    let flow = |plan: &[(&str, f64, f64)]| {
+        let valve = json!({ "kind": "valve/switching-2/2", "numbers": times });
+        let columns = filled(valve, volume, plan, (0.04, 1e3));
+        (0..columns["time_s"].len()).map(|sample| mass(&columns, volume, sample)).collect::<Vec<_>>()
+    };
+    let once = flow(&[(VALVE, 0.0, 1.0), (VALVE, 0.02, 0.0)]);
+    let again: Vec<_> = (0..40).map(|k| (VALVE, 1e-3 * f64::from(k), f64::from(u8::from(k < 20)))).collect();
+    let again = flow(&again);
+    assert!(once[20] > 1.2 * once[0] && once[40] < 1.01 * once[27], "{} {} {}", once[0], once[20], once[40]);
+    for (one, other) in once.iter().zip(&again) {
+        assert!((one - other).abs() < 1e-6 * one, "{one} {other}");
+    }
+}
+
+#[test]
 fn pulses_let_through_what_their_width_and_the_times_of_the_valve_say() {
     // Period 20 ms, 2 ms on, 3 ms off: a share of 0.5 is open for 0.55 of a period. The flow is choked all along.
     let (volume, period, n) = (0.1, 0.02, 25.0);
