@@ -12,3 +12,6 @@ export function follow(): void {
   const known: View[] = ["studies", "drive", "simulate", "recording", "friction", "campaign", "validation", "sizing", "control", "handover"];
   route.value = { view: known.find((one) => one === view) ?? "studies", path: decodeURIComponent(path ?? "") };
 }
+
+/** The view that shows a file of a kind. */
+export const VIEW_OF: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction", campaign: "campaign", comparison: "control", validation: "validation", task: "sizing", sizing: "sizing", fmu: "handover" };

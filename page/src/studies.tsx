@@ -1,9 +1,11 @@
 /** The start: what is in the folder, by kind, and the drives of the catalogue. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { Problems } from "./parts";
-import { connection, drop, read, Refused, type Listed, type Problem, type Studies } from "./server";
-import { link, type View } from "./routes";
+import { Differences, type Compared } from "./differences";
+import { Chain, lookForStale, stale, trace } from "./lineage";
+import { Copied, Problems } from "./parts";
+import { ask, attempting, connection, drop, read, Refused, type Listed, type Problem, type Studies } from "./server";
+import { link, VIEW_OF } from "./routes";
 
 declare const __BUILD__: string;
 
@@ -15,6 +17,7 @@ export async function list(): Promise<void> {
   try {
     studies.value = await read<Studies>("/api/studies");
     isOld.value = studies.value.build !== __BUILD__;
+    lookForStale();
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
   }
@@ -72,7 +75,6 @@ const TITLES: Record<string, string> = {
   setup: "Setups",
   controller: "Controllers",
 };
-const VIEW: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction", campaign: "campaign", comparison: "control", validation: "validation", task: "sizing", sizing: "sizing", fmu: "handover" };
 const MOST = 200; // rows of a kind on the page; the filter finds the others
 
 function size(bytes: number): string {
@@ -103,6 +105,9 @@ export function StudiesView() {
         <span role="status">{taking.value}</span>
       </p>
       <Problems of={refused.value} />
+      <Compare />
+      <Chain files={found.files} />
+      {stale.value.unchecked > 0 && <p class="note">{stale.value.unchecked} older results were not checked against their inputs.</p>}
       {Object.entries(TITLES).map(([kind, title]) => (
         <Kind key={kind} title={title} files={files.filter((one) => one.kind === kind)} />
       ))}
@@ -121,6 +126,34 @@ export function StudiesView() {
   );
 }
 
+/** Kinds of which two are compared, and kinds that carry hashes of their inputs or are such inputs. */
+const ALIKE = ["drive", "fit"];
+const TRACED = ["drive", "circuit", "recording", "friction map", "fit", "validation", "comparison", "campaign", "rig"];
+const pair = signal<string[]>([]);
+const compared = signal<Compared | null>(null);
+const apart = signal<Problem[]>([]);
+
+/** Choose a file to be compared; the newest two count. */
+const tick = (path: string): void => {
+  compared.value = null;
+  pair.value = pair.value.includes(path) ? pair.value.filter((one) => one !== path) : [...pair.value, path].slice(-2);
+  const [before, after] = pair.value;
+  if (before && after) void attempting(apart)(async () => void (compared.value = await ask("/api/compare", { before, after })));
+  else apart.value = [];
+};
+
+function Compare() {
+  if (!pair.value.length) return null;
+  return (
+    <section aria-label="Compare two">
+      <h2>{pair.value.length < 2 ? `Compare ${pair.value[0]} with another drive or fit: tick it` : pair.value.join(" and ")}</h2>
+      <Problems of={apart.value} />
+      {compared.value && <Differences {...compared.value} />}
+      {compared.value && <Copied {...compared.value} />}
+    </section>
+  );
+}
+
 function Kind({ title, files }: { title: string; files: Listed[] }) {
   if (!files.length) return null;
   return (
@@ -129,9 +162,18 @@ function Kind({ title, files }: { title: string; files: Listed[] }) {
       <ul class="files">
         {files.slice(0, MOST).map((one) => (
           <li key={one.path}>
-            {VIEW[one.kind] ? <a href={link(VIEW[one.kind]!, one.path)}>{one.path}</a> : <span>{one.path}</span>}
+            {VIEW_OF[one.kind] ? <a href={link(VIEW_OF[one.kind]!, one.path)}>{one.path}</a> : <span>{one.path}</span>}
             <span>
               {size(one.size)}, {new Date(1000 * one.changed).toLocaleString()}
+              {stale.value.stale[one.path] && <b class="missed" data-stale={one.path}> out of date: {stale.value.stale[one.path]!.join(", ")} changed since</b>}
+            </span>
+            <span class="row">
+              {ALIKE.includes(one.kind) && (
+                <label>
+                  <input type="checkbox" aria-label={`Compare ${one.path}`} checked={pair.value.includes(one.path)} onChange={() => tick(one.path)} /> compare
+                </label>
+              )}
+              {TRACED.includes(one.kind) && <button type="button" class="link" aria-label={`Chain of ${one.path}`} onClick={() => void trace(one.path)}>chain</button>}
             </span>
           </li>
         ))}

@@ -1,6 +1,7 @@
 /** A drive against its recordings: free runs beside them, verdicts, why the model is off, where each value comes from. */
 import { computed, effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { Differences, type Compared } from "./differences";
 import type { Frame } from "./frame";
 import { follow, JobList, jobs } from "./jobs";
 import { digits } from "./looks";
@@ -407,7 +408,7 @@ function Suspect({ now }: { now: Validation }) {
 
 const free = signal("");
 const after = signal("");
-const difference = signal<{ values: Record<string, string>[]; lines: string[] } | null>(null);
+const difference = signal<Compared | null>(null);
 
 /** Identify the suspect from these recordings, put it into a new drive file, and show what differs. */
 function Refit({ now, folder }: { now: Validation; folder: string }) {
@@ -447,30 +448,8 @@ function Refit({ now, folder }: { now: Validation; folder: string }) {
       </p>
       {copied.value && <Copied {...copied.value} />}
       <JobList />
-      {difference.value && <Difference />}
+      {difference.value && <Differences {...difference.value} />}
     </>
-  );
-}
-
-function Difference() {
-  const { values, lines } = difference.value!;
-  return (
-    <section aria-label="What differs">
-      <table>
-        <thead>
-          <tr>{["Value", "Before", "95 % before", "After", "95 % after"].map((head) => <th scope="col" key={head}>{head}</th>)}</tr>
-        </thead>
-        <tbody>
-          {values.map((one) => (
-            <tr key={one["key"]} data-differs={one["key"]}>
-              <th scope="row">{one["key"]}</th>
-              {["before", "interval_before", "after", "interval_after"].map((part) => <td key={part}>{one[part] || "–"}</td>)}
-            </tr>
-          ))}
-        </tbody>
-      </table>
-      <pre tabIndex={0} aria-label="Lines that differ">{lines.join("\n")}</pre>
-    </section>
   );
 }
 

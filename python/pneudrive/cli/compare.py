@@ -1,4 +1,4 @@
-"""``pneudrive compare``: compare two campaigns."""
+"""``pneudrive compare``: compare two campaigns, drives or fits."""
 
 from __future__ import annotations
 
@@ -16,12 +16,17 @@ if TYPE_CHECKING:
 
 
 def compare(
-    first: Annotated[Path, typer.Argument(help="Folder of campaign A.", metavar="A")],
-    second: Annotated[Path, typer.Argument(help="Folder of campaign B; differences are B minus A.", metavar="B")],
+    first: Annotated[Path, typer.Argument(help="Folder of campaign A; or a drive, or a fit.", metavar="A")],
+    second: Annotated[
+        Path, typer.Argument(help="Folder of campaign B; differences are B minus A. Or another such file.", metavar="B")
+    ],
     out: Results = Path("comparison"),
     protocol: Samples = "settled",
 ) -> None:
-    """Compare two campaigns (new and worn, two seals): report.html, comparison.toml."""
+    """Compare two campaigns (new and worn, two seals): report.html, comparison.toml. Or two drives or fits: a table.
+
+    Two drive files, or two fits of one kind, are compared value by value; nothing is written.
+    """
     from pneudrive.errors import CommandError
     from pneudrive.friction.campaign.characteristics import characteristics
     from pneudrive.friction.campaign.compare.comparison import compare as compared
@@ -29,6 +34,9 @@ def compare(
     from pneudrive.friction.reduction.settling import SAMPLE_CHOICES
     from pneudrive.report.campaign_compare import write_comparison_report
 
+    if all(one.suffix == ".toml" or str(one).startswith("catalogue:") for one in (first, second)):
+        _values(str(first), str(second))
+        return
     choice = one_of("--protocol", protocol, SAMPLE_CHOICES)
     if first.resolve() == second.resolve():
         raise CommandError("a campaign cannot be compared with itself", value=str(first), remedy="Give two folders.")
@@ -38,6 +46,20 @@ def compare(
     written = [write_comparison(comparison, folder / "comparison.toml"), write_comparison_report(comparison, folder)]
     _say(comparison)
     tell(written)
+
+
+def _values(first: str, second: str) -> None:
+    """Print the values that differ between two drives or fits."""
+    from pneudrive.identify.differences import differences
+    from pneudrive.identify.files import read_source
+
+    found = differences(read_source(first), read_source(second))
+    rows = []
+    for one in found:
+        change = "" if one.change is None else f"{100 * one.change:+.3g}"
+        rows.append((one.key, one.before, one.interval_before, one.after, one.interval_after, change))
+    show_table(("value", "<before", "<95 %", "<after", "<95 %", "change %"), rows)
+    show_lines([] if found else ["No value differs."])
 
 
 def _say(comparison: Comparison) -> None:

@@ -63,8 +63,8 @@ def recording_of(columns: dict[str, NDArray], name: str, source: Path | None, sh
 
 def is_run(item: object) -> TypeGuard[xr.Dataset]:
     """Return whether this is a Dataset, without importing xarray."""
-    xarray = sys.modules.get("xarray")
-    return xarray is not None and isinstance(item, xarray.Dataset)
+    kind = getattr(sys.modules.get("xarray"), "Dataset", None)  # none while another thread imports it
+    return kind is not None and isinstance(item, kind)
 
 
 def from_run(run: xr.Dataset, name: str = "trajectory") -> Recording:

@@ -62,7 +62,7 @@ JOBS = {
 #: Modules that are imported at their first use.
 BEHIND = tuple(
     f"pneudrive.web.{name}"
-    for name in ("recordings", "control", "friction", "validation", "campaigns", "sizing", "handover")
+    for name in ("recordings", "control", "friction", "validation", "campaigns", "sizing", "handover", "lineage")
 )
 TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html; charset=utf-8", ".svg": "image/svg+xml"}
 
@@ -108,6 +108,8 @@ def make_app(
 
     routes: list[Any] = [
         Route("/api/studies", _answered(views.studies)),
+        Route("/api/lineage", _answered(views.lineage)),
+        Route("/api/stale", _answered(views.stale)),
         Route("/api/file", _answered(views.read)),
         Route("/api/file", _answered(views.write), methods=["PUT"]),
         Route("/api/check", _answered(views.check), methods=["POST"]),
@@ -213,6 +215,18 @@ class _Views:
         about: dict[str, Any] = {"folder": folder.name or str(folder), "version": __version__, "build": self.build}
         about |= {"protocols": READY, "control": self.control}
         return {**about, "files": files, "catalogue": drives}
+
+    def lineage(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return what a file was made from, and what was made from it."""
+        from pneudrive.web.lineage import shown_lineage
+
+        return shown_lineage(self.workspace, given.get("path", ""))
+
+    def stale(self, _given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return the results whose inputs changed since."""
+        from pneudrive.web.lineage import stale_results
+
+        return stale_results(self.workspace)
 
     def read(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return the text of a file, and what is to be said of it as a description if that is asked for."""
@@ -351,7 +365,7 @@ class _Views:
         return shown_validation(self.workspace, given.get("path", ""))
 
     def differences(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Return what differs between two drives."""
+        """Return what differs between two drives or fits."""
         from pneudrive.web.validation import compared
 
         asked = _table(body, "before", "after")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import shlex
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ from pneudrive.describe.catalogue import entries
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.free.parameters import find
+from pneudrive.identify.differences import differences
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.files import read_fit
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
@@ -38,6 +40,7 @@ from pneudrive.web.workspace import DESCRIPTIONS, TABLES, is_in_catalogue
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pneudrive.identify.files import AnyFit
     from pneudrive.web.workspace import Workspace
 
 RESULT = "validation.toml"
@@ -197,7 +200,7 @@ def _of_hash(workspace: Workspace, wanted: str) -> tuple[str, Drive | None]:
     """
     files = [one for one in workspace.files() if one.kind in ("drive", "fit")]
     for one in sorted(files, key=lambda file: (file.kind, -file.changed))[:MOST_DRIVES]:
-        drive = _drive_at(workspace, one.path, one.changed)
+        drive = drive_at(workspace, one.path, one.changed)
         if drive is not None and drive.description_hash == wanted:
             return one.path, drive
     for one in entries().values():
@@ -207,7 +210,7 @@ def _of_hash(workspace: Workspace, wanted: str) -> tuple[str, Drive | None]:
 
 
 @lru_cache(maxsize=MOST_DRIVES)
-def _drive_at(workspace: Workspace, name: str, _changed: float) -> Drive | None:
+def drive_at(workspace: Workspace, name: str, _changed: float) -> Drive | None:
     """Return the drive of a file, or of the fit of one; None for another file, or one that is not valid."""
     try:
         path = workspace.path(name)
@@ -259,11 +262,12 @@ def _values(
 def _fits(workspace: Workspace) -> dict[str, str]:
     """Return the files of fits by the hash that values carry."""
     found = [one for one in workspace.files() if one.kind == "fit"][:MOST_DRIVES]
-    return {_hash_at(workspace.path(one.path), one.changed): one.path for one in found}
+    return {hash_at(workspace.path(one.path), one.changed): one.path for one in found}
 
 
 @lru_cache(maxsize=MOST_DRIVES)
-def _hash_at(path: Path, _changed: float) -> str:
+def hash_at(path: Path, _changed: float) -> str:
+    """Return the hash of a fit as values that came from it carry it; empty for another file."""
     try:
         return read_fit(path).identified_as({}).fit
     except PneudriveError:
@@ -343,29 +347,37 @@ def _changed(drive: Any, changes: dict[str, Any], signals: Signals) -> tuple[dic
 
 
 def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
-    """Return what differs between two drive files: values with their intervals, and the lines of their full texts.
+    """Return what differs between two drives, or two fits of one kind: values with their intervals.
+
+    Of drives also the lines of their full texts that differ.
 
     Raises
     ------
-    CommandError, DescriptionError
-        A name leads out of the workspace, or a file is not a valid drive.
+    CommandError, DescriptionError, FitError
+        A name leads out of the workspace, a file is neither a valid drive nor a fit, or they are of two kinds.
     """
-    drives = [described_at(workspace, name) for name in (before, after)]
-    if any(is_circuit(one) for one in drives):
+    names = (before, after)
+    sources = [_source(workspace, name) for name in names]
+    texts = [one.to_toml().splitlines() for one in sources if isinstance(one, Drive)]
+    lines = list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm="")) if len(texts) == 2 else []
+    python = (
+        "from pneudrive.identify.differences import differences\nfrom pneudrive.identify.files import read_source\n\n"
+        f"for one in differences(read_source({before!r}), read_source({after!r})):\n    print(one)\n"
+    )
+    return {
+        "values": [one._asdict() for one in differences(*sources)],
+        "lines": lines,
+        "command": shlex.join(["pneudrive", "compare", *map(safe, names)]),
+        "python": python,
+    }
+
+
+def _source(workspace: Workspace, name: str) -> Drive | AnyFit:
+    if not is_in_catalogue(name):
+        path = workspace.path(name, DESCRIPTIONS)
+        if any(one.path == name and one.kind == "fit" for one in workspace.files()):
+            return read_fit(path)
+    found = described_at(workspace, name)
+    if is_circuit(found):
         raise CommandError("a circuit has no identified values to compare")
-    old, new = ({one.key: one for one in values_of(drive)} for drive in drives)
-    intervals = [{key: one.interval for key, one in drive.provenance.items()} for drive in drives]  # type: ignore[union-attr]
-    values = [
-        {
-            "key": key,
-            "before": str(old[key].value) if key in old else "",
-            "after": str(new[key].value) if key in new else "",
-            "interval_before": " … ".join(intervals[0].get(key, ())),
-            "interval_after": " … ".join(intervals[1].get(key, ())),
-        }
-        for key in {**old, **new}
-        if (old[key].value if key in old else None) != (new[key].value if key in new else None)
-        or intervals[0].get(key) != intervals[1].get(key)
-    ]
-    texts = [drive.to_toml().splitlines() for drive in drives]
-    return {"values": values, "lines": list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm=""))}
+    return found  # type: ignore[return-value]

@@ -1,0 +1,126 @@
+/** What a file was made from, by the hashes that it carries, and what was made from it. */
+import { signal } from "@preact/signals";
+import { follow, JobList } from "./jobs";
+import { Copied, Problems } from "./parts";
+import { link, route, VIEW_OF } from "./routes";
+import { ask, attempting, read, Refused, type Listed, type Problem } from "./server";
+
+interface Made {
+  kind: string;
+  name: string;
+  digest: string;
+  path: string;
+  state: "same" | "changed" | "missing" | "named" | "unread";
+  inputs: Made[];
+}
+
+interface Lineage {
+  path: string;
+  inputs: Made[];
+  made: string[];
+  again: Record<string, unknown> | null;
+  stale: string[];
+}
+
+interface Stale {
+  stale: Record<string, string[]>;
+  unchecked: number;
+}
+
+/** The words of each state of an input. */
+const STATES: Record<Made["state"], string> = {
+  same: "unchanged",
+  changed: "changed since",
+  missing: "not in the folder any more, or changed under another name",
+  named: "known by its name alone: the result holds no hash of it",
+  unread: "not checked: too long, or not readable as it was then",
+};
+
+export const stale = signal<Stale>({ stale: {}, unchecked: 0 });
+const shown = signal<Lineage | null>(null);
+const copied = signal<{ command: string; python: string } | null>(null);
+const wrong = signal<Problem[]>([]);
+const attempt = attempting(wrong);
+
+const QUIET_MS = 1000; // after the list: what is opened at once does not wait for the hashes
+let waiting = 0;
+
+/** Ask soon which results are older than their inputs, while the list is looked at. */
+export function lookForStale(): void {
+  clearTimeout(waiting);
+  waiting = setTimeout(() => void (route.value.view === "studies" && checkAll()), QUIET_MS);
+}
+
+async function checkAll(): Promise<void> {
+  try {
+    stale.value = await read<Stale>("/api/stale");
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+  }
+}
+
+export const trace = (path: string): Promise<void> =>
+  attempt(async () => {
+    copied.value = null;
+    shown.value = await read<Lineage>("/api/lineage", { path });
+    document.getElementById("lineage")?.scrollIntoView({ block: "nearest" });
+  });
+
+const where = (files: Listed[], path: string) => {
+  const view = path.startsWith("catalogue:") ? "simulate" : VIEW_OF[files.find((one) => one.path === path)?.kind ?? ""];
+  return view ? <a href={link(view, path)}>{path}</a> : <span>{path}</span>;
+};
+
+function Inputs({ of, files }: { of: Made[]; files: Listed[] }) {
+  if (!of.length) return null;
+  return (
+    <ul class="lineage">
+      {of.map((one, index) => (
+        <li key={index} data-input={one.path || one.name} data-state={one.state}>
+          {one.kind}: {one.path ? where(files, one.path) : one.name}{" "}
+          <span class={one.state === "changed" ? "missed" : "note"}>
+            {STATES[one.state]}
+            {one.digest && `, SHA-256 ${one.digest}…`}
+          </span>
+          <Inputs of={one.inputs} files={files} />
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+/** The chain of the file that was asked for. */
+export function Chain({ files }: { files: Listed[] }) {
+  const now = shown.value;
+  const again = async () => {
+    await ask("/api/jobs", now!.again);
+    await follow();
+    lookForStale();
+  };
+  return (
+    <section id="lineage" aria-label="Where a result comes from">
+      <Problems of={wrong.value} />
+      {now && (
+        <>
+          <h2>Where {now.path} comes from</h2>
+          {now.stale.length > 0 && <p class="banner" role="status">Out of date: {now.stale.join(", ")} changed since.</p>}
+          {!now.inputs.length && <p>It holds no hash of anything that it was made from.</p>}
+          <Inputs of={now.inputs} files={files} />
+          {now.made.length > 0 && <h3>Made from it</h3>}
+          <ul class="lineage">{now.made.map((one) => <li key={one} data-made={one}>{where(files, one)}</li>)}</ul>
+          <p class="row">
+            {now.again && (
+              <>
+                <button type="button" onClick={() => void attempt(again)}>Make it again, under a new name</button>
+                <button type="button" onClick={() => void attempt(async () => void (copied.value = await ask("/api/work", now.again)))}>Copy as command or Python</button>
+              </>
+            )}
+            <button type="button" onClick={() => (shown.value = null)}>Close</button>
+          </p>
+          {copied.value && <Copied {...copied.value} />}
+          <JobList />
+        </>
+      )}
+    </section>
+  );
+}

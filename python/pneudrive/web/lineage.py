@@ -1,0 +1,467 @@
+"""What each result of the workspace was made from, by the hashes that it carries, and whether that is still so.
+
+A result names its inputs with their hashes: a run, a fit of a drive and a validation the description, a fit of a
+friction map the values of the map, an applied drive its fit, fits and validations the samples of their recordings. A
+friction map carries the names of its recordings alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pneudrive.campaign.folder import ABOUT as CAMPAIGN
+from pneudrive.control.card import ABOUT as COMPARISON
+from pneudrive.describe import toml
+from pneudrive.describe.catalogue import entries
+from pneudrive.describe.drive import Drive
+from pneudrive.errors import CommandError, FitError, PneudriveError
+from pneudrive.files.content import read_json
+from pneudrive.files.tables import open_table
+from pneudrive.friction.friction_map import read_map
+from pneudrive.identify.dynamic.result import DriveFit
+from pneudrive.identify.files import read_fit
+from pneudrive.identify.fit import fingerprint, recordings_of
+from pneudrive.identify.laws import CANDIDATES
+from pneudrive.identify.observations import observations
+from pneudrive.identify.result import FrictionFit
+from pneudrive.identify.sliding_fit import SlidingFit
+from pneudrive.identify.volume_result import VolumeFit
+from pneudrive.signals.drive_recording import NEEDED, read_drive_recordings, read_volume_recordings
+from pneudrive.signals.layout import stem
+from pneudrive.trajectory import SUFFIXES, columns_in
+from pneudrive.web.asked_run import described_at
+from pneudrive.web.jobs import RESULTS
+from pneudrive.web.recordings import layout_in
+from pneudrive.web.validation import drive_at, hash_at
+from pneudrive.web.workspace import is_in_catalogue
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import xarray as xr
+
+    from pneudrive.identify.files import AnyFit
+    from pneudrive.identify.model import Observations
+    from pneudrive.web.workspace import Listed, Workspace
+
+MOST_RESULTS = 500  # that are looked at, the newest
+MOST_INPUTS = 100  # of one result
+MOST_BYTES = 200_000_000  # of a recording whose samples are hashed for a page
+#: Results that can have inputs.
+KINDS = ("drive", "fit", "validation", "friction map", "recording", "comparison", "campaign")
+SAME, CHANGED, MISSING, NAMED, UNREAD = "same", "changed", "missing", "named", "unread"
+
+
+class Input(NamedTuple):
+    """An input as a result names it: what it is, its name, its hash; without a hash it is known by its name alone.
+
+    `part` is what else the result says of it: of a map the fit's options, of a fit the value that came from it, of a
+    drive ``"identified"`` if it had identified values.
+    """
+
+    kind: str
+    name: str
+    digest: str = ""
+    part: str = ""
+
+
+@dataclass(frozen=True)
+class Edge:
+    """An input and the file of the workspace that is, or was, that input.
+
+    Attributes
+    ----------
+    input : Input
+    path : str
+        Of the file; empty where there is none.
+    state : str
+        ``"same"``, ``"changed"`` (the file is there with other content), ``"missing"``, ``"named"`` (the result holds
+        no hash of it), ``"unread"`` (too long, or not readable).
+    """
+
+    input: Input
+    path: str
+    state: str
+
+
+@dataclass
+class Lineage:
+    """The files of a workspace, as they are now, and what was made from what."""
+
+    workspace: Workspace
+    _edges: dict[str, list[Edge]] = field(default_factory=dict)
+
+    @cached_property
+    def files(self) -> dict[str, Listed]:
+        """All files, by name."""
+        return {one.path: one for one in self.workspace.files()}
+
+    @cached_property
+    def _newest(self) -> list[Listed]:
+        return sorted(self.files.values(), key=lambda one: -one.changed)
+
+    def _of_kind(self, *kinds: str) -> list[Listed]:
+        return [one for one in self._newest if one.kind in kinds][:MOST_RESULTS]
+
+    @cached_property
+    def _drives(self) -> tuple[dict[str, str], dict[tuple[str, str], list[str]]]:
+        """Files of drives, before fits of drives, before the catalogue: by hash, and by name and `Input.part`."""
+        by_hash: dict[str, str] = {}
+        by_name: dict[tuple[str, str], list[str]] = {}
+        for one in [*self._of_kind("drive", "circuit"), *self._of_kind("fit")]:
+            digest, name = _described(self.workspace, one.path, one.kind, one.changed)
+            if digest:
+                by_hash.setdefault(digest, one.path)
+            if digest and one.kind != "fit":
+                by_name.setdefault((name, "identified" if self._named(one.path) else ""), []).append(one.path)
+        return _catalogue() | by_hash, by_name
+
+    @cached_property
+    def _fits(self) -> dict[str, str]:
+        return {self._hash(one): one.path for one in reversed(self._of_kind("fit"))}
+
+    def _hash(self, one: Listed) -> str:
+        return hash_at(self.workspace.path(one.path), one.changed)
+
+    @cached_property
+    def _recordings(self) -> dict[str, str]:
+        return {stem(Path(one.path)): one.path for one in reversed(self._newest) if one.kind == "recording"}
+
+    def edges(self, path: str) -> list[Edge]:
+        """Return the inputs of a file, each with the file that it is now."""
+        one = self.files.get(path)
+        if one is None or one.kind not in KINDS:
+            return []
+        if path not in self._edges:
+            self._edges[path] = [self._resolved(each, path) for each in self._named(path)]
+        return self._edges[path]
+
+    def _named(self, path: str) -> tuple[Input, ...]:
+        one = self.files[path]
+        return _inputs(self.workspace, path, one.kind, one.changed)
+
+    def _resolved(self, each: Input, of: str) -> Edge:
+        path, state = getattr(self, f"_{each.kind}")(each, of)
+        return Edge(each, path, state)
+
+    def _drive(self, each: Input, of: str) -> tuple[str, str]:
+        by_hash, by_name = self._drives
+        if (path := by_hash.get(each.digest, "")) and path != of:
+            return path, SAME
+        alike = by_name.get((each.name, each.part), [])
+        return (alike[0], CHANGED) if len(alike) == 1 and alike[0] != of else ("", MISSING)
+
+    def _fit(self, each: Input, _of: str) -> tuple[str, str]:
+        if each.digest in self._fits:
+            return self._fits[each.digest], SAME
+        for one in self._of_kind("fit"):
+            fit = _fit_at(self.workspace, one.path, one.changed)
+            if fit is not None and each.part in fit.values and set(each.name.split(", ")) <= set(fit.recordings):
+                return one.path, CHANGED
+        return "", MISSING
+
+    def _map(self, each: Input, of: str) -> tuple[str, str]:
+        folder = of.rpartition("/")[0]
+        maps = sorted(self._of_kind("friction map"), key=lambda one: one.path.rpartition("/")[0] != folder)
+        known, beside = json.loads(each.part), ""
+        for one in maps:
+            found = map_part(self.workspace, one.path, one.changed, known["recordings"])
+            if found is None:
+                continue
+            if self._values_of(found, known) == each.digest:
+                return one.path, SAME
+            if one.path.rpartition("/")[0] == folder:
+                beside = beside or one.path
+        return beside, CHANGED if beside else MISSING
+
+    @staticmethod
+    def _values_of(found: xr.Dataset, known: dict[str, Any]) -> str:
+        try:
+            return fingerprint(selected(found, known))
+        except FitError:
+            return ""
+
+    def _recording(self, each: Input, _of: str) -> tuple[str, str]:
+        name, is_volume = each.name, each.part == "volume"
+        path = name if self.files.get(name) else self._recordings.get(stem(Path(name)), "")
+        if not path:
+            return "", MISSING
+        if not each.digest:
+            return path, NAMED
+        one = self.files[path]
+        if one.size > MOST_BYTES:
+            return path, UNREAD
+        digest = _samples(self.workspace, path, one.changed, is_volume=is_volume)
+        return path, SAME if digest == each.digest else CHANGED if digest else UNREAD
+
+    def _rig(self, each: Input, _of: str) -> tuple[str, str]:
+        path = next((one for one in self.files if one == each.name or Path(each.name).name == Path(one).name), "")
+        if not path:
+            return "", MISSING
+        digest = hashlib.sha256(self.workspace.path(path).read_bytes()).hexdigest()
+        return path, SAME if digest == each.digest else CHANGED
+
+    def why_stale(self, path: str, seen: tuple[str, ...] = ()) -> list[str]:
+        """Return the names of the inputs that changed since, of the result or of what it was made from."""
+        said = []
+        for one in self.edges(path):
+            if one.state == CHANGED:
+                said.append(one.path)
+            elif one.path not in ("", *seen):
+                said += self.why_stale(one.path, (*seen, path))
+        return list(dict.fromkeys(said))
+
+    def tree(self, path: str, seen: tuple[str, ...] = ()) -> list[dict[str, Any]]:
+        """Return the inputs of a file, and theirs, as plain tables."""
+        return [
+            {
+                "kind": one.input.kind,
+                "name": stem(Path(one.input.name)) if one.input.kind == "recording" else one.input.name,
+                "digest": one.input.digest[:12],
+                "path": one.path,
+                "state": one.state,
+                "inputs": [] if one.path in ("", *seen) else self.tree(one.path, (*seen, path)),
+            }
+            for one in self.edges(path)
+        ]
+
+    @property
+    def results(self) -> Iterator[str]:
+        """The newest files that can have inputs."""
+        return (one.path for one in self._of_kind(*KINDS))
+
+    def again(self, path: str) -> dict[str, Any] | None:
+        """Return what a page asks for to make a result again from its inputs as they are now; None if it cannot."""
+        one = self.files[path]
+        edges = [each for each in self.edges(path) if each.input.kind != "recording"]
+        recordings = [each.path for each in self.edges(path) if each.input.kind == "recording"]
+        if not all([*recordings, *(each.path for each in edges)]):
+            return None
+        drive = next((each.path for each in edges if each.input.kind == "drive"), "")
+        results = f"{RESULTS}/{Path(path).parent.name or Path(path).stem}"
+        if one.kind == "validation" and drive and recordings:
+            return {"kind": "validate", "drive": drive, "recordings": recordings, "name": self._new(results)}
+        if one.kind == "friction map" and recordings:
+            return {"kind": "characterise", "recordings": recordings, "name": self._new(results)}
+        if one.kind == "drive" and len(fits := {each.path for each in edges}) == 1:
+            of_fit = next((each.path for each in self.edges(*fits) if each.input.kind == "drive"), "")
+            out = f"{self._new(path.removesuffix('.toml'), '.toml')}.toml"
+            return (
+                {"kind": "apply", "fit": edges[0].path, "drive": of_fit, "out": _beside(path, out)} if of_fit else None
+            )
+        fit = _fit_at(self.workspace, path, one.changed) if one.kind == "fit" else None
+        if isinstance(fit, DriveFit) and drive and recordings:
+            free = ", ".join(name for name in fit.values if name in fit.free)
+            out = _beside(path, f"{self._new(path.removesuffix('.toml'), '.toml')}.toml")
+            return {"kind": "identify", "drive": drive, "recordings": recordings, "free": free, "out": out}
+        if isinstance(fit, FrictionFit) and (law := _law(fit)):
+            form = fit.model.pressure if fit.provenance["pressure_dependence"] else "none"
+            name = self._new(path.removesuffix(".toml"), ".toml")
+            return {"kind": "fit", "map": edges[0].path, "law": law, "pressure": form, "name": name}
+        return None
+
+    def _new(self, path: str, suffix: str = "") -> str:
+        """Return a name like that of a path, without its folder and suffix, that no file beside it has."""
+        places = ((number, self.workspace.folder(f"{path}-{number}{suffix}")) for number in count(2))
+        return f"{Path(path).name}-{next(number for number, place in places if not place.exists())}"
+
+
+def _beside(path: str, name: str) -> str:
+    """Return the path of a file in the folder of another."""
+    return (Path(path).parent / name).as_posix()
+
+
+@lru_cache(maxsize=1)
+def _catalogue() -> dict[str, str]:
+    drives = [f"catalogue:{one.name}" for one in entries().values() if one.is_drive]
+    return {Drive.load(name).description_hash: name for name in drives}
+
+
+@lru_cache(maxsize=MOST_RESULTS)
+def _described(workspace: Workspace, path: str, kind: str, changed: float) -> tuple[str, str]:
+    """Return hash and name of the description in a file; empty where there is none."""
+    try:
+        found = described_at(workspace, path) if kind == "circuit" else drive_at(workspace, path, changed)
+    except PneudriveError:
+        found = None
+    return ("", "") if found is None else (found.description_hash, found.name)
+
+
+def _law(fit: FrictionFit) -> str:
+    """Return the name by which a fit is asked for; empty if options of it have none, or its law was reduced."""
+    plain = fit.provenance["direction"] == "both" and fit.provenance["robust"] and not fit.provenance["exclude_flags"]
+    own = (fit.law, fit.model.exponent, fit.model.lorentzian)
+    named = ((name, (one.law, one.exponent, one.lorentzian)) for name, one in CANDIDATES.items())
+    return next((name for name, law in named if law == own and plain and fit.model.law == fit.law), "")
+
+
+@lru_cache(maxsize=4 * MOST_RESULTS)
+def _inputs(workspace: Workspace, path: str, kind: str, _changed: float) -> tuple[Input, ...]:
+    """Return the inputs that a file names."""
+    try:
+        found = {
+            "fit": _of_fit,
+            "drive": _of_drive,
+            "validation": _of_validation,
+            "friction map": _of_map,
+            "recording": _of_run,
+            "comparison": _of_comparison,
+            "campaign": _of_campaign,
+        }[kind](workspace, path)
+        return tuple(dict.fromkeys(found))[:MOST_INPUTS]
+    except (PneudriveError, KeyError, TypeError, ValueError, AttributeError):
+        return ()  # a file that is no result names no inputs
+
+
+def _of_fit(workspace: Workspace, path: str) -> Iterator[Input]:
+    fit = read_fit(workspace.path(path))
+    said = fit.provenance
+    if isinstance(fit, SlidingFit):
+        names = ("direction", "ambient_pressure_pa", "exclude_flags", "recordings")
+        yield Input("map", "friction map", said["map_sha256"], json.dumps({name: said.get(name, []) for name in names}))
+        return
+    if "description_hash" in said:
+        part = "identified" if isinstance(fit, DriveFit) and fit.start.provenance else ""
+        yield Input("drive", said["drive"], said["description_hash"], part)
+    part = "volume" if isinstance(fit, VolumeFit) else ""
+    for one in said["recordings"]:
+        if isinstance(one, dict):
+            yield Input("recording", one["file"] or one["name"], one["sha256"], part)
+        else:
+            yield Input("recording", str(one))
+
+
+def _of_drive(workspace: Workspace, path: str) -> Iterator[Input]:
+    drive = drive_at(workspace, path, workspace.path(path).stat().st_mtime)
+    for key, one in drive.provenance.items() if drive is not None else ():
+        if one.fit:
+            yield Input("fit", one.source, one.fit, key)
+
+
+def _of_validation(workspace: Workspace, path: str) -> Iterator[Input]:
+    content, _ = toml.read(workspace.path(path), CommandError)
+    said = content["provenance"]
+    yield Input("drive", said["drive"], said["description_hash"], "identified" if "identified" in said else "")
+    for one in content["record"]:
+        yield Input("recording", one["source"] or one["name"], one["sha256"])
+
+
+def _of_map(workspace: Workspace, path: str) -> Iterator[Input]:
+    for name in dict.fromkeys(read_map(workspace.path(path))["recording"].to_numpy().tolist()):
+        yield Input("recording", name)
+
+
+def _of_run(workspace: Workspace, path: str) -> Iterator[Input]:
+    place = workspace.path(path)
+    if place.suffix == ".parquet" and columns_in(place, NEEDED):
+        said = json.loads(open_table(place, "parquet").metadata.get("pneudrive", "{}"))
+        if "validation of" in said:
+            yield Input("drive", "", said["validation of"])
+            yield Input("recording", said["recording"], said["sha256"])
+        elif "description_hash" in said:
+            part = "identified" if "identified" in said else ""
+            yield Input("drive", said["title"], said["description_hash"], part)
+
+
+def _of_comparison(workspace: Workspace, path: str) -> Iterator[Input]:
+    for one in read_json(workspace.folder(path) / COMPARISON, CommandError)["laws"].values():
+        yield Input("drive", one["believes"], one["belief_hash"])
+
+
+def _of_campaign(workspace: Workspace, path: str) -> Iterator[Input]:
+    about = read_json(workspace.folder(path) / CAMPAIGN, CommandError)
+    if str(about["rig"]).endswith(".toml") and about["rig_sha256"]:
+        yield Input("rig", about["rig"], about["rig_sha256"])
+
+
+@lru_cache(maxsize=MOST_RESULTS)
+def _fit_at(workspace: Workspace, path: str, _changed: float) -> AnyFit | None:
+    try:
+        return read_fit(workspace.path(path))
+    except PneudriveError:
+        return None
+
+
+@lru_cache(maxsize=64)
+def _map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | None:
+    try:
+        return read_map(workspace.path(path))
+    except PneudriveError:
+        return None
+
+
+def map_part(workspace: Workspace, path: str, changed: float, names: list[str]) -> xr.Dataset | None:
+    """Return the rows of a map from recordings that a fit names; None if some are not in the map."""
+    found = _map_at(workspace, path, changed)
+    if found is None or recordings_of(found) == names or not names:
+        return found
+    of_row = found["recording"].to_numpy().astype(str)
+    if not set(names) <= set(of_row):
+        return None
+    return found.isel(row=np.flatnonzero(np.isin(of_row, names)))
+
+
+def selected(found: xr.Dataset, known: dict[str, Any]) -> Observations:
+    """Return the values of a map that a fit with these options takes.
+
+    Raises
+    ------
+    FitError
+        No row of the map can be used.
+    """
+    direction = None if known["direction"] == "both" else int(known["direction"])
+    return observations(
+        found,
+        direction=direction,
+        ambient_pressure_pa=known["ambient_pressure_pa"],
+        exclude_flags=known["exclude_flags"],
+    )[0]
+
+
+@lru_cache(maxsize=MOST_RESULTS)
+def _samples(workspace: Workspace, path: str, _changed: float, *, is_volume: bool) -> str:
+    """Return the hash of a recording's samples as fits and validations carry it; empty if it cannot be read."""
+    place = workspace.path(path)
+    try:
+        own = place.suffix in SUFFIXES and len(columns_in(place, NEEDED)) == len(NEEDED)
+        layout = None if own else layout_in(workspace, place)
+        if layout is None and not own:
+            return ""
+        read = read_volume_recordings if is_volume else read_drive_recordings
+        options = {} if is_volume else {"needed": NEEDED[:2], "gaps": True}
+        return read(place, layout, **options)[0].sha256
+    except PneudriveError:
+        return ""
+
+
+def shown_lineage(workspace: Workspace, path: str) -> dict[str, Any]:
+    """Return what a file was made from, what was made from it, and how it is made again.
+
+    Raises
+    ------
+    CommandError
+        There is no such file.
+    """
+    found = Lineage(workspace)
+    if path not in found.files and not is_in_catalogue(path):
+        raise CommandError(f"there is no {path[:200]} in the folder", remedy="Read the folder again.")
+    made = [one for one in found.results if any(edge.path == path for edge in found.edges(one))]
+    again = found.again(path) if path in found.files else None
+    return {"path": path, "inputs": found.tree(path), "made": made, "again": again, "stale": found.why_stale(path)}
+
+
+def stale_results(workspace: Workspace) -> dict[str, Any]:
+    """Return the results whose inputs changed since, with their names, and how many results were not looked at."""
+    found = Lineage(workspace)
+    looked = list(found.results)
+    stale = {path: why for path in looked if (why := found.why_stale(path))}
+    every = sum(one.kind in KINDS for one in found.files.values())
+    return {"stale": stale, "unchecked": every - len(looked)}

@@ -1,0 +1,173 @@
+"""What results were made from, by the hashes that they carry, and two of them compared."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import pneudrive as pn
+from oracle.drive_records import drive, record
+from pneudrive.characterise import write_map
+from pneudrive.cli.main import run as run_command
+from pneudrive.friction.friction_map import columns_to_dataset
+from pneudrive.identify.dynamic.result import DriveFit
+from web.conftest import Served
+from web.test_friction import post
+from web.test_recordings import get
+
+RUN, FIT, AFTER = "run.parquet", "fit.toml", "after.toml"
+CHECK, CHECKED = "results/check/validation.toml", "results/check/run-1.parquet"
+MAP = "results/rings/map.parquet"
+
+
+def friction_map(coulomb_n: float) -> object:
+    """Return a map of two recordings whose rows follow Coulomb and viscous friction."""
+    speeds = np.tile([0.01, 0.03, 0.1], 4)
+    friction = coulomb_n + 40.0 * speeds + np.tile([0.01, -0.02, 0.01], 4)
+    direction = np.tile(np.repeat([1, -1], 3), 2)
+    zeros = np.zeros(12)
+    columns = {
+        "recording": np.repeat(["monday", "tuesday"], 6),
+        "direction": direction,
+        "velocity_m_s": direction * speeds,
+        **{f"pressure_{side}_pa": zeros + 1.01325e5 for side in "ab"},
+        "balance_n": direction * friction,
+        "friction_n": friction,
+        "offset_n": zeros,
+        "stderr_n": zeros + 0.02,
+        "u_systematic_n": zeros,
+        **{name: np.ones(12, int) for name in ("samples", "strokes")},
+        **dict.fromkeys(("position_from_m", "position_to_m", "breakaway_n", "dwell_s", "loading_rate_n_s"), zeros),
+        "flags": np.full(12, ""),
+        "ambient_pressure_pa": zeros + 1.01325e5,
+    }
+    return columns_to_dataset(columns)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give a folder with a chain: description -> run -> fit -> drive -> validation, and recordings -> map -> fit."""
+    folder = tmp_path_factory.mktemp("chain")
+    before = drive()
+    (folder / "axis.toml").write_text(before.to_toml())
+    pl.DataFrame(record(before, 3, duration_s=1.0).columns).write_parquet(folder / "monday.parquet")
+    pn.save(pn.simulate(before, "0 s: 0.3, 0.4 s: -0.3", "0.8 s"), folder / RUN)
+    fit = pn.identify(before, folder / "monday.parquet", ["valve.conductance"])
+    fit.to_toml(folder / FIT)
+    (folder / AFTER).write_text(fit.apply().to_toml())
+    (folder / "results" / "check").mkdir(parents=True)
+    pn.validate(pn.Drive.load(folder / AFTER), folder / "monday.parquet").write(folder / "results" / "check")
+    (folder / "results" / "rings").mkdir()
+    curves = friction_map(30.0)
+    write_map(curves, folder / MAP)
+    pn.fit_friction(curves, "coulomb").to_toml(folder / "results/rings/fit.toml")
+    one = curves.isel(row=np.arange(6))
+    pn.fit_friction(one, "coulomb").to_toml(folder / "results/rings/fit-monday.toml")
+    return folder
+
+
+@pytest.fixture
+def chain(served: Served, made: Path) -> Served:
+    shutil.copytree(made, served.folder, dirs_exist_ok=True)
+    return served
+
+
+def states(inputs: list[dict]) -> dict[str, str]:
+    return {one["path"] or one["name"]: one["state"] for one in inputs}
+
+
+def test_a_chain_goes_back_to_the_description_by_hashes(chain: Served) -> None:
+    found = get(chain, "/api/lineage", path=CHECK)
+    assert states(found["inputs"]) == {AFTER: "same", "monday.parquet": "same"}
+    of_drive = found["inputs"][0]["inputs"]
+    assert states(of_drive) == {FIT: "same"}
+    assert states(of_drive[0]["inputs"]) == {"axis.toml": "same", "monday.parquet": "same"}
+    assert found["inputs"][0]["digest"] == pn.Drive.load(chain.folder / AFTER).description_hash[:12]
+    assert set(get(chain, "/api/lineage", path="axis.toml")["made"]) == {RUN, FIT}
+    assert get(chain, "/api/lineage", path="monday.parquet")["made"].count(CHECK) == 1
+    for fit, names in (("fit.toml", ["monday", "tuesday"]), ("fit-monday.toml", ["monday", "tuesday"])):
+        (of_map,) = get(chain, "/api/lineage", path=f"results/rings/{fit}")["inputs"]
+        assert (of_map["path"], of_map["state"]) == (MAP, "same")
+        assert [one["name"] for one in of_map["inputs"]] == names
+        assert states(of_map["inputs"]) == {"monday.parquet": "named", "tuesday": "missing"}
+    assert get(chain, "/api/stale") == {"stale": {}, "unchecked": 0}
+
+
+def test_a_changed_input_is_told_downstream_and_a_renamed_one_is_not(chain: Served) -> None:
+    axis = chain.folder / "axis.toml"
+    axis.rename(chain.folder / "moved.toml")  # the hash finds it
+    (chain.folder / AFTER).write_text((chain.folder / AFTER).read_text().replace("name =", "# mine\nname ="))
+    assert get(chain, "/api/stale")["stale"] == {}
+    (chain.folder / "moved.toml").rename(axis)
+    axis.write_text(drive(load__mass="9 kg").to_toml())
+    assert get(chain, "/api/stale")["stale"] == {key: ["axis.toml"] for key in [RUN, FIT, AFTER, CHECK, CHECKED]}
+    axis.unlink()
+    assert get(chain, "/api/stale")["stale"] == {}  # what is gone is told in the chain
+    assert get(chain, "/api/lineage", path=RUN)["inputs"][0]["state"] == "missing"
+
+
+def test_changed_samples_and_a_changed_map_make_results_stale(chain: Served) -> None:
+    path = chain.folder / "monday.parquet"
+    frame = pl.read_parquet(path)
+    frame.with_columns(pl.col("position_m") + 1e-9).write_parquet(path)
+    stale = get(chain, "/api/stale")["stale"]
+    assert stale == {key: ["monday.parquet"] for key in [FIT, AFTER, CHECK, CHECKED]}
+    frame.with_columns(note=pl.lit(1)).write_parquet(path)  # of what a fit does not read, nothing counts
+    write_map(friction_map(30.5), chain.folder / MAP)
+    stale = get(chain, "/api/stale")["stale"]
+    assert stale == {key: [MAP] for key in ["results/rings/fit.toml", "results/rings/fit-monday.toml"]}
+
+
+def test_a_fit_that_was_made_anew_makes_its_drive_stale(chain: Served) -> None:
+    text = (chain.folder / FIT).read_text()
+    (chain.folder / FIT).write_text(text + "\n# again\n")
+    assert get(chain, "/api/lineage", path=AFTER)["inputs"][0]["state"] == "same"  # a comment is no value
+    own = DriveFit.from_toml(chain.folder / FIT).provenance["fit_hash"]
+    (chain.folder / FIT).write_text(text.replace(own, "0" * len(own)))  # as of another search over these recordings
+    assert get(chain, "/api/stale")["stale"] == {AFTER: [FIT], CHECK: [FIT], CHECKED: [FIT]}
+
+
+@pytest.mark.parametrize("path", [FIT, CHECK, AFTER, "results/rings/fit.toml"])
+def test_a_result_is_made_again_by_its_command(chain: Served, path: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    again = get(chain, "/api/lineage", path=path)["again"]
+    copied = post(chain, "/api/work", again)
+    monkeypatch.chdir(chain.folder)
+    monkeypatch.setattr("pneudrive.report.validation.write_validation_report", lambda *_: "report.html")  # takes long
+    line = shlex.split(copied["command"].splitlines()[-1])
+    assert run_command(line[1:]) == 0
+    out = line[line.index("--out") + 1]
+    written = Path(out, "validation.toml") if path == CHECK else Path(out)
+    assert written.name != Path(path).name or path == CHECK
+    after = written.as_posix()
+    old, new = (states(get(chain, "/api/lineage", path=one)["inputs"]) for one in (path, after))
+    assert old == new
+    if path != CHECK:
+        assert post(chain, "/api/compare", {"before": path, "after": after})["values"] == []
+
+
+def test_two_fits_are_compared_as_the_command_does(
+    chain: Served, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    names = ["results/rings/fit.toml", "results/rings/fit-monday.toml"]
+    fits = [pn.fit_friction(friction_map(30.0), "coulomb"), pn.fit_friction(friction_map(33.0), "coulomb")]
+    for fit, name in zip(fits, names, strict=True):
+        fit.to_toml(chain.folder / name)
+    found = post(chain, "/api/compare", {"before": names[0], "after": names[1]})
+    one = {value["key"]: value for value in found["values"]}["coulomb"]
+    assert one["change"] == pytest.approx(0.1, abs=2e-3)
+    low, high = (float(end) for end in one["interval_after"].split(" … "))
+    assert low < 33.0 < high
+    monkeypatch.chdir(chain.folder)
+    assert run_command(shlex.split(found["command"])[1:]) == 0
+    printed = capsys.readouterr().out
+    assert "coulomb" in printed
+    exec(found["python"], {})
+    assert "key='coulomb'" in capsys.readouterr().out
+    refused = post(chain, "/api/compare", {"before": names[0], "after": "axis.toml"}, 400)
+    assert "of one kind" in refused["problems"][0]["what"]
+    assert post(chain, "/api/compare", {"before": "../a.toml", "after": "axis.toml"}, 400)["problems"]
