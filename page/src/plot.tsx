@@ -18,6 +18,12 @@ export interface Shade {
   strong: boolean;
 }
 
+/** A place below the curves that is marked: a fault of a recording. */
+export interface Mark {
+  from: number;
+  to: number;
+}
+
 export interface PlotProps {
   title: string;
   unit: string;
@@ -29,6 +35,10 @@ export interface PlotProps {
   range?: [number, number];
   shades?: Shade[];
   bands?: Band[];
+  gaps?: boolean; // values that are no number are gaps, also beside another curve
+  marks?: Mark[];
+  cursors?: number[]; // times of upright lines, the first one solid, the second one dashed
+  onPick?: (time: number) => void; // a click that is no drag
   log?: boolean; // both axes logarithmic: a spectrum
 }
 
@@ -49,9 +59,15 @@ function scaled(values: ArrayLike<number>, size: number): ArrayLike<number> {
   return out;
 }
 
+/** Values with null for what is no number: over NaN uPlot draws a line. */
+function withGaps(values: ArrayLike<number>): ArrayLike<number | null> {
+  for (let i = 0; i < values.length; i++) if (Number.isNaN(values[i])) return Array.from(values, (one) => (Number.isNaN(one) ? null : one));
+  return values;
+}
+
 function aligned(curves: Curve[], size: number): uPlot.AlignedData {
   const same = curves.every((one) => one.x === curves[0]?.x);
-  const tables = curves.map((one) => [one.x, scaled(one.y, size)] as unknown as uPlot.AlignedData);
+  const tables = curves.map((one) => [one.x, withGaps(scaled(one.y, size))] as unknown as uPlot.AlignedData);
   if (!curves.length) return [[]] as unknown as uPlot.AlignedData;
   if (same) return [curves[0]!.x, ...tables.map((one) => one[1])] as unknown as uPlot.AlignedData;
   return uPlot.join(tables);
@@ -103,11 +119,12 @@ export function Plot(props: PlotProps) {
           { label: `${props.log ? "frequency" : "time"}, ${props.xUnit ?? "s"}`, value: (_, v) => digits(v) },
           ...props.curves.map((one, index) => {
             const { color, dash } = look(one.look ?? index);
-            return { label: one.label, stroke: color, dash, width: 1.4, spanGaps: props.curves.length > 1, points: { show: false }, paths: dash.length ? undefined : path, value: (_: uPlot, v: number | null) => digits(v) };
+            return { label: one.label, stroke: color, dash, width: 1.4, spanGaps: !props.gaps && props.curves.length > 1, points: { show: false }, paths: path, value: (_: uPlot, v: number | null) => digits(v) };
           }),
         ],
         hooks: {
           drawSeries: [columns],
+          draw: [(u) => mark(u, latest.current.marks ?? []), (u) => upright(u, latest.current.cursors ?? [])],
           drawClear: [(u) => shade(u, latest.current.shades ?? []), (u) => fill(u, latest.current.bands ?? [], latest.current.size)],
           setSelect: [
             (u) => {
@@ -123,6 +140,9 @@ export function Plot(props: PlotProps) {
       at,
     );
     plot.current = made;
+    let pressed = 0;
+    made.over.addEventListener("mousedown", (event) => (pressed = event.clientX));
+    made.over.addEventListener("click", (event) => Math.abs(event.clientX - pressed) < 3 && latest.current.onPick?.(made.posToVal(event.offsetX, "x")));
     const seen = new ResizeObserver(() => at.clientWidth !== made.width && made.setSize({ width: at.clientWidth, height: props.height ?? 210 }));
     seen.observe(at);
     return () => {
@@ -134,7 +154,8 @@ export function Plot(props: PlotProps) {
 
   useLayoutEffect(() => {
     plot.current?.setData(data);
-  }, [data, props.shades, props.bands]);
+  }, [data, props.shades, props.bands, props.marks]);
+  useLayoutEffect(() => plot.current?.redraw(false, false), [props.cursors?.join()]);
 
   const label = props.unit ? `${props.title}, ${props.unit}` : props.title;
   return (
@@ -152,13 +173,16 @@ export function Plot(props: PlotProps) {
 /** Whether a curve turns up and down more often than every fourth pixel, and is drawn as `columns`: a stroke is smoother, but slow there. */
 function isDense(u: uPlot, series: number): boolean {
   const [from, to] = [u.valToIdx(u.scales["x"]!.min!), u.valToIdx(u.scales["x"]!.max!)];
-  if (u.series[series]!.dash?.length || u.scales["x"]!.distr === 3 || to - from < u.bbox.width) return false;
-  const y = u.data[series] as ArrayLike<number>;
-  let [turns, before] = [0, 0];
+  if (u.scales["x"]!.distr === 3 || to - from < u.bbox.width) return false;
+  const y = u.data[series] as ArrayLike<number | null | undefined>;
+  let [turns, before, last] = [0, 0, y[from]];
   for (let i = from + 1; i <= to; i++) {
-    const step = y[i]! - y[i - 1]!;
+    const now = y[i];
+    if (now === undefined || now === null) continue; // a time of another curve, or a gap
+    const step = now - (last ?? now);
     if (step * before < 0) turns += 1;
     if (step) before = step;
+    last = now;
   }
   return turns > u.bbox.width / 4;
 }
@@ -171,7 +195,7 @@ const path: uPlot.Series.PathBuilder = (u, series, from, to) => (isDense(u, seri
  */
 function columns(u: uPlot, series: number): void {
   if (!isDense(u, series)) return;
-  const [x, y] = [u.data[0], u.data[series] as ArrayLike<number>];
+  const [x, y] = [u.data[0], u.data[series] as ArrayLike<number | null | undefined>];
   const { left, top, width, height } = u.bbox;
   const { min: first, max: last } = u.scales["x"]!;
   const { min: least, max: most } = u.scales["y"]!;
@@ -186,7 +210,8 @@ function columns(u: uPlot, series: number): void {
   };
   let [column, at] = [Number.NaN, Number.NaN];
   for (let i = 0; i < x.length; i++) {
-    const [next, to] = [Math.floor((x[i]! - first!) * perX), (most! - y[i]!) * perY];
+    if (y[i] === undefined) continue; // a time of another curve
+    const [next, to] = [Math.floor((x[i]! - first!) * perX), (most! - (y[i] ?? Number.NaN)) * perY];
     if (to === to) put(next, to);
     // The line from the value before: half a step belongs to the column it leaves, half to the one it enters.
     if (to === to && at === at && next !== column) {
@@ -221,6 +246,42 @@ function shade(u: uPlot, parts: Shade[]): void {
     u.ctx.fillStyle = isDark() ? (one.strong ? "#39424d" : "#262c34") : one.strong ? "#d8e0ea" : "#eef2f6";
     u.ctx.fillRect(from, top, to - from, height);
   }
+  u.ctx.restore();
+}
+
+/** Mark places by a bar at the foot of the plot, at least three pixels wide. */
+function mark(u: uPlot, places: Mark[]): void {
+  const { left, top, width, height } = u.bbox;
+  const [low, high] = [u.scales["x"]!.min!, u.scales["x"]!.max!];
+  const [tall, thin] = [7 * devicePixelRatio, 3 * devicePixelRatio];
+  u.ctx.save();
+  u.ctx.fillStyle = isDark() ? "#ffc27a" : "#a34a00";
+  for (const one of places) {
+    if (one.to < low || one.from > high) continue;
+    const from = Math.max(u.valToPos(one.from, "x", true), left);
+    const to = Math.min(u.valToPos(one.to, "x", true), left + width);
+    u.ctx.fillRect(Math.min(from, left + width - thin), top + height - tall, Math.max(to - from, thin), tall);
+  }
+  u.ctx.restore();
+}
+
+/** Draw upright lines with their numbers. */
+function upright(u: uPlot, times: number[]): void {
+  const { left, top, width, height } = u.bbox;
+  u.ctx.save();
+  u.ctx.strokeStyle = u.ctx.fillStyle = isDark() ? "#ff9d9d" : "#9b1c1c";
+  u.ctx.lineWidth = devicePixelRatio;
+  u.ctx.font = `${12 * devicePixelRatio}px system-ui`;
+  times.forEach((time, index) => {
+    const at = u.valToPos(time, "x", true);
+    if (at < left || at > left + width) return;
+    u.ctx.setLineDash(index ? [5 * devicePixelRatio, 4 * devicePixelRatio] : []);
+    u.ctx.beginPath();
+    u.ctx.moveTo(at, top);
+    u.ctx.lineTo(at, top + height);
+    u.ctx.stroke();
+    u.ctx.fillText(String(index + 1), at + 4 * devicePixelRatio, top + 12 * devicePixelRatio);
+  });
   u.ctx.restore();
 }
 

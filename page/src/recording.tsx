@@ -7,7 +7,8 @@ import { digits } from "./looks";
 import { Copied, Problems } from "./parts";
 import { pixelsOfPlots, Plot, type Curve, type Shade } from "./plot";
 import { route } from "./routes";
-import { ask, attempting, frame, read, Refused, write, type Problem } from "./server";
+import { ask, attempting, frame, newest, read, Refused, write, type Problem } from "./server";
+import { beside, BesideRecording, besideAsked, cursors, forgetBeside, FaultsLine, marksOf, Measuring, pick, type Faults, type Stroke } from "./measure";
 
 interface Channel {
   column: string;
@@ -33,13 +34,6 @@ interface Head {
   to: number;
 }
 
-interface Stroke {
-  from: number;
-  to: number;
-  direction: number;
-  speed: number;
-}
-
 interface Proposal {
   text: string;
   problem: string;
@@ -55,6 +49,7 @@ const shown = signal<string[]>([]);
 const span = signal<[number, number]>([0, 1]);
 const views = signal<{ head: Head; time: Numbers; channels: Map<string, Numbers> } | null>(null);
 const strokes = signal<Stroke[]>([]);
+const faults = signal<Faults>({});
 const wrong = signal<Problem[]>([]);
 const proposal = signal<Proposal | null>(null);
 const said = signal("");
@@ -63,6 +58,8 @@ const shades = computed<Shade[]>(() =>
   strokes.value.map((one) => ({ from: one.from, to: one.to, strong: one.direction > 0 })),
 );
 
+const marks = computed(() => marksOf(faults.value));
+
 const pause = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
 let generation = 0;
 
@@ -70,7 +67,9 @@ async function open(path: string): Promise<void> {
   const mine = ++generation;
   about.value = views.value = proposal.value = null;
   strokes.value = [];
+  faults.value = {};
   wrong.value = [];
+  forgetBeside();
   try {
     for (;;) {
       const found = await read<Opened>("/api/recording", { path });
@@ -82,14 +81,11 @@ async function open(path: string): Promise<void> {
     shown.value = about.value!.channels!.slice(0, MOST_PLOTS).map((one) => one.column);
     look(about.value!.span!);
     if (about.value!.layout !== null || about.value!.time)
-      strokes.value = (await read<{ strokes: Stroke[] }>("/api/strokes", { path })).strokes;
+      ({ strokes: strokes.value, faults: faults.value } = await read<{ strokes: Stroke[]; faults: Faults }>("/api/strokes", { path }));
   } catch (error) {
     if (mine === generation && error instanceof Refused) wrong.value = error.problems;
   }
 }
-
-let isAsking = false;
-let isWaiting = false;
 
 /** Show another part of the recording: one request on its way, the newest waits. */
 function look(next: [number, number]): void {
@@ -100,15 +96,13 @@ function look(next: [number, number]): void {
   void fetchView();
 }
 
-async function fetchView(): Promise<void> {
-  isWaiting = isAsking;
-  if (isAsking) return;
-  isAsking = true;
+const fetchView = newest(async () => {
   const [from, to] = span.value;
   const pixels = pixelsOfPlots();
-  const given = { path: route.value.path, from: String(from), to: String(to), pixels: String(pixels), columns: shown.value.join("\n") };
+  const given = { path: route.value.path, from: String(from), to: String(to), pixels: String(pixels), columns: shown.value.join("\n"), ...besideAsked() };
   try {
     const found = await frame<Head>("/api/window", given);
+    if (route.value.path !== given.path) return;
     const time = found.arrays.get("time")!;
     found.arrays.delete("time");
     views.value = { head: found.head, time, channels: found.arrays };
@@ -117,9 +111,7 @@ async function fetchView(): Promise<void> {
   } catch (error) {
     if (error instanceof Refused) wrong.value = error.problems;
   }
-  isAsking = false;
-  if (isWaiting) void fetchView();
-}
+});
 
 function zoom(factor: number): void {
   const [from, to] = span.value;
@@ -151,6 +143,9 @@ export function RecordingView() {
       {found?.channels && (
         <>
           <Controls found={found} />
+          <FaultsLine faults={faults.value} span={span.value} whole={found.span!} onShow={look} />
+          <BesideRecording path={path} strokes={strokes.value} onChange={() => void fetchView()} onShow={look} />
+          <Measuring path={path} columns={shown.value} span={span.value} isTimed={found.time!} />
           <Plots found={found} />
           <Spectrum found={found} path={path} />
         </>
@@ -255,6 +250,8 @@ function Plots({ found }: { found: Opened }) {
     <div>
       {found.channels!.filter((one) => now.channels.has(one.column) && shown.value.includes(one.column)).map((one) => {
         const curves: Curve[] = [{ label: one.label, x: now.time, y: now.channels.get(one.column)! }];
+        const there = now.channels.get(`beside/${one.column}`);
+        if (there) curves.push({ label: `${one.label} (${beside.value!.path})`, x: now.channels.get("beside/time")!, y: there });
         return (
           <Plot
             key={one.column}
@@ -266,6 +263,10 @@ function Plots({ found }: { found: Opened }) {
             height={190}
             range={[now.head.from, now.head.to]}
             shades={shades.value}
+            marks={marks.value}
+            cursors={cursors.value ?? undefined}
+            onPick={pick}
+            gaps
             onZoom={(from, to) => look([from, to])}
           />
         );

@@ -87,6 +87,22 @@ function askTabs(): Promise<string> {
   });
 }
 
+/** What asks once at a time: while one is on its way, the newest waits. */
+export function newest(what: () => Promise<void>): () => Promise<void> {
+  let [isAsking, isWaiting] = [false, false];
+  return async function next() {
+    isWaiting = isAsking;
+    if (isAsking) return;
+    isAsking = true;
+    try {
+      await what();
+    } finally {
+      isAsking = false;
+    }
+    if (isWaiting) await next();
+  };
+}
+
 /** An answer that says what is wrong, in the product's own words. */
 export class Refused extends Error {
   constructor(

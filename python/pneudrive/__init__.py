@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from pneudrive.identify.survey import survey as survey
     from pneudrive.identify.volume import identify_volume as identify_volume
     from pneudrive.lines import lines as lines
+    from pneudrive.signals.measuring import measure as measure
     from pneudrive.simulate import citations as citations
     from pneudrive.simulate import simulate as simulate
     from pneudrive.sizing.search import size as size
@@ -82,6 +83,7 @@ _HOME = {
     "export_c": "pneudrive.fmu.c_folder",
     "export_fmu": "pneudrive.fmu.package",
     "lines": "pneudrive.lines",
+    "measure": "pneudrive.signals.measuring",
     "size": "pneudrive.sizing.search",
     "save": "pneudrive.trajectory",
     **dict.fromkeys(["characterise", "characteristics"], "pneudrive.friction.campaign.characteristics"),

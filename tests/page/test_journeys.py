@@ -153,6 +153,7 @@ def test_own_recording(server: Server, open_tab: Open) -> None:
     page = tab.page
     page.wait_for_selector("text=axis.toml")
     packed = (measured / "friction" / name).read_bytes()
+    shutil.copy(measured / "friction" / "O-ring_5bar.csv.xz", server.folder)
     page.evaluate(DROPPED, [name, base64.b64encode(packed).decode()])
     page.wait_for_selector("[data-from]")  # it was copied, and is opened
     assert (server.folder / name).read_bytes() == packed
@@ -176,11 +177,47 @@ def test_own_recording(server: Server, open_tab: Open) -> None:
     page.wait_for_selector(f"[data-to]:not([data-to='{whole}'])")
     span = [float(page.get_attribute("[data-from]", f"data-{end}")) for end in ("from", "to")]
     assert span[1] - span[0] == pytest.approx(0.2 * float(whole), rel=0.1)
-    page.click("text=Later")
+    page.click("button:text-is('Later')")
     page.wait_for_timeout(200)
     assert int(page.evaluate("() => document.documentElement.dataset.points")) <= 4 * 1400
+    measured_beside_another(server, tab, name)
     assert violations(tab) == []
+    tab.picture("recording-measured")
     tab.check()
+
+
+def measured_beside_another(server: Server, tab: Tab, name: str) -> None:
+    """Draw a second recording over one, aligned on its third stroke, and measure both between two cursors."""
+    page = tab.page
+    page.select_option("section[aria-label='Another recording'] select", "O-ring_5bar.csv.xz")
+    page.wait_for_selector("[data-shift]")
+    page.fill("label:has-text('begin of stroke') input", "3")
+    page.keyboard.press("Tab")
+    page.fill("label:has-text('with that of stroke') input", "5")
+    page.keyboard.press("Tab")
+    page.check("text=measure between two cursors")
+    page.fill("input[aria-label='Cursor 1, s']", "8")
+    box = page.locator("figure.plot .u-over >> nth=0").bounding_box()
+    page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + 40)  # the second one is nearer
+    row = "[data-measured^='{}/force']"
+    page.wait_for_selector(row.format("O-ring_5bar.csv.xz"))
+    page.wait_for_timeout(300)
+    page.click("text=Copy the measurement")
+    folder, names = Path.cwd(), {}
+    os.chdir(server.folder)
+    try:
+        exec(page.inner_text("[data-copy=python]"), names)
+    finally:
+        os.chdir(folder)
+    found = {(one.recording, one.label.partition(" ")[0]): one for one in names["found"].channels}
+    assert float(page.get_attribute("[data-shift]", "data-shift")) == names["found"].shift_s
+    for file in (name, "O-ring_5bar.csv.xz"):
+        shown = page.locator(row.format(file))
+        assert float(shown.get_attribute("data-difference")) == found[file, "force"].difference
+        assert float(shown.get_attribute("data-slope")) == found[file, "force"].slope
+    assert abs(found[name, "force"].time_s[0] - 8.0) < 0.02
+    low, high = (float(page.get_attribute("[data-from]", f"data-{end}")) for end in ("from", "to"))
+    assert found[name, "force"].time_s[1] == pytest.approx(low + 0.8 * (high - low), abs=0.02)
 
 
 def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:

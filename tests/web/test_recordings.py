@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 import time
 from pathlib import Path
@@ -95,3 +96,91 @@ def test_a_layout_outside_the_workspace_is_not_read(served: Served) -> None:
     (served.folder.parent / "layout.toml").write_text("[columns]\nsecret = 1\n")
     (served.folder / "few.csv").write_text("time_s,force_n\n" + "".join(f"{0.1 * k:.1f},{k}\n" for k in range(50)))
     assert read(served, "few.csv")["layout"] is None
+
+
+def test_two_recordings_aligned_and_measured(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second file is in mm and bar gauge, its axis is mounted the other way round, and its stroke begins later."""
+    drive = pn.Drive.load("catalogue:reference")
+    start = {"position": "5 mm"}
+    early = pn.simulate(drive, "0 s: 0, 0.5 s: 0.2, 3 s: -0.2", "5 s", initial=start)
+    late = pn.simulate(drive, "0 s: 0, 1.25 s: 0.2, 3.75 s: -0.2", "5 s", initial=start)
+    pn.save(early, served.folder / "early.parquet")
+    (served.folder / "rig").mkdir()
+    columns = np.column_stack(
+        [late.time, -1e3 * late.position, late.friction_force, (late.pressure_a - 101325.0) * 1e-5, late.pressure_b]
+    )
+    np.savetxt(served.folder / "rig" / "late.csv", columns, "%.17g", ",", header="t,way,force,pa,pb", comments="")
+    (served.folder / "rig" / "layout.toml").write_text(
+        'delimiter = "comma"\nheader = true\n[columns]\ntime = {column = "t", unit = "s"}\n'
+        'position = {column = "way", unit = "mm", positive = "-x"}\n'
+        'force = {column = "force", unit = "N"}\npressure_a = {column = "pa", unit = "bar gauge"}\n'
+        'pressure_b = {column = "pb", unit = "Pa abs"}\n[geometry]\nkind = "rodless"\nbore = "32 mm"\n'
+    )
+    read(served, "early.parquet")
+    read(served, "rig/late.csv")
+    begins = [get(served, "/api/strokes", path=one)["strokes"][0]["from"] for one in ("early.parquet", "rig/late.csv")]
+    shift = begins[0] - begins[1]
+    assert shift == pytest.approx(-0.75, abs=2e-3)
+
+    names = ["position_m", "pressure_a_pa", "velocity_m_s"]
+    query = {"path": "early.parquet", "from": 0.4, "to": 1.2, "pixels": 2000, "columns": "\n".join(names)}
+    view = served.client.get(
+        "/api/window", params={**query, "beside": "rig/late.csv", "shift": shift}, headers=served.headers
+    )
+    _, drawn = unpack(view.content)
+    assert drawn.keys() == {"time", *names, "beside/time", "beside/position_m", "beside/pressure_a_pa"}
+    for column, variable in (("position_m", early.position), ("pressure_a_pa", early.pressure_a)):
+        beside = np.interp(drawn["time"], drawn["beside/time"], drawn[f"beside/{column}"])
+        assert np.abs(beside - drawn[column]).max() < 1e-2 * np.ptp(variable.to_numpy())
+        assert np.ptp(drawn[column]) > 0.1 * np.ptp(variable.to_numpy())
+
+    asked = {"path": "early.parquet", "at": [0.6, 0.7], "columns": names, "shift": shift}
+    asked |= {"beside": "rig/late.csv", "strokes": [1, 1]}
+    answered = served.client.post("/api/measure", json=asked, headers=served.headers).json()
+    row = answered["rows"][0]
+    assert row["values"] == [early.position[600], early.position[700]]
+    assert row["difference"] == early.position[700] - early.position[600]
+    assert row["slope"] == pytest.approx(float(early.velocity[600:701].mean()), rel=1e-2)
+    monkeypatch.chdir(served.folder)
+    copied: dict = {}
+    exec(answered["python"], copied)
+    found = {(one.recording, one.label): one for one in copied["found"].channels}
+    assert copied["found"].shift_s == shift
+    for one in answered["rows"]:
+        own = found[Path(one["recording"]).name, one["label"]]
+        told = (one["time_s"], one["values"], one["difference"], one["slope"])
+        assert told == (list(own.time_s), list(own.values), own.difference, own.slope)
+    assert len(answered["rows"]) == 5
+    assert run_command(shlex.split(answered["command"])[1:]) == 0
+    assert post_measure(served, asked | {"at": [0.6]}) == post_measure(served, asked | {"columns": 3}) == 400
+
+
+def post_measure(served: Served, asked: dict) -> int:
+    return served.client.post("/api/measure", json=asked, headers=served.headers).status_code
+
+
+def test_faults_are_placed_where_they_are(served: Served) -> None:
+    rng = np.random.default_rng(3)
+    time = np.arange(4000) * 1e-3
+    force = 20.0 * np.sign(np.cos(2 * np.pi * 0.5 * time)) + rng.normal(0.0, 0.3, len(time))
+    force[1500] = 90.0
+    force = np.minimum(force, 20.5)
+    force[2600:2610] = np.nan
+    position = 50.0 * np.sin(2 * np.pi * 0.5 * time)
+    rows = np.column_stack([time, position, force])[np.r_[0:3200, 3300:4000]]
+    np.savetxt(served.folder / "rig.csv", rows, "%.6f", ",", header="t,x,f", comments="")
+    (served.folder / "layout.toml").write_text(
+        'delimiter = "comma"\nheader = true\n[columns]\ntime = {column = "t", unit = "s"}\n'
+        'position = {column = "x", unit = "mm"}\n'
+        'force = {column = "f", unit = "N", range = "-500 N .. 20.5 N"}\n[geometry]\nkind = "rodless"\n'
+        'bore = "32 mm"\n[chamber_a]\nopen_to_ambient = true\n[chamber_b]\nopen_to_ambient = true\n'
+    )
+    read(served, "rig.csv")
+    faults = get(served, "/api/strokes", path="rig.csv")["faults"]
+    assert faults["non_finite"] == {"count": 10, "places": [[2.6, 2.609]]}
+    assert faults["gap"]["places"] == [[2.599, 2.61], [3.199, 3.3]]
+    hit = np.flatnonzero(rows[:, 2] == 20.5)
+    assert faults["saturated"]["count"] == len(hit) > 5
+    inside = [any(low - 1e-6 < at < high + 1e-6 for low, high in faults["saturated"]["places"]) for at in rows[hit, 0]]
+    assert all(inside)
+    assert sum(high - low for low, high in faults["saturated"]["places"]) < 0.1  # and nowhere else

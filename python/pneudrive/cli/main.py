@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 COMMANDS = {
     name: f"pneudrive.cli.{name}"
     for name in (
-        *("simulate", "sweep", "check", "draw", "lines", "size", "characteristic", "datasheet", "characterise"),
-        *("identify", "apply", "fit"),
+        *("simulate", "sweep", "check", "draw", "lines", "size", "characteristic", "datasheet", "measure"),
+        *("characterise", "identify", "apply", "fit"),
         *("report", "design", "compare", "validate", "control", "export", "campaign", "rig", "layout", "reproduce"),
         *("catalogue", "components", "schema", "web", "demo"),
     )

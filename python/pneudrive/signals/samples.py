@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,8 @@ from pneudrive.signals.motion import NOISE_FACTOR, middle, noise_level, thinned
 from pneudrive.signals.recording import CHANNELS, Recording
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
 GAP_FACTOR = 5.0  # a gap is longer than this many usual intervals
@@ -26,13 +28,56 @@ STUCK_RUN = 20  # equal samples in a row while the piston travels
 STUCK_TRAVEL_SHARE = 0.02
 
 
-def clean(recording: Recording) -> Recording:
+@dataclass(frozen=True)
+class SampleFault:
+    """Faults of one kind: how many samples or intervals, and the first and last time of each place, s."""
+
+    count: int
+    places: list[tuple[float, float]]
+
+
+def find_faults(recording: Recording) -> dict[str, SampleFault]:
+    """Return where a recording has samples that `clean` drops, and its gaps.
+
+    Parameters
+    ----------
+    recording
+        As read.
+
+    Returns
+    -------
+    dict of str to SampleFault
+        By kind, with the counts of `clean`; faults of reading, which have no time, have no places. Neighbouring
+        samples are one place.
+
+    Raises
+    ------
+    RecordingError
+        As for `clean`.
+    """
+    places: dict[str, list[tuple[float, float]]] = {}
+
+    def find(kind: str, time_s: NDArray[np.float64], mask: NDArray[np.bool_]) -> None:
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
+        ends = zip(time_s[edges[::2]], time_s[edges[1::2] - (kind != "gap")], strict=True)
+        places[kind] = [(float(first), float(last)) for first, last in ends if np.isfinite(first + last)]
+
+    flags = clean(recording, find).flags
+    return {kind: SampleFault(count, places.get(kind, [])) for kind, count in flags.items()}
+
+
+def clean(
+    recording: Recording,
+    found: Callable[[str, NDArray[np.float64], NDArray[np.bool_]], None] = lambda _kind, _time_s, _mask: None,
+) -> Recording:
     """Drop unusable samples and count them by kind.
 
     Parameters
     ----------
     recording
         As read.
+    found
+        Called with each kind of fault, the times and the mask of its samples; of gaps, of the samples before them.
 
     Returns
     -------
@@ -50,6 +95,7 @@ def clean(recording: Recording) -> Recording:
     for channel in CHANNELS:
         finite &= np.isfinite(getattr(recording, channel))
     _count(counts, "non_finite", int((~finite).sum()))
+    found("non_finite", recording.time_s, ~finite)
     if not finite.any():
         raise RecordingError(
             "no sample is finite in all channels",
@@ -60,17 +106,21 @@ def clean(recording: Recording) -> Recording:
     recording = _take(recording, finite)
     fresh = np.concatenate(([True], np.diff(recording.time_s) > 0))
     _count(counts, "repeated_time", int((~fresh).sum()))
+    found("repeated_time", recording.time_s, ~fresh)
     recording = _take(recording, fresh)
 
     good = np.ones(len(recording), dtype=bool)
     for kind, mask in _bad_samples(recording).items():
         _count(counts, kind, int((mask & good).sum()))
+        found(kind, recording.time_s, mask & good)
         good &= ~mask
     if good.any():
         recording = _take(recording, good)
     steps = np.diff(recording.time_s)
     if steps.size:
-        _count(counts, "gap", int((steps > GAP_FACTOR * middle(steps)).sum()))
+        gaps = steps > GAP_FACTOR * middle(steps)
+        _count(counts, "gap", int(gaps.sum()))
+        found("gap", recording.time_s, gaps)
     return replace(recording, flags=counts) if counts != recording.flags else recording
 
 

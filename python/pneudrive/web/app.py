@@ -120,6 +120,7 @@ def make_app(
         Route("/api/window", _answered(views.window)),
         Route("/api/spectrum", _answered(views.spectrum)),
         Route("/api/strokes", _answered(views.strokes)),
+        Route("/api/measure", _answered(views.measure), methods=["POST"]),
         Route("/api/propose", _answered(views.propose)),
         Route("/api/validation", _answered(views.validation)),
         Route("/api/compare", _answered(views.differences), methods=["POST"]),
@@ -280,7 +281,7 @@ class _Views:
         found = self.recordings.need(name)
         layout = layout_in(self.workspace, self.workspace.path(name, TABLES))
         return {
-            "channels": [vars(one) for one in found.channels],
+            "channels": [{"column": one.column, "label": one.label, "unit": one.unit} for one in found.channels],
             "span": found.span,
             "samples": found.pyramid.count,
             "time": found.time is not None,
@@ -293,7 +294,10 @@ class _Views:
         found, columns, span, pixels = self._view(given)
         view = found.window(span, pixels, columns)
         head = {"missing": view.missing, "samples": view.samples, "raw": view.raw, "from": span[0], "to": span[1]}
-        return pack(head, {"time": view.time_s, **view.channels}, drawn=True)
+        arrays = {"time": view.time_s, **view.channels}
+        if other := given.get("beside"):
+            arrays |= self.recordings.beside(found, other, span, _number(given, "shift"), pixels, columns)
+        return pack(head, arrays, drawn=True)
 
     def _view(self, given: Mapping[str, str]) -> tuple[OpenRecording, list[str], tuple[float, float], int]:
         """Read what part of a recording is asked for."""
@@ -319,8 +323,14 @@ class _Views:
         return pack({"from": span[0], "to": span[1]}, arrays)
 
     def strokes(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return the strokes of a recording."""
-        return {"strokes": self.recordings.strokes(given.get("path", ""))}
+        """Return the strokes of a recording, and its faults."""
+        return self.recordings.motion(given.get("path", ""))
+
+    def measure(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Measure a recording at two times."""
+        from pneudrive.web.measuring import AskedMeasure
+
+        return AskedMeasure.of(_table(body, "path")).answer(self.recordings)
 
     def propose(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Propose a layout."""
@@ -488,6 +498,17 @@ class _Views:
     def begin(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Run a campaign on the simulated rig, or resume one."""
         return self.running.start(campaign_job(_table(body), self.workspace)).about()
+
+
+def _number(given: Mapping[str, str], key: str) -> float:
+    """Read a finite number of a query."""
+    try:
+        value = float(given[key])
+    except (KeyError, ValueError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
+    return value
 
 
 def _table(body: bytes, *texts: str) -> dict[str, Any]:

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.errors import CommandError, PneudriveError, RecordingError
-from pneudrive.files.tables import open_table
+from pneudrive.signals.channels import open_channels, pairs
 from pneudrive.signals.layout import Layout
-from pneudrive.signals.load import load_recording
-from pneudrive.signals.motion import find_strokes
+from pneudrive.signals.measuring import motion_of, nearest_sample, strokes_in
+from pneudrive.signals.samples import find_faults
 from pneudrive.signals.spectrum import amplitude_density
-from pneudrive.signals.tables.raw_table import read_raw_table
-from pneudrive.signals.tables.sniff import sniff_format
-from pneudrive.signals.trajectories import is_trajectory, read_trajectory
-from pneudrive.trajectory import SUFFIXES, meaning, save_columns
+from pneudrive.signals.trajectories import is_trajectory
+from pneudrive.trajectory import SUFFIXES
 from pneudrive.watch import Watch
 from pneudrive.web.samples import KeptSamples
 from pneudrive.web.tiles import BLOCK, Pyramid, TileWindow
@@ -32,39 +29,44 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.files.tables import Table
-    from pneudrive.signals.layout import SampledLayout
+    from pneudrive.signals.channels import ChannelFile, FileChannel
     from pneudrive.web.workspace import Workspace
 
     Array = NDArray[Any]
 
 ENDS = 1 << 16  # bytes at both ends of a file that its key is made of
-MOST_CHANNELS = 16
 MOST_OPEN = 16  # recordings
 MOST_SAMPLES_OF_STROKES = 5_000_000  # beyond, strokes take longer than a page waits
 MOST_STROKES = 5000
+MOST_PLACES = 1000  # of faults of one kind
 MOST_SAMPLES_OF_SPECTRUM = 1 << 21
-_TIME_NAMES = ("time", "t", "time_s", "time (s)", "time [s]")
-
-
-@dataclass(frozen=True)
-class ShownChannel:
-    """One channel: its column, what it is, and the unit of its numbers."""
-
-    column: str
-    label: str
-    unit: str
 
 
 @dataclass(frozen=True)
 class OpenRecording:
     """A recording with its blocks."""
 
-    table: Table
-    time: tuple[str, float] | None  # column and what one of its units is in s; None: samples are counted
-    channels: tuple[ShownChannel, ...]
+    file: ChannelFile
     pyramid: Pyramid
     notes: tuple[str, ...] = ()
+
+    @property
+    def time(self) -> tuple[str, float] | None:
+        """Column of the time, and what one of its units is in s; None: samples are counted."""
+        return self.file.time
+
+    @property
+    def channels(self) -> tuple[FileChannel, ...]:
+        """What is shown of it."""
+        return self.file.channels
+
+    def sample_at(self, at: float, columns: Sequence[str]) -> tuple[float, dict[str, float]]:
+        """Return time and values of the sample nearest to a time."""
+        block = max(int(np.searchsorted(self.pyramid.time[:, 0], at, "right")) - 1, 0)
+        rows = (max(block - 1, 0) * BLOCK, min((block + 2) * BLOCK, self.pyramid.count))
+        found = self.samples.get(columns, rows)
+        row = nearest_sample(found.time_s, at)
+        return float(found.time_s[row]), {name: float(found.values[name][row]) for name in columns}
 
     def window(self, span: tuple[float, float], pixels: int, columns: Sequence[str]) -> TileWindow:
         """Return a view; see `Pyramid.window`."""
@@ -99,7 +101,7 @@ class OpenRecording:
     @cached_property
     def samples(self) -> KeptSamples:
         """Its samples, of which those near the last view are kept."""
-        return KeptSamples(self.table, self.time)
+        return KeptSamples(self.file.table, self.time)
 
     @cached_property
     def span(self) -> tuple[float, float]:
@@ -168,27 +170,56 @@ class Recordings:
             raise CommandError(f"{name} is being read: {100 * reading.share:.0f} %")
         return reading.done
 
-    def strokes(self, name: str) -> list[dict[str, float]]:
-        """Return the strokes of a recording that has a layout, or is a trajectory: begin, end, direction, speed."""
+    def motion(self, name: str) -> dict[str, Any]:
+        """Return strokes and faults of a recording of a rig that has a layout, or of a trajectory.
+
+        Of each stroke begin, end, direction and speed; of each kind of fault the count, and places as first and last
+        time.
+        """
         path = self.workspace.path(name, TABLES)
         if self.need(name).pyramid.count > MOST_SAMPLES_OF_STROKES:
-            return []
-        layout = layout_in(self.workspace, path)
-        if layout is not None and layout.kind == "rig":
-            recording = load_recording(path, layout)
-        elif layout is None and path.suffix in SUFFIXES and is_trajectory(path):
-            recording = read_trajectory(path, path.stem)
-        else:
-            return []
-        time = recording.time_s
-        return [
-            {"from": time[one.start], "to": time[one.stop - 1], "direction": one.direction, "speed": one.speed_m_s}
-            for one in find_strokes(recording.name, time, recording.position_m)[:MOST_STROKES]
+            return {"strokes": [], "faults": {}}
+        recording = motion_of(path, layout_in(self.workspace, path))
+        if recording is None:
+            return {"strokes": [], "faults": {}}
+        strokes = [
+            {"from": begin, "to": end, "direction": one.direction, "speed": one.speed_m_s}
+            for begin, end, one in strokes_in(recording)[:MOST_STROKES]
         ]
+        faults = {
+            kind: {"count": one.count, "places": one.places[:MOST_PLACES]}
+            for kind, one in find_faults(recording).items()
+        }
+        return {"strokes": strokes, "faults": faults}
+
+    def beside(
+        self,
+        own: OpenRecording,
+        name: str,
+        span: tuple[float, float],
+        shift: float,
+        pixels: int,
+        columns: Sequence[str],
+    ) -> dict[str, Array]:
+        """Return a view of another recording with the columns, the units and the clock of one."""
+        other = self.need(name)
+        both = [one for one in pairs(own.channels, other.channels) if one.own.column in columns]
+        low, high = other.span
+        first, last = span[0] - shift, span[1] - shift
+        if not both or last < low or first > high:
+            return {"beside/time": np.empty(0)}
+        found = other.window((first, last), pixels, [one.other.column for one in both])
+        values = {f"beside/{one.own.column}": one.of(found.channels[one.other.column]) for one in both}
+        return {"beside/time": found.time_s + shift, **values}
 
 
 def layout_in(workspace: Workspace, path: Path) -> Layout | None:
-    """Return the layout beside a recording, or in the folder above, inside the workspace; None without one."""
+    """Return the layout beside a recording, or in the folder above, inside the workspace; None without one.
+
+    A trajectory needs none, and another file's does not fit it.
+    """
+    if path.suffix in SUFFIXES and path.is_file() and is_trajectory(path):
+        return None
     for folder in (path.parent, path.parent.parent):
         place = folder / "layout.toml"
         if place.is_file() and place.resolve().is_relative_to(workspace.root):
@@ -211,103 +242,22 @@ def _key(path: Path) -> str:
 
 def _opened(path: Path, layout: Layout | None, cache: Path, watch: Watch) -> OpenRecording:
     """Open a recording: a file that is not Parquet is converted once, its blocks are made once."""
-    table, units = _table(path, cache)
-    said = None if layout is None else _for_file(layout, path)
-    numbers = _numbers(table)
-    if not numbers:
-        raise RecordingError("the file has no column of numbers", where=path.name)
-    time, roles = _roles(said, table.names, numbers)
-    units |= {} if layout is None else _stated(layout, table.names)
-    channels = tuple(
-        ShownChannel(name, roles.get(name, meaning(name)[0].replace("_", " ")), units.get(name, "") or _unit(name))
-        for name in sorted(numbers, key=lambda one: one not in roles)
-        if time is None or name != time[0]
-    )[:MOST_CHANNELS]
-    names = [one.column for one in channels]
-    place = cache / hashlib.sha256(repr((time, names)).encode()).hexdigest()[:16]
+    file = open_channels(path, layout, cache)
+    names = [one.column for one in file.channels]
+    place = cache / hashlib.sha256(repr((file.time, names)).encode()).hexdigest()[:16]
     pyramid = Pyramid.open(place)
     if pyramid is None:
-        count = table.count()
+        count = file.table.count()
         if not count:
             raise RecordingError("the file holds no samples", where=path.name)
-        pyramid = Pyramid.build(names, count, lambda rows: _times(table, time, rows), table.get, watch)
-        if time is not None and not pyramid.rises:  # the clock was set back: samples are counted
-            time = None
-            pyramid = Pyramid.build(names, count, lambda rows: _times(table, time, rows), table.get, watch)
+        pyramid = Pyramid.build(names, count, file.times, file.table.get, watch)
+        if file.time is not None and not pyramid.rises:  # the clock was set back: samples are counted
+            file = replace(file, time=None)
+            pyramid = Pyramid.build(names, count, file.times, file.table.get, watch)
         else:
             pyramid.save(place)
-    notes = () if time is not None else ("no column of rising times: samples are counted",)
-    return OpenRecording(table, time, channels, pyramid, notes)
-
-
-def _table(path: Path, cache: Path) -> tuple[Table, dict[str, str]]:
-    """Open a file as a table that can be read in parts, and the units that it states."""
-    if sniff_format(path) == "parquet":
-        return open_table(path, "parquet"), {}
-    converted = cache / "table.parquet"
-    if not converted.is_file():
-        form, columns = read_raw_table(path)
-        names = form.names if len(set(form.names)) == len(columns) else [f"column {at}" for at in range(len(columns))]
-        cache.mkdir(parents=True, exist_ok=True)
-        units = dict(zip(names, form.units, strict=False))
-        save_columns(dict(zip(names, columns, strict=True)), {"units": units}, converted)
-    table = open_table(converted, "parquet")
-    return table, json.loads(table.metadata["pneudrive"])["units"]
-
-
-def _for_file(layout: Layout, path: Path) -> SampledLayout:
-    if layout.kind == "rig":
-        return layout.for_file(path)
-    return layout.for_drive_file(path) if layout.kind == "drive" else layout.for_volume_file(path)
-
-
-def _numbers(table: Table) -> list[str]:
-    """Return the columns that hold numbers, by their first rows."""
-    out = []
-    for name in table.names[:200]:
-        first = table.get([name], (0, 16)).get(name)
-        if first is not None and first.ndim == 1 and first.dtype.kind in "iuf":
-            out.append(name)
-    return out
-
-
-def _roles(
-    said: SampledLayout | None, names: list[str], numbers: list[str]
-) -> tuple[tuple[str, float] | None, dict[str, str]]:
-    """Return the column of the time with its unit in s, and what the layout calls the other columns."""
-    roles, time = {}, None
-    for role, column in said.columns.items() if said is not None else ():
-        place = column.column
-        name = names[place] if isinstance(place, int) and place < len(names) else str(place)
-        if name in numbers and role == "time":
-            time = (name, column.unit.factor * column.scale)
-        elif name in numbers:
-            roles[name] = f"{role.replace('_', ' ')} ({name})"
-    if time is None:
-        found = next((name for name in numbers if name.lower() in _TIME_NAMES), None)
-        time = None if found is None else (found, 1.0)
-    return time, roles
-
-
-def _stated(layout: Layout, names: list[str]) -> dict[str, str]:
-    """Return the units that a layout states, by column."""
-    out = {}
-    for given in layout.tree.get("columns", {}).values():
-        column = given.get("column")
-        out[names[column] if isinstance(column, int) and column < len(names) else str(column)] = given.get("unit", "")
-    return out
-
-
-def _unit(name: str) -> str:
-    unit = meaning(name)[1]
-    return "" if unit == "1" else unit
-
-
-def _times(table: Table, time: tuple[str, float] | None, rows: tuple[int, int]) -> Array:
-    """Return the times of rows, s; without a column of times their numbers."""
-    if time is None:
-        return np.arange(*rows, dtype=float)
-    return np.asarray(table.get([time[0]], rows)[time[0]], float) * time[1]
+    notes = () if file.time is not None else ("no column of rising times: samples are counted",)
+    return OpenRecording(file, pyramid, notes)
 
 
 def proposed(path: Path) -> dict[str, Any]:

@@ -1,0 +1,289 @@
+/** What a recording is measured with: two cursors, another recording aligned on a stroke, the faults that were found. */
+import { signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { digits } from "./looks";
+import { Copied, Problems } from "./parts";
+import type { Mark } from "./plot";
+import { ask, newest, read, Refused, type Problem } from "./server";
+import { studies } from "./studies";
+
+export interface Stroke {
+  from: number;
+  to: number;
+  direction: number;
+  speed: number;
+}
+
+export type Faults = Record<string, { count: number; places: [number, number][] }>;
+
+interface Beside {
+  path: string;
+  strokes: Stroke[];
+  numbers: [number, number]; // of the strokes that begin together, from 1
+  shift: number;
+}
+
+/** The other recording that is drawn over this one. */
+export const beside = signal<Beside | null>(null);
+/** Times of the two cursors; null: nothing is measured. */
+export const cursors = signal<[number, number] | null>(null);
+
+const reading = signal("");
+const wrong = signal<Problem[]>([]);
+
+/** Another recording begins without what belonged to the one before. */
+export function forgetBeside(): void {
+  beside.value = cursors.value = null;
+  reading.value = "";
+  wrong.value = [];
+}
+
+/** What a view asks for beside its own recording. */
+export function besideAsked(): Record<string, string> {
+  const now = beside.value;
+  return now ? { beside: now.path, shift: String(now.shift) } : {};
+}
+
+/** The first strokes of two recordings that go the same way, by their numbers. */
+export function alike(own: Stroke[], other: Stroke[]): [number, number] {
+  const there = other.findIndex((one) => one.direction === own[0]!.direction);
+  return [1, Math.max(there, 0) + 1];
+}
+
+/** What is added to the times of the other recording. */
+export const shiftOf = (own: Stroke[], other: Stroke[], [first, second]: [number, number]): number => own[first - 1]!.from - other[second - 1]!.from;
+
+const WORDS: Record<string, string> = {
+  non_finite: "not a number",
+  repeated_time: "repeated time",
+  spike: "spike",
+  saturated: "sensor at its limit",
+  stuck: "sensor stuck",
+  gap: "gap in time",
+};
+
+export const marksOf = (faults: Faults): Mark[] => Object.values(faults).flatMap((one) => one.places.map(([from, to]) => ({ from, to })));
+
+/** The place of a fault behind the middle of a view; behind the last one the first one. */
+export function nextPlace(places: [number, number][], middle: number): [number, number] {
+  return places.find(([from, to]) => 0.5 * (from + to) > middle + 1e-9 * Math.abs(middle)) ?? places[0]!;
+}
+
+/** The faults of the recording by kind; a button goes from place to place. */
+export function FaultsLine({ faults, span, whole, onShow }: { faults: Faults; span: [number, number]; whole: [number, number]; onShow: (span: [number, number]) => void }) {
+  const kinds = Object.entries(faults);
+  if (!kinds.length) return null;
+  const show = (places: [number, number][]) => {
+    const [from, to] = nextPlace(places, 0.5 * (span[0] + span[1]));
+    const half = Math.max(to - from, 0.01 * (whole[1] - whole[0]));
+    const middle = 0.5 * (from + to);
+    onShow([middle - half, middle + half]);
+  };
+  return (
+    <p class="row" role="group" aria-label="Faults of the recording">
+      <span>Faults, marked at the foot of the plots:</span>
+      {kinds.map(([kind, one]) => (
+        <span key={kind} data-fault={kind} data-count={one.count}>
+          {WORDS[kind] ?? kind.replace(/_/g, " ")} {one.count}
+          {one.places.length > 0 && (
+            <>
+              {" "}
+              <button type="button" class="link" onClick={() => show(one.places)} aria-label={`Show the next place: ${WORDS[kind] ?? kind}`}>show the next</button>
+            </>
+          )}
+        </span>
+      ))}
+    </p>
+  );
+}
+
+const pause = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
+
+/** A choice of another recording, and of the strokes of both that begin together. */
+export function BesideRecording(props: { path: string; strokes: Stroke[]; onChange: () => void; onShow: (span: [number, number]) => void }) {
+  const { path, strokes, onChange, onShow } = props;
+  const now = beside.value;
+  const files = (studies.value?.files ?? []).filter((one) => one.kind === "recording" && one.path !== path);
+  const put = (next: Beside | null) => {
+    beside.value = next;
+    onChange();
+  };
+  const choose = async (other: string) => {
+    wrong.value = [];
+    reading.value = other;
+    try {
+      while (other && reading.value === other && !(await read<{ channels?: unknown }>("/api/recording", { path: other })).channels) await pause(150);
+      const found = other ? (await read<{ strokes: Stroke[] }>("/api/strokes", { path: other })).strokes : [];
+      if (reading.value !== other) return;
+      reading.value = "";
+      const isAligned = strokes.length > 0 && found.length > 0;
+      const numbers: [number, number] = isAligned ? alike(strokes, found) : [1, 1];
+      put(other ? { path: other, strokes: found, numbers, shift: isAligned ? shiftOf(strokes, found, numbers) : 0 } : null);
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      reading.value = "";
+      wrong.value = error.problems;
+    }
+  };
+  const align = (which: 0 | 1, number: number) => {
+    const most = which ? now!.strokes.length : strokes.length;
+    if (!(number >= 1 && number <= most)) return;
+    const numbers: [number, number] = which ? [now!.numbers[0], number] : [number, now!.numbers[1]];
+    put({ ...now!, numbers, shift: shiftOf(strokes, now!.strokes, numbers) });
+    const { from, to } = strokes[numbers[0] - 1]!;
+    onShow([from - 0.1 * (to - from), to + 0.1 * (to - from)]);
+  };
+  const stroke = (which: 0 | 1, label: string, of: Stroke[]) => (
+    <label>
+      {label}{" "}
+      <input type="number" min={1} max={of.length} value={now!.numbers[which]} onChange={(event) => align(which, event.currentTarget.valueAsNumber)} /> of {of.length}
+    </label>
+  );
+  return (
+    <section aria-label="Another recording">
+      <p class="row">
+        <label>
+          Draw over it{" "}
+          <select value={now?.path ?? ""} onChange={(event) => void choose(event.currentTarget.value)}>
+            <option value="">no other recording</option>
+            {files.map((one) => <option key={one.path}>{one.path}</option>)}
+          </select>
+        </label>
+        {reading.value && <span role="status">{reading.value} is read.</span>}
+        {now && strokes.length > 0 && now.strokes.length > 0 && (
+          <>
+            {stroke(0, "begin of stroke", strokes)}
+            {stroke(1, "with that of stroke", now.strokes)}
+          </>
+        )}
+        {now && (
+          <span role="status" data-shift={now.shift}>
+            {now.strokes.length && strokes.length ? `moved by ${digits(now.shift, 6)} s` : "not aligned: strokes are known where a layout says what moves"}
+          </span>
+        )}
+      </p>
+      <Problems of={wrong.value} />
+    </section>
+  );
+}
+
+interface Row {
+  recording: string;
+  label: string;
+  unit: string;
+  time_s: [number, number];
+  values: [number | null, number | null];
+  difference: number | null;
+  slope: number | null;
+}
+
+const measured = signal<{ rows: Row[]; command: string; python: string } | null>(null);
+const isCopied = signal(false);
+let asked: Record<string, unknown> = {};
+const fetchMeasured = newest(async () => {
+  try {
+    measured.value = await ask("/api/measure", asked);
+    wrong.value = [];
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    wrong.value = error.problems;
+  }
+});
+
+/** Put the nearer cursor where a plot was clicked. */
+export function pick(time: number): void {
+  const now = cursors.value;
+  if (now) cursors.value = Math.abs(time - now[0]) < Math.abs(time - now[1]) ? [time, now[1]] : [now[0], time];
+}
+
+const STEPS = 1000;
+
+/** Two cursors, and between them time, difference and slope of each channel that is shown. */
+export function Measuring({ path, columns, span, isTimed }: { path: string; columns: string[]; span: [number, number]; isTimed: boolean }) {
+  const now = cursors.value;
+  const other = beside.value;
+  const unit = isTimed ? "s" : "samples";
+  useEffect(() => {
+    isCopied.value = false;
+    if (!now) return;
+    asked = { path, at: now, columns, beside: other?.strokes.length ? other.path : "", strokes: other?.numbers ?? [1, 1], shift: other?.shift ?? 0 };
+    void fetchMeasured();
+  }, [path, now?.[0], now?.[1], columns.join("\n"), other]);
+  const begin = (isOn: boolean) => {
+    measured.value = null;
+    const wide = span[1] - span[0];
+    cursors.value = isOn ? [span[0] + wide / 3, span[0] + (2 * wide) / 3] : null;
+  };
+  const put = (which: 0 | 1, time: number) => {
+    if (Number.isFinite(time)) cursors.value = which ? [now![0], time] : [time, now![1]];
+  };
+  const cursor = (which: 0 | 1) => (
+    <span class="row">
+      <label>
+        Cursor {which + 1}{" "}
+        <input type="range" min={0} max={STEPS} value={Math.round((STEPS * (now![which] - span[0])) / (span[1] - span[0]))} aria-valuetext={`${digits(now![which], 7)} ${unit}`} onInput={(event) => put(which, span[0] + ((span[1] - span[0]) * event.currentTarget.valueAsNumber) / STEPS)} />
+      </label>
+      <input type="number" step="any" aria-label={`Cursor ${which + 1}, ${unit}`} value={Number(now![which].toPrecision(10))} onChange={(event) => put(which, event.currentTarget.valueAsNumber)} /> {unit}
+    </span>
+  );
+  const found = measured.value;
+  const of = (value: number | null, of: string) => (value === null ? "–" : `${digits(value, 6)}${of && ` ${of}`}`);
+  const step = (unit: string) => unit.replace(/ (gauge|abs)$/, ""); // of a difference
+  return (
+    <section aria-label="Measure">
+      <p class="row">
+        <label>
+          <input type="checkbox" checked={now !== null} onChange={(event) => begin(event.currentTarget.checked)} /> measure between two cursors
+        </label>
+        {now && cursor(0)}
+        {now && cursor(1)}
+        {now && <span class="note">A click in a plot puts the nearer one there.</span>}
+      </p>
+      {now && found && (
+        <>
+          <table class="measured">
+            <thead>
+              <tr>
+                <th scope="col">Nearest samples</th>
+                <th scope="col">cursor 1</th>
+                <th scope="col">cursor 2</th>
+                <th scope="col">difference</th>
+                <th scope="col">slope</th>
+              </tr>
+            </thead>
+            <tbody>
+              {found.rows.map((one, index) => {
+                const isFirst = found.rows[index - 1]?.recording !== one.recording;
+                const name = one.recording === path ? "" : ` (${one.recording})`;
+                return (
+                  <>
+                    {isFirst && (
+                      <tr key={`time ${one.recording}`}>
+                        <th scope="row">time{name}</th>
+                        <td>{of(one.time_s[0], unit)}</td>
+                        <td>{of(one.time_s[1], unit)}</td>
+                        <td>{of(one.time_s[1] - one.time_s[0], unit)}</td>
+                        <td />
+                      </tr>
+                    )}
+                    <tr key={one.label + one.recording} data-measured={`${one.recording}/${one.label}`} data-difference={one.difference} data-slope={one.slope}>
+                      <th scope="row">{one.label}{name}</th>
+                      <td>{of(one.values[0], one.unit)}</td>
+                      <td>{of(one.values[1], one.unit)}</td>
+                      <td>{of(one.difference, step(one.unit))}</td>
+                      <td>{of(one.slope, `${step(one.unit) || "1"}${isTimed ? "/s" : " a sample"}`)}</td>
+                    </tr>
+                  </>
+                );
+              })}
+            </tbody>
+          </table>
+          <p>
+            <button type="button" onClick={() => (isCopied.value = true)}>Copy the measurement as command or Python</button>
+          </p>
+          {isCopied.value && <Copied command={found.command} python={found.python} />}
+        </>
+      )}
+    </section>
+  );
+}

@@ -1,0 +1,252 @@
+"""Two places in a recording measured: time, value, difference and slope, also beside another recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.errors import CommandError
+from pneudrive.files.content import exists
+from pneudrive.show import Card, Shown
+from pneudrive.signals.channels import open_channels, pairs
+from pneudrive.signals.layout import Layout
+from pneudrive.signals.load import find_layout, load_recording
+from pneudrive.signals.motion import find_strokes
+from pneudrive.signals.samples import SampleFault, find_faults
+from pneudrive.signals.trajectories import is_trajectory, read_trajectory
+from pneudrive.trajectory import SUFFIXES
+from pneudrive.units import parse
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.signals.channels import ChannelFile, FileChannel
+    from pneudrive.signals.motion import Stroke
+    from pneudrive.signals.recording import Recording
+
+    Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class MeasuredChannel:
+    """One channel at two samples.
+
+    Attributes
+    ----------
+    recording : str
+        File.
+    label, unit : str
+        Of the channel; of a recording beside another one in the unit of that one.
+    time_s : (float, float)
+        Times of the samples; those of a recording beside another one on the clock of that one.
+    values : (float, float)
+    """
+
+    recording: str
+    label: str
+    unit: str
+    time_s: tuple[float, float]
+    values: tuple[float, float]
+
+    @property
+    def difference(self) -> float:
+        """Second value less the first one."""
+        return self.values[1] - self.values[0]
+
+    @property
+    def slope(self) -> float:
+        """Difference over the time between the samples, unit per s; NaN for one and the same sample."""
+        between = self.time_s[1] - self.time_s[0]
+        return self.difference / between if between else float("nan")
+
+
+@dataclass(frozen=True, repr=False)
+class Measurement(Shown):
+    """What `measure` finds.
+
+    Attributes
+    ----------
+    channels : tuple of MeasuredChannel
+    shift_s : float
+        What is added to the times of the recording beside; 0 without one.
+    faults : dict of str to SampleFault
+        Faults of the recording, by kind; see `pneudrive.signals.samples.find_faults`. Empty where its layout does not
+        say which columns are position and force.
+    """
+
+    channels: tuple[MeasuredChannel, ...]
+    shift_s: float
+    faults: dict[str, SampleFault]
+
+    def _card(self) -> Card:
+        head = ("channel", "at", "to", "value", "value there", "difference", "per s")
+        rows = [
+            (
+                f"{one.recording}: {one.label}{one.unit and f', {one.unit}'}",
+                *(f"{number:.7g}" for number in (*one.time_s, *one.values, one.difference, one.slope)),
+            )
+            for one in self.channels
+        ]
+        notes = [f"{kind.replace('_', ' ')}: {one.count}" for kind, one in self.faults.items()]
+        return Card("Measurement", head, rows, notes)
+
+
+def measure(
+    recording: str | Path,
+    at: float | str,
+    to: float | str,
+    *,
+    beside: str | Path | None = None,
+    strokes: tuple[int, int] = (1, 1),
+) -> Measurement:
+    """Measure between two times of a recording.
+
+    Parameters
+    ----------
+    recording : str or Path
+        File of any format; ``layout.toml`` beside it, or in the folder above, says what its columns are.
+    at, to : float or str
+        Times, s, or ``"1.25 s"``; the nearest sample counts. Numbers of samples where the file has no rising times.
+    beside : str or Path, optional
+        Another recording, of which the same channels are measured at the same times, in the same units.
+    strokes : (int, int)
+        Stroke of the recording and of the one beside it, counted from 1, that begin together.
+
+    Returns
+    -------
+    Measurement
+        Numbers as in the file, in its units: nothing is smoothed.
+
+    Raises
+    ------
+    RecordingError, LayoutError
+        As for `load_recordings`.
+    CommandError
+        A time is none, or there is no such stroke.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pneudrive as pn
+    >>> run = pn.simulate(pn.Drive.load("catalogue:reference"), "0 s: 0.6, 0.5 s: -0.6", "1 s")
+    >>> path = pn.save(run, f"{tempfile.mkdtemp()}/run.parquet")
+    >>> found = pn.measure(path, "0.1 s", "0.2 s").channels[0]
+    >>> found.label, found.difference == float(run.position[200] - run.position[100])
+    ('position', True)
+    """
+    path, other = Path(recording), None if beside is None else Path(beside)
+    layout, others_layout = _layout(path), None if other is None else _layout(other)
+    moved, times, shift = motion_of(path, layout), (time_of(at), time_of(to)), 0.0
+    with TemporaryDirectory() as folder:
+        opened = open_channels(path, layout, Path(folder) / "own")
+        found = measured(path.name, opened.channels, *_at(opened, times))
+        if other is not None:
+            there = strokes_in(motion_of(other, others_layout))
+            shift = shift_between((path.name, strokes_in(moved)), (other.name, there), strokes)
+            second = open_channels(other, others_layout, Path(folder) / "beside")
+            both = pairs(opened.channels, second.channels)
+            seconds, values = _at(second, (times[0] - shift, times[1] - shift))
+            values = {pair.own.column: pair.of(values[pair.other.column]) for pair in both}
+            found += measured(other.name, [pair.own for pair in both], seconds + shift, values)
+    return Measurement(tuple(found), shift, {} if moved is None else find_faults(moved))
+
+
+def measured(
+    name: str, channels: Sequence[FileChannel], time_s: Array, values: Mapping[str, Array]
+) -> list[MeasuredChannel]:
+    """Return channels at two samples, from their times and values, shape (2,) each."""
+    ends = float(time_s[0]), float(time_s[1])
+    each = ((one, values[one.column]) for one in channels)
+    return [MeasuredChannel(name, one.label, one.unit, ends, (float(own[0]), float(own[1]))) for one, own in each]
+
+
+def nearest_sample(time_s: Array, at: float) -> int:
+    """Return the number of the sample nearest to a time among rising times; of two as near the earlier one."""
+    after = min(int(np.searchsorted(time_s, at)), len(time_s) - 1)
+    return after - 1 if after and at - time_s[after - 1] <= time_s[after] - at else after
+
+
+def motion_of(path: Path, layout: Layout | None) -> Recording | None:
+    """Return a recording of a rig by its layout, or a trajectory; None of other files: nobody says what moves."""
+    if layout is not None:
+        return load_recording(path, layout) if layout.kind == "rig" else None
+    return read_trajectory(path, path.stem) if path.suffix in SUFFIXES and is_trajectory(path) else None
+
+
+def strokes_in(recording: Recording | None) -> list[tuple[float, float, Stroke]]:
+    """Return begin and end of each stroke, s, and the stroke."""
+    if recording is None:
+        return []
+    time = recording.time_s
+    found = find_strokes(recording.name, time, recording.position_m)
+    return [(float(time[one.start]), float(time[one.stop - 1]), one) for one in found]
+
+
+def shift_between(
+    own: tuple[str, Sequence[tuple[float, float, Stroke]]],
+    other: tuple[str, Sequence[tuple[float, float, Stroke]]],
+    numbers: tuple[int, int],
+) -> float:
+    """Return what is to be added to the times of another recording so that two strokes begin together, s.
+
+    Parameters
+    ----------
+    own, other : (str, sequence)
+        Name of a recording and its strokes, from `strokes_in`.
+    numbers : (int, int)
+        Of the strokes, from 1.
+
+    Raises
+    ------
+    CommandError
+        There is no such stroke.
+    """
+    begins = []
+    for (name, strokes), number in zip((own, other), numbers, strict=True):
+        if not 1 <= number <= len(strokes):
+            remedy = "Without a layout of a rig no strokes are known: pneudrive layout FILE proposes one."
+            what = f"{name} has no stroke {number}"
+            raise CommandError(what, value=f"{len(strokes)} strokes", remedy=None if strokes else remedy)
+        begins.append(strokes[number - 1][0])
+    return begins[0] - begins[1]
+
+
+def time_of(given: float | str) -> float:
+    """Read a time in s, or the number of a sample.
+
+    Raises
+    ------
+    CommandError
+        It is neither.
+    """
+    try:
+        value = float(given)
+    except ValueError:
+        value = parse(str(given), "s")
+    if not np.isfinite(value):
+        raise CommandError(f'the time "{given}" is not finite')
+    return value
+
+
+def _layout(path: Path) -> Layout | None:
+    if not exists(path):
+        raise CommandError(f"there is no recording {path}")
+    return None if path.suffix in SUFFIXES and is_trajectory(path) else find_layout(path)
+
+
+def _at(file: ChannelFile, times: tuple[float, float]) -> tuple[Array, dict[str, Array]]:
+    """Return times and values of the samples nearest to two times."""
+    count = file.table.count() or 0
+    seconds = file.times((0, count))
+    if not (np.diff(seconds) >= 0.0).all():  # the clock was set back: samples are counted
+        seconds = np.arange(count, dtype=float)
+    rows = [nearest_sample(seconds, one) for one in times]
+    names = [one.column for one in file.channels]
+    each = [file.table.get(names, (row, row + 1)) for row in rows]
+    return seconds[rows], {name: np.array([float(one[name][0]) for one in each]) for name in names}

@@ -1,0 +1,117 @@
+"""A recording measured at two times, as the page asks for it, and the same as command and as Python."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.errors import CommandError
+from pneudrive.signals.channels import pairs
+from pneudrive.signals.measuring import measured
+from pneudrive.web.asked_run import WRONG_REQUEST
+from pneudrive.web.jobs import safe
+from pneudrive.web.messages import plain
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.web.recordings import Recordings
+
+    Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class AskedMeasure:
+    """Two times at which a recording is measured, as the page asks for them.
+
+    Attributes
+    ----------
+    path : str
+    at : (float, float)
+        s, or numbers of samples.
+    columns : tuple of str
+    beside : str
+        Another recording; empty for none.
+    strokes : (int, int)
+        That begin together, from 1.
+    shift : float
+        What that adds to the times of the other one, s.
+    """
+
+    path: str
+    at: tuple[float, float]
+    columns: tuple[str, ...]
+    beside: str
+    strokes: tuple[int, int]
+    shift: float
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> AskedMeasure:
+        """Read the page's request.
+
+        Raises
+        ------
+        CommandError
+            A part is missing or of another type.
+        """
+        try:
+            (at, to), (own, other) = given["at"], given["strokes"]
+            columns, shift = tuple(given["columns"]), float(given["shift"])
+            found = cls(given["path"], (float(at), float(to)), columns, given["beside"], (int(own), int(other)), shift)
+        except (KeyError, TypeError, ValueError):
+            raise CommandError(WRONG_REQUEST, remedy="Reload the page.") from None
+        texts = all(isinstance(one, str) for one in (found.path, found.beside, *found.columns))
+        if not texts or not all(math.isfinite(one) for one in (*found.at, found.shift)):
+            raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
+        return found
+
+    def answer(self, recordings: Recordings) -> dict[str, Any]:
+        """Return the channels at two samples, also of the recording beside, and the same as command and as Python.
+
+        Raises
+        ------
+        PneudriveError
+            As for `Recordings.need`.
+        """
+        own = recordings.need(self.path)
+        channels = [one for one in own.channels if one.column in self.columns]
+        names = [one.column for one in channels]
+        rows = measured(self.path, channels, *_ends([own.sample_at(at, names) for at in self.at]))
+        if self.beside:
+            other = recordings.need(self.beside)
+            both = [one for one in pairs(own.channels, other.channels) if one.own.column in names]
+            wanted = [one.other.column for one in both]
+            there, values = _ends([other.sample_at(at - self.shift, wanted) for at in self.at])
+            shown = {one.own.column: one.of(values[one.other.column]) for one in both}
+            rows += measured(self.beside, [one.own for one in both], there + self.shift, shown)
+        told = [{**vars(one), "difference": one.difference, "slope": one.slope} for one in rows]
+        timed = own.time is not None
+        return {"rows": plain(told), "command": self.as_command(timed=timed), "python": self.as_python()}
+
+    def as_command(self, *, timed: bool) -> str:
+        """Return the line of a shell that measures the same in the folder of the workspace."""
+        words = ["pneudrive", "measure", safe(self.path)]
+        for option, at in zip(("--at", "--to"), self.at, strict=True):
+            words += [option, f"{at!r} s" if timed else repr(at)]
+        if self.beside:
+            words += ["--beside", safe(self.beside), "--strokes", ",".join(map(str, self.strokes))]
+        return shlex.join(words)
+
+    def as_python(self) -> str:
+        """Return the lines of Python that measure the same in the folder of the workspace."""
+        beside = f", beside={self.beside!r}, strokes={self.strokes!r}" if self.beside else ""
+        return f"import pneudrive as pn\n\nfound = pn.measure({self.path!r}, {self.at[0]!r}, {self.at[1]!r}{beside})\n"
+
+
+def _ends(samples: Sequence[tuple[float, dict[str, float]]]) -> tuple[Array, dict[str, Array]]:
+    """Return times and values of samples as arrays."""
+    names = samples[0][1]
+    return np.array([time for time, _ in samples]), {
+        name: np.array([own[name] for _, own in samples]) for name in names
+    }
