@@ -4,6 +4,7 @@ import { useEffect } from "preact/hooks";
 import { digits } from "./looks";
 import { follow, JobList } from "./jobs";
 import { Copied, folderOf, Problems, ReportOf } from "./parts";
+import { Behind, FitTable, forget, type Fit } from "./fit";
 import { Heat } from "./heat";
 import { Scatter, type Group } from "./plot";
 import { link, route } from "./routes";
@@ -31,17 +32,6 @@ interface FrictionMap {
   left_out: number;
 }
 
-interface Fit {
-  kind: string;
-  title: string;
-  values: { name: string; value: number | null; unit: string; interval: (number | null)[] | null; spread: number | null; determined: boolean }[];
-  statements: string[];
-  notes: string[];
-  recordings: string[];
-  synthetic: boolean;
-  converged: boolean;
-}
-
 const map = signal<FrictionMap | null>(null);
 const fit = signal<Fit | null>(null);
 const wrong = signal<Problem[]>([]);
@@ -61,6 +51,7 @@ const copied = signal<{ command: string; python: string } | null>(null);
 /** Draw the curves of another fit beside the map. */
 const choose = (path: string, of: string): Promise<void> =>
   attempt(async () => {
+    forget();
     const one = await read<FrictionMap>("/api/map", { path, fit: of });
     if (route.value.path !== path) return;
     map.value = one;
@@ -109,16 +100,21 @@ function Refit({ path, found }: { path: string; found: FrictionMap }) {
   );
 }
 
+const besideOf = (path: string): string => `${path.slice(0, path.lastIndexOf("/") + 1)}fit.toml`;
+
+/** The fit that is shown: the file itself, the one that was chosen, or the one beside the map. */
+const pathOfFit = (path: string): string => (path.endsWith(".toml") ? path : drawn.value || besideOf(path));
+
 async function open(path: string): Promise<void> {
+  forget();
   drawn.value = "";
   copied.value = null;
   map.value = fit.value = null;
   wrong.value = [];
   const isFit = path.endsWith(".toml");
-  const beside = `${path.slice(0, path.lastIndexOf("/") + 1)}fit.toml`;
   try {
     if (!isFit) map.value = await read<FrictionMap>("/api/map", { path });
-    if (isFit || !map.value?.fit) fit.value = await read<Fit>("/api/fit", { path: isFit ? path : beside });
+    if (isFit || !map.value?.fit) fit.value = await read<Fit>("/api/fit", { path: isFit ? path : besideOf(path) });
   } catch (error) {
     if (error instanceof Refused) wrong.value = error.problems;
   }
@@ -138,6 +134,7 @@ export function FrictionView() {
       {map.value && <Refit path={path} found={map.value} />}
       {map.value && <Map found={map.value} />}
       {fit.value && <FitTable found={fit.value} />}
+      {(fit.value || map.value?.fits.length) && <Behind path={pathOfFit(path)} />}
     </div>
   );
 }
@@ -203,40 +200,5 @@ function Map({ found }: { found: FrictionMap }) {
       {points.length > MOST_ROWS && <p class="note">{points.length - MOST_ROWS} more points are in the plot and in the file.</p>}
       {found.left_out > 0 && <p class="note">{found.left_out} points are in the file only.</p>}
     </>
-  );
-}
-
-function FitTable({ found }: { found: Fit }) {
-  const shown = found.values.filter((one) => one.value !== null);
-  return (
-    <section aria-label="Fit">
-      <h2>Fit of a {found.kind}</h2>
-      {found.synthetic && <p class="banner">Synthetic: the data were simulated.</p>}
-      {!found.converged && <p class="banner">The search ended early: these values are the best so far, without intervals.</p>}
-      <table>
-        <thead>
-          <tr>
-            {["Value", "Estimate", "U (k = 2)", "95 % interval", "Unit", ""].map((one, index) => (
-              <th scope="col" key={index}>{one || <span class="hidden">Determined</span>}</th>
-            ))}
-          </tr>
-        </thead>
-        <tbody>
-          {shown.map((one) => (
-            <tr key={one.name}>
-              <th scope="row">{one.name}</th>
-              <td data-value={one.name} data-si={one.value}>{digits(one.value, 5)}</td>
-              <td>{digits(one.spread, 2)}</td>
-              <td>{one.interval ? one.interval.map((end) => digits(end)).join(" … ") : "–"}</td>
-              <td>{one.unit}</td>
-              <td>{one.determined ? "" : <span class="kind assumed">held or not determined</span>}</td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
-      {found.statements.length > 0 && <h2>What the data do not determine</h2>}
-      <ul>{found.statements.map((one) => <li key={one}>{one}</li>)}</ul>
-      <ul>{found.notes.map((one) => <li key={one}>{one}</li>)}</ul>
-    </section>
   );
 }

@@ -117,7 +117,7 @@ export function Chain({ files }: { files: Listed[] }) {
             )}
             <button type="button" onClick={() => (shown.value = null)}>Close</button>
           </p>
-          {copied.value && <Copied {...copied.value} />}
+          {copied.value && <Copied of="making it again" {...copied.value} />}
           <JobList />
         </>
       )}

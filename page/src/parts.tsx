@@ -72,14 +72,15 @@ export function Login() {
   );
 }
 
-export function Copied({ command, python }: { command: string; python: string }) {
+/** Lines to copy; `of` says of what, where a view has several. */
+export function Copied({ command, python, of = "" }: { command: string; python: string; of?: string }) {
   const [done, setDone] = useState("");
   const copy = async (what: string, text: string) => {
     await navigator.clipboard.writeText(text).catch(() => undefined);
     setDone(what);
   };
   return (
-    <section class="copied" aria-label="The same as a command and as Python">
+    <section class="copied" aria-label={`The same as a command and as Python${of && `: ${of}`}`}>
       <p>
         In the folder of the workspace. <button type="button" onClick={() => copy("command", command)}>Copy the command</button>{" "}
         <button type="button" onClick={() => copy("Python", python)}>Copy the Python</button>{" "}

@@ -254,6 +254,11 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     again = FrictionFit.from_toml(folder / "fit-2.toml").values["coulomb"]
     assert again != fit.values["coulomb"]
     page.wait_for_selector(f"[data-value=coulomb][data-si='{again}']")
+    page.click("button:has-text('Residuals, profiles and next points of results/o-rings/fit-2.toml')")
+    page.wait_for_selector("[data-plot='Residuals over speed'] canvas")
+    page.wait_for_selector("[data-loop='coulomb_b over coulomb']")
+    page.click("text=Propose on the simulated rig")
+    page.wait_for_selector("[data-next]")
     assert violations(tab) == []
     tab.picture("friction-again")
     page.click("td >> xpath=.. >> a >> nth=0")

@@ -14,39 +14,15 @@ import pneudrive as pn
 from oracle.drive_records import drive, record
 from pneudrive.characterise import write_map
 from pneudrive.cli.main import run as run_command
-from pneudrive.friction.friction_map import columns_to_dataset
 from pneudrive.identify.dynamic.result import DriveFit
 from web.conftest import Served
+from web.maps import coulomb, friction_map
 from web.test_friction import post
 from web.test_recordings import get
 
 RUN, FIT, AFTER = "run.parquet", "fit.toml", "after.toml"
 CHECK, CHECKED = "results/check/validation.toml", "results/check/run-1.parquet"
 MAP = "results/rings/map.parquet"
-
-
-def friction_map(coulomb_n: float) -> object:
-    """Return a map of two recordings whose rows follow Coulomb and viscous friction."""
-    speeds = np.tile([0.01, 0.03, 0.1], 4)
-    friction = coulomb_n + 40.0 * speeds + np.tile([0.01, -0.02, 0.01], 4)
-    direction = np.tile(np.repeat([1, -1], 3), 2)
-    zeros = np.zeros(12)
-    columns = {
-        "recording": np.repeat(["monday", "tuesday"], 6),
-        "direction": direction,
-        "velocity_m_s": direction * speeds,
-        **{f"pressure_{side}_pa": zeros + 1.01325e5 for side in "ab"},
-        "balance_n": direction * friction,
-        "friction_n": friction,
-        "offset_n": zeros,
-        "stderr_n": zeros + 0.02,
-        "u_systematic_n": zeros,
-        **{name: np.ones(12, int) for name in ("samples", "strokes")},
-        **dict.fromkeys(("position_from_m", "position_to_m", "breakaway_n", "dwell_s", "loading_rate_n_s"), zeros),
-        "flags": np.full(12, ""),
-        "ambient_pressure_pa": zeros + 1.01325e5,
-    }
-    return columns_to_dataset(columns)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +39,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "results" / "check").mkdir(parents=True)
     pn.validate(pn.Drive.load(folder / AFTER), folder / "monday.parquet").write(folder / "results" / "check")
     (folder / "results" / "rings").mkdir()
-    curves = friction_map(30.0)
+    curves = friction_map(coulomb(30.0))
     write_map(curves, folder / MAP)
     pn.fit_friction(curves, "coulomb").to_toml(folder / "results/rings/fit.toml")
     one = curves.isel(row=np.arange(6))
@@ -118,7 +94,7 @@ def test_changed_samples_and_a_changed_map_make_results_stale(chain: Served) -> 
     stale = get(chain, "/api/stale")["stale"]
     assert stale == {key: ["monday.parquet"] for key in [FIT, AFTER, CHECK, CHECKED]}
     frame.with_columns(note=pl.lit(1)).write_parquet(path)  # of what a fit does not read, nothing counts
-    write_map(friction_map(30.5), chain.folder / MAP)
+    write_map(friction_map(coulomb(30.5)), chain.folder / MAP)
     stale = get(chain, "/api/stale")["stale"]
     assert stale == {key: [MAP] for key in ["results/rings/fit.toml", "results/rings/fit-monday.toml"]}
 
@@ -154,7 +130,10 @@ def test_two_fits_are_compared_as_the_command_does(
     chain: Served, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     names = ["results/rings/fit.toml", "results/rings/fit-monday.toml"]
-    fits = [pn.fit_friction(friction_map(30.0), "coulomb"), pn.fit_friction(friction_map(33.0), "coulomb")]
+    fits = [
+        pn.fit_friction(friction_map(coulomb(30.0)), "coulomb"),
+        pn.fit_friction(friction_map(coulomb(33.0)), "coulomb"),
+    ]
     for fit, name in zip(fits, names, strict=True):
         fit.to_toml(chain.folder / name)
     found = post(chain, "/api/compare", {"before": names[0], "after": names[1]})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isclose
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,16 +15,8 @@ if TYPE_CHECKING:
     from pneudrive.identify.result import FrictionFit
     from pneudrive.rig.interface import Envelope, Identity
 
-#: Lowest proposed speed by default, m/s.
-SLOWEST_M_S = 1e-3
-#: Highest proposed gauge pressure by default, Pa, within the range of the rig; and number of levels.
-HIGHEST_PA, LEVELS = 6e5, 4
-#: Share of the force range for the difference of the pressure forces; the rest is for friction and inertia.
-FORCE_SHARE = 0.5
 #: Largest number of designs until the protocol fits the requested time, and factor on the time of each next design.
 FITS, FIT_SHARE = 5, 0.97
-#: Protocol with the default settling times.
-ANY_PROTOCOL = 'schema = 1\nname = "any"\n[speed]\nlist = ["1 mm/s"]\n'
 
 
 def design(
@@ -44,6 +36,7 @@ def design(
 ) -> None:
     """Propose the next points for a fit, with expected intervals, as a protocol for `pneudrive campaign plan`."""
     from pneudrive.campaign.live import duration
+    from pneudrive.campaign.next_points import protocol_of
     from pneudrive.campaign.plan import lay_out
     from pneudrive.campaign.protocol import parse_protocol
     from pneudrive.errors import CommandError
@@ -68,7 +61,7 @@ def design(
         noise_n = quantity("--noise", noise, "N") if noise else None
         options = {"criterion": criterion, "noise_n": noise_n}
         plan = designed(found, limits, points=points or None, seconds=asked_s, **options)
-        text = _protocol(plan, identity, envelope)
+        text = protocol_of(plan, identity, envelope)
         for _ in range(FITS):  # a cycle takes longer than its strokes
             if asked_s is None:
                 break
@@ -76,7 +69,7 @@ def design(
             if over <= 1.0:
                 break
             plan = designed(found, limits, seconds=FIT_SHARE * plan.seconds / over, **options)
-            text = _protocol(plan, identity, envelope)
+            text = protocol_of(plan, identity, envelope)
         said = "\n".join([str(plan), *_shared(found, plan)])
     typer.echo(said)
     whole = lay_out(parse_protocol(text), identity, envelope)
@@ -106,66 +99,22 @@ def _shared(fit: FrictionFit, plan: Design) -> list[str]:
     ]
 
 
-def _protocol(plan: Design, identity: Identity, envelope: Envelope) -> str:
-    """Return the protocol of a design, with only the proposed cells of the crossed table."""
-    from pneudrive.campaign.plan import cell_name, lay_out
-    from pneudrive.campaign.protocol import parse_protocol
-    from pneudrive.describe.toml import value_text
-
-    text = plan.protocol()
-    wanted = [(p.speed_m_s, p.gauge_a_pa, p.gauge_b_pa) for p in plan.points]
-    cells: dict[str, bool] = {}
-    for one in lay_out(parse_protocol(text), identity, envelope).planned:
-        if one.cell is not None and one.cell.speed_m_s is not None:
-            pair = one.cell.pressures
-            at = (one.cell.speed_m_s, pair.a.value_pa, pair.b.value_pa)
-            near = any(isclose(at[0], v, rel_tol=1e-4) and abs(at[1] - a) + abs(at[2] - b) < 1.0 for v, a, b in wanted)
-            cells[cell_name(one.cycle.levels, one.cell)] = near
-    chosen = [name for name, near in cells.items() if near]
-    if len(chosen) == len(cells):
-        return text
-    listed = "".join(f"    {value_text(name)},\n" for name in sorted(chosen))
-    return f"{text.rstrip()}\n\n[fraction]  # proposed points\ncells = [\n{listed}]\n"
-
-
 def _limits(fit: FrictionFit, identity: Identity, envelope: Envelope, speeds: str, strokes: int) -> Limits:
-    """Return the possible speeds of the rig, and its pressures on a grid."""
-    from pneudrive.campaign.protocol import parse_protocol
+    from pneudrive.campaign.next_points import limits_of
     from pneudrive.errors import CommandError
-    from pneudrive.identify.design import Limits
     from pneudrive.units import parse_range
 
-    low_m, high_m = envelope.position_m
-    stroke, acceleration = high_m - low_m, envelope.acceleration_m_s2
-    # starting and stopping take at most half of the stroke
-    fastest = min(envelope.speed_m_s, (0.5 * stroke * acceleration) ** 0.5)
-    slowest = min(SLOWEST_M_S, fastest / 10.0)
-    if speeds:
-        with option("--speeds"):
-            slowest, wanted = parse_range(speeds, "m/s")
-        if wanted > fastest:
-            raise CommandError(
-                f"--speeds {speeds!r} exceeds the speed that the rig can hold over half of its stroke",
-                rule=f"at most {1e3 * fastest:.3g} mm/s",
-            )
-        fastest = wanted
-    settling = parse_protocol(ANY_PROTOCOL).pressure.settling_s
-    return Limits((slowest, fastest), _gauges(fit, identity, envelope), stroke, acceleration, strokes, settling)
-
-
-def _gauges(fit: FrictionFit, identity: Identity, envelope: Envelope) -> tuple[tuple[float, float], ...]:
-    """Return the pairs of pressures whose force takes at most half of the rig's force range."""
-    top = min(HIGHEST_PA, 1e4 * ((envelope.pressure_pa[1] - identity.ambient_pressure_pa) // 1e4))
-    if not fit.model.chambers or top <= 0.0:
-        return ((0.0, 0.0),)
-    levels = [top * k / (LEVELS - 1) for k in range(LEVELS)]
-    pairs = [(a, a) for a in levels]
-    if envelope.separate_pressures and fit.model.chambers != ("ab",):
-        both = len(fit.model.chambers) > 1
-        pairs = [(a, b) for a in levels for b in levels if both or (b if "a" in fit.model.chambers else a) == 0.0]
-    areas = (identity.area_a_m2, identity.area_b_m2)
-    kept = [(a, b) for a, b in pairs if abs(a * areas[0] - b * areas[1]) <= FORCE_SHARE * envelope.force_n]
-    return tuple(kept) or ((0.0, 0.0),)
+    own = limits_of(fit, identity, envelope, strokes)
+    if not speeds:
+        return own
+    with option("--speeds"):
+        slowest, fastest = parse_range(speeds, "m/s")
+    if fastest > own.speed_m_s[1]:
+        raise CommandError(
+            f"--speeds {speeds!r} exceeds the speed that the rig can hold over half of its stroke",
+            rule=f"at most {1e3 * own.speed_m_s[1]:.3g} mm/s",
+        )
+    return replace(own, speed_m_s=(slowest, fastest))
 
 
 def _stops(form: str, scale_s: float, points: int, fit: FrictionFit) -> tuple[str, str]:

@@ -16,12 +16,24 @@ def report(
         Path,
         typer.Argument(help="Fit: a file of `pneudrive identify --out`, `fit` or `characterise`.", metavar="FIT.toml"),
     ],
+    friction_map: Annotated[
+        Path | None, typer.Option("--map", help="The friction map that was fitted: for the residuals.", metavar="MAP")
+    ] = None,
     out: Results = Path("report"),
 ) -> None:
     """Write a page of a fit: values with intervals, recordings, what the data do not determine.
 
-    Residuals need the data: `pneudrive identify` and `pneudrive fit` show them with --report.
+    Residuals need the data: --map for the fit of a friction map; `pneudrive identify --report` for that of a drive.
     """
+    from pneudrive.errors import CommandError
+    from pneudrive.friction.friction_map import read_map
     from pneudrive.identify.files import read_fit
+    from pneudrive.identify.sliding_fit import SlidingFit
+    from pneudrive.identify.with_map import with_map
 
-    tell([read_fit(fit).report(out)])
+    found = read_fit(fit)
+    if friction_map is not None:
+        if not isinstance(found, SlidingFit):
+            raise CommandError(f"--map: the {found.TITLE} was not fitted to a friction map")
+        found = with_map(found, read_map(friction_map))
+    tell([found.report(out)])

@@ -13,6 +13,7 @@ import numpy as np
 
 from pneudrive.describe import toml
 from pneudrive.errors import FitError, nearest
+from pneudrive.estimate.estimates import student
 from pneudrive.identify.determined import SIMULATED, Intervals, Undetermined, names_of, shown_in, whole_interval
 from pneudrive.identify.identified import Identified, joined
 from pneudrive.numbers import places, plain
@@ -126,6 +127,14 @@ class Fit(Shown):
         """Statistical standard error of each free value that has an interval (first order)."""
         every = zip(self.free, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist(), strict=True)
         return {name: error for name, error in every if name in self.intervals}
+
+    @property
+    def reach(self) -> float:
+        """Half-width of a 95 % interval of first order, in standard errors: Student's t."""
+        if "degrees_of_freedom" in self.statistics:
+            return student(self.statistics["degrees_of_freedom"])
+        name, (low, high) = next(iter(self.intervals.items()))
+        return 0.5 * (high - low) / self.standard_errors[name]
 
     @property
     def correlation(self) -> Array:
@@ -320,6 +329,10 @@ class Fit(Shown):
     def _groups(self) -> tuple[dict[str, float], ...]:
         """Return the values in the tables of `GROUPS`."""
         return (self.values,)
+
+    def tables(self) -> tuple[dict[str, float], ...]:
+        """Return all values with a name in `free`: those of `values` and those beside, such as sensors."""
+        return self._groups()
 
     def _first(self) -> dict[str, Any]:
         """Return the top-level entries of the file beside schema and kind."""

@@ -47,8 +47,8 @@ def shrunk_to_the_data(model: FrictionModel, stated: Observations, loss: str) ->
     """Fit a law without the parts that the values do not support, which would only widen the other intervals."""
     lost: list[Undetermined] = []
     while True:
-        data, found, scatter, dof = _estimated(model, stated, loss)
-        intervals = _over_knees(model, data, found, student(dof), loss)
+        data, found, scatter, dof = estimated(model, stated, loss)
+        intervals = interval_over_knees(model, data, found, student(dof), loss)
         smaller, statements = without_support(model, data, found, intervals, _excess_p_value(model, data, found, dof))
         if smaller == model:
             return Support(model, data, found, scatter, intervals, lost)
@@ -57,11 +57,12 @@ def shrunk_to_the_data(model: FrictionModel, stated: Observations, loss: str) ->
 
 def as_it_is(model: FrictionModel, data: Observations, loss: str) -> Support:
     """Fit the whole law without profile intervals, for repeated predictions."""
-    data, found, scatter, _ = _estimated(model, data, loss)
+    data, found, scatter, _ = estimated(model, data, loss)
     return Support(model, data, found, scatter, {}, [])
 
 
-def _estimated(model: FrictionModel, data: Observations, loss: str) -> tuple[Observations, RobustEstimate, float, int]:
+def estimated(model: FrictionModel, data: Observations, loss: str) -> tuple[Observations, RobustEstimate, float, int]:
+    """Return the values with their scatter, the estimate of a law, the scatter and the degrees of freedom."""
     dof = len(data) - len(model.names) - model.chosen
     found = estimate(model, data, loss=loss if dof > 0 else "linear", fixed_scale=dof == 0)
     return *with_scatter(model, data, found, loss=loss), dof
@@ -89,7 +90,7 @@ def with_knee(model: FrictionModel, data: Observations, loss: str) -> FrictionMo
     return best
 
 
-def _over_knees(
+def interval_over_knees(
     model: FrictionModel, data: Observations, found: RobustEstimate, quantile: float, loss: str
 ) -> dict[str, tuple[float, float]]:
     """Return profile intervals over all knees that the values allow: at a single knee they would be far too narrow."""

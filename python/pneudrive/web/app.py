@@ -53,6 +53,7 @@ HASHED, KEPT = "/assets/", {"cache-control": "max-age=31536000, immutable"}
 JOBS = {
     "characterise": "jobs",
     "fit": "friction",
+    "design": "friction",
     "validate": "validation",
     "identify": "validation",
     "apply": "validation",
@@ -128,6 +129,8 @@ def make_app(
         Route("/api/sizing", _answered(views.sizing)),
         Route("/api/map", _answered(views.map)),
         Route("/api/fit", _answered(views.fit)),
+        Route("/api/behind", _answered(views.behind)),
+        Route("/api/next", _answered(views.next)),
         Route("/api/work", _answered(views.work), methods=["POST"]),
         Route("/api/jobs", _answered(views.jobs)),
         Route("/api/jobs", _answered(views.start), methods=["POST"]),
@@ -359,6 +362,21 @@ class _Views:
         from pneudrive.web.friction import shown_fit
 
         return shown_fit(self.workspace.path(given.get("path", ""), (".toml",)))
+
+    def behind(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return what lies behind a fit: residuals, ellipses, profiles."""
+        from pneudrive.web.friction import behind_fit
+
+        return behind_fit(self.workspace, given.get("path", ""))
+
+    def next(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return the next points to measure for a fit."""
+        from pneudrive.web.friction import MOST_NEXT, next_points
+
+        points = given.get("points", "")
+        if points and not (points.isdecimal() and 1 <= int(points) <= MOST_NEXT):
+            raise CommandError(f"points = {points[:20]} is out of bounds", rule=f"1 to {MOST_NEXT}, or none")
+        return next_points(self.workspace, given.get("path", ""), int(points) if points else None)
 
     def _job(self, body: bytes) -> AskedJob:
         asked = _table(body)

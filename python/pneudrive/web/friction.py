@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.campaign.next_points import limits_of
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.friction.friction_map import AMBIENT, COLUMNS, read_map
+from pneudrive.identify.design import design
+from pneudrive.identify.determined import shown_in
 from pneudrive.identify.files import read_fit
 from pneudrive.identify.laws import CANDIDATES
 from pneudrive.identify.model import PRESSURE_FORMS
 from pneudrive.identify.result import FrictionFit
-from pneudrive.web.jobs import AskedJob, folder_name, safe
+from pneudrive.identify.sliding_fit import SlidingFit
+from pneudrive.identify.with_map import PROBABILITIES, ellipses, profiles, with_map
+from pneudrive.rig.loading import load_rig
+from pneudrive.web.jobs import RIG, AskedJob, folder_name, safe
+from pneudrive.web.lineage import SAME, Lineage
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,6 +34,7 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 10_000
 MOST_CURVES = 8
+MOST_NEXT = 200  # points of a design
 HEAT_COLUMNS, HEAT_ROWS = 24, 60
 SPEEDS = 120  # points of a curve
 FIT = "fit.toml"
@@ -217,6 +226,120 @@ def shown_fit(path: Path) -> dict[str, Any]:
         "converged": fit.converged,
         "statistics": {name: _number(value) for name, value in fit.statistics.items()},
     }
+
+
+def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
+    """Return what lies behind a fit: ellipses of its values and, with its map, residuals and profiles.
+
+    Numbers are in the units that are shown beside them.
+
+    Raises
+    ------
+    FitError
+        The file is not a fit.
+    """
+    fit = read_fit(workspace.path(path, (".toml",)))
+    scales = {name: shown_in(unit) for name, unit in fit.units.items()}
+    drawn = [
+        {
+            "x": _axis(one.x, scales),
+            "y": _axis(one.y, scales),
+            "correlation": one.correlation,
+            "points": (one.points / [scales[one.x][0], scales[one.y][0]]).tolist(),
+        }
+        for one in (ellipses(fit) if fit.covariance.size and fit.intervals else ())
+    ]
+    found: dict[str, Any] = {
+        "ellipses": drawn,
+        "residuals": [],
+        "profiles": [],
+        "designs": isinstance(fit, FrictionFit),
+    }
+    if not isinstance(fit, SlidingFit):
+        return found | {"why": f"The {fit.TITLE} keeps no samples: Validation compares it with its recordings."}
+    (edge,) = Lineage(workspace).edges(path)
+    if edge.state != SAME:
+        return found | {"why": "Residuals and profiles need the map of the fit, which is not in the folder as it was."}
+    table = read_map(workspace.path(edge.path))
+    of_map = with_map(fit, table).compared()["friction"]
+    found["residuals"] = list(zip(of_map.at.tolist(), (of_map.measured - of_map.model).tolist(), strict=True))
+    lines = [
+        "from pneudrive.characterise import read_map",
+        "from pneudrive.identify.files import read_fit",
+        "from pneudrive.identify.with_map import ellipses, profiles, with_map\n",
+        f"curves = read_map({edge.path!r})\nfit = with_map(read_fit({path!r}), curves)",
+        'data = fit.compared()["friction"]\nresiduals = data.measured - data.model',
+        "outlines = ellipses(fit)",
+    ]
+    if isinstance(fit, FrictionFit) and fit.model.knee_pa is None:
+        lines.append("ends = profiles(fit, curves)")
+        for name, ends in profiles(fit, table).items():
+            size, value = scales[name][0], fit.free_values()[name]
+            low, high = ([_number(one / size) for one in ends[:, side]] for side in (0, 1))
+            own = {**_axis(name, scales), "value": value / size, "low": low, "high": high}
+            found["profiles"].append({**own, "probability": PROBABILITIES})
+    words = ("pneudrive", "report", safe(path), "--map", edge.path, "--out", f"{path.removesuffix('.toml')}-report")
+    python = "\n".join(lines) + "\n"
+    return found | {"map": edge.path, "why": "", "command": shlex.join(words), "python": python}
+
+
+def _axis(name: str, scales: Mapping[str, tuple[float, str]]) -> dict[str, str]:
+    return {"name": name, "unit": scales[name][1]}
+
+
+def next_points(workspace: Workspace, path: str, points: int | None) -> dict[str, Any]:
+    """Return the next points to measure for a fit on the simulated rig, with what is expected of them.
+
+    Raises
+    ------
+    FitError
+        The file is not the fit of a friction map, or the number of points is below 1.
+    """
+    fit = FrictionFit.from_toml(workspace.path(path, (".toml",)))
+    rig = load_rig(RIG)
+    plan = design(fit, limits_of(fit, rig.identity(), rig.limits()), points=points)
+    scales = {name: shown_in(fit.units[name]) for name in plan.half_widths_then}
+    python = (
+        "import pneudrive as pn\nfrom pneudrive.campaign.next_points import limits_of\n"
+        "from pneudrive.identify.result import FrictionFit\nfrom pneudrive.rig import load_rig\n\n"
+        f"fit, rig = FrictionFit.from_toml({path!r}), load_rig({RIG!r})\n"
+        f"plan = pn.design(fit, limits_of(fit, rig.identity(), rig.limits()), points={points})\nprint(plan)\n"
+    )
+    return {
+        "points": [vars(one) for one in plan.points],
+        "seconds": plan.seconds,
+        "expected": [
+            {
+                **_axis(name, scales),
+                "now": _number(plan.half_widths_now[name] / scales[name][0]),
+                "then": _number(then / scales[name][0]),
+            }
+            for name, then in plan.half_widths_then.items()
+        ],
+        "command": shlex.join(_design_words(path, points)),
+        "python": python,
+    }
+
+
+def _design_words(fit: str, points: int | None) -> list[str]:
+    return ["pneudrive", "design", safe(fit), "--rig", RIG, *([] if points is None else ["--points", str(points)])]
+
+
+def design_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+    """Return the job that writes the next points of a fit as a protocol.
+
+    Raises
+    ------
+    CommandError
+        The fit is not in the workspace, the number of points is none, or the name is none of a file.
+    """
+    fit, points, out = given.get("fit", ""), given.get("points"), f"{folder_name(given.get('name'))}.toml"
+    if not workspace.path(fit, (".toml",)).is_file():
+        raise CommandError(f"there is no fit {fit}")
+    if not (points is None or (isinstance(points, int) and 1 <= points <= MOST_NEXT)):
+        raise CommandError(f"points = {points} is out of bounds", rule=f"1 to {MOST_NEXT}, or none")
+    words = (*_design_words(fit, points)[1:], "--out", out)
+    return AskedJob(words, out)
 
 
 def _number(value: object) -> float | None:

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
-
-import numpy as np
 
 from pneudrive.campaign.folder import ABOUT as CAMPAIGN
 from pneudrive.control.card import ABOUT as COMPARISON
@@ -28,12 +27,12 @@ from pneudrive.files.tables import open_table
 from pneudrive.friction.friction_map import read_map
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.files import read_fit
-from pneudrive.identify.fit import fingerprint, recordings_of
+from pneudrive.identify.fit import fingerprint
 from pneudrive.identify.laws import CANDIDATES
-from pneudrive.identify.observations import observations
 from pneudrive.identify.result import FrictionFit
 from pneudrive.identify.sliding_fit import SlidingFit
 from pneudrive.identify.volume_result import VolumeFit
+from pneudrive.identify.with_map import values_of_fit
 from pneudrive.signals.drive_recording import NEEDED, read_drive_recordings, read_volume_recordings
 from pneudrive.signals.layout import stem
 from pneudrive.trajectory import SUFFIXES, columns_in
@@ -173,21 +172,18 @@ class Lineage:
         maps = sorted(self._of_kind("friction map"), key=lambda one: one.path.rpartition("/")[0] != folder)
         known, beside = json.loads(each.part), ""
         for one in maps:
-            found = map_part(self.workspace, one.path, one.changed, known["recordings"])
-            if found is None:
-                continue
-            if self._values_of(found, known) == each.digest:
+            values = self._values(one, known)
+            if values is not None and fingerprint(values) == each.digest:
                 return one.path, SAME
-            if one.path.rpartition("/")[0] == folder:
+            if values is not None and one.path.rpartition("/")[0] == folder:
                 beside = beside or one.path
         return beside, CHANGED if beside else MISSING
 
-    @staticmethod
-    def _values_of(found: xr.Dataset, known: dict[str, Any]) -> str:
-        try:
-            return fingerprint(selected(found, known))
-        except FitError:
-            return ""
+    def _values(self, one: Listed, known: dict[str, Any]) -> Observations | None:
+        found = map_at(self.workspace, one.path, one.changed)
+        with suppress(FitError):
+            return None if found is None else values_of_fit(found, known)
+        return None
 
     def _recording(self, each: Input, _of: str) -> tuple[str, str]:
         name, is_volume = each.name, each.part == "volume"
@@ -391,39 +387,12 @@ def _fit_at(workspace: Workspace, path: str, _changed: float) -> AnyFit | None:
 
 
 @lru_cache(maxsize=64)
-def _map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | None:
+def map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | None:
+    """Return a friction map; None for a file that is none."""
     try:
         return read_map(workspace.path(path))
     except PneudriveError:
         return None
-
-
-def map_part(workspace: Workspace, path: str, changed: float, names: list[str]) -> xr.Dataset | None:
-    """Return the rows of a map from recordings that a fit names; None if some are not in the map."""
-    found = _map_at(workspace, path, changed)
-    if found is None or recordings_of(found) == names or not names:
-        return found
-    of_row = found["recording"].to_numpy().astype(str)
-    if not set(names) <= set(of_row):
-        return None
-    return found.isel(row=np.flatnonzero(np.isin(of_row, names)))
-
-
-def selected(found: xr.Dataset, known: dict[str, Any]) -> Observations:
-    """Return the values of a map that a fit with these options takes.
-
-    Raises
-    ------
-    FitError
-        No row of the map can be used.
-    """
-    direction = None if known["direction"] == "both" else int(known["direction"])
-    return observations(
-        found,
-        direction=direction,
-        ambient_pressure_pa=known["ambient_pressure_pa"],
-        exclude_flags=known["exclude_flags"],
-    )[0]
 
 
 @lru_cache(maxsize=MOST_RESULTS)
