@@ -9,6 +9,7 @@ import { Heat } from "./heat";
 import { Scatter, type Group } from "./plot";
 import { link, route } from "./routes";
 import { ask, attempting, read, Refused, type Problem } from "./server";
+import { studies } from "./studies";
 
 interface Point {
   recording: string;
@@ -39,6 +40,7 @@ const attempt = attempting(wrong);
 const isLog = signal(false);
 const MOST_ROWS = 300;
 const MM = 1000; // mm in a metre
+const BAR = 1e5; // Pa
 
 const LAWS = ["coulomb", "stribeck gaussian", "stribeck exponential", "stribeck lorentzian", "stribeck free"];
 const PRESSURES = ["none", "linear", "quadratic", "saturating", "interaction"];
@@ -52,6 +54,7 @@ const copied = signal<{ command: string; python: string } | null>(null);
 const choose = (path: string, of: string): Promise<void> =>
   attempt(async () => {
     forget();
+    slice.value = difference.value = null;
     const one = await read<FrictionMap>("/api/map", { path, fit: of });
     if (route.value.path !== path) return;
     map.value = one;
@@ -107,7 +110,8 @@ const pathOfFit = (path: string): string => (path.endsWith(".toml") ? path : dra
 
 async function open(path: string): Promise<void> {
   forget();
-  drawn.value = "";
+  only.value = drawn.value = "";
+  slice.value = difference.value = null;
   copied.value = null;
   map.value = fit.value = null;
   wrong.value = [];
@@ -132,27 +136,98 @@ export function FrictionView() {
       <Problems of={wrong.value} />
       <ReportOf folder={folderOf(path)} />
       {map.value && <Refit path={path} found={map.value} />}
-      {map.value && <Map found={map.value} />}
+      {map.value && <Map path={path} found={map.value} />}
       {fit.value && <FitTable found={fit.value} />}
       {(fit.value || map.value?.fits.length) && <Behind path={pathOfFit(path)} />}
     </div>
   );
 }
 
-function Map({ found }: { found: FrictionMap }) {
-  const groups: Group[] = found.groups.map((group) => ({
-    label: group.label,
-    points: group.points.map((one) => ({ x: MM * one.speed, y: one.friction, spread: one.spread })),
-    ...(group.curve && {
-      curve: {
-        x: group.curve.speed.map((one) => MM * one),
-        y: group.curve.friction,
-        low: group.curve.low,
-        high: group.curve.high,
-        measured: [MM * group.curve.measured[0], MM * group.curve.measured[1]] as [number, number],
-      },
+type Curve = { friction: (number | null)[]; low: (number | null)[]; high: (number | null)[]; measured: [number | null, number | null] };
+
+interface Slice {
+  chamber: "a" | "b";
+  groups: { label: string; points: (Point & { gauge: number })[]; curve?: Curve & { gauge: number[] } }[];
+  python: string;
+}
+
+type Difference = Pick<FrictionMap, "groups" | "fit"> & { command: string; python: string };
+
+const only = signal("");
+const slice = signal<(Slice & { speed: number }) | null>(null);
+const difference = signal<(Difference & { other: string }) | null>(null);
+const NEAR = 0.05; // speeds that differ by less, relatively, are one level
+
+/** The speeds of a map, each level once. */
+export function levels(speeds: number[]): number[] {
+  return [...speeds].sort((a, b) => a - b).filter((one, k, all) => k === 0 || one > all[k - 1]! * (1 + NEAR));
+}
+
+/** Groups of a plot over an axis of size `size`, from points and curves whose abscissa is named `key`. */
+function drawnGroups<Key extends "speed" | "gauge">(key: Key, size: number, groups: { label: string; points: ({ friction: number; spread: number | null } & Record<Key, number>)[]; curve?: Curve & Record<Key, number[]> }[]): Group[] {
+  return groups.map(({ label, points, curve }) => ({
+    label,
+    points: points.map((one) => ({ x: size * one[key], y: one.friction, spread: one.spread })),
+    ...(curve && {
+      curve: { x: curve[key].map((one) => size * one), y: curve.friction as number[], low: curve.low as number[], high: curve.high as number[], measured: curve.measured.map((one) => size * (one ?? Number.NaN)) as [number, number] },
     }),
   }));
+}
+
+/** A part of the map: one pressure, one speed; or what another map lies above it. */
+function Cuts({ path, found }: { path: string; found: FrictionMap }) {
+  const fit = (drawn.value || besideOf(path)).replace(/^.*\//, "");
+  const others = (studies.value?.files ?? []).filter((one) => one.kind === "friction map" && one.path !== path).map((one) => one.path);
+  const cut = (speed: string) =>
+    attempt(async () => void (slice.value = speed ? { ...(await read<Slice>("/api/slice", { path, fit, speed })), speed: Number(speed) } : null));
+  const compare = (other: string) =>
+    attempt(async () => void (difference.value = other ? { ...(await read<Difference>("/api/map-difference", { path, fit, other })), other } : null));
+  const [shown, apart] = [slice.value, difference.value];
+  return (
+    <>
+      <p class="row">
+        <label>
+          At one pressure <select value={only.value} onChange={(event) => (only.value = event.currentTarget.value)}>
+            <option value="">all</option>
+            {found.groups.map((one) => <option key={one.label}>{one.label}</option>)}
+          </select>
+        </label>
+        <label>
+          At one speed <select value={shown ? String(shown.speed) : ""} onChange={(event) => void cut(event.currentTarget.value)}>
+            <option value="">none</option>
+            {levels(found.groups.flatMap((one) => one.points.map((point) => point.speed))).map((one) => <option key={one} value={one}>{digits(MM * one, 3)} mm/s</option>)}
+          </select>
+        </label>
+        {others.length > 0 && (
+          <label>
+            Compare with <select value={apart?.other ?? ""} onChange={(event) => void compare(event.currentTarget.value)}>
+              <option value="">no other map</option>
+              {others.map((one) => <option key={one}>{one}</option>)}
+            </select>
+          </label>
+        )}
+      </p>
+      {shown && (
+        <>
+          <Scatter title={`Friction over pressure at ${digits(MM * shown.speed, 3)} mm/s`} x={`chamber ${shown.chamber}, bar gauge`} y="friction, N" log={false} groups={drawnGroups("gauge", 1 / BAR, shown.groups)} />
+          {shown.python && <Copied of="at one speed" python={shown.python} />}
+        </>
+      )}
+      {apart && (
+        <>
+          <Scatter title={`${apart.other} less ${path}`} x="speed, mm/s" y="difference of friction, N" log={isLog.value} groups={drawnGroups("speed", MM, apart.groups)} />
+          <p class="note">
+            Bars: U (k = 2) of both points together. Bands: 95 % of the difference of both fits, by Welch; errors that the sensors of both share are not in them, and may cancel. {apart.fit}
+          </p>
+          <Copied of="the difference" command={apart.command} python={apart.python} />
+        </>
+      )}
+    </>
+  );
+}
+
+function Map({ path, found }: { path: string; found: FrictionMap }) {
+  const groups = drawnGroups("speed", MM, found.groups.filter((one) => !only.value || one.label === only.value));
   const points = found.groups.flatMap((group) => group.points.map((one) => ({ ...one, group: group.label })));
   return (
     <>
@@ -166,6 +241,7 @@ function Map({ found }: { found: FrictionMap }) {
         </span>
       </p>
       <Scatter title="Friction over speed" x="speed, mm/s" y="friction, N" groups={groups} log={isLog.value} />
+      <Cuts path={path} found={found} />
       <Heat of={found.heat} />
       <div class="scroll" tabIndex={0} role="region" aria-label="Points of the map">
         <table>

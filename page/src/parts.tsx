@@ -72,8 +72,8 @@ export function Login() {
   );
 }
 
-/** Lines to copy; `of` says of what, where a view has several. */
-export function Copied({ command, python, of = "" }: { command: string; python: string; of?: string }) {
+/** Lines to copy; `of` says of what, where a view has several. What no command does has Python alone. */
+export function Copied({ command, python, of = "" }: { command?: string; python: string; of?: string }) {
   const [done, setDone] = useState("");
   const copy = async (what: string, text: string) => {
     await navigator.clipboard.writeText(text).catch(() => undefined);
@@ -82,11 +82,11 @@ export function Copied({ command, python, of = "" }: { command: string; python: 
   return (
     <section class="copied" aria-label={`The same as a command and as Python${of && `: ${of}`}`}>
       <p>
-        In the folder of the workspace. <button type="button" onClick={() => copy("command", command)}>Copy the command</button>{" "}
+        In the folder of the workspace. {command && <button type="button" onClick={() => copy("command", command)}>Copy the command</button>}{" "}
         <button type="button" onClick={() => copy("Python", python)}>Copy the Python</button>{" "}
         <span role="status">{done && `Copied the ${done}.`}</span>
       </p>
-      <pre data-copy="command" tabIndex={0} aria-label="Command">{command}</pre>
+      {command && <pre data-copy="command" tabIndex={0} aria-label="Command">{command}</pre>}
       <pre data-copy="python" tabIndex={0} aria-label="Python">{python}</pre>
     </section>
   );

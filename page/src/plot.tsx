@@ -385,7 +385,7 @@ export function Scatter(props: { title: string; x: string; y: string; groups: Gr
       {
         width: at.clientWidth || 600,
         height: 380,
-        scales: { x: { time: false, distr: props.log ? 3 : 1 }, y: { range: (_, low, high) => [Math.min(low, 0), 1.08 * Math.max(high, ...tops(latest.current.groups))] } },
+        scales: { x: { time: false, distr: props.log ? 3 : 1 }, y: { range: (_, low, high) => reached(latest.current.groups, low, high) } },
         cursor: { drag: { x: true, y: true } },
         legend: { show: false },
         axes: [
@@ -425,8 +425,12 @@ export function Scatter(props: { title: string; x: string; y: string; groups: Gr
   );
 }
 
-function tops(groups: Group[]): number[] {
-  return groups.flatMap((group) => group.points.map((one) => one.y + (one.spread ?? 0)));
+/** The axis from zero, or from the lowest bar below it, to above the highest bar. */
+export function reached(groups: Group[], low: number, high: number): [number, number] {
+  const ends = groups.flatMap((group) => group.points.flatMap((one) => [one.y - (one.spread ?? 0), one.y + (one.spread ?? 0)]));
+  const [least, most] = [Math.min(low, 0, ...ends), Math.max(high, 0, ...ends)];
+  const room = 0.08 * (most - least || 1);
+  return [least < 0 ? least - room : 0, most > 0 ? most + room : 0];
 }
 
 function bars(u: uPlot, groups: Group[]): void {

@@ -232,6 +232,8 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     write_map(curves, folder / "map.parquet")
     fit = pn.fit_friction(curves)
     fit.to_toml(folder / "fit.toml")
+    (server.folder / "results" / "worn").mkdir()
+    write_map(curves.assign(friction_n=1.2 * curves["friction_n"]), server.folder / "results" / "worn" / "map.parquet")
     tab = open_tab(server.address)
     page = tab.page
     page.click("text=results/o-rings/map.parquet")
@@ -244,6 +246,11 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     assert cells.count() == 2 * 24
     assert page.locator("[data-heat] rect[data-kind=measured]").count() >= 2
     page.check("text=logarithmic scale")
+    page.select_option("label:has-text('At one pressure') select", index=1)
+    page.select_option("label:has-text('At one speed') select", index=1)
+    page.wait_for_selector("[data-plot^='Friction over pressure at'] canvas")
+    page.select_option("label:has-text('Compare with') select", "results/worn/map.parquet")
+    page.wait_for_selector("[data-plot^='results/worn/map.parquet less'] canvas")
     assert "What the data do not determine" in page.inner_text("main")
     assert violations(tab) == []
     tab.picture("friction")

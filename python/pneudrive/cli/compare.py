@@ -13,6 +13,10 @@ from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
     from pneudrive.friction.campaign.compare.comparison import Comparison
+    from pneudrive.identify.result import FrictionFit
+
+SPEEDS = 5  # at which curves are compared
+SAME_PA = 1.0  # rounding of a pressure
 
 
 def compare(
@@ -52,14 +56,38 @@ def _values(first: str, second: str) -> None:
     """Print the values that differ between two drives or fits."""
     from pneudrive.identify.differences import differences
     from pneudrive.identify.files import read_source
+    from pneudrive.identify.result import FrictionFit
 
-    found = differences(read_source(first), read_source(second))
+    sources = read_source(first), read_source(second)
+    found = differences(*sources)
     rows = []
     for one in found:
         change = "" if one.change is None else f"{100 * one.change:+.3g}"
         rows.append((one.key, one.before, one.interval_before, one.after, one.interval_after, change))
     show_table(("value", "<before", "<95 %", "<after", "<95 %", "change %"), rows)
     show_lines([] if found else ["No value differs."])
+    if all(isinstance(one, FrictionFit) for one in sources):
+        _curves(*sources)  # type: ignore[arg-type]
+
+
+def _curves(before: FrictionFit, after: FrictionFit) -> None:
+    """Print what the curve of one fit lies above that of another, at speeds and pressures that both have measured."""
+    import numpy as np
+
+    from pneudrive.identify.differences import common, curve_differences
+
+    low, high = common(before, after, "speed_m_s")
+    gauges = [common(before, after, f"gauge_{side}_pa") for side in "ab"]
+    if low > high or any(one > other + SAME_PA for one, other in gauges):
+        show_lines(["The fits have no speeds and pressures in common, so that their curves are not compared."])
+        return
+    speeds = np.geomspace(low, high, SPEEDS) if low < high else np.array([low])
+    rows = []
+    for a, b in dict.fromkeys(zip(*gauges, strict=True)):
+        for speed, one in zip(speeds, curve_differences(before, after, speeds, a, b), strict=True):
+            at = (f"{1e3 * speed:.3g}", f"{a / 1e5:.3g}", f"{b / 1e5:.3g}")
+            rows.append((*at, f"{one.value:+.3g}", f"{one.low:+.3g} .. {one.high:+.3g}"))
+    show_table(("speed mm/s", "a bar gauge", "b bar gauge", "B minus A, N", "95 %"), rows, left=0)
 
 
 def _say(comparison: Comparison) -> None:

@@ -1,4 +1,4 @@
-"""Differences of values between two drives, or between two fits of one kind."""
+"""Differences between two drives, or between two fits of one kind: of values, and of the curves of friction."""
 
 from __future__ import annotations
 
@@ -9,11 +9,18 @@ from pneudrive.describe.all_values import values_of
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.provenance import values
 from pneudrive.errors import FitError
+from pneudrive.estimate.estimates import Estimate
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from pneudrive.identify.files import AnyFit
+    from pneudrive.identify.result import FrictionFit
+
+    Array = NDArray[np.float64]
 
 
 class Difference(NamedTuple):
@@ -85,6 +92,43 @@ def differences(before: Drive | AnyFit, after: Drive | AnyFit) -> list[Differenc
         for key in {**old.texts, **new.texts}
         if any(getattr(old, part).get(key) != getattr(new, part).get(key) for part in ("texts", "intervals"))
     ]
+
+
+def curve_differences(
+    before: FrictionFit, after: FrictionFit, speed_m_s: Array, gauge_a_pa: float = 0.0, gauge_b_pa: float = 0.0
+) -> list[Estimate]:
+    """Return what the law of one fit lies above that of another, with 95 % intervals, N.
+
+    The two fits count as independent; errors that their sensors share are not part of the intervals.
+
+    Parameters
+    ----------
+    before, after : FrictionFit
+        The difference is `after` less `before`.
+    speed_m_s : ndarray, shape (n,)
+    gauge_a_pa, gauge_b_pa : float
+        Gauge pressures of the chambers.
+    """
+    sides = []
+    for fit in (before, after):
+        said = fit.predict(speed_m_s, gauge_a_pa, gauge_b_pa)
+        freedom = fit.statistics["degrees_of_freedom"]
+        pairs = zip(said.friction_n.tolist(), said.stderr_n.tolist(), strict=True)
+        sides.append([Estimate.of(value, stderr, freedom) for value, stderr in pairs])
+    return [new - old for old, new in zip(*sides, strict=True)]
+
+
+def common(before: FrictionFit, after: FrictionFit, name: str) -> tuple[float, float]:
+    """Return the range of a condition that both fits have measured; the lower end lies above where there is none.
+
+    Parameters
+    ----------
+    before, after : FrictionFit
+    name : str
+        ``"speed_m_s"``, ``"gauge_a_pa"`` or ``"gauge_b_pa"``.
+    """
+    (low, high), (other_low, other_high) = (fit.provenance[name] for fit in (before, after))
+    return max(low, other_low), min(high, other_high)
 
 
 def _change(before: float | None, after: float | None) -> float | None:

@@ -128,6 +128,8 @@ def make_app(
         Route("/api/task", _answered(views.task), methods=["POST"]),
         Route("/api/sizing", _answered(views.sizing)),
         Route("/api/map", _answered(views.map)),
+        Route("/api/slice", _answered(views.slice)),
+        Route("/api/map-difference", _answered(views.map_difference)),
         Route("/api/fit", _answered(views.fit)),
         Route("/api/behind", _answered(views.behind)),
         Route("/api/next", _answered(views.next)),
@@ -356,6 +358,23 @@ class _Views:
         recordings = (one.path for one in self.workspace.files() if one.kind == "recording")
         there = {stem(Path(path)): path for path in recordings}
         return {**found, "fits": fits, "recordings": {name: there[name] for name in names if name in there}}
+
+    def slice(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return a friction map at one speed, over pressure."""
+        from pneudrive.web.friction import FIT, map_slice
+
+        try:
+            speed = float(given.get("speed", ""))
+        except ValueError:
+            raise CommandError(WRONG_REQUEST, remedy="Reload the page.") from None
+        return map_slice(self.workspace, given.get("path", ""), Path(given.get("fit", "")).name or FIT, speed)
+
+    def map_difference(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return what another map lies above a map."""
+        from pneudrive.web.friction import FIT, map_difference
+
+        path, other = given.get("path", ""), given.get("other", "")
+        return map_difference(self.workspace, path, Path(given.get("fit", "")).name or FIT, other)
 
     def fit(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return a fit."""

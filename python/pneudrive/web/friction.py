@@ -13,6 +13,7 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.friction.friction_map import AMBIENT, COLUMNS, read_map
 from pneudrive.identify.design import design
 from pneudrive.identify.determined import shown_in
+from pneudrive.identify.differences import common, curve_differences
 from pneudrive.identify.files import read_fit
 from pneudrive.identify.laws import CANDIDATES
 from pneudrive.identify.model import PRESSURE_FORMS
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.identify.files import AnyFit
+    from pneudrive.identify.result import Prediction
     from pneudrive.web.workspace import Workspace
 
 MOST_POINTS = 10_000
@@ -39,6 +41,7 @@ HEAT_COLUMNS, HEAT_ROWS = 24, 60
 SPEEDS = 120  # points of a curve
 FIT = "fit.toml"
 PRESSURES = ("none", *PRESSURE_FORMS)
+NEAR = 0.05  # speeds that differ by less, relatively, are one speed
 SAME_PA = 1e4  # chamber pressures that differ by less make one curve
 
 
@@ -96,9 +99,7 @@ def shown_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
             own = [one["speed"] for one in group["points"]]
             group["curve"] = {
                 "speed": speeds.tolist(),
-                "friction": predicted.friction_n.tolist(),
-                "low": predicted.lower_n.tolist(),
-                "high": predicted.upper_n.tolist(),
+                **_band(predicted),
                 "measured": [min(own), max(own)],
             }
     heat = _heat(groups, fit)
@@ -110,6 +111,134 @@ def shown_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
         "columns": about,
         "left_out": int(found.sizes["row"] - len(rows)),
     }
+
+
+def map_slice(workspace: Workspace, name: str, fit_name: str, speed_m_s: float) -> dict[str, Any]:
+    """Return a map at one speed: friction over the gauge pressure of one chamber, for each pressure of the other.
+
+    Parameters
+    ----------
+    workspace : Workspace
+    name : str
+        Of the map.
+    fit_name : str
+        Of the fit beside the map whose curves are drawn.
+    speed_m_s : float
+        Points count within `NEAR` of it.
+
+    Raises
+    ------
+    RecordingError
+        The file is not a friction map.
+    CommandError
+        The speed is not positive.
+    """
+    if not (np.isfinite(speed_m_s) and speed_m_s > 0.0):
+        raise CommandError(f"speed = {speed_m_s} m/s", rule="a speed above zero")
+    path = workspace.path(name, (".parquet", ".csv"))
+    found, (fit, _) = shown_map(path, fit_name), _fit_beside(path, fit_name)
+    gauges = np.array([one["gauges"] for one in found["groups"]])
+    along = int(np.ptp(gauges[:, 1]) >= np.ptp(gauges[:, 0]))
+    groups = []
+    for inside in _alike(gauges[:, [1 - along]]):
+        own = [found["groups"][k] for k in inside]
+        points = [
+            {**point, "gauge": group["gauges"][along]}
+            for group in own
+            for point in group["points"]
+            if abs(np.log(point["speed"] / speed_m_s)) <= NEAR
+        ]
+        other = float(gauges[inside, 1 - along].mean())
+        groups.append({"label": f"chamber {'ba'[along]} at {_bar(other)} bar gauge", "points": points})
+        reach = gauges[inside, along]
+        if fit is not None and np.ptp(reach) > SAME_PA:
+            over = np.linspace(reach.min(), reach.max(), SPEEDS)
+            pair = (over, other) if along == 0 else (other, over)
+            said = fit.predict(np.full(SPEEDS, speed_m_s), *pair)
+            known = [point["gauge"] for point in points] or [np.inf, -np.inf]
+            groups[-1]["curve"] = {"gauge": over.tolist(), "measured": [min(known), max(known)], **_band(said)}
+            groups[-1]["curve"]["measured"] = [_number(one) for one in groups[-1]["curve"]["measured"]]
+    lowest, highest = gauges[:, along].min(), gauges[:, along].max()
+    over = f"np.linspace({float(lowest)!r}, {float(highest)!r}, {SPEEDS})"
+    other = repr(float(gauges[0, 1 - along]))
+    python = (
+        "import numpy as np\nfrom pneudrive.identify.result import FrictionFit\n\n"
+        f"fit = FrictionFit.from_toml({_fit_name(name, fit_name)!r})\n"
+        f"found = fit.predict({speed_m_s!r}, {', '.join([over, other][:: 1 - 2 * along])})\n"
+    )
+    return {"chamber": "ab"[along], "groups": groups, "python": python if fit is not None else ""}
+
+
+def _fit_name(map_name: str, fit_name: str) -> str:
+    return f"{map_name.rpartition('/')[0]}/{fit_name}".lstrip("/")
+
+
+def map_difference(workspace: Workspace, path: str, fit_name: str, other: str) -> dict[str, Any]:
+    """Return what another map lies above a map, for each pair of pressures that both have measured.
+
+    Points are paired one to one (same direction, speeds within `NEAR`), the curves are those of the fits beside the
+    maps.
+
+    Raises
+    ------
+    RecordingError
+        A file is not a friction map.
+    CommandError
+        The maps have no pressures in common.
+    """
+    names = (path, other)
+    places = [workspace.path(name, (".parquet", ".csv")) for name in names]
+    beside = [fit_name, FIT]
+    old, new = (shown_map(place, fit)["groups"] for place, fit in zip(places, beside, strict=True))
+    fits = [_fit_beside(place, fit) for place, fit in zip(places, beside, strict=True)]
+    first, second = (fit for fit, _ in fits)
+    groups = []
+    for one in old:
+        pair = next((two for two in new if np.abs(np.subtract(one["gauges"], two["gauges"])).max() < SAME_PA), None)
+        if pair is None:
+            continue
+        group: dict[str, Any] = {"label": one["label"], "points": _paired(one["points"], pair["points"])}
+        low, high = (0.0, -1.0) if first is None or second is None else common(first, second, "speed_m_s")
+        if first is not None and second is not None and low < high:
+            speeds = np.geomspace(low, high, SPEEDS)
+            found = curve_differences(first, second, speeds, *one["gauges"])
+            ends = {"friction": "value", "low": "low", "high": "high"}
+            curve = {name: [_number(getattr(each, key)) for each in found] for name, key in ends.items()}
+            group["curve"] = {"speed": speeds.tolist(), "measured": [low, high], **curve}
+        groups.append(group)
+    if not groups:
+        raise CommandError("the maps have no pair of chamber pressures in common", value=" and ".join(names))
+    fit_names = list(map(_fit_name, names, beside))
+    gauges = ", ".join(repr(round(one)) + ".0" for one in old[0]["gauges"])
+    python = (
+        "import numpy as np\nfrom pneudrive.identify.differences import common, curve_differences\n"
+        "from pneudrive.identify.result import FrictionFit\n\n"
+        f"before, after = (FrictionFit.from_toml(name) for name in {fit_names!r})\n"
+        f'speeds = np.geomspace(*common(before, after, "speed_m_s"), {SPEEDS})\n'
+        f"found = curve_differences(before, after, speeds, {gauges})\n"
+    )
+    command = shlex.join(["pneudrive", "compare", *map(safe, fit_names)])
+    return {"groups": groups, "fit": " ".join(why for _, why in fits if why), "command": command, "python": python}
+
+
+def _paired(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the differences of the points of two maps, each used once; spreads are taken as independent."""
+    left, out = list(new), []
+    for one in old:
+        near = [two for two in left if two["direction"] == one["direction"]]
+        near.sort(key=lambda two: abs(np.log(two["speed"] / one["speed"])))
+        if not near or abs(np.log(near[0]["speed"] / one["speed"])) > NEAR:
+            continue
+        two = near[0]
+        left.remove(two)
+        spreads = (one["spread"], two["spread"])
+        spread = None if None in spreads else float(np.hypot(*spreads))
+        out.append({**two, "friction": two["friction"] - one["friction"], "spread": spread})
+    return out
+
+
+def _band(said: Prediction) -> dict[str, list[float]]:
+    return {"friction": said.friction_n.tolist(), "low": said.lower_n.tolist(), "high": said.upper_n.tolist()}
 
 
 def _heat(groups: list[dict[str, Any]], fit: FrictionFit | None) -> dict[str, Any]:
@@ -176,8 +305,12 @@ def _points(found: xr.Dataset, rows: Any) -> list[dict[str, Any]]:  # noqa: ANN4
 
 
 def _label(gauges: Any) -> str:  # noqa: ANN401 - two numbers
-    a, b = (0.0 if abs(one) < 0.5 * SAME_PA else one / 1e5 for one in gauges)
-    return f"a {a:.3g}, b {b:.3g} bar gauge"
+    a, b = map(_bar, gauges)
+    return f"a {a}, b {b} bar gauge"
+
+
+def _bar(gauge_pa: float) -> str:
+    return f"{0.0 if abs(gauge_pa) < 0.5 * SAME_PA else gauge_pa / 1e5:.3g}"
 
 
 def _fit_beside(path: Path, name: str) -> tuple[FrictionFit | None, str]:
