@@ -43,25 +43,27 @@ export async function follow(): Promise<void> {
   }
 }
 
-/** All jobs, or those of one folder. */
-export function JobList({ of }: { of?: string }) {
+/** All jobs, or those of one folder; `output` alone where the view has progress and an end of its own. */
+export function JobList({ of, output }: { of?: string; output?: boolean }) {
   const shown = jobs.value.filter((one) => of === undefined || one.out === of);
   return (
     <>
+      {shown
+        .filter((one) => one.state === "running" && !output)
+        .map((one) => (
+          <p key={one.number} class="row">
+            {one.out} runs{one.progress && `, ${one.progress.task}: ${one.progress.done} of ${one.progress.total}`}
+            {one.progress && <progress aria-label={`Progress of ${one.out}`} value={one.progress.done} max={Math.max(one.progress.total, one.progress.done, 1)} />}
+            <button type="button" onClick={() => void ask("/api/cancel", { number: one.number }).then(follow)}>Cancel {one.out}</button>
+          </p>
+        ))}
       {shown.map((one) => (
         <details key={one.number} class="job" data-state={one.state} open={one.state === "failed"}>
           <summary>
             <b>{one.out}</b>: {one.state}
-            {one.state === "running" && one.progress && `, ${one.progress.task}: ${one.progress.done} of ${one.progress.total}`}
           </summary>
-          {one.progress && <progress aria-label={`Progress of ${one.out}`} value={one.progress.done} max={Math.max(one.progress.total, one.progress.done, 1)} />}
           <pre tabIndex={0} aria-label={`Command of ${one.out}`}>{one.command}</pre>
           {one.tail && <pre tabIndex={0} aria-label={`Output of ${one.out}`}>{one.tail}</pre>}
-          {one.state === "running" && (
-            <button type="button" onClick={() => void ask("/api/cancel", { number: one.number }).then(follow)}>
-              Cancel {one.out}
-            </button>
-          )}
         </details>
       ))}
       {of === undefined &&

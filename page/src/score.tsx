@@ -98,10 +98,13 @@ export function ScoreCard({ path }: { path: string }) {
     };
   }, [path, job?.state]);
   const found = card.value?.path === path ? card.value : null;
-  const isReady = found?.finished ?? false;
+  // While runs are done, the tracks of each law appear with its first run along the reference; those that are drawn stay.
+  const ready = new Set(found?.each.filter((one) => one.reference === along.value).map((one) => one.law)).size;
   useEffect(() => {
     tracks.value = null;
-    if (!isReady || !along.value) return;
+  }, [path, along.value]);
+  useEffect(() => {
+    if (!ready || !along.value) return;
     let gone = false;
     void frame<Tracks>("/api/tracks", { path, reference: along.value, pixels: "1000" }).then(
       (one) => {
@@ -114,7 +117,7 @@ export function ScoreCard({ path }: { path: string }) {
     return () => {
       gone = true;
     };
-  }, [path, along.value, isReady]);
+  }, [path, along.value, ready, found?.finished]);
   return (
     <div class="score">
       <h2>{path}</h2>
@@ -126,7 +129,7 @@ export function ScoreCard({ path }: { path: string }) {
       {found && !found.finished && <Unfinished path={path} isRunning={job?.state === "running"} />}
       <JobList of={path} />
       {found && found.done > 0 && <Matrix found={found} />}
-      {found?.finished && <Along found={found} />}
+      {found && found.done > 0 && <Along found={found} />}
       {found && <Told found={found} />}
       {found && (
         <details>

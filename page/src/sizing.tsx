@@ -174,7 +174,7 @@ export function SizingView() {
         <h2>{found.value?.name ?? path.value}</h2>
         <Problems of={wrong.value} />
         {found.value ? <Result now={found.value} folder={path.value} /> : <p>There is no candidate yet.</p>}
-        <JobList of={path.value} />
+        <JobList of={path.value} output />
       </div>
     );
   return <TaskView />;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+import time
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from web.test_recordings import get
 WRITTEN = "results/friday/validation.toml"
 LAW = Path(__file__).parents[2] / "examples/laws/lugre.toml"
 ASKED = {"kind": "validate", "drive": "axis.toml", "recordings": ["friday.parquet"], "name": "friday"}
+LONG_S = 15.0
 TRUE_C = "1.6 dm3/(s bar)"
 
 
@@ -88,6 +90,23 @@ def test_page_command_and_python_find_the_same(served: Served, bench: Path, monk
         assert np.array_equal(drawn[f"{channel}.measured"], measured)
         assert np.array_equal(drawn[f"{channel}.free"], free)
         assert np.array_equal(drawn[f"{channel}.free.residual"], measured - free)
+
+
+def test_a_running_validation_is_cancelled(served: Served, bench: Path) -> None:
+    """Ctrl-C reaches it while it simulates; a folder that is there holds whole files, and no report."""
+    for path in bench.iterdir():
+        (served.folder / path.name).write_bytes(path.read_bytes())
+    long = record(drive(), 5, duration_s=LONG_S)
+    pl.DataFrame(long.columns).write_parquet(served.folder / "long.parquet")
+    job = post(served, "/api/jobs", ASKED | {"recordings": ["long.parquet"]})
+    (running,) = served.jobs
+    while b"done" not in running.log.read_bytes():  # it is past its imports
+        assert running.process.poll() is None
+        time.sleep(0.02)
+    post(served, "/api/cancel", {"number": job["number"]})
+    assert running.process.wait(30.0) == 130
+    assert get(served, "/api/jobs")["jobs"][0]["state"] == "cancelled"
+    assert not (served.folder / "results" / "friday" / "report.html").exists()
 
 
 def test_a_changed_drive_runs_beside_the_record_with_the_bits_of_a_validation(validated: Served) -> None:
