@@ -1,6 +1,7 @@
 /** What Simulate shows beside a run: other drives and runs, a band of many members, p-V loops, the piston as it moves. */
 import { computed, signal } from "@preact/signals";
-import { useEffect, useState } from "preact/hooks";
+import { useEffect } from "preact/hooks";
+import { Circuit, type Drawing } from "./circuit";
 import type { Frame, Numbers } from "./frame";
 import { digits } from "./looks";
 import { opened, type Field } from "./opened";
@@ -12,12 +13,14 @@ export interface BesideHead {
   others?: { path: string; ends: Record<string, number>; largest: Record<string, number> }[];
   cylinders?: { name: string; stroke_m: number; position: string; pressures: [string, string] }[];
   loops?: string[];
+  energy?: { accounts_j: Record<string, number>; open_share: number; lost_j: Record<string, number>; air_litres_anr: Record<string, number> };
   band?: { members: number; failed: number; share: [number, number]; ends: Record<string, [number, number]> };
 }
 
 const others = signal<string[]>([]);
 const loops = signal(false);
 const motion = signal(false);
+const energy = signal(false);
 const band = signal(false);
 const width = signal(10); // of the spreads, per cent
 
@@ -31,13 +34,14 @@ export function besides(fields: Map<string, Field>, sliders: string[], numbers: 
       const half = (Math.abs(value) * width.value) / 100;
       if (field?.number !== undefined && half > 0) spreads.push([key, [value - half, value + half, field.unit ?? ""]]);
     }
-  return { others: others.value, loops: loops.value, motion: motion.value, spreads: Object.fromEntries(spreads) };
+  return { others: others.value, loops: loops.value, motion: motion.value, energy: energy.value, spreads: Object.fromEntries(spreads) };
 }
 
 /** A file that is opened begins without the others of the one before it. */
 export function forget(): void {
   others.value = [];
-  band.value = false;
+  band.value = energy.value = isPlaying.value = false;
+  timeAt.value = 0;
 }
 
 const choices = computed(() => {
@@ -80,6 +84,7 @@ export function BesideChoices() {
       <p class="row">
         <label><input type="checkbox" checked={loops.value} onChange={(event) => (loops.value = event.currentTarget.checked)} /> p-V loops</label>
         <label><input type="checkbox" checked={motion.value} onChange={(event) => (motion.value = event.currentTarget.checked)} /> the piston as it moves</label>
+        <label><input type="checkbox" checked={energy.value} onChange={(event) => (energy.value = event.currentTarget.checked)} /> energy</label>
       </p>
     </fieldset>
   );
@@ -165,45 +170,96 @@ export function Loops({ now }: { now: Frame<BesideHead> }) {
   return <Strip title="Pressure over volume of the chambers, bar absolute over l" x="volume, l" y="pressure, bar" curves={curves} />;
 }
 
+/** Accounts of energy, the exergy that is lost, and the air of the run. */
+export function Energy({ found }: { found: NonNullable<BesideHead["energy"]> }) {
+  const lost = Object.entries(found.lost_j);
+  const groups: [string, [string, number][], string][] = [
+    ["Over the boundary, positive inward", Object.entries(found.accounts_j), "J"],
+    ["Exergy lost: ambient temperature times entropy produced", [...lost, ["all", lost.reduce((sum, one) => sum + one[1], 0)]], "J"],
+    ["Air given by", Object.entries(found.air_litres_anr), "l ANR"],
+  ];
+  return (
+    <section class="energy" aria-label="Energy">
+      <h2>Energy of the run</h2>
+      <table>
+        {groups.map(([title, rows, unit]) => (
+          <tbody key={title}>
+            <tr>
+              <th colspan={2} scope="rowgroup">{title}</th>
+            </tr>
+            {rows.map(([name, value]) => (
+              <tr key={name} data-energy={`${title.split(" ")[0]}/${name}`} data-si={value}>
+                <th scope="row">{name}</th>
+                <td>{digits(value)} {unit}</td>
+              </tr>
+            ))}
+          </tbody>
+        ))}
+      </table>
+      <p class="note">Not explained by the accounts: {digits(found.open_share, 2)} of the energy turned over.</p>
+    </section>
+  );
+}
+
 const CALM = typeof matchMedia === "undefined" ? null : matchMedia("(prefers-reduced-motion: reduce)");
 const FASTEST_MS = 5000; // a longer run is shown in this time, a shorter one as long as it lasts, but at least:
 const SHORTEST_MS = 1500;
 
-/** The pistons at a time that is chosen or runs; who asks for calm moves them by the slider alone. */
-export function Motion({ now }: { now: Frame<BesideHead> }) {
+/** The time at which the pistons are shown: of the slider, or where a plot is pointed at. */
+const timeAt = signal(0);
+const isPlaying = signal(false);
+
+/** The time line of the plots, while pistons are shown. */
+export const timeCursor = computed(() => (motion.value ? [timeAt.value] : undefined));
+
+export function pointAt(time: number): void {
+  if (motion.value && !isPlaying.value) timeAt.value = time;
+}
+
+/** The circuit with its pistons and pressures at a time that is chosen or runs; who asks for calm moves them by hand alone. */
+export function MovingCircuit({ now, drawing }: { now: Frame<BesideHead>; drawing: Drawing }) {
   const cylinders = now.head.cylinders ?? [];
   const time = now.arrays.get("time_s")!;
   const end = time[time.length - 1]!;
-  const [at, setAt] = useState(0);
-  const [isPlaying, setPlaying] = useState(false);
+  const at = Math.min(timeAt.value, end);
   const isCalm = CALM?.matches ?? false;
   useEffect(() => {
-    if (!isPlaying) return;
+    if (!isPlaying.value) return;
     const lasts = Math.min(Math.max(1000 * end, SHORTEST_MS), FASTEST_MS);
-    const began = performance.now() - (at >= end ? 0 : (at / end) * lasts);
+    const began = performance.now() - (timeAt.value >= end ? 0 : (timeAt.value / end) * lasts);
     let request = requestAnimationFrame(function draw(clock: number) {
       const share = Math.max(0, (clock - began) / lasts);
-      setAt(Math.min(share, 1) * end);
-      if (share >= 1) setPlaying(false);
+      timeAt.value = Math.min(share, 1) * end;
+      if (share >= 1) isPlaying.value = false;
       else request = requestAnimationFrame(draw);
     });
     return () => cancelAnimationFrame(request);
-  }, [isPlaying, end]);
-  if (!cylinders.length) return null;
+  }, [isPlaying.value, end]);
+  if (!cylinders.length) return <Circuit drawing={drawing} />;
   const row = indexAt(time, at);
+  const moved = Object.fromEntries(
+    cylinders.map((one) => {
+      const position = now.arrays.get(one.position)![row]!;
+      const values = one.pressures.map((name) => now.arrays.get(name)![row]!) as [number, number];
+      const most = Math.max(...one.pressures.map((name) => largest(now.arrays.get(name)!)));
+      const pressures = values.map((value) => `${digits(value / BAR, 3)} bar`) as [string, string];
+      const said = `${one.name}: position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}, absolute`;
+      const tints = values.map((value) => (0.7 * value) / most) as [number, number];
+      return [one.name, { share: position / one.stroke_m, position, pressures, tints, said }];
+    }),
+  );
   return (
     <figure class="motion" data-row={row}>
-      <figcaption>The piston as it moves</figcaption>
-      {cylinders.map((one) => (
-        <Cylinder key={one.name} name={one.name} share={now.arrays.get(one.position)![row]! / one.stroke_m} position={now.arrays.get(one.position)![row]!} pressures={one.pressures.map((name) => now.arrays.get(name)![row]!)} most={Math.max(...one.pressures.map((name) => largest(now.arrays.get(name)!)))} />
-      ))}
+      <Circuit drawing={drawing} moved={moved} />
       <p class="row">
-        {!isCalm && <button type="button" onClick={() => setPlaying(!isPlaying)}>{isPlaying ? "Stop" : "Play"}</button>}
+        {!isCalm && <button type="button" onClick={() => (isPlaying.value = !isPlaying.value)}>{isPlaying.value ? "Stop" : "Play"}</button>}
         <label>
           Time{" "}
-          <input type="range" min={0} max={1000} value={Math.round((1000 * Math.min(at, end)) / end)} aria-valuetext={`${digits(at)} s`} onInput={(event) => (setPlaying(false), setAt((event.currentTarget.valueAsNumber / 1000) * end))} />
+          <input type="range" min={0} max={1000} value={Math.round((1000 * at) / end)} aria-valuetext={`${digits(at)} s`} onInput={(event) => ((isPlaying.value = false), (timeAt.value = (event.currentTarget.valueAsNumber / 1000) * end))} />
         </label>
-        <output>{digits(time[row]!)} s</output>
+        <output>
+          {digits(time[row]!)} s{cylinders.map((one) => `, ${one.name} at ${digits(1000 * now.arrays.get(one.position)![row]!)} mm`)}; pressures absolute
+        </output>
       </p>
     </figure>
   );
@@ -223,25 +279,4 @@ function largest(values: Numbers): number {
   let found = values[0]!;
   for (const one of values) if (one > found) found = one;
   return found;
-}
-
-const BARREL = { x: 20, y: 20, width: 460, height: 70, piston: 16 };
-
-/** A cylinder with its piston; the fuller the tint of a chamber, the higher its pressure. */
-function Cylinder(props: { name: string; share: number; position: number; pressures: number[]; most: number }) {
-  const { x, y, width: wide, height, piston } = BARREL;
-  const left = x + Math.min(Math.max(props.share, 0), 1) * (wide - piston);
-  const text = (pressure: number) => `${digits(pressure / BAR, 3)} bar`;
-  const said = `${props.name}: position ${digits(1000 * props.position)} mm, chamber a ${text(props.pressures[0]!)}, chamber b ${text(props.pressures[1]!)}, absolute`;
-  return (
-    <svg viewBox="0 0 500 128" class="barrel" role="img" aria-label={said}>
-      <rect x={x} y={y} width={left - x} height={height} class="air" fill-opacity={(0.7 * props.pressures[0]!) / props.most} />
-      <rect x={left + piston} y={y} width={x + wide - left - piston} height={height} class="air" fill-opacity={(0.7 * props.pressures[1]!) / props.most} />
-      <rect x={x} y={y} width={wide} height={height} class="wall" />
-      <rect x={left} y={y} width={piston} height={height} class="piston" data-piston={props.name} data-position={props.position} />
-      <text x={x} y={y - 6}>a: {text(props.pressures[0]!)}</text>
-      <text x={x + wide} y={y - 6} text-anchor="end">b: {text(props.pressures[1]!)}</text>
-      <text x={x} y={y + height + 20}>{props.name}: x = {digits(1000 * props.position)} mm</text>
-    </svg>
-  );
 }

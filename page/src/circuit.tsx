@@ -14,6 +14,37 @@ export interface Shape {
 export interface Drawing {
   paper: [number, number, number, number];
   shapes: Shape[];
+  pistons: Record<string, PistonShapes>;
+}
+
+/** Where a cylinder is drawn: corners of its barrel, faces of its piston, and the points of shapes that move with it. */
+export interface PistonShapes {
+  barrel: [number, number, number, number];
+  piston: [number, number];
+  moves: Record<number, boolean[]>;
+}
+
+/** What a cylinder does at a moment: share of its stroke, and of each chamber the pressure in words and as a share of the largest. */
+export interface Moved {
+  share: number;
+  pressures: [string, string];
+  tints: [number, number];
+  said: string;
+  position: number;
+}
+
+/** A shape with its points that move at the place that a piston has; a share beyond the ends stays in the barrel. */
+export function movedShape(shape: Shape, number: number, at: PistonShapes, share: number): Shape {
+  const moves = at.moves[number];
+  if (!moves) return shape;
+  const by = pistonAt(at, share) - at.piston[0];
+  return { ...shape, points: shape.points.map(([x, y], i) => [moves[i] ? x + by : x, y]) };
+}
+
+/** The left face of the piston. */
+export function pistonAt({ barrel, piston }: PistonShapes, share: number): number {
+  const free = barrel[2] - barrel[0] - (piston[1] - piston[0]);
+  return barrel[0] + Math.min(Math.max(share, 0), 1) * free;
 }
 
 const PT = 1 / 7.2; // modules of 0.1 inch
@@ -61,14 +92,36 @@ function arc(x: number, y: number, r: number, [low, high]: [number, number]): st
   return `M ${at(low)} A ${r} ${r} 0 0 0 ${at(middle)} A ${r} ${r} 0 0 0 ${at(high)}`;
 }
 
-export function Circuit(props: { drawing: Drawing; chosen?: string; onChoose?: (component: string) => void }) {
+/** The chambers of a cylinder, tinted the fuller the higher the pressure, with it in words. */
+function Chambers({ at, moved, name }: { at: PistonShapes; moved: Moved; name: string }) {
+  const [left, low, right, high] = at.barrel;
+  const face = pistonAt(at, moved.share);
+  const wide = at.piston[1] - at.piston[0];
+  return (
+    <g role="img" aria-label={moved.said} data-piston={name} data-position={moved.position}>
+      <rect class="air" x={left} y={-high} width={face - left} height={high - low} fill-opacity={moved.tints[0]} />
+      <rect class="air" x={face + wide} y={-high} width={right - face - wide} height={high - low} fill-opacity={moved.tints[1]} />
+      <text x={left + 1.5} y={-low + 0.8} font-size={6 * PT}>a {moved.pressures[0]}</text>
+      <text x={right - 1.5} y={-low + 0.8} font-size={6 * PT} text-anchor="end">b {moved.pressures[1]}</text>
+    </g>
+  );
+}
+
+export function Circuit(props: { drawing: Drawing; chosen?: string; onChoose?: (component: string) => void; moved?: Record<string, Moved> }) {
   const [left, bottom, right, top] = props.drawing.paper;
   const names = [...new Set(props.drawing.shapes.map((one) => one.component))];
   return (
     <svg class="circuit" viewBox={`${left} ${-top} ${right - left} ${top - bottom}`} role="group" aria-label="Circuit, symbols after ISO 1219">
       {names.map((name) => {
-        const own = props.drawing.shapes.filter((one) => one.component === name);
-        if (!name || !props.onChoose) return <g key={name}>{own.map(drawn)}</g>;
+        const [at, moved] = [props.drawing.pistons[name], props.moved?.[name]];
+        const own = props.drawing.shapes.flatMap((one, number) => (one.component !== name ? [] : [at && moved ? movedShape(one, number, at, moved.share) : one]));
+        if (!name || !props.onChoose)
+          return (
+            <g key={name}>
+              {at && moved && <Chambers at={at} moved={moved} name={name} />}
+              {own.map(drawn)}
+            </g>
+          );
         const choose = () => props.onChoose?.(name);
         return (
           <g

@@ -177,12 +177,13 @@ interface Row {
   slope: number | null;
 }
 
-const measured = signal<{ rows: Row[]; command: string; python: string } | null>(null);
+const measured = signal<{ rows: Row[]; command: string; python: string; of: string } | null>(null);
 const isCopied = signal(false);
-let asked: Record<string, unknown> = {};
+let asked = ""; // what is to be measured, as JSON
 const fetchMeasured = newest(async () => {
+  const of = asked;
   try {
-    measured.value = await ask("/api/measure", asked);
+    measured.value = { ...(await ask<{ rows: Row[]; command: string; python: string }>("/api/measure", JSON.parse(of))), of };
     wrong.value = [];
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
@@ -203,12 +204,12 @@ export function Measuring({ path, columns, span, isTimed }: { path: string; colu
   const now = cursors.value;
   const other = beside.value;
   const unit = isTimed ? "s" : "samples";
+  const wanted = JSON.stringify({ path, at: now, columns, beside: other?.strokes.length ? other.path : "", strokes: other?.numbers ?? [1, 1], shift: other?.shift ?? 0 });
   useEffect(() => {
     isCopied.value = false;
-    if (!now) return;
-    asked = { path, at: now, columns, beside: other?.strokes.length ? other.path : "", strokes: other?.numbers ?? [1, 1], shift: other?.shift ?? 0 };
-    void fetchMeasured();
-  }, [path, now?.[0], now?.[1], columns.join("\n"), other]);
+    asked = wanted;
+    if (now) void fetchMeasured();
+  }, [wanted]);
   const begin = (isOn: boolean) => {
     measured.value = null;
     const wide = span[1] - span[0];
@@ -241,7 +242,7 @@ export function Measuring({ path, columns, span, isTimed }: { path: string; colu
       </p>
       {now && found && (
         <>
-          <table class="measured">
+          <table class="measured" data-is-current={found.of === wanted}>
             <thead>
               <tr>
                 <th scope="col">Nearest samples</th>

@@ -38,6 +38,7 @@ export interface PlotProps {
   gaps?: boolean; // values that are no number are gaps, also beside another curve
   marks?: Mark[];
   cursors?: number[]; // times of upright lines, the first one solid, the second one dashed
+  onHover?: (time: number) => void; // of the value that is pointed at
   onPick?: (time: number) => void; // a click that is no drag
   log?: boolean; // both axes logarithmic: a spectrum
 }
@@ -125,6 +126,7 @@ export function Plot(props: PlotProps) {
         hooks: {
           drawSeries: [columns],
           draw: [(u) => mark(u, latest.current.marks ?? []), (u) => upright(u, latest.current.cursors ?? [])],
+          setCursor: [(u) => typeof u.cursor.idx === "number" && latest.current.onHover?.(u.data[0][u.cursor.idx]!)],
           drawClear: [(u) => shade(u, latest.current.shades ?? []), (u) => fill(u, latest.current.bands ?? [], latest.current.size)],
           setSelect: [
             (u) => {
@@ -280,7 +282,7 @@ function upright(u: uPlot, times: number[]): void {
     u.ctx.moveTo(at, top);
     u.ctx.lineTo(at, top + height);
     u.ctx.stroke();
-    u.ctx.fillText(String(index + 1), at + 4 * devicePixelRatio, top + 12 * devicePixelRatio);
+    if (times.length > 1) u.ctx.fillText(String(index + 1), at + 4 * devicePixelRatio, top + 12 * devicePixelRatio);
   });
   u.ctx.restore();
 }

@@ -1,14 +1,16 @@
 /** Sliders on a running simulation. */
-import { bandOf, besides, BesideChoices, Differences, forget, Loops, Motion, otherCurves, type BesideHead } from "./beside";
+import { bandOf, besides, BesideChoices, Differences, Energy, forget, Loops, MovingCircuit, otherCurves, pointAt, timeCursor, type BesideHead } from "./beside";
 import { computed, effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Frame, Numbers } from "./frame";
 import { Circuit } from "./circuit";
+import { withFile } from "./command";
 import { digits } from "./looks";
 import { drawing, opened, problems as textProblems, set, valid, type Field } from "./opened";
 import { Copied, KINDS, Problems } from "./parts";
 import { Plot, type Curve } from "./plot";
 import { ask, Live, Refused, type Problem } from "./server";
+import { studies } from "./studies";
 
 interface Panel {
   title: string;
@@ -148,11 +150,11 @@ export function SimulateView() {
       </section>
       <div class="shown">
         <Plots />
-        <Beside />
         <div class="below">
-          {drawing.value && <Circuit drawing={drawing.value} />}
+          <Drawn />
           <Ends />
         </div>
+        <Beside />
       </div>
     </div>
   );
@@ -204,10 +206,16 @@ function Beside() {
       <Differences head={now.head} panels={now.head.panels ?? []} ends={now.head.ends ?? {}} />
       <div class="plots">
         {now.head.loops && <Loops now={now} />}
-        {now.head.cylinders && <Motion now={now} />}
+        {now.head.energy && <Energy found={now.head.energy} />}
       </div>
     </>
   );
+}
+
+function Drawn() {
+  const now = answer.value;
+  if (!drawing.value) return <div />;
+  return now?.head.cylinders ? <MovingCircuit now={now} drawing={drawing.value} /> : <Circuit drawing={drawing.value} />;
 }
 
 function PanelPlot({ panel }: { panel: Panel }) {
@@ -224,7 +232,7 @@ function PanelPlot({ panel }: { panel: Panel }) {
     const band = bandOf(now, one.column);
     return band ? [{ ...band, look: index }] : [];
   });
-  return <Plot title={panel.title} unit={panel.unit} size={panel.size} curves={curves} bands={bands} />;
+  return <Plot title={panel.title} unit={panel.unit} size={panel.size} curves={curves} bands={bands} cursors={timeCursor.value} onHover={pointAt} />;
 }
 
 /** The last value of each curve, as numbers: what a reader of the screen hears, and a test compares. */
@@ -352,6 +360,27 @@ function Slider({ field }: { field: Field }) {
   );
 }
 
+/** A choice of a CSV file of the folder as the command of a valve. */
+function FileCommand({ valve }: { valve: string }) {
+  const files = (studies.value?.files ?? []).filter((one) => /\.csv$/i.test(one.path));
+  if (!files.length) return null;
+  return (
+    <label>
+      Command{valve && ` of ${valve}`} from a file (time_s, command){" "}
+      <select
+        value=""
+        onChange={(event) => {
+          if (event.currentTarget.value) command.value = withFile(command.value, valve, event.currentTarget.value);
+          event.currentTarget.value = "";
+        }}
+      >
+        <option value="">choose</option>
+        {files.map((one) => <option key={one.path}>{one.path}</option>)}
+      </select>
+    </label>
+  );
+}
+
 function Run() {
   const isCircuit = valid.value?.kind === "circuit";
   return (
@@ -364,6 +393,7 @@ function Run() {
           <input value={command.value} onInput={(event) => (command.value = event.currentTarget.value)} />
         )}
       </label>
+      {(isCircuit ? (valid.value?.valves ?? []) : [""]).map((valve) => <FileCommand key={valve} valve={valve} />)}
       <label>
         Duration
         <input value={duration.value} onInput={(event) => (duration.value = event.currentTarget.value)} />

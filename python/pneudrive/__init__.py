@@ -23,6 +23,7 @@ require_processor()
 if TYPE_CHECKING:
     from pneudrive import control as control
     from pneudrive import report as report
+    from pneudrive.datasheet.energy import energy_balance as energy_balance
     from pneudrive.datasheet.equilibrium import equilibrium as equilibrium
     from pneudrive.datasheet.linear import linearise as linearise
     from pneudrive.datasheet.registry import characteristic as characteristic
@@ -89,6 +90,7 @@ _HOME = {
     **dict.fromkeys(["characterise", "characteristics"], "pneudrive.friction.campaign.characteristics"),
     "compare": "pneudrive.friction.campaign.compare.comparison",
     "characteristic": "pneudrive.datasheet.registry",
+    "energy_balance": "pneudrive.datasheet.energy",
     "equilibrium": "pneudrive.datasheet.equilibrium",
     "linearise": "pneudrive.datasheet.linear",
     "Differentiable": "pneudrive.gradients.differentiable",

@@ -56,18 +56,33 @@ def test_a_run_beside_others(server: Server, open_tab: Open, monkeypatch: pytest
     page.focus(".motion input[type=range]")
     page.keyboard.press("End")
     page.wait_for_selector(f"[data-piston=cylinder][data-position='{float(run.position[-1])!r}']")
+    face = page.locator("[data-piston] rect >> nth=0")
+    assert float(face.get_attribute("width")) == pytest.approx(11.2 * float(run.position[-1]) / 0.5, abs=1e-6)
     page.keyboard.press("Home")
     for _ in range(3):
         page.keyboard.press("PageUp")
     row = int(page.get_attribute(".motion", "data-row"))
     assert 200 < row < 300
     assert float(page.get_attribute("[data-piston]", "data-position")) == run.position[row]
-    assert "bar, absolute" in page.get_attribute(".barrel", "aria-label")
+    assert "bar, absolute" in page.get_attribute("[data-piston]", "aria-label")
+    page.hover("figure.plot[data-plot=Position] .u-over", position={"x": 100, "y": 60})  # a plot is pointed at
+    page.wait_for_selector(f".motion:not([data-row='{row}'])")
+    page.check("label:has-text('energy') input")
+    page.wait_for_selector("[data-energy='Air/supply']")
+    page.click("text=Copy as command or Python")
+    page.wait_for_selector("[data-copy=python]:has-text('energy_balance')")
+    exec(page.inner_text("[data-copy=python]"), names)
+    assert (
+        float(page.get_attribute("[data-energy='Air/supply']", "data-si")) == names["energy"].air_litres_anr["supply"]
+    )
     assert violations(tab) == []
+    page.locator(".energy").scroll_into_view_if_needed()
+    tab.picture("simulate-energy")
     page.locator(".motion").scroll_into_view_if_needed()
     tab.picture("simulate-beside")
 
     page.emulate_media(reduced_motion="no-preference")
+    page.focus(".motion input[type=range]")
     page.keyboard.press("Home")
     page.click("button:text-is('Play')")
     page.wait_for_selector(f".motion[data-row='{len(run.time) - 1}']")

@@ -200,8 +200,7 @@ def measured_beside_another(server: Server, tab: Tab, name: str) -> None:
     box = page.locator("figure.plot .u-over >> nth=0").bounding_box()
     page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + 40)  # the second one is nearer
     row = "[data-measured^='{}/force']"
-    page.wait_for_selector(row.format("O-ring_5bar.csv.xz"))
-    page.wait_for_timeout(300)
+    page.wait_for_selector(f"[data-is-current=true] {row.format('O-ring_5bar.csv.xz')}")
     page.click("text=Copy the measurement")
     folder, names = Path.cwd(), {}
     os.chdir(server.folder)

@@ -103,15 +103,49 @@ def test_a_run_too_long_for_the_page_is_refused_in_words(served: Served) -> None
 
 
 @pytest.mark.parametrize(
-    "command", ["secret.csv", "valve: /etc/passwd", "secret", "/etc/hostname", "../x", "valve:secret"]
+    "command",
+    [
+        *("secret", "valve:secret", "valve: /etc/passwd", "/etc/hostname", "../x"),
+        *("../secret.csv", "valve: ../secret.csv", "{outside}/secret.csv", "link.csv", "a/../../secret.csv", ".csv"),
+    ],
 )
-def test_a_command_is_never_a_file(served: Served, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_command_is_no_file_but_a_csv_of_the_folder(
+    served: Served, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(served.folder)
-    for name in ("secret.csv", "secret"):
-        (served.folder / name).write_text("root:x:0:0")
-    head, _ = unpack(answer(Workspace.at(served.folder), json.dumps(ASKED | {"command": command})))
-    assert "is not one" in head["problems"][0]["what"]
-    assert "root" not in json.dumps(head)
+    outside = served.folder.parent
+    (outside / "secret.csv").write_text("root:x:0:0")
+    (served.folder / "secret").write_text("root:x:0:0")
+    (served.folder / "link.csv").symlink_to(outside / "secret.csv")
+    given = ASKED | {"command": command.format(outside=outside)}
+    head, _ = unpack(answer(Workspace.at(served.folder), json.dumps(given)))
+    assert any(said in head["problems"][0]["what"] for said in ("is not one", "is no file of this workspace"))
+    assert "root:x" not in json.dumps(head)
+
+
+def test_a_command_from_a_file_of_the_folder(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    (served.folder / "steps").mkdir()
+    (served.folder / "steps" / "out and back.csv").write_text("time_s,command\n0,1\n0.1,-0.5\n")
+    (served.folder / "pair.toml").write_text(pn.Drive.load(served.folder / "axis.toml").circuit.to_toml())
+    workspace = Workspace.at(served.folder)
+    monkeypatch.chdir(served.folder)
+    for path, command in (("axis.toml", "steps/out and back.csv"), ("pair.toml", ["valve: steps/out and back.csv"])):
+        asked = {"path": path, "command": command, "duration": "0.2 s"}
+        written = asked | {"command": ["valve: 0 s: 1, 0.1 s: -0.5"] if path == "pair.toml" else ASKED["command"]}
+        head, drawn = unpack(answer(workspace, json.dumps(asked)))
+        _, expected = unpack(answer(workspace, json.dumps(written)))
+        assert "problems" not in head, head
+        assert all(np.array_equal(drawn[name], values) for name, values in expected.items())
+        copied = post(served, "/api/copy", asked)
+        names: dict = {}
+        exec(copied["python"], names)
+        assert run_command(shlex.split(copied["command"])[1:]) == 0
+        column = "position_m" if path == "axis.toml" else "cylinder.position_m"
+        assert drawn[column][-1] == names["run"][column.removesuffix("_m")][-1]
+        assert drawn[column][-1] == pl.read_parquet(Path(path).with_suffix(".parquet"))[column][-1]
+    (served.folder / "steps" / "out and back.csv").write_text("time_s,command\n0,1\n0.1,-5\n")
+    head, _ = unpack(answer(workspace, json.dumps(asked)))
+    assert "command = -5 at 0.1 s" in head["problems"][0]["what"]
 
 
 @pytest.mark.parametrize(
@@ -213,6 +247,31 @@ def test_the_drawing_has_every_component_and_no_markup(served: Served) -> None:
     assert "<img src=x onerror=alert(1)>" in [
         one["text"] for one in found["shapes"]
     ]  # text, which the page shows as text
+
+
+@pytest.mark.parametrize("kind", ["rodless", "single-rod", "through-rod"])
+def test_the_piston_moves_and_the_barrel_stays(served: Served, kind: str) -> None:
+    rod = "" if kind == "rodless" else '\nrod_diameter = "10 mm"'
+    cylinder = f'\n[cylinder]\nkind = "{kind}"{rod}\n'
+    found = post(served, "/api/drawing", {"path": "axis.toml", "text": DRIVE + cylinder})
+    at = found["pistons"]["cylinder"]
+    left, low, right, high = at["barrel"]
+    assert left < at["piston"][0] < at["piston"][1] < right
+    lines = [one["points"] for one in found["shapes"] if one["component"] == "cylinder" and one["word"] == "line"]
+    corners = {tuple(point) for points in lines for point in points}
+    assert {(left, low), (right, low), (left, high), (right, high)} <= corners
+    moved, held = set(), set()
+    for number, one in enumerate(found["shapes"]):
+        if one["component"] != "cylinder":
+            continue
+        moves = at["moves"].get(str(number), [False] * len(one["points"]))
+        for point, is_moved in zip(one["points"], moves, strict=True):
+            (moved if is_moved else held).add(tuple(point))
+    assert {(x, y) for x in at["piston"] for y in (low, high)} <= moved
+    assert {(left, low), (right, low), (left, high), (right, high)} <= held
+    assert {(x, low - 1.0) for x in (left + 1.0, left + 11.0)} <= held  # the ports
+    port = (left + 3.0, high + 2.0) if kind == "rodless" else (right + 3.0, low + 2.3)
+    assert (port in held) == (kind != "rodless")  # a rod ends where its load begins
 
 
 @settings(max_examples=30, deadline=None)

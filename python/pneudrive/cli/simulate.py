@@ -44,6 +44,7 @@ def simulate(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Trajectory file: .parquet, .csv or .nc.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture of the trajectory: .png, .svg, .pdf or .html.")] = None,
+    energy: Annotated[bool, typer.Option("--energy", help="Print accounts of energy, lost exergy, air given.")] = False,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Simulate a drive or a circuit and write its trajectory."""
@@ -80,6 +81,11 @@ def simulate(
 
         draw(result.dataset(), plot)
     _say(described.name, result.columns, result.provenance, (out, plot))
+    if energy:
+        from pneudrive.datasheet.energy import energy_balance
+
+        given = command_of(described, command)
+        typer.echo(str(energy_balance(described, given, duration, initial=initial, rtol=rtol)))
 
 
 def _say(name: str, columns: dict, provenance: dict, written: Sequence[Path | None]) -> None:

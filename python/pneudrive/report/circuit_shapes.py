@@ -23,6 +23,9 @@ LEAST_WIDTH = 40.0  # modules, so that the notes below have room
 ARROW, MARK = 0.45, 0.9  # half width and height of the mark of an exhaust
 SAID = "Symbols after ISO 1219."
 
+#: Of the symbols of cylinders: width of the barrel, and from its left end to the piston.
+BARREL_WIDTH, PISTON_FROM = 12.0, 3.0
+
 Points = tuple[tuple[float, float], ...]
 
 
@@ -61,6 +64,54 @@ class CircuitShapes(NamedTuple):
 
     paper: Box
     shapes: list[Shape]
+
+
+class PistonShapes(NamedTuple):
+    """Where a cylinder with one piston is drawn, for who moves it.
+
+    Attributes
+    ----------
+    barrel : tuple
+        x and y of the lower left corner, x and y of the upper right one; chamber a on the left.
+    piston : tuple
+        x of its faces as it is drawn.
+    moves : dict
+        Number of a shape -> whether each of its points moves with the piston: of a rod the end at the piston alone.
+    """
+
+    barrel: Box
+    piston: tuple[float, float]
+    moves: dict[int, list[bool]]
+
+
+def pistons(shapes: Sequence[Shape]) -> dict[str, PistonShapes]:
+    """Return the pistons of a drawing by component, of symbols that have one piston in one barrel."""
+    out: dict[str, PistonShapes] = {}
+    for name in dict.fromkeys(one.component for one in shapes if one.component):
+        own = {number: one for number, one in enumerate(shapes) if one.component == name and one.word != "text"}
+        faces = [one.points for one in own.values() if _is_piston(one)]
+        if len(faces) != 1:
+            continue
+        (left, low), (_, high), (right, _), _ = faces[0]
+        start = left - PISTON_FROM
+        moves = {number: [_moves(x - start, y - low) for x, y in one.points] for number, one in own.items()}
+        barrel = (start, low, start + BARREL_WIDTH, high)
+        out[name] = PistonShapes(barrel, (left, right), {number: one for number, one in moves.items() if any(one)})
+    return out
+
+
+def _is_piston(shape: Shape) -> bool:
+    """Whether it is the piston of the symbols of cylinders."""
+    if shape.word != "line" or len(shape.points) != 4:
+        return False
+    (x, y), *rest = shape.points
+    steps = [(round(px - x, 6), round(py - y, 6)) for px, py in rest]
+    return steps == [(0.0, 4.0), (0.8, 4.0), (0.8, 0.0)]
+
+
+def _moves(x: float, y: float) -> bool:
+    """Whether a point of the symbol moves: at the piston's faces, or of cushions and carriage, which lie about it."""
+    return 2.9 < x < 3.9 or (0.9 < x < 5.3 and y > 0.5)
 
 
 def circuit_shapes(described: Circuit | Drive) -> CircuitShapes:

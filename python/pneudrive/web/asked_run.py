@@ -18,7 +18,7 @@ from pneudrive.errors import CommandError
 from pneudrive.simulate import positive, run
 from pneudrive.start import is_circuit
 from pneudrive.watch import Watch
-from pneudrive.web.workspace import is_in_catalogue
+from pneudrive.web.workspace import COMMANDS, is_in_catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -35,7 +35,8 @@ WRONG_REQUEST = "the request is not one of this page"
 _KEPT = 32  # descriptions that were read already
 #: A command that is no file: a number, or times with values; with the name of a component before it or not.
 _COMMAND = re.compile(r"\s*(?:[A-Za-z_][\w-]*(?:\.command)?\s*:)?\s*[-+.\d][^/\\]*", re.DOTALL)
-_FILE = re.compile(r"\.csv\s*$", re.IGNORECASE)
+#: A command that is a file of the workspace, with the name of a component before it or not.
+_FILE = re.compile(r"(\s*(?:[A-Za-z_][\w-]*(?:\.command)?\s*:)?\s*)(\S.*\.csv)\s*", re.IGNORECASE)
 
 _read: dict[tuple[str, str, str], Drive | Circuit] = {}
 _reading = Lock()
@@ -70,7 +71,8 @@ class AskedRun:
     changes : dict
         Dotted keys and values, as `replace` takes them.
     command : str or list of str
-        As `pneudrive.simulate` takes it; a list has a text for each valve of a circuit.
+        As `pneudrive.simulate` takes it, a file by its name in the workspace; a list has a text for each valve of a
+        circuit.
     duration, rate, initial : str
         As `pneudrive.simulate` takes them; an empty `initial` is the usual start.
     pixels : int
@@ -107,8 +109,9 @@ class AskedRun:
             raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
         check_changes(changes)
         for one in lines:
-            if one.strip() and (not _COMMAND.fullmatch(one) or _FILE.search(one)):
-                raise CommandError(f'command "{one}" is not one', rule='a number, or "0 s: 1, 1 s: -1"')
+            if one.strip() and not (_FILE if one.lower().rstrip().endswith(".csv") else _COMMAND).fullmatch(one):
+                rule = 'a number, "0 s: 1, 1 s: -1", or a CSV file of the folder'
+                raise CommandError(f'command "{one}" is not one', rule=rule)
         kept = [one for one in lines if one.strip()]
         return cls(
             **texts,
@@ -149,13 +152,20 @@ class AskedRun:
         described = self.described(workspace)
         watch = Watch(cancel=cancel or RunLimit())
         options: dict[str, Any] = {"initial": self.initial or None, "sample_rate": self.rate, "watch": watch}
-        return run(described, self.command_of(described), self.duration, **options)
+        return run(described, self.command_of(described, workspace), self.duration, **options)
 
-    def command_of(self, described: Drive | Circuit) -> Any:  # noqa: ANN401 - any form of a command
-        """Return the command in the form that a description takes."""
+    def command_of(self, described: Drive | Circuit, workspace: Workspace) -> Any:  # noqa: ANN401 - any form of a command
+        """Return the command in the form that a description takes, files by their place.
+
+        Raises
+        ------
+        CommandError
+            The name of a file leads out of the workspace.
+        """
         if is_circuit(described):
-            return self.command if isinstance(self.command, list) else [self.command] if self.command.strip() else None
-        return self.command if isinstance(self.command, str) else ", ".join(self.command)
+            lines = self.command if isinstance(self.command, list) else [self.command] if self.command.strip() else None
+            return lines and [_placed(one, workspace) for one in lines]
+        return _placed(self.command if isinstance(self.command, str) else ", ".join(self.command), workspace)
 
     def as_command(self) -> str:
         """Return the line of a shell that makes the same run in the folder of the workspace."""
@@ -177,14 +187,24 @@ class AskedRun:
         lines = ["import pneudrive as pn", "", f"drive = pn.{kind}.load({self.path!r})"]
         if self.changes:
             lines.append(f"drive = drive.replace({dict(self.changes)!r})")
-        command: Any = self.command or None if circuit else self.command
-        initial = f", initial={self.initial!r}" if self.initial else ""
+        command, initial = self.python_options(circuit=circuit)
         lines.append(f"run = pn.simulate(drive, {command!r}, {self.duration!r}{initial}, sample_rate={self.rate!r})")
         return "\n".join([*lines, ""])
+
+    def python_options(self, *, circuit: bool) -> tuple[Any, str]:
+        """Return the command as Python takes it, and the argument of the start state."""
+        command: Any = self.command or None if circuit else self.command
+        return command, f", initial={self.initial!r}" if self.initial else ""
 
     def stem(self) -> str:
         """Return the name of files that are made of its description."""
         return re.sub(r"[^\w.-]+", "-", Path(self.path.rpartition(":")[2]).stem) or "run"
+
+
+def _placed(command: str, workspace: Workspace) -> str:
+    """Return a command with the place of its file, if it is one."""
+    found = _FILE.fullmatch(command)
+    return f"{found[1]}{workspace.path(found[2], COMMANDS)}" if found else command
 
 
 def described_at(workspace: Workspace, path: str, text: str | None = None) -> Drive | Circuit:

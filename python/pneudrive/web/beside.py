@@ -55,14 +55,15 @@ class AskedBeside:
         Drives and circuits, run with the same command, and trajectory files; of the workspace or the catalogue.
     spreads : dict
         Key of a value -> its two ends as text, between which members lie evenly.
-    loops, motion : bool
-        Whether p-V loops are, and what an animation needs to know of the cylinders.
+    loops, motion, energy : bool
+        Whether p-V loops are, what an animation needs to know of the cylinders, and the balance of energy.
     """
 
     others: tuple[str, ...]
     spreads: Mapping[str, tuple[str, str]]
     loops: bool
     motion: bool
+    energy: bool
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> AskedBeside:
@@ -77,7 +78,7 @@ class AskedBeside:
         right = isinstance(others, list) and isinstance(spreads, dict) and len(others) <= MOST_OTHERS
         if not right or not all(isinstance(one, str) for one in others):
             raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
-        wanted = (bool(given.get(name)) for name in ("loops", "motion"))
+        wanted = (bool(given.get(name)) for name in ("loops", "motion", "energy"))
         return cls(tuple(others), {key: _ends(key, one) for key, one in spreads.items()}, *wanted)
 
     def answer(
@@ -106,14 +107,17 @@ class AskedBeside:
             found = _loops(described, run.columns, asked.pixels)
             head["loops"] = list(found)
             arrays |= {f"loop/{name}/{axis}": values for name, pair in found.items() for axis, values in pair.items()}
+        if self.energy:
+            limit.allow(MOST_SECONDS)
+            head["energy"] = _energy(described, asked.command_of(described, workspace), asked, limit)
         if self.spreads:
             limit.allow(MOST_SECONDS)
-            band, of = self._band(described, asked, shown, limit)
+            band, of = self._band(workspace, described, asked, shown, limit)
             head["band"], arrays = band, arrays | of
         return head, arrays
 
     def _band(
-        self, described: Drive | Circuit, asked: AskedRun, shown: Sequence[str], limit: RunLimit
+        self, workspace: Workspace, described: Drive | Circuit, asked: AskedRun, shown: Sequence[str], limit: RunLimit
     ) -> tuple[dict[str, Any], dict[str, Array]]:
         from pneudrive.ensemble.engine import DONE
         from pneudrive.ensemble.many import Gathered, results, study_of
@@ -121,7 +125,7 @@ class AskedBeside:
         names = [meaning(column)[0] for column in shown]
         study = study_of(
             described,
-            asked.command_of(described),
+            asked.command_of(described, workspace),
             asked.duration,
             vary=self._vary(),
             n=MEMBERS,
@@ -155,6 +159,7 @@ class AskedBeside:
         """Return the lines of a shell that make what is beside the run."""
         described = [path for path in self.others if _is_described(path)]
         lines = [replace(asked, path=path, text=None, changes={}).as_command() for path in described]
+        lines += [f"{asked.as_command()} --energy"] if self.energy else []
         if self.spreads:
             words = ["pneudrive", "sweep", safe(asked.path), "--duration", asked.duration, *asked.command_words()]
             words += ["--initial", asked.initial] if asked.initial else []
@@ -180,6 +185,9 @@ class AskedBeside:
                 lines.append(own[-1].replace("run =", f"run_{number} =").replace("(drive,", f"(drive_{number},"))
             else:
                 lines += _reading(f"run_{number}", path)
+        if self.energy:
+            command, initial = asked.python_options(circuit=is_circuit(described_at(workspace, asked.path, asked.text)))
+            lines.append(f"energy = pn.energy_balance(drive, {command!r}, {asked.duration!r}{initial})")
         if self.spreads:
             outputs = [self._output(asked, meaning(column)[0]) for column in shown]
             command = asked.command if not isinstance(asked.command, list) or asked.command else None
@@ -268,6 +276,14 @@ def _cylinders(described: Drive | Circuit, columns: Mapping[str, Array]) -> Iter
             if all(one in columns for one in (position, *pressures)):
                 yield {"name": name, "stroke_m": sizes.stroke_m, "position": position, "pressures": pressures}
                 break
+
+
+def _energy(described: Drive | Circuit, command: Any, asked: AskedRun, limit: RunLimit) -> dict[str, Any]:  # noqa: ANN401 - any form of a command
+    """Return the balance of energy of the run as plain data."""
+    from pneudrive.datasheet.energy import energy_balance
+
+    found = energy_balance(described, command, asked.duration, initial=asked.initial or None, cancel=limit)
+    return {**vars(found), "air_litres_anr": found.air_litres_anr}
 
 
 def _loops(described: Drive | Circuit, columns: Mapping[str, Array], pixels: int) -> dict[str, dict[str, Array]]:

@@ -75,17 +75,21 @@ def field_of(one: DescribedValue) -> dict[str, Any]:
 
 
 def drawing(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
-    """Return the drawing of a description as shapes, with its paper; lengths in modules, y up.
+    """Return the drawing of a description as shapes, with its paper, and its pistons; lengths in modules, y up.
 
     Raises
     ------
     PneudriveError
         The description is not valid.
     """
-    from pneudrive.report.circuit_shapes import circuit_shapes  # it draws: the server starts without it
+    from pneudrive.report.circuit_shapes import circuit_shapes, pistons  # it draws: the server starts without it
 
     found = circuit_shapes(described_at(workspace, path, text))
-    return {"paper": found.paper, "shapes": [shape._asdict() for shape in found.shapes]}
+    return {
+        "paper": found.paper,
+        "shapes": [shape._asdict() for shape in found.shapes],
+        "pistons": {name: one._asdict() for name, one in pistons(found.shapes).items()},
+    }
 
 
 def edited(text: str, key: str, value: str | float) -> str:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 DESCRIPTIONS = (".toml",)
 TABLES = (".csv", ".parquet", ".nc", ".tdms", ".mf4", ".mat", ".xz", ".txt")
 FMUS = (".fmu",)
+COMMANDS = (".csv",)  # of a valve over time
 SUFFIXES = (*DESCRIPTIONS, *TABLES, *FMUS)
 BUILT = Path(__file__).parent / "built"  # the page
 CACHE = ".pneudrive/cache"  # in the workspace; what is in it can be made again
