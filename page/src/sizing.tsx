@@ -16,7 +16,11 @@ interface Limit {
   limit: number;
   unit: string;
   margin: number | null;
+  interval: Ends;
 }
+
+/** Values that 99 % and 1 % of the draws pass; none in folders of earlier versions. */
+type Ends = [number | null, number | null] | null;
 
 interface Candidate {
   name: string;
@@ -30,6 +34,8 @@ interface Candidate {
   end_speed: number | null;
   energy: number | null;
   air: number | null;
+  load_ratio: number | null;
+  intervals: Record<string, Ends>;
   margin: number | null;
   binding: string;
   limits: Limit[];
@@ -323,7 +329,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
             <Candidates now={now} way="out" />
             <Candidates now={now} way="back" />
           </div>
-          <p class="note">Times, speeds and energies are those that 1 % of the draws pass. Circle: meets the task. Cross: misses a limit. Ring: chosen or pinned.</p>
+          <p class="note">Times, speeds, energies and load ratios are those that 1 % of the draws pass; below each the values between which 98 % lie. Air: the mean. Circle: meets the task. Cross: misses a limit. Ring: chosen or pinned.</p>
           <Table now={now} />
           <Chosen now={now} />
         </>
@@ -376,6 +382,12 @@ function Candidates({ now, way }: { now: Sizing; way: "out" | "back" }) {
   );
 }
 
+const PERCENT = 100;
+const FULL = 100; // %: a load ratio above it does not move
+
+/** What lies between both ends. */
+const between = (ends: Ends | undefined, unit = "") => ends && <small>{ends.map((one) => (one === null ? "does not end" : digits(one, 3))).join(" … ")} {unit}</small>;
+
 type Column = [title: string, by: string, value: (one: Candidate) => number | null, limits: string[]];
 const COLUMNS: Column[] = [
   ["Rank", "place", (one) => (one.place === null ? null : one.place + 1), []],
@@ -384,6 +396,7 @@ const COLUMNS: Column[] = [
   ["Time back, s", "time_back", (one) => one.time_back, ["time back"]],
   ["At the end, m/s", "end_speed", (one) => one.end_speed, ["end speed out", "end speed back"]],
   ["Impact, J", "energy", (one) => one.energy, ["energy out", "energy back"]],
+  ["Load ratio, %", "load_ratio", (one) => (one.load_ratio === null ? null : PERCENT * one.load_ratio), []],
   ["At least, %", "at_least", (one) => 100 * one.at_least, []],
   ["Margin, %", "margin", (one) => (one.margin === null ? null : 100 * one.margin), []],
 ];
@@ -428,10 +441,11 @@ function Table({ now }: { now: Sizing }) {
                 </button>
               </th>
               {COLUMNS.map(([, column, shown, limits]) => {
-                const missed = one.limits.some((limit) => limits.includes(limit.name) && (limit.margin === null || limit.margin < 0));
+                const isOver = column === "load_ratio" && (shown(one) ?? 0) > FULL;
+                const missed = isOver || one.limits.some((limit) => limits.includes(limit.name) && (limit.margin === null || limit.margin < 0));
                 return (
                   <td key={column} data-column={column} data-si={shown(one)} class={missed ? "missed" : ""}>
-                    {digits(shown(one))}{missed && " above its limit"}
+                    {digits(shown(one))} {between(one.intervals[column])}{missed && " above its limit"}
                   </td>
                 );
               })}
@@ -458,19 +472,30 @@ function Chosen({ now }: { now: Sizing }) {
       </p>
       <table>
         <thead>
-          <tr>{["Limit", "1 % of the draws pass", "Limit", "Margin of 99 %"].map((head, index) => <th scope="col" key={index}>{head}</th>)}</tr>
+          <tr>{["Figure", "1 % of the draws pass", "98 % lie between", "Limit", "Margin of 99 %"].map((head, index) => <th scope="col" key={index}>{head}</th>)}</tr>
         </thead>
         <tbody>
           {one.limits.map((limit) => (
             <tr key={limit.name} data-limit={limit.name}>
               <th scope="row">{limit.name}</th>
               <td class={limit.margin === null || limit.margin < 0 ? "missed" : ""}>{limit.value === null ? "does not end" : `${digits(limit.value)} ${limit.unit}`}</td>
+              <td>{between(limit.interval, limit.unit) ?? "–"}</td>
               <td>{digits(limit.limit)} {limit.unit}</td>
               <td>{limit.margin === null ? "–" : `${digits(100 * limit.margin, 3)} %`}</td>
             </tr>
           ))}
+          {one.load_ratio !== null && (
+            <tr data-limit="load ratio">
+              <th scope="row">load ratio</th>
+              <td class={one.load_ratio > 1 ? "missed" : ""}>{digits(PERCENT * one.load_ratio)} %</td>
+              <td>{between(one.intervals["load_ratio"], "%")}</td>
+              <td>{FULL} %</td>
+              <td>{digits(PERCENT * (1 - one.load_ratio), 3)} %</td>
+            </tr>
+          )}
         </tbody>
       </table>
+      <p class="note">Load ratio: weight, external force and friction at rest over the force of the supply on the piston, the worse of both strokes. Above 100 % the drive does not move; what a stroke needs beyond that is simulated.</p>
       {one.file && <p><a href={link("drive", one.file)}>Open {one.file} in the Drive view</a></p>}
     </section>
   );

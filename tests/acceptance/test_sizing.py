@@ -96,6 +96,22 @@ def test_a_stroke_has_the_numbers_of_a_datasheet(found: SizingResult):
     assert own.air[0] == pytest.approx(abs(float(np.trapezoid(run["supply.mass_flow"], run.time))), rel=0.03)
 
 
+@pytest.mark.parametrize(("outward", "incline"), [(True, 90), (False, -90)])
+def test_a_drive_lifts_what_its_load_ratio_says_and_no_more(found: SizingResult, outward: bool, incline: int):
+    """The ratio is linear in the load: just below 1 the drive that runs arrives, just above it does not."""
+    assert found.best is not None
+    nominal, opened = np.full((1, len(DRAWN)), 0.5), np.ones((1, 4))
+
+    def strokes(mass_kg: float) -> DriveStrokes:
+        task = SizingTask(**TASK | {"mass": f"{mass_kg} kg", "incline": f"{incline} deg", "time": "8 s"})
+        return DriveStrokes(next(one for one in combined(choices(task)) if one.parts == dict(found.best.parts)), task)  # type: ignore[union-attr]
+
+    light, heavy = (float(strokes(mass).load_ratio(outward, nominal)[0]) for mass in (10.0, 20.0))
+    for ratio in (0.95, 1.02):
+        mass = 10.0 + 10.0 * (ratio - light) / (heavy - light)
+        assert np.isfinite(strokes(mass).run(outward, nominal, opened).time[0]) == (ratio < 1.0)
+
+
 @pytest.mark.parametrize(
     "change",
     [{"time": "0.05 s"}, {"mass": "100 kg", "incline": "90 deg"}, {"time": "0.1 s", "tube_length": "10 m"}],

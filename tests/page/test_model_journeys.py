@@ -184,6 +184,9 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     assert number(tab, f"{row} [data-column=energy]") == best.energy
     assert number(tab, f"{row} [data-column=air]") == best.air_litres_anr
     assert number(tab, f"{row} [data-column=place]") == 1.0
+    assert best.load_ratio is not None
+    assert number(tab, f"{row} [data-column=load_ratio]") == pytest.approx(100.0 * best.load_ratio)
+    assert "…" in page.inner_text(f"{row} [data-column=energy]")
 
     cheapest = page.locator("[data-candidate]").first
     assert cheapest.locator("[data-column=energy]").inner_text().endswith("above its limit")

@@ -60,12 +60,23 @@ def test_page_command_and_python_find_the_same(served: Served, monkeypatch: pyte
         assert mine["place"] == place
         assert (mine["air"], mine["energy"], mine["time_out"]) == (one.air_litres_anr, one.energy, one.time_out)
         assert (mine["met"], mine["binding"]) == (one.met, one.binding)
+        assert mine["intervals"]["time_out"][1] == mine["time_out"]  # 1 % of the draws pass it
+        assert mine["intervals"]["air"][0] < mine["air"] < mine["intervals"]["air"][1]
+        assert 0.0 < mine["intervals"]["load_ratio"][0] < 1e2 * mine["load_ratio"] < 1e2
         assert pn.Circuit.load(mine["file"]).to_toml() == found.circuit(place).to_toml()
     missed = next(one for one in shown["candidates"] if not one["meets"])
     energy = {one["name"]: one for one in missed["limits"]}["energy out"]
     assert energy["value"] > energy["limit"] == 0.25
     assert energy["margin"] == pytest.approx(1.0 - energy["value"] / 0.25, abs=1e-9)
+    assert energy["interval"][0] < energy["interval"][1] == energy["value"]
     assert not missed["file"]
+    lines = Path("results/push/choices.jsonl")  # as an earlier version wrote it
+    old = [
+        {key: value for key, value in json.loads(one).items() if key != "intervals"}
+        for one in lines.read_text().splitlines()
+    ]
+    lines.write_text("".join(json.dumps(one) + "\n" for one in old))
+    assert all(one["load_ratio"] is None for one in get(served, "/api/sizing", path="results/push")["candidates"])
 
     (served.folder / "push.toml").write_text(TASK.replace("2 kg", "3 kg"))
     assert get(served, "/api/sizing", path="results/push")["task"] == ""

@@ -119,6 +119,7 @@ def read_choice(line: str) -> SizedDrive | tuple[str, Tuned] | None:
             return one["name"], Tuned(Setting(*one["setting"]), one["nominal"], (name, limit, value))
         one["worst"] = {name: tuple(each) for name, each in one["worst"].items()}
         one["sizes"] = tuple(one["sizes"])
+        one["intervals"] = {name: tuple(ends) for name, ends in one.get("intervals", {}).items()}
         return SizedDrive(**one)
     except (ValueError, KeyError, TypeError):
         return None

@@ -100,6 +100,11 @@ def worst(values: Array) -> float:
     return float(np.quantile(values, PROBABILITY, method="higher"))
 
 
+def interval(values: Array) -> tuple[float, float]:
+    """Return the values that 99 % and that 1 % of the draws pass: 98 % lie between."""
+    return float(np.quantile(values, 1.0 - PROBABILITY, method="lower")), worst(values)
+
+
 def is_met(found: list[LimitMargin]) -> NDArray[np.bool_]:
     """Return which draws keep all limits."""
     return np.all([one.margins >= 0.0 for one in found], axis=0)

@@ -61,6 +61,10 @@ class SizedDrive:
         Share of the variance of the margin's ranks that goes with it.
     sizes : tuple of float
         Bore, conductance of the valve, of the needle fully open (0 without), bore of the tubes.
+    intervals : dict
+        Figure -> values that 99 % and that 1 % of the draws pass: each limit by its name, and time_out, time_back,
+        end_speed, energy, peak_pressure, air, load_ratio_out, load_ratio_back (`DriveStrokes.load_ratio`). Empty in
+        folders of earlier versions.
     """
 
     parts: Mapping[str, str]
@@ -79,6 +83,13 @@ class SizedDrive:
     measure: str
     explains: float
     sizes: Sequence[float]
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def load_ratio(self) -> float | None:
+        """The load's share of the supply's force that 1 % of the draws pass, the worse of both strokes."""
+        ends = [self.intervals[name][1] for name in ("load_ratio_out", "load_ratio_back") if name in self.intervals]
+        return max(ends, default=None)
 
     @property
     def name(self) -> str:

@@ -8,12 +8,14 @@ holds both to each other within 1e-6.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pneudrive import units
+from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.describe.circuit import Circuit
 from pneudrive.ensemble import engine
 from pneudrive.ensemble.outputs import Reduction
@@ -152,6 +154,30 @@ class DriveStrokes:
         sign = 1.0 if outward else -1.0
         force = np.where(np.isfinite(time), np.nan_to_num(sign * force), 0.0)
         return StrokeResults(time, speed, 0.5 * mass * speed**2, np.maximum(*peaks), np.abs(air), force)
+
+    def load_ratio(self, outward: bool, draws: Array) -> Array:
+        """Return which share of the force of the supply the load takes at rest, shape (n,); above 1 it does not move.
+
+        The load is weight of load and piston, external force, and friction of cylinder and guide, outwards at least
+        the holding force; the supply's force is its gauge pressure on the piston, the other chamber at ambient.
+
+        Parameters
+        ----------
+        outward : bool
+        draws : ndarray, shape (n, len(DRAWN))
+        """
+        task, numbers, factors = self.task, self._numbers, self._factors(draws)
+
+        def drawn(path: str) -> Array:
+            return numbers[path] * factors[path]
+
+        mass = drawn("load.mass") + drawn("cylinder.moving_mass")
+        weight = mass * STANDARD_GRAVITY_M_S2 * math.sin(task.incline_rad)
+        against = (1.0 if outward else -1.0) * (weight + task.external_force_n)
+        held = task.holding_force_n if outward else 0.0
+        friction = np.maximum(drawn("cylinder.friction.parameters.coulomb"), held)
+        gauge = task.supply_pa - task.ambient.pressure_pa + task.supply.spread_pa * _both_ways(draws[:, 0])
+        return (against + friction) / (gauge * self.choice.areas_m2[0 if outward else 1])
 
     def circuit(self, setting: Setting = OPEN) -> Circuit:
         """Return the circuit with its settings, ready to run."""

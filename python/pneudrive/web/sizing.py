@@ -6,6 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.sizing.folder import ABOUT, LINES, read_choice
@@ -145,7 +146,13 @@ def _candidate(one: SizedDrive, place: int | None, folder: str) -> dict[str, Any
         "air": one.air_litres_anr,
         "margin": one.margin,
         "binding": one.binding,
-        "limits": [_limit(name, *found, one.margins[name]) for name, found in one.worst.items()],
+        "load_ratio": one.load_ratio,
+        "intervals": {
+            **{name: one.intervals.get(name) for name in ("time_out", "time_back", "end_speed", "energy")},
+            "air": _scaled(one.intervals.get("air"), 1e3 / ANR_DENSITY_KG_M3),
+            "load_ratio": _scaled(_wider(one), 100.0),
+        },
+        "limits": [_limit(name, *found, one) for name, found in one.worst.items()],
         "meets": one.is_feasible,
         "place": place,
         "file": f"{folder}/{place + 1:02d}.toml" if place is not None and place < WRITTEN else "",
@@ -154,9 +161,20 @@ def _candidate(one: SizedDrive, place: int | None, folder: str) -> dict[str, Any
     }
 
 
-def _limit(name: str, value: float, limit: float, unit: str, margin: float) -> dict[str, Any]:
+def _wider(one: SizedDrive) -> tuple[float, float] | None:
+    """Return the interval of the load ratio, of the stroke with the larger one."""
+    known = [one.intervals[name] for name in ("load_ratio_out", "load_ratio_back") if name in one.intervals]
+    return max(known, key=lambda ends: ends[1], default=None)
+
+
+def _scaled(ends: tuple[float, float] | None, factor: float) -> list[float] | None:
+    return None if ends is None else [factor * end for end in ends]
+
+
+def _limit(name: str, value: float, limit: float, unit: str, one: SizedDrive) -> dict[str, Any]:
     factor, read = READ.get(unit, (1.0, unit))
-    return {"name": name, "value": factor * value, "limit": factor * limit, "unit": read, "margin": margin}
+    found = {"name": name, "value": factor * value, "limit": factor * limit, "unit": read}
+    return {**found, "margin": one.margins[name], "interval": _scaled(one.intervals.get(name), factor)}
 
 
 def _file_of(workspace: Workspace, task: SizingTask) -> str:
