@@ -47,7 +47,7 @@ export function edit(place: HTMLElement, text: string, changed: (text: string) =
         keymap.of([...defaultKeymap, ...historyKeymap]), // Tab leaves the editor
         StreamLanguage.define(toml),
         syntaxHighlighting(colours),
-        EditorView.contentAttributes.of({ "aria-label": "Text of the file, TOML" }),
+        EditorView.contentAttributes.of({ "aria-label": "Text of the file, TOML", tabindex: "0" }),
         theme,
         EditorView.updateListener.of((update) => {
           if (!update.docChanged || silent) return;

@@ -314,8 +314,8 @@ function Strip({ found }: { found: Card }) {
   );
 }
 
-export function Gains({ gains }: { gains: ToldGain[] }) {
-  return <Table heads={["Gain", "Value", "Meaning", "Follows from"]} rows={gains.map((one) => [one.key, one.written, one.meaning, one.rule])} label="Gains" />;
+export function Gains({ gains, of = "" }: { gains: ToldGain[]; of?: string }) {
+  return <Table heads={["Gain", "Value", "Meaning", "Follows from"]} rows={gains.map((one) => [one.key, one.written, one.meaning, one.rule])} label={of ? `Gains of ${of}` : "Gains"} />;
 }
 
 export function Table({ heads, rows, label }: { heads: string[]; rows: string[][]; label: string }) {
@@ -345,7 +345,7 @@ function Told({ found }: { found: Card }) {
           <summary>
             {law}: {one.law} for {one.believes}, every {digits(1e3 * one.period_s)} ms
           </summary>
-          <Gains gains={one.gains} />
+          <Gains gains={one.gains} of={law} />
           <ul>{one.limits.map((it) => <li key={it}>{it}</li>)}</ul>
         </details>
       ))}

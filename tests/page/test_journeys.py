@@ -9,12 +9,14 @@ import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 import pytest
 
 import pneudrive as pn
 from page.conftest import DRIVE, PICTURES, ROOT, Server, Tab
+from page.results import RECORDING, make_results
 from pneudrive.campaign.lock import holder
 from pneudrive.campaign.plan import lay_out
 from pneudrive.campaign.protocol import read_protocol
@@ -387,35 +389,70 @@ def test_everything_by_keyboard(server: Server, open_tab: Open) -> None:
     tab.check()
 
 
+@pytest.fixture(scope="session")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("results")
+    make_results(folder)
+    return folder
+
+
+#: Each view as it is entered, and with a result: address, and what is there once it is drawn.
+VIEWS = {
+    "studies/": "a:text-is('results/push')",
+    "drive/axis.toml": "g[data-key=cylinder]",
+    "simulate/axis.toml": "[data-end=position_m]",
+    "recording/": "main",
+    f"recording/{RECORDING}": "[data-from]",
+    "friction/": "main",
+    "friction/results/new/map.parquet": "[data-value=coulomb]",
+    "friction/fit.toml": "[data-value='valve.conductance']",
+    "validation/": "text=Does my model hold?",
+    "validation/results/check/validation.toml": "[data-verdict=position]",
+    "sizing/": ".cm-content",
+    "sizing/results/push": "[data-candidate]",
+    "campaign/": "button:text-is('Plan and check')",
+    "campaign/campaigns/first": "[data-state=none]",
+    "control/": "[data-score=max_error_m]",
+    "control/results/laws": "figure[data-plot=Errors] canvas",
+    "handover/": "main",
+    "handover/drive.fmu": "[data-variable=command]",
+}
+
+
 @pytest.mark.parametrize("look", ["light", "dark"])
-def test_no_view_has_a_violation_of_accessibility(server: Server, open_tab: Open, look: str) -> None:
+def test_no_view_has_a_violation_of_accessibility(server: Server, open_tab: Open, look: str, results: Path) -> None:
+    shutil.copytree(results, server.folder, dirs_exist_ok=True)
     tab = open_tab(server.address, look)
     page = tab.page
-    page.wait_for_selector("text=axis.toml")
-    assert violations(tab) == []
-    page.click("text=axis.toml")
-    page.wait_for_selector("[data-end=position_m]")
-    page.wait_for_selector("svg.circuit")
-    page.click("summary >> nth=0")
-    page.click("text=Copy as command or Python")
-    page.wait_for_selector("[data-copy=python]")
-    assert violations(tab) == []
-    page.click("nav >> text=Drive")
-    page.wait_for_selector(".cm-content")
-    page.wait_for_selector("g[data-key=cylinder]")
-    assert violations(tab) == []
-    tab.picture(f"drive-{look}")
-    pn.export_fmu(pn.Drive.load("catalogue:reference"), server.folder / "drive.fmu")
-    page.click("nav >> text=Studies")
-    page.click("text=Read the folder again")
-    page.click("a:text-is('drive.fmu')")
-    page.wait_for_selector("[data-variable=command]")
-    assert violations(tab) == []
-    for view in page.locator("nav a").all():
-        view.click()
-        page.wait_for_timeout(150)
+    page.wait_for_selector("a:text-is('results/push')")
+    for address, drawn in VIEWS.items():
+        view, _, path = address.partition("/")
+        page.evaluate(f"() => (location.hash = '#/{view}/{quote(path, safe='')}')")
+        page.wait_for_selector(drawn, state="attached")
+        if view == "studies":
+            page.click("button[aria-label='Chain of results/check/validation.toml']")
+            page.wait_for_selector("[data-input='friday.parquet']")
+            for name in ("axis.toml", "after.toml"):
+                page.check(f"input[aria-label='Compare {name}']")
+            page.wait_for_selector("[data-differs]")
+        if view == "simulate":
+            page.click("text=Copy as command or Python")
+            page.wait_for_selector("[data-copy=python]")
+        if path.endswith("new/map.parquet"):
+            page.click("button:has-text('Residuals, profiles')")
+            page.wait_for_selector("[data-loop='viscous over coulomb']")
+            page.click("text=Propose on the simulated rig")
+            page.wait_for_selector("[data-next]")
+            page.select_option("label:has-text('At one speed') select", index=1)
+            page.select_option("label:has-text('Compare with') select", index=1)
+            page.wait_for_selector("[data-plot^='results/worn/map.parquet less']")
+        for one in page.locator("main summary").all():
+            one.click()
         found = violations(tab)
-        assert found == [], view.inner_text()
+        assert found == [], address
+        if look == "dark" and path:
+            tab.picture(f"dark-{view}")
+    tab.check()
 
 
 def test_the_server_is_killed_while_a_slider_is_dragged(own_server: Server, open_tab: Open) -> None:
