@@ -8,16 +8,7 @@ import { KINDS, Problems } from "./parts";
 
 const chosen = signal("");
 const name = signal("");
-/** Tables of a drive file that belong to a component of its circuit. */
-const TABLES: Record<string, string[]> = { cylinder: ["cylinder", "friction", "load"], supply: ["supply", "gas"], valve: ["valve"] };
-
-function belongs(field: Field): boolean {
-  if (!chosen.value) return true;
-  const [table, inner] = field.key.split(".");
-  if (table === "components") return inner === chosen.value;
-  const of = chosen.value.replace(/_[ab]$/, "");
-  return (TABLES[of] ?? [of === "tube" ? "tubing" : of]).includes(table!);
-}
+const belongs = (field: Field): boolean => !chosen.value || field.component === chosen.value;
 
 export function DriveView() {
   const place = useRef<HTMLDivElement>(null);
@@ -71,6 +62,15 @@ export function DriveView() {
   );
 }
 
+/** The unit of a field; another one converts the value in the text. */
+function Units({ field }: { field: Field }) {
+  return (
+    <select aria-label={`Unit of ${field.key}`} value={field.unit} onChange={(event) => void set(field.key, field.text, event.currentTarget.value)}>
+      {field.units!.map((one) => <option key={one}>{one}</option>)}
+    </select>
+  );
+}
+
 function Fields() {
   const fields = (valid.value?.values ?? []).filter(belongs);
   return (
@@ -84,6 +84,7 @@ function Fields() {
           <tr>
             <th scope="col">Key</th>
             <th scope="col">Value</th>
+            <th scope="col">Unit</th>
             <th scope="col">Where it comes from</th>
           </tr>
         </thead>
@@ -98,6 +99,7 @@ function Fields() {
                   onChange={(event) => void set(one.key, one.unit === "" ? Number(event.currentTarget.value) : event.currentTarget.value)}
                 />
               </td>
+              <td>{one.units && one.units.length > 1 && <Units field={one} />}</td>
               <td>
                 <span class={`kind ${one.kind}`}>{KINDS[one.kind]}</span> {one.origin.replace(/^assumed: /, "")}
               </td>

@@ -14,8 +14,6 @@ export interface Editor {
   end(): void;
 }
 
-const PAUSE = 40; // ms after a key before the text is checked
-
 const theme = EditorView.theme({
   "&": { height: "100%", fontSize: "13px", color: "light-dark(#111111, #f2f2f2)", backgroundColor: "light-dark(#ffffff, #1b1d20)" },
   ".cm-gutters": { backgroundColor: "light-dark(#f3f3f3, #26292d)", color: "light-dark(#595959, #b4b4b4)", border: "none" },
@@ -32,7 +30,6 @@ const colours = HighlightStyle.define([
 
 export function edit(place: HTMLElement, text: string, changed: (text: string) => void): Editor {
   const root = place.shadowRoot ?? place.attachShadow({ mode: "open" });
-  let timer = 0;
   let silent = false;
   const view = new EditorView({
     root,
@@ -50,9 +47,7 @@ export function edit(place: HTMLElement, text: string, changed: (text: string) =
         EditorView.contentAttributes.of({ "aria-label": "Text of the file, TOML", tabindex: "0" }),
         theme,
         EditorView.updateListener.of((update) => {
-          if (!update.docChanged || silent) return;
-          clearTimeout(timer);
-          timer = window.setTimeout(() => changed(view.state.doc.toString()), PAUSE);
+          if (update.docChanged && !silent) changed(view.state.doc.toString());
         }),
       ],
     }),
@@ -60,12 +55,11 @@ export function edit(place: HTMLElement, text: string, changed: (text: string) =
   return {
     show(next, problems) {
       const now = view.state.doc.toString();
-      if (next !== now && !timer) {
+      if (next !== now) {
         silent = true;
         view.dispatch({ changes: { from: 0, to: now.length, insert: next } });
         silent = false;
       }
-      timer = 0;
       const lines = view.state.doc.lines;
       const found = problems.map((one) => {
         const line = view.state.doc.line(Math.min(Math.max(one.line ?? 1, 1), lines));
@@ -80,7 +74,6 @@ export function edit(place: HTMLElement, text: string, changed: (text: string) =
       view.focus();
     },
     end() {
-      clearTimeout(timer);
       view.destroy();
     },
   };

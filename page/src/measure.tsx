@@ -227,9 +227,6 @@ export function Measuring({ path, columns, span, isTimed }: { path: string; colu
       <input type="number" step="any" aria-label={`Cursor ${which + 1}, ${unit}`} value={Number(now![which].toPrecision(10))} onChange={(event) => put(which, event.currentTarget.valueAsNumber)} /> {unit}
     </span>
   );
-  const found = measured.value;
-  const of = (value: number | null, of: string) => (value === null ? "–" : `${digits(value, 6)}${of && ` ${of}`}`);
-  const step = (unit: string) => unit.replace(/ (gauge|abs)$/, ""); // of a difference
   return (
     <section aria-label="Measure">
       <p class="row">
@@ -240,51 +237,61 @@ export function Measuring({ path, columns, span, isTimed }: { path: string; colu
         {now && cursor(1)}
         {now && <span class="note">A click in a plot puts the nearer one there.</span>}
       </p>
-      {now && found && (
-        <>
-          <table class="measured" data-is-current={found.of === wanted}>
-            <thead>
-              <tr>
-                <th scope="col">Nearest samples</th>
-                <th scope="col">cursor 1</th>
-                <th scope="col">cursor 2</th>
-                <th scope="col">difference</th>
-                <th scope="col">slope</th>
-              </tr>
-            </thead>
-            <tbody>
-              {found.rows.map((one, index) => {
-                const isFirst = found.rows[index - 1]?.recording !== one.recording;
-                const name = one.recording === path ? "" : ` (${one.recording})`;
-                return (
-                  <>
-                    {isFirst && (
-                      <tr key={`time ${one.recording}`}>
-                        <th scope="row">time{name}</th>
-                        <td>{of(one.time_s[0], unit)}</td>
-                        <td>{of(one.time_s[1], unit)}</td>
-                        <td>{of(one.time_s[1] - one.time_s[0], unit)}</td>
-                        <td />
-                      </tr>
-                    )}
-                    <tr key={one.label + one.recording} data-measured={`${one.recording}/${one.label}`} data-difference={one.difference} data-slope={one.slope}>
-                      <th scope="row">{one.label}{name}</th>
-                      <td>{of(one.values[0], one.unit)}</td>
-                      <td>{of(one.values[1], one.unit)}</td>
-                      <td>{of(one.difference, step(one.unit))}</td>
-                      <td>{of(one.slope, `${step(one.unit) || "1"}${isTimed ? "/s" : " a sample"}`)}</td>
-                    </tr>
-                  </>
-                );
-              })}
-            </tbody>
-          </table>
-          <p>
-            <button type="button" onClick={() => (isCopied.value = true)}>Copy the measurement as command or Python</button>
-          </p>
-          {isCopied.value && <Copied command={found.command} python={found.python} />}
-        </>
-      )}
+      {now && <MeasuredTable path={path} wanted={wanted} isTimed={isTimed} />}
     </section>
+  );
+}
+
+/** What was measured; apart from the cursors, whose fields would else lose what is being typed when an answer comes. */
+function MeasuredTable({ path, wanted, isTimed }: { path: string; wanted: string; isTimed: boolean }) {
+  const found = measured.value;
+  const of = (value: number | null, of: string) => (value === null ? "–" : `${digits(value, 6)}${of && ` ${of}`}`);
+  const step = (unit: string) => unit.replace(/ (gauge|abs)$/, ""); // of a difference
+  if (!found) return null;
+  const unit = isTimed ? "s" : "samples";
+  return (
+    <>
+      <table class="measured" data-is-current={found.of === wanted}>
+        <thead>
+          <tr>
+            <th scope="col">Nearest samples</th>
+            <th scope="col">cursor 1</th>
+            <th scope="col">cursor 2</th>
+            <th scope="col">difference</th>
+            <th scope="col">slope</th>
+          </tr>
+        </thead>
+        <tbody>
+          {found.rows.map((one, index) => {
+            const isFirst = found.rows[index - 1]?.recording !== one.recording;
+            const name = one.recording === path ? "" : ` (${one.recording})`;
+            return (
+              <>
+                {isFirst && (
+                  <tr key={`time ${one.recording}`}>
+                    <th scope="row">time{name}</th>
+                    <td>{of(one.time_s[0], unit)}</td>
+                    <td>{of(one.time_s[1], unit)}</td>
+                    <td>{of(one.time_s[1] - one.time_s[0], unit)}</td>
+                    <td />
+                  </tr>
+                )}
+                <tr key={one.label + one.recording} data-measured={`${one.recording}/${one.label}`} data-difference={one.difference} data-slope={one.slope}>
+                  <th scope="row">{one.label}{name}</th>
+                  <td>{of(one.values[0], one.unit)}</td>
+                  <td>{of(one.values[1], one.unit)}</td>
+                  <td>{of(one.difference, step(one.unit))}</td>
+                  <td>{of(one.slope, `${step(one.unit) || "1"}${isTimed ? "/s" : " a sample"}`)}</td>
+                </tr>
+              </>
+            );
+          })}
+        </tbody>
+      </table>
+      <p>
+        <button type="button" onClick={() => (isCopied.value = true)}>Copy the measurement as command or Python</button>
+      </p>
+      {isCopied.value && <Copied command={found.command} python={found.python} />}
+    </>
   );
 }

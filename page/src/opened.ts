@@ -1,6 +1,6 @@
 /** The description that is open: its text is the truth, and what the server says of it. */
 import { signal } from "@preact/signals";
-import { ask, read, Refused, write, type Problem } from "./server";
+import { ask, newest, read, Refused, write, type Problem } from "./server";
 import type { Drawing } from "./circuit";
 
 export interface Field {
@@ -10,6 +10,8 @@ export interface Field {
   kind: "given" | "source" | "identified" | "assumed" | "default";
   number?: number;
   unit?: string;
+  units?: string[]; // of the same quantity
+  component: string; // of the drawing
   low?: number;
   high?: number;
 }
@@ -50,7 +52,7 @@ export async function open(path: string): Promise<void> {
     const found = await read<{ text: string; sha256: string | null; checked: Checked }>("/api/file", { path, checked: "1" });
     if (mine !== asked) return;
     opened.value = { path, text: found.text, saved: found.text, sha256: found.sha256 ?? "" };
-    void take(path, found.text, mine, Promise.resolve(found.checked));
+    take(found.checked, mine, opened.value);
   } catch (error) {
     if (mine !== asked) return;
     opened.value = null;
@@ -62,31 +64,51 @@ export async function open(path: string): Promise<void> {
 export async function change(text: string): Promise<void> {
   if (!opened.value || opened.value.text === text) return;
   opened.value = { ...opened.value, text };
-  await check(text);
+  asked += 1;
+  await check();
 }
 
 /** Show what the server says of a text, and its drawing behind that; only the newest answer counts. */
-async function take(path: string, text: string, mine: number, answered: Promise<Checked>): Promise<void> {
+function take(found: Checked, mine: number, { path, text }: { path: string; text: string }): void {
+  if (mine !== asked) return;
+  problems.value = found.problems;
+  if (found.problems.length) return;
+  valid.value = found;
+  toDraw = { mine, path, text };
+  void draw();
+}
+
+function refused(error: unknown, mine: number): void {
+  if (!(error instanceof Refused)) throw error;
+  if (mine === asked) problems.value = error.problems;
+}
+
+/** One text is checked at a time: problems show as soon as the server answers, however fast keys follow each other. */
+const check = newest(async () => {
+  const [mine, { path, text }] = [asked, opened.value!];
   try {
-    const found = await answered;
-    if (mine !== asked) return;
-    problems.value = found.problems;
-    if (found.problems.length) return;
-    valid.value = found;
+    take(await ask<Checked>("/api/check", { path, text }), mine, { path, text });
+  } catch (error) {
+    refused(error, mine);
+  }
+});
+
+let toDraw = { mine: 0, path: "", text: "" }; // the last text without a problem
+const draw = newest(async () => {
+  const { mine, path, text } = toDraw;
+  try {
     const shapes = await ask<Drawing>("/api/drawing", { path, text });
     if (mine === asked) drawing.value = shapes;
   } catch (error) {
-    if (mine === asked && error instanceof Refused) problems.value = error.problems;
+    refused(error, mine);
   }
-}
+});
 
-const check = (text: string): Promise<void> => take(opened.value!.path, text, ++asked, ask<Checked>("/api/check", { path: opened.value!.path, text }));
-
-/** Set one value in the text; the server keeps comments and order. */
-export async function set(key: string, value: string | number): Promise<void> {
+/** Set one value in the text, written in a unit if one is given; the server keeps comments and order. */
+export async function set(key: string, value: string | number, unit?: string): Promise<void> {
   if (!opened.value) return;
   try {
-    const { text } = await ask<{ text: string }>("/api/edit", { text: opened.value.text, key, value });
+    const { text } = await ask<{ text: string }>("/api/edit", { text: opened.value.text, key, value, unit });
     await change(text);
   } catch (error) {
     if (error instanceof Refused) problems.value = error.problems;

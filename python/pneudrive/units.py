@@ -458,6 +458,59 @@ def write(value: float, si_unit: str, unit: str | None = None) -> str:
     return f"{value!r} {plain}"
 
 
+def like(unit: str) -> list[str]:
+    """Return the common units of the quantity of a unit; of a pressure absolute or gauge as that one is.
+
+    Examples
+    --------
+    >>> like("mm"), like("bar gauge")[:2], like("furlong")
+    (['m', 'cm', 'mm', 'um', 'in', 'km'], ['Pa gauge', 'kPa gauge'], [])
+    """
+    plain, said = _said(unit)
+    known = _TABLE.get(_canonical(plain))
+    if known is None:
+        return []
+    sizes: dict[tuple[str, float, float], str] = {}
+    for name, size in _TABLE.items():
+        if size[0] == known[0]:
+            sizes.setdefault(size, name)
+    return [f"{plain if size == known else name}{said}" for size, name in sizes.items()]
+
+
+def in_unit(text: str, unit: str) -> str:
+    """Write a quantity in another unit, such that it reads back to the same bits.
+
+    Parameters
+    ----------
+    text : str
+        Number and unit; of a pressure with ``abs`` or ``gauge``, or without.
+    unit : str
+        One of `like` its unit.
+
+    Raises
+    ------
+    DescriptionError
+        The text is not a quantity, or the unit one of another quantity.
+
+    Examples
+    --------
+    >>> in_unit("25.4 mm", "in"), in_unit("7 bar abs", "kPa abs"), in_unit("20 degC", "K")
+    ('1 in', '700 kPa abs', '293.15 K')
+    """
+    plain, said = _said(text)
+    wanted, wanted_said = _said(unit)
+    known = _TABLE.get(_canonical(wanted))
+    if known is None or said != wanted_said:
+        raise DescriptionError(f'"{text}" cannot be written in "{unit}"', rule="a common unit of the same quantity")
+    return f"{write(parse(plain, known[0]), known[0], _canonical(wanted))}{said}"
+
+
+def _said(text: str) -> tuple[str, str]:
+    """Split ``abs`` or ``gauge`` from a unit or a quantity."""
+    end = next((one for one in (" abs", " gauge") if text.rstrip().endswith(one)), "")
+    return text.rstrip().removesuffix(end), end
+
+
 #: SI unit -> common unit, if they differ.
 _READABLE = {
     "m": "mm",

@@ -118,6 +118,16 @@ def test_drive_by_text_and_by_form(server: Server, open_tab: Open) -> None:
         page.keyboard.press("Backspace")
     page.wait_for_selector("text=No problems.")
 
+    page.select_option("[aria-label='Unit of friction.coulomb']", "kN")
+    page.wait_for_selector(".cm-content >> text=0.031 kN")
+    page.select_option("[aria-label='Unit of friction.coulomb']", "N")
+    page.wait_for_selector(".cm-content >> text=31 N")
+    page.wait_for_selector("g[data-key=cylinder]")
+    for symbol in page.locator("g[data-key]").all():
+        symbol.click()
+        page.wait_for_selector(f"text=Values of {symbol.get_attribute('data-key')}.")
+        assert page.locator(".fields tbody tr").count() > 1
+    page.click("text=Show all")
     page.focus("g[data-key=cylinder]")
     page.keyboard.press("Enter")
     page.wait_for_selector("text=Values of cylinder.")
@@ -167,7 +177,7 @@ def test_own_recording(server: Server, open_tab: Open) -> None:
     page.click("text=Accept: write layout.toml")
     page.wait_for_selector("text=darker: towards +x")
     assert (server.folder / "layout.toml").read_text() == (measured / "layout.toml").read_text()
-    assert page.locator("figure.plot[data-plot^=force]").count() == 1
+    page.wait_for_selector("figure.plot[data-plot^=force]")
     tab.picture("recording")
 
     whole = page.get_attribute("[data-from]", "data-to")

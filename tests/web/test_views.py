@@ -199,6 +199,8 @@ def test_values_say_where_they_come_from(served: Served) -> None:
         "text": "28 N",
         "number": 28.0,
         "unit": "N",
+        "units": ["N", "mN", "kN"],
+        "component": "cylinder",
         "kind": "given",
         "origin": "",
         "low": 0,
@@ -218,6 +220,55 @@ def test_an_edit_keeps_comments_and_order(served: Served) -> None:
     assert text.startswith('drive = "catalogue:reference"   # made up\n')
     refused = post(served, "/api/edit", {"text": DRIVE, "key": "name.first", "value": "x"}, 400)
     assert "not a table" in refused["problems"][0]["what"]
+
+
+def test_another_unit_converts_the_value(served: Served) -> None:
+    asked = {"text": DRIVE, "key": "friction.coulomb", "value": "28 N", "unit": "kN"}
+    assert post(served, "/api/edit", asked)["text"] == DRIVE.replace("28 N", "0.028 kN")
+    asked = {"text": DRIVE, "key": "supply.pressure", "value": "6.3 bar gauge", "unit": "psi gauge"}
+    text = post(served, "/api/edit", asked)["text"]
+    before, after = (pn.Drive.load(_written(served, one)) for one in (DRIVE, text))
+    assert after.supply.pressure.value_pa == 630_000.0 != before.supply.pressure.value_pa
+    for wrong in ("m", "psi abs", "bar", ""):
+        assert post(served, "/api/edit", asked | {"unit": wrong}, 400)["problems"]
+
+
+LINES = """
+[load]
+mass = "4 kg"
+[load.spring]
+stiffness = "300 N/m"
+rest_position = "100 mm"
+[tubing]
+a = { length = "1 m", diameter = "4 mm" }
+b = { length = "2 m", diameter = "4 mm" }
+[flow_control]
+a = { conductance = "0.5 dm3/(s bar)", critical_pressure_ratio = 0.3 }
+b = { conductance = "0.6 dm3/(s bar)", critical_pressure_ratio = 0.3 }
+"""
+
+
+@pytest.mark.parametrize("is_circuit", [False, True])
+def test_every_symbol_has_its_own_values(served: Served, is_circuit: bool) -> None:
+    text = DRIVE.replace('[load]\nmass = "1.5 kg"\n', "") + LINES
+    if is_circuit:
+        text = pn.Drive.load(_written(served, text)).circuit.to_toml()
+    asked = {"path": "axis.toml", "text": text}
+    drawn = {one["component"] for one in post(served, "/api/drawing", asked)["shapes"]} - {""}
+    assert len(drawn) == 9
+    own: dict[str, set[str]] = {}
+    for one in post(served, "/api/check", asked)["values"]:
+        own.setdefault(one["component"], set()).add(one["key"])
+    assert drawn <= own.keys()
+    if not is_circuit:
+        assert own["tube_b"] >= {"tubing.b.length"}
+        assert not any(key.startswith("tubing.a") for key in own["tube_b"])
+        assert "load.spring.stiffness" in own["spring"]
+        assert "load.mass" in own["load"]
+        assert {"friction.coulomb", "cylinder.bore"} <= own["cylinder"]
+        assert own[""] <= {"ambient.pressure", "ambient.temperature"}
+        alone = post(served, "/api/check", {"path": "axis.toml", "text": DRIVE.split("[load]")[0]})["values"]
+        assert next(one for one in alone if one["key"] == "load.mass")["component"] == "cylinder"
 
 
 def _written(served: Served, text: str) -> str:

@@ -25,6 +25,7 @@ from pneudrive import __version__
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_text
 from pneudrive.start import is_circuit
+from pneudrive.units import in_unit
 from pneudrive.web import description
 from pneudrive.web.asked_run import MOST_PIXELS, WRONG_REQUEST, AskedRun, described_at
 from pneudrive.web.beside import AskedBeside
@@ -253,11 +254,13 @@ class _Views:
         return description.checked(self.workspace, asked["path"], asked["text"])
 
     def edit(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Change one value of a text."""
+        """Change one value of a text; with a unit, write the value in it."""
         asked = _table(body, "text", "key")
         value = asked.get("value")
         if not isinstance(value, str | int | float):
             raise CommandError("the value is neither a text nor a number")
+        if isinstance(unit := asked.get("unit"), str):
+            value = in_unit(str(value), unit)
         return {"text": description.edited(asked["text"], asked["key"], value)}
 
     def drawing(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:

@@ -9,13 +9,17 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from pneudrive.describe.all_values import values_of
-from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.describe.short import expanded
+from pneudrive.errors import CommandError, PneudriveError, Problems
 from pneudrive.start import is_circuit
+from pneudrive.units import like
 from pneudrive.web.asked_run import described_at
 from pneudrive.web.messages import problems_of
 from pneudrive.web.workspace import is_in_catalogue
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pneudrive.describe.all_values import DescribedValue
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
@@ -41,7 +45,8 @@ def checked(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
 
 def fields_of(described: Drive | Circuit) -> dict[str, Any]:
     """Return the name, values, assumptions and commands of a description, and the sliders to begin with."""
-    values = [field_of(one) for one in values_of(described)]
+    owner = _owners(described)
+    values = [field_of(one) | {"component": owner(one.key)} for one in values_of(described)]
     slides = [one["key"] for end in FIRST_SLIDERS for one in values if "low" in one and _ends(one["key"], end)]
     return {
         "name": described.name,
@@ -52,6 +57,24 @@ def fields_of(described: Drive | Circuit) -> dict[str, Any]:
         "sliders": slides[:MOST_SLIDERS],
         "hash": described.description_hash,
     }
+
+
+def _owners(described: Drive | Circuit) -> Callable[[str], str]:
+    """Return what tells of a key the component of the drawing that it belongs to; empty: none."""
+    if is_circuit(described):
+        places = {f"components.{name}": f"components.{name}" for name in described.components}
+    else:
+        tables = described.to_dict() | {"friction": described.friction}
+        places = expanded(tables, Problems()).places | {"components.supply.gas": "gas"}
+    # A part of a table before the whole of it: [load.spring] is a component, and the rest of [load] another.
+    ordered = sorted(places.items(), key=lambda one: -len(one[1]))
+    if not is_circuit(described) and "components.load" not in places:
+        ordered.append(("components.cylinder", "load"))
+
+    def owner(key: str) -> str:
+        return next((at.split(".")[1] for at, own in ordered if key == own or key.startswith(f"{own}.")), "")
+
+    return owner
 
 
 def _ends(key: str, end: str) -> bool:
@@ -71,7 +94,7 @@ def field_of(one: DescribedValue) -> dict[str, Any]:
     low, high = sorted((LOW * number, HIGH * number)) if number else _FROM_ZERO.get(unit, (0.0, 1.0))
     if not unit and 0.0 < number < 1.0:
         high = min(high, 1.0)
-    return {**out, "number": number, "unit": unit, "low": low, "high": high}
+    return {**out, "number": number, "unit": unit, "units": like(unit) if unit else [], "low": low, "high": high}
 
 
 def drawing(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
