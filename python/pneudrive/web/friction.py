@@ -22,7 +22,7 @@ from pneudrive.identify.sliding_fit import SlidingFit
 from pneudrive.identify.with_map import PROBABILITIES, ellipses, profiles, with_map
 from pneudrive.rig.loading import load_rig
 from pneudrive.web.jobs import RIG, AskedJob, folder_name, safe
-from pneudrive.web.lineage import SAME, Lineage
+from pneudrive.web.lineage import MOST_TRACED, SAME, Lineage
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -390,7 +390,7 @@ def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
     }
     if not isinstance(fit, SlidingFit):
         return found | {"why": f"The {fit.TITLE} keeps no samples: Validation compares it with its recordings."}
-    (edge,) = Lineage(workspace).edges(path)
+    (edge,) = Lineage(workspace, MOST_TRACED).edges(path)
     if edge.state != SAME:
         return found | {"why": "Residuals and profiles need the map of the fit, which is not in the folder as it was."}
     table = read_map(workspace.path(edge.path))

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from pneudrive.identify.model import Observations
     from pneudrive.web.workspace import Listed, Workspace
 
-MOST_RESULTS = 500  # that are looked at, the newest
+MOST_CHECKED, MOST_TRACED = 300, 3000  # files of a kind that are looked at, the newest: for all results, for one
 MOST_INPUTS = 100  # of one result
 MOST_BYTES = 200_000_000  # of a recording whose samples are hashed for a page
 #: Results that can have inputs.
@@ -96,6 +96,7 @@ class Lineage:
     """The files of a workspace, as they are now, and what was made from what."""
 
     workspace: Workspace
+    most: int
     _edges: dict[str, list[Edge]] = field(default_factory=dict)
 
     @cached_property
@@ -108,7 +109,7 @@ class Lineage:
         return sorted(self.files.values(), key=lambda one: -one.changed)
 
     def _of_kind(self, *kinds: str) -> list[Listed]:
-        return [one for one in self._newest if one.kind in kinds][:MOST_RESULTS]
+        return [one for one in self._newest if one.kind in kinds][: self.most]
 
     @cached_property
     def _drives(self) -> tuple[dict[str, str], dict[tuple[str, str], list[str]]]:
@@ -125,10 +126,7 @@ class Lineage:
 
     @cached_property
     def _fits(self) -> dict[str, str]:
-        return {self._hash(one): one.path for one in reversed(self._of_kind("fit"))}
-
-    def _hash(self, one: Listed) -> str:
-        return hash_at(self.workspace.path(one.path), one.changed)
+        return {_hash_at(self.workspace, one.path, one.changed): one.path for one in reversed(self._of_kind("fit"))}
 
     @cached_property
     def _recordings(self) -> dict[str, str]:
@@ -229,10 +227,11 @@ class Lineage:
             for one in self.edges(path)
         ]
 
-    @property
-    def results(self) -> Iterator[str]:
-        """The newest files that can have inputs."""
-        return (one.path for one in self._of_kind(*KINDS))
+    @cached_property
+    def results(self) -> list[str]:
+        """All files that can have inputs, the newest first; of recordings those that a simulation may have written."""
+        runs = (one for one in self._newest if one.kind != "recording" or one.path.endswith(".parquet"))
+        return [one.path for one in runs if one.kind in KINDS]
 
     def again(self, path: str) -> dict[str, Any] | None:
         """Return what a page asks for to make a result again from its inputs as they are now; None if it cannot."""
@@ -281,7 +280,7 @@ def _catalogue() -> dict[str, str]:
     return {Drive.load(name).description_hash: name for name in drives}
 
 
-@lru_cache(maxsize=MOST_RESULTS)
+@lru_cache(maxsize=2 * MOST_TRACED)
 def _described(workspace: Workspace, path: str, kind: str, changed: float) -> tuple[str, str]:
     """Return hash and name of the description in a file; empty where there is none."""
     try:
@@ -289,6 +288,11 @@ def _described(workspace: Workspace, path: str, kind: str, changed: float) -> tu
     except PneudriveError:
         found = None
     return ("", "") if found is None else (found.description_hash, found.name)
+
+
+@lru_cache(maxsize=2 * MOST_TRACED)
+def _hash_at(workspace: Workspace, path: str, changed: float) -> str:
+    return hash_at(workspace.path(path), changed)
 
 
 def _law(fit: FrictionFit) -> str:
@@ -299,7 +303,7 @@ def _law(fit: FrictionFit) -> str:
     return next((name for name, law in named if law == own and plain and fit.model.law == fit.law), "")
 
 
-@lru_cache(maxsize=4 * MOST_RESULTS)
+@lru_cache(maxsize=2 * MOST_TRACED)
 def _inputs(workspace: Workspace, path: str, kind: str, _changed: float) -> tuple[Input, ...]:
     """Return the inputs that a file names."""
     try:
@@ -336,7 +340,7 @@ def _of_fit(workspace: Workspace, path: str) -> Iterator[Input]:
 
 
 def _of_drive(workspace: Workspace, path: str) -> Iterator[Input]:
-    drive = drive_at(workspace, path, workspace.path(path).stat().st_mtime)
+    drive = drive_at(workspace, path, workspace.path(path).stat().st_mtime)  # as the list has it
     for key, one in drive.provenance.items() if drive is not None else ():
         if one.fit:
             yield Input("fit", one.source, one.fit, key)
@@ -378,7 +382,7 @@ def _of_campaign(workspace: Workspace, path: str) -> Iterator[Input]:
         yield Input("rig", about["rig"], about["rig_sha256"])
 
 
-@lru_cache(maxsize=MOST_RESULTS)
+@lru_cache(maxsize=2 * MOST_TRACED)
 def _fit_at(workspace: Workspace, path: str, _changed: float) -> AnyFit | None:
     try:
         return read_fit(workspace.path(path))
@@ -395,7 +399,7 @@ def map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | Non
         return None
 
 
-@lru_cache(maxsize=MOST_RESULTS)
+@lru_cache(maxsize=2 * MOST_TRACED)
 def _samples(workspace: Workspace, path: str, _changed: float, *, is_volume: bool) -> str:
     """Return the hash of a recording's samples as fits and validations carry it; empty if it cannot be read."""
     place = workspace.path(path)
@@ -419,18 +423,16 @@ def shown_lineage(workspace: Workspace, path: str) -> dict[str, Any]:
     CommandError
         There is no such file.
     """
-    found = Lineage(workspace)
+    found = Lineage(workspace, MOST_TRACED)
     if path not in found.files and not is_in_catalogue(path):
         raise CommandError(f"there is no {path[:200]} in the folder", remedy="Read the folder again.")
-    made = [one for one in found.results if any(edge.path == path for edge in found.edges(one))]
+    made = [one for one in found.results[:MOST_TRACED] if any(edge.path == path for edge in found.edges(one))]
     again = found.again(path) if path in found.files else None
     return {"path": path, "inputs": found.tree(path), "made": made, "again": again, "stale": found.why_stale(path)}
 
 
 def stale_results(workspace: Workspace) -> dict[str, Any]:
     """Return the results whose inputs changed since, with their names, and how many results were not looked at."""
-    found = Lineage(workspace)
-    looked = list(found.results)
-    stale = {path: why for path in looked if (why := found.why_stale(path))}
-    every = sum(one.kind in KINDS for one in found.files.values())
-    return {"stale": stale, "unchecked": every - len(looked)}
+    found = Lineage(workspace, MOST_CHECKED)
+    stale = {path: why for path in found.results[:MOST_CHECKED] if (why := found.why_stale(path))}
+    return {"stale": stale, "unchecked": max(len(found.results) - MOST_CHECKED, 0)}
