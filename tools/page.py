@@ -86,8 +86,8 @@ def browser() -> Path:
     UNPACKED.mkdir(parents=True, exist_ok=True)
     with (BROWSER / "package-lock.json").open() as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
+        install(BROWSER)  # the tests need axe-core beside the browser
         if not found.is_file():
-            install(BROWSER)
             environment = {**os.environ, "TMPDIR": str(UNPACKED)}
             if not libraries():
                 environment |= WITH_LIBRARIES

@@ -189,6 +189,12 @@ function isDense(u: uPlot, series: number): boolean {
   return turns > u.bbox.width / 4;
 }
 
+/** Whether a column lies on a stroke of a dash, not in a gap. */
+export function isInDash(column: number, dash: number[]): boolean {
+  let at = column % dash.reduce((sum, one) => sum + one, 0);
+  return !dash.length || dash.findIndex((one) => (at -= one) < 0) % 2 === 0;
+}
+
 const path: uPlot.Series.PathBuilder = (u, series, from, to) => (isDense(u, series) ? null : uPlot.paths.linear!()(u, series, from, to));
 
 /**
@@ -228,8 +234,10 @@ function columns(u: uPlot, series: number): void {
   }
   u.ctx.save();
   u.ctx.fillStyle = (u.series[series]!.stroke as () => string)();
+  const dash = (u.series[series]!.dash ?? []).map((one) => one * devicePixelRatio);
   for (let k = 0; k < width; k++) {
     const [from, to] = [Math.max(low[k]! - half, 0), Math.min(high[k]! + half, height)];
+    u.ctx.globalAlpha = isInDash(k, dash) ? 1 : 0.4; // a gap of the dash is pale: no value is left out
     if (to > from) u.ctx.fillRect(left + k, top + from, 1, to - from);
   }
   u.ctx.restore();

@@ -106,7 +106,8 @@ def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | N
 
 def find_layout(file: Path) -> Layout | None:
     """Load ``layout.toml`` from the folder of a file, or from the one above; None if there is none."""
-    there = [f / "layout.toml" for f in (file.parent, file.parent.parent) if (f / "layout.toml").is_file()]
+    above = file.parent.parent if file.parent.parts else Path("..")  # of a bare name both would be "."
+    there = [f / "layout.toml" for f in (file.parent, above) if (f / "layout.toml").is_file()]
     return Layout.load(there[0]) if there else None
 
 

@@ -178,6 +178,14 @@ def test_a_mistake_is_one_message_with_its_line(tmp_path, old, new, line, words)
     assert f"layout.toml:{line}" in str(caught.value)
 
 
+def test_the_layout_of_the_folder_above_holds_for_a_bare_name_too(tmp_path, monkeypatch):
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "layout.toml").write_text(PLAIN)
+    (tmp_path / "inner" / "NBR_1bar.txt").write_text("".join(f"{10 * k} {k} 1 {3 * k}\n" for k in range(30)))
+    monkeypatch.chdir(tmp_path / "inner")
+    assert load_recordings(["NBR_1bar.txt"])[0].position_m[-1] == 0.029
+
+
 def test_no_layout_an_empty_one_and_one_that_is_not_there(tmp_path):
     from pneudrive.errors import RecordingError
 
