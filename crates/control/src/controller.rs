@@ -2,8 +2,10 @@
 
 use crate::adaptation::Adaptation;
 use crate::course::Course;
-use crate::gains::{Gain, Gains};
-use crate::law::{Fuzzy, Inversion, Law, Nmpc, Pid, Plant, Pva, Sliding, SuperTwisting, Tick, Tuned};
+use crate::gains::{FACTOR_BOUNDS, FACTORS, Gain, Gains};
+use crate::law::{
+    FACTORED, Fuzzy, Inversion, Law, Nmpc, Pid, Plant, Pva, Sliding, SuperTwisting, Tick, Tuned,
+};
 use crate::model::{Edges, Model};
 use crate::number::{Memory, Number};
 use crate::observer::{Noise, Observer, Observing, Sample, State};
@@ -147,10 +149,14 @@ pub struct Controller<L = AnyLaw, S = f64> {
     pub period: f64,
     /// Who stands in front of the law, if anybody.
     pub supervisor: Option<Box<Supervisor>>,
+    /// Of [`FACTORS`](crate::FACTORS), which its gains are multiplied by.
+    pub(crate) factors: [f64; FACTORS.len()],
     pub(crate) takeover: Takeover,
     /// The observer that it has.
     pub observing: Observing,
     pub(crate) noise: Noise,
+    /// The largest jerk of the reference, m/s3.
+    pub(crate) jerk: f64,
     pub(crate) observer: Option<Observer<S>>,
     pub(crate) friction: Option<S>,
     /// The force that breaks a resting drive away, N.
@@ -247,9 +253,11 @@ impl Controller {
             period,
             observing: Observing::default(),
             noise,
+            jerk: 0.0,
             observer: None,
             friction: None,
             push: 0.0,
+            factors: [1.0; FACTORS.len()],
         })
     }
 
@@ -278,6 +286,9 @@ impl Controller {
     /// The command for a sample, on the way along a reference; [`Controller::give`] comes next. Without a supervisor a
     /// sample that is no number gives a command that is none.
     pub fn decide(&mut self, sample: &Sample, reference: &Reference) -> Answer {
+        if self.observer.is_none() && matches!(self.observing, Observing::Levant(_)) {
+            self.jerk = reference.most_jerk();
+        }
         if let Some(mut supervisor) = self.supervisor.take() {
             let answer = supervisor.decide(self, sample, reference);
             self.supervisor = Some(supervisor);
@@ -349,6 +360,7 @@ impl Controller {
     /// Another law takes over without a bump: its command begins at that of the law before.
     pub fn switch(&mut self, law: AnyLaw) {
         self.law = law;
+        self.factors = [1.0; FACTORS.len()];
         self.takeover.ramps.clear();
         self.takeover.bump = Some(Bump { begin: None, offset: 0.0 });
     }
@@ -360,6 +372,47 @@ impl Controller {
         self.takeover.ramps.retain(|own| own.key != key);
         self.takeover.ramps.push(Ramp { key, begin: None, from, to });
         true
+    }
+
+    /// The gains go to those of other factors, of [`FACTORS`](crate::FACTORS), in 0.2 s. A factor that is none, or means
+    /// nothing to the law, is refused in words, and nothing changes.
+    pub fn scale(&mut self, factors: [f64; FACTORS.len()]) -> Result<(), String> {
+        let law = self.law.key();
+        let mut changes = Vec::new();
+        for ((key, before), now) in FACTORS.iter().zip(self.factors).zip(factors) {
+            if !now.is_finite() || !FACTOR_BOUNDS.contain(now) {
+                return Err(format!("factors.{key} = {now} is out of bounds: it must be {FACTOR_BOUNDS}"));
+            }
+            let own = FACTORED.iter().find(|own| own.law == law && own.key == *key);
+            match own {
+                Some(own) => changes.push((own.gain, now / before)),
+                None if now == 1.0 => {}
+                None => {
+                    let known = FACTORED.iter().filter(|own| own.law == law).map(|own| own.key);
+                    let known: Vec<_> = known.collect();
+                    let has = if known.is_empty() { "none".into() } else { known.join(", ") };
+                    return Err(format!(
+                        "factors.{key} = {now}: it means nothing to the law {law}, whose factors are {has}. Leave it out"
+                    ));
+                }
+            }
+        }
+        for (gain, by) in changes {
+            let on_its_way = self.takeover.ramps.iter().find(|own| own.key == gain).map(|own| own.to);
+            let found = self.law.gains().find(|own| own.0.key == gain).map(|own| *own.1);
+            if let Some(value) = on_its_way.or(found) {
+                self.retune(gain, value * by);
+            }
+        }
+        self.factors = factors;
+        Ok(())
+    }
+
+    /// Gains are where they go at once: for a law that has not begun.
+    pub fn arrive(&mut self) {
+        for own in std::mem::take(&mut self.takeover.ramps) {
+            self.law.gains().filter(|(gain, _)| gain.key == own.key).for_each(|(_, gain)| *gain = own.to);
+        }
     }
 
     /// Gains on their way at a time, s.
@@ -424,9 +477,10 @@ impl Controller {
 impl<S: Number, L: Law<S>> Controller<L, S> {
     /// Takes over a sample.
     pub(crate) fn observe(&mut self, sample: &Sample<S>) {
-        let Controller { model, period, noise, observing, .. } = self;
-        let observer =
-            self.observer.get_or_insert_with(|| Observer::new(model, sample, (*period, *noise), observing));
+        let Controller { model, period, noise, observing, jerk, .. } = self;
+        let observer = self
+            .observer
+            .get_or_insert_with(|| Observer::new(model, sample, (*period, *noise), (observing, *jerk)));
         observer.update(model, sample);
         self.friction.get_or_insert(observer.state.friction);
     }

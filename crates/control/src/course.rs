@@ -1,6 +1,6 @@
 //! What a law follows: a reference, or a place to stand at, and the way there from where the drive is.
 
-use crate::reference::{PEAKS, Reference, Wanted, series};
+use crate::reference::{PEAKS, Reference, Wanted, blend, series};
 
 /// A way that starts with a distance, a speed and an acceleration and ends without any, with three continuous
 /// derivatives: with s the share of its duration T,
@@ -78,18 +78,74 @@ const STEEPEST: f64 = 1.875;
 const LEAST_STOP: f64 = 0.02;
 const LEAST_BACK: f64 = 0.2;
 
+/// A clock whose rate changes from a time on, within 0.2 s and with three continuous derivatives of its time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slowed {
+    /// When, s, and its own time then, s.
+    begin: [f64; 2],
+    /// Its rate until then, and behind the change.
+    rates: [f64; 2],
+}
+
+/// Time in which a clock slows down, s (assumed).
+const SLOWS: f64 = 0.2;
+
+impl Slowed {
+    /// The clock of the samples up to a time, s, or another one from there on, with a share of its rate.
+    pub fn from(before: Option<Self>, t: f64, share: f64) -> Self {
+        let [time, rate, ..] = before.map_or([t, 1.0, 0.0, 0.0], |own| own.at(t));
+        Slowed { begin: [t, time], rates: [rate, share * rate] }
+    }
+
+    /// The rate that it comes to.
+    pub fn rate(&self) -> f64 {
+        self.rates[1]
+    }
+
+    /// The time at which it has that rate, s.
+    pub fn end(&self) -> f64 {
+        self.begin[0] + SLOWS
+    }
+
+    /// Its time, s, and three derivatives at a time, s.
+    fn at(&self, t: f64) -> [f64; 4] {
+        let ([begin, time], [before, behind]) = (self.begin, self.rates);
+        let (s, less) = (((t - begin) / SLOWS).clamp(0.0, 1.0), behind - before);
+        let [gone, slope, bend, _] = blend(s);
+        // The integral of the blend up to s.
+        let so_far = s.powi(5) * (7.0 + s * (-14.0 + s * (10.0 - 2.5 * s)));
+        let over = (t - begin - SLOWS).max(0.0);
+        let time = time + before * (t - begin) + less * (SLOWS * so_far + over);
+        [time, before + less * gone, less * slope / SLOWS, less * bend / (SLOWS * SLOWS)]
+    }
+
+    /// Where a reference is by this clock.
+    pub fn along(&self, reference: &Reference, t: f64) -> Wanted {
+        let [time, rate, slows, bends] = self.at(t);
+        let Wanted { position, velocity: v, acceleration: a, jerk: j } = reference.at(time);
+        Wanted {
+            position,
+            velocity: v * rate,
+            acceleration: a * rate * rate + v * slows,
+            jerk: j * rate.powi(3) + 3.0 * a * rate * slows + v * bends,
+        }
+    }
+}
+
 /// What a law follows.
 #[derive(Clone, Copy, Debug)]
 pub struct Course<'a> {
     /// The reference; none: it stands.
     reference: Option<&'a Reference>,
+    /// The clock that it goes by, if that is another one.
+    clock: Option<Slowed>,
     stands_at: f64,
     fade: Option<Fade>,
 }
 
 impl<'a> From<&'a Reference> for Course<'a> {
     fn from(reference: &'a Reference) -> Self {
-        Course { reference: Some(reference), stands_at: 0.0, fade: None }
+        Course { reference: Some(reference), clock: None, stands_at: 0.0, fade: None }
     }
 }
 
@@ -101,18 +157,24 @@ impl<'a> Course<'a> {
 
     /// To a place, m, where a way ends.
     pub fn to_stand(at: f64, fade: Fade) -> Self {
-        Course { reference: None, stands_at: at, fade: Some(fade) }
+        Course { reference: None, clock: None, stands_at: at, fade: Some(fade) }
     }
 
-    /// The reference, if there is nothing beside it.
+    /// The same by another clock.
+    #[must_use]
+    pub fn by(self, clock: Option<Slowed>) -> Self {
+        Course { clock, ..self }
+    }
+
+    /// The reference, if there is nothing beside it and its clock is that of the samples.
     pub fn reference(&self) -> Option<&'a Reference> {
-        self.reference.filter(|_| self.fade.is_none())
+        self.reference.filter(|_| self.fade.is_none() && self.clock.is_none())
     }
 
     /// Where the drive is to be at a time, s.
     pub fn at(&self, t: f64) -> Wanted {
         let base = match self.reference {
-            Some(reference) => reference.at(t),
+            Some(reference) => self.clock.map_or_else(|| reference.at(t), |own| own.along(reference, t)),
             None => Wanted { position: self.stands_at, ..Wanted::default() },
         };
         let Some(fade) = self.fade else { return base };
@@ -127,7 +189,8 @@ impl<'a> Course<'a> {
 
     /// Whether it stands still from a time on for `span` s.
     pub fn stands(&self, t: f64, span: f64) -> bool {
+        let time = self.clock.map_or(t, |own| own.at(t)[0]);
         self.fade.is_none_or(|fade| fade.end() <= t)
-            && self.reference.is_none_or(|reference| reference.stands(t, span))
+            && self.reference.is_none_or(|reference| reference.stands(time, span))
     }
 }

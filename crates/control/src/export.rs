@@ -104,6 +104,8 @@ pub fn program(controller: &Controller, with_pressures: bool) -> Result<Program,
         ($($law:ident),*) => {
             match &controller.law {
                 $(AnyLaw::$law(law) => Ok(Recorder { controller, with_pressures }.program(|gain| law.in_numbers(gain)),),)*
+                AnyLaw::Fuzzy(law) => Ok(Recorder { controller, with_pressures }
+                    .program(|gain| law.in_numbers(gain).inferring(law.inference()))),
                 AnyLaw::Nmpc(_) => Err(
                     "nmpc cannot be exported: its search for limits of the moves depends on numbers. Export inversion or \
                      super-twisting, or call the compiled core".into(),
@@ -117,7 +119,7 @@ pub fn program(controller: &Controller, with_pressures: bool) -> Result<Program,
                     one proportional 5/3 valve, or call the compiled core"
             .into());
     }
-    any!(Pid, Pva, Fuzzy, Sliding, SuperTwisting, Inversion)
+    any!(Pid, Pva, Sliding, SuperTwisting, Inversion)
 }
 
 struct Recorder<'c> {
@@ -171,7 +173,7 @@ impl Recorder<'_> {
         let Controller { model, period, noise, observing, .. } = self.controller;
         let sample =
             |k: u32| Sample { time: -f64::from(k) * period, position: 0.5 * model.stroke, pressures: None };
-        let mut own = Observer::new(model, &sample(SETTLED), (*period, *noise), observing);
+        let mut own = Observer::new(model, &sample(SETTLED), (*period, *noise), (observing, 0.0));
         for k in (0..=SETTLED).rev() {
             own.update(model, &sample(k));
             own.spool.command(sample(k).time + model.valve.delay, 0.0);
@@ -195,9 +197,11 @@ impl Recorder<'_> {
             takeover: Takeover::default(),
             observing: observing.clone(),
             noise: *noise,
+            jerk: 0.0,
             observer: Some(observer.at_rest()),
             friction: Some(Traced::zero()),
             push: Traced::zero(),
+            factors: self.controller.factors,
         }
     }
 
@@ -262,7 +266,8 @@ impl Recorder<'_> {
         let mut results = Vec::new();
         match piece {
             Piece::Begin => {
-                let mut first = Observer::new(&own.model, &at, (own.period, own.noise), &own.observing);
+                let mut first =
+                    Observer::new(&own.model, &at, (own.period, own.noise), (&own.observing, 0.0));
                 first.update(&own.model, &at);
                 own.friction = Some(first.state.friction);
                 if let Some(observer) = &mut own.observer {

@@ -17,6 +17,36 @@ pub struct Gain {
     pub rule: &'static str,
 }
 
+/// A choice of a law: one word of some.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Choice {
+    /// The word of the law.
+    pub law: &'static str,
+    /// Its name in the law's table of a controller file.
+    pub key: &'static str,
+    /// The words; the first one is usual.
+    pub options: &'static [&'static str],
+    /// Its meaning, in words.
+    pub meaning: &'static str,
+}
+
+/// What a factor of a controller file multiplies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Factor {
+    /// The word of the law.
+    pub law: &'static str,
+    /// Its name: [`FACTORS`].
+    pub key: &'static str,
+    /// The gain.
+    pub gain: &'static str,
+}
+
+/// Names of the factors.
+pub const FACTORS: [&str; 3] = ["gain", "damping", "filter"];
+
+/// Values that a factor may take.
+pub const FACTOR_BOUNDS: Bounds = physics::within(0.1, 10.0);
+
 /// What has gains.
 pub trait Gains {
     /// Its gains.

@@ -2,24 +2,59 @@
 
 mod fuzzy;
 mod inversion;
-mod nmpc;
+/// Nonlinear predictive control.
+pub mod nmpc;
 mod pid;
 mod pva;
 mod sliding;
 
 use crate::course::Course;
-use crate::gains::Gains;
+use crate::gains::{Choice, Factor, Gains};
 use crate::model::Model;
 use crate::number::{Memory, Number};
 use crate::observer::State;
 use crate::reference::Wanted;
 use crate::spool::Spool;
-pub use fuzzy::{Fuzzy, sugeno};
+pub use fuzzy::{Fuzzy, Inference, mamdani, sugeno};
 pub use inversion::Inversion;
-pub use nmpc::Nmpc;
+pub use nmpc::{Nmpc, Predicting, Predictor};
 pub use pid::Pid;
 pub use pva::Pva;
 pub use sliding::{Sliding, SuperTwisting};
+
+/// Choices of laws.
+pub const CHOICES: &[Choice] = &[
+    Choice {
+        law: "nmpc",
+        key: "predictor",
+        options: &["model", "circuit"],
+        meaning: "who runs the horizon: the model in fixed steps, or the circuit that the law believes in, whatever it has",
+    },
+    Choice {
+        law: "fuzzy",
+        key: "inference",
+        options: Inference::WORDS,
+        meaning: "products and singletons, or minimum, maximum and centroid",
+    },
+];
+
+/// What a factor of a controller file multiplies; a factor that stands for no gain of a law means nothing to it.
+pub const FACTORED: &[Factor] = &[
+    Factor { law: "pid", key: "gain", gain: "gain" },
+    Factor { law: "pid", key: "damping", gain: "derivative_time" },
+    Factor { law: "pid", key: "filter", gain: "filter_time" },
+    Factor { law: "fuzzy", key: "gain", gain: "gain" },
+    Factor { law: "fuzzy", key: "damping", gain: "derivative_time" },
+    Factor { law: "fuzzy", key: "filter", gain: "filter_time" },
+    Factor { law: "pva", key: "gain", gain: "bandwidth" },
+    Factor { law: "sliding-mode", key: "gain", gain: "bandwidth" },
+    Factor { law: "sliding-mode", key: "damping", gain: "width" },
+    Factor { law: "super-twisting", key: "gain", gain: "bandwidth" },
+    Factor { law: "super-twisting", key: "damping", gain: "band" },
+    Factor { law: "inversion", key: "gain", gain: "bandwidth" },
+    Factor { law: "nmpc", key: "gain", gain: "bandwidth" },
+    Factor { law: "nmpc", key: "damping", gain: "move_penalty" },
+];
 
 /// What a drive is to its law at a place, from its description alone.
 #[derive(Clone, Copy, Debug)]

@@ -22,10 +22,12 @@ pub mod valves;
 
 pub use adaptation::Adaptation;
 pub use controller::{Answer, AnyLaw, Controller, Hold, LAWS};
-pub use course::{Course, Fade};
+pub use course::{Course, Fade, Slowed};
 pub use feasibility::{Demand, demand, least_factor};
-pub use gains::{Gain, Gains};
-pub use law::{Law, Plant, Tick, Tuned, sugeno};
+pub use gains::{Choice, FACTOR_BOUNDS, FACTORS, Factor, Gain, Gains};
+pub use law::{
+    CHOICES, FACTORED, Inference, Law, Nmpc, Plant, Predicting, Predictor, Tick, Tuned, mamdani, nmpc, sugeno,
+};
 pub use model::{Edges, Held, Model, Openings, Side, Valve};
 pub use number::{Memory, Number};
 pub use observer::{Lugre, Noise, OBSERVERS, Observer, Observing, Sample, State};

@@ -97,6 +97,9 @@ pub enum Reference {
 /// Numbers of a polynomial of a reference.
 pub const COEFFICIENTS: usize = 10;
 
+/// Moments of a move, of a polynomial and of two periods of a sine at which a reference is looked at.
+const MOMENTS: u32 = 200;
+
 /// A polynomial over a time: position, m, over the share of the time that has passed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
@@ -174,6 +177,28 @@ impl Reference {
     pub fn slowed(&self, t: f64, factor: f64) -> Wanted {
         let Wanted { position, velocity, acceleration, jerk } = self.at(t / factor);
         Wanted::at_rate([position, velocity, acceleration, jerk], 1.0 / factor)
+    }
+
+    /// Shows where it is at many moments from a time on, s, in which it has all that it will have.
+    pub fn ahead(&self, from: f64, see: &mut dyn FnMut(Wanted)) {
+        let mut along = |begin: f64, duration: f64| {
+            if begin + duration > from {
+                (0..=MOMENTS)
+                    .for_each(|k| see(self.at(begin + duration * f64::from(k) / f64::from(MOMENTS))));
+            }
+        };
+        match self {
+            Reference::Moves { moves, .. } => moves.iter().for_each(|own| along(own.begin, own.duration)),
+            Reference::Pieces { pieces, .. } => pieces.iter().for_each(|own| along(own.begin, own.duration)),
+            Reference::Sine { frequency, .. } => along(from.max(0.0), 2.0 / frequency),
+        }
+    }
+
+    /// The largest jerk of these moments, m/s3.
+    pub fn most_jerk(&self) -> f64 {
+        let mut most = 0.0_f64;
+        self.ahead(f64::NEG_INFINITY, &mut |own| most = most.max(own.jerk.abs()));
+        most
     }
 
     /// Whether it stands still from a time on for `span` s.

@@ -11,7 +11,7 @@ mod motion;
 mod position;
 
 use crate::controller::{Answer, AnyLaw, Controller};
-use crate::course::{Course, Fade};
+use crate::course::{Course, Fade, Slowed};
 use crate::model::Model;
 use crate::observer::{Sample, State};
 use crate::reference::{Reference, Wanted};
@@ -31,6 +31,8 @@ pub enum Reaction {
     Stop,
     /// The valve is shut at once.
     Block,
+    /// The reference is slowed in time until its commands are within the valve's; where that does not help, a stop ramp.
+    Slow,
 }
 
 /// What a supervisor watches.
@@ -148,6 +150,10 @@ pub struct Supervisor {
     /// Time of the last sample, s, and what the clock is to be corrected by.
     clock: Option<f64>,
     correction: f64,
+    /// The reference is slowed as long as commands are full; its clock, and for how long they have been, s.
+    slows: bool,
+    slowed: Option<Slowed>,
+    full_for: f64,
     /// Reference and course at the last sample.
     asked: Option<Wanted>,
     followed: Option<Wanted>,
@@ -178,6 +184,12 @@ const APART: f64 = 2e-3;
 const TRUSTED: f64 = 0.08;
 /// Shares of the way by which the model may be wrong before it brakes, and while it does (assumed).
 const MARGINS: [f64; 2] = [0.5, 1.5];
+/// Command that is full, and for how long, s, until a reference is slowed, by this share of its rate, down to this rate
+/// (assumed).
+const FULL: f64 = 0.95;
+const FULL_FOR: f64 = 0.02;
+const SLOWER: f64 = 0.8;
+const SLOWEST: f64 = 0.05;
 /// Unknown force, as a share of the Coulomb friction, behind which a supply may have fallen (assumed).
 const MISSING: f64 = 2.0;
 
@@ -196,6 +208,9 @@ impl Supervisor {
             motion: Motion::default(),
             clock: None,
             correction: 0.0,
+            slows: false,
+            slowed: None,
+            full_for: 0.0,
             asked: None,
             followed: None,
             command: 0.0,
@@ -225,8 +240,11 @@ impl Supervisor {
     pub(crate) fn decide(&mut self, own: &mut Controller, sample: &Sample, reference: &Reference) -> Answer {
         let mut sample = *sample;
         let skipped = self.keep_time(own.period, &mut sample);
-        let asked = reference.at(sample.time);
         let returns = self.inputs.enabled && self.mode == Mode::Off;
+        if returns {
+            (self.slows, self.slowed) = (false, None);
+        }
+        let asked = Course::from(reference).by(self.slowed).at(sample.time);
         if returns && (self.position.is_lost() || self.gas.is_lost() || self.stands_by) {
             // What was lost may be back: all begins anew.
             own.restart();
@@ -246,10 +264,13 @@ impl Supervisor {
         }
         self.check_reference(own, &sample, &asked);
         self.check_inputs(own, &sample, &state);
-        if let Some(reaction) = reaction {
-            self.react(own, &sample, reaction);
+        match reaction {
+            Some(Reaction::Slow) => self.slows = true,
+            Some(reaction) => self.react(own, &sample, reaction),
+            None => {}
         }
-        let course = self.course(sample.time, &state, reference);
+        self.slow(own, &sample);
+        let course = self.course(sample.time, &state, reference).by(self.slowed);
         let mut answer = self.ask(own, &sample, &course);
         if !asked.position.is_nan() {
             answer.wanted = asked;
@@ -358,6 +379,22 @@ impl Supervisor {
             }
             _ => {}
         }
+    }
+
+    /// Slows the reference as long as the law asks for all that the valve has, on a supply that has fallen.
+    fn slow(&mut self, own: &Controller, sample: &Sample) {
+        let is_over = self.slowed.is_none_or(|clock| clock.end() <= sample.time);
+        let is_full = self.command.abs() >= FULL && self.mode == Mode::Follows;
+        self.full_for = if is_full && is_over { self.full_for + own.period } else { 0.0 };
+        if !self.slows || self.full_for < FULL_FOR {
+            return;
+        }
+        let clock = Slowed::from(self.slowed, sample.time, SLOWER);
+        if clock.rate() < SLOWEST {
+            return self.react(own, sample, Reaction::Stop);
+        }
+        self.log.tell(sample.time, EventKind::Slowed, 1.0 / clock.rate());
+        self.slowed = Some(clock);
     }
 
     fn stop(&mut self, own: &Controller, sample: &Sample, (kind, value): (EventKind, f64)) {

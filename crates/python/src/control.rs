@@ -4,7 +4,10 @@ use crate::convert::{Table, Teller, parse, to_python, watched};
 use crate::network::PyCircuit;
 use circuit::Look;
 use control::export::program;
-use control::{AnyLaw, Demand, EventKind, Gain, LAWS, OBSERVERS, Own, OwnLaw, Reference, SIGNALS, Seen};
+use control::{
+    AnyLaw, CHOICES, Demand, EventKind, FACTORED, Gain, LAWS, OBSERVERS, Own, OwnLaw, Reference, SIGNALS,
+    Seen,
+};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use ode::Options;
 use pyo3::exceptions::PyValueError;
@@ -24,6 +27,18 @@ pub fn control_laws() -> Vec<&'static str> {
 #[pyfunction]
 pub fn control_observers() -> Vec<&'static str> {
     OBSERVERS.to_vec()
+}
+
+/// Choices of laws: law, key, words, the first of which is usual, and meaning.
+#[pyfunction]
+pub fn control_choices() -> Vec<(&'static str, &'static str, Vec<&'static str>, &'static str)> {
+    CHOICES.iter().map(|own| (own.law, own.key, own.options.to_vec(), own.meaning)).collect()
+}
+
+/// What factors multiply: law, factor, gain.
+#[pyfunction]
+pub fn control_factors() -> Vec<(&'static str, &'static str, &'static str)> {
+    FACTORED.iter().map(|own| (own.law, own.key, own.gain)).collect()
 }
 
 /// Key, unit, value, meaning of a gain, and the rule that it follows from the drive by.

@@ -5,6 +5,7 @@
 mod air;
 mod belief;
 pub mod faults;
+mod horizon;
 mod noise;
 mod run;
 mod sensor;
@@ -12,6 +13,7 @@ pub mod specification;
 mod valves;
 
 pub use belief::{Axis, belief};
+pub use horizon::ByCircuit;
 pub use noise::{Noise, philox};
 pub use run::{COLUMNS, Loop, Turn, controller};
 pub use sensor::{Encoder, Sensor};

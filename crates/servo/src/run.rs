@@ -3,13 +3,15 @@
 use crate::air::drawn;
 use crate::belief::{Axis, belief};
 use crate::faults::Faults;
+use crate::horizon::ByCircuit;
 use crate::noise::Noise;
 use crate::refuse;
 use crate::sensor::{Encoder, Sensor};
 use crate::specification;
 use circuit::{Error, Look, Session};
 use control::{
-    Answer, AnyLaw, Controller, Gain, LAWS, OBSERVERS, Observing, Reference, Rules, Sample, Valves,
+    Answer, AnyLaw, CHOICES, Controller, FACTORS, Gain, Inference, LAWS, Nmpc, OBSERVERS, Observing,
+    Predicting, Reference, Rules, Sample, Tuned, Valves,
 };
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -28,6 +30,9 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
     };
     let law = controller.law.key();
     set(&format!("the law {law}"), law, controller.law.gains().collect(), &spec.gains)?;
+    choose(&mut controller, spec, &axis)?;
+    controller.scale(spec.factors).map_err(Error::Specification)?;
+    controller.arrive();
     let pulses = controller.model.valve.arrangement.acts_for(period);
     if pulses < period * (1.0 - 1e-9) {
         return refuse(format!(
@@ -43,11 +48,21 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
         );
     }
     if let Some(specification::ObserverChoice { kind, numbers }) = &spec.observer {
-        let Some(own) = Observing::tuned(kind) else {
+        let Some(own) = Observing::tuned(kind, &model, &controller.plant) else {
             return refuse(format!("there is no observer \"{kind}\"; there are {}", OBSERVERS.join(", ")));
         };
         controller.observing = own;
         set(&format!("the observer {kind}"), "observer", controller.observing.gains(), numbers)?;
+    }
+    let standby = spec.supervision.as_ref().and_then(|own| own.standby.as_deref());
+    let plans = [Some(law), standby].contains(&Some(Nmpc::KEY));
+    if plans && matches!(controller.observing, Observing::Levant(_)) {
+        return refuse(format!(
+            "observer.kind = \"{}\" and the law {}: its plan needs the friction of the contact, which no differentiator knows. \
+             Take another observer, or another law",
+            controller.observing.key(),
+            Nmpc::KEY
+        ));
     }
     if !spec.adaptation {
         controller.adaptation = None;
@@ -63,6 +78,31 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
         }
     }
     Ok((controller, axis))
+}
+
+/// Gives a law the words that are chosen for it.
+fn choose(controller: &mut Controller, spec: &specification::Controller, axis: &Axis) -> Result<(), Error> {
+    let word = controller.law.key();
+    for (key, option) in &spec.choices {
+        let Some(choice) = CHOICES.iter().find(|own| own.law == word && own.key == key) else {
+            return refuse(format!("the law {word} has no choice \"{key}\""));
+        };
+        if !choice.options.contains(&option.as_str()) {
+            let options = choice.options.join(", ");
+            return refuse(format!("{word}.{key} = \"{option}\": choose of {options}"));
+        }
+        match &mut controller.law {
+            AnyLaw::Nmpc(law) if option == "circuit" => {
+                let circuit = ByCircuit::new(&spec.belief, axis, &controller.model)?;
+                law.predict_by(Predicting::By(Box::new(circuit)));
+            }
+            AnyLaw::Fuzzy(law) => {
+                *law = law.clone().inferring(Inference::called(option).unwrap_or_default());
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 /// Gives values to numbers of what is called so, under this name of their table.
@@ -128,6 +168,8 @@ pub struct Loop {
     switches: bool,
     commanded: Vec<f64>,
     faults: Faults,
+    /// Times, s, from which on a user has other factors.
+    factors: Vec<(f64, [f64; FACTORS.len()])>,
     jitter: [f64; 4],
     /// Both pressures at the last sample, as they were and behind the sensors' lag.
     last: Option<[[f64; 2]; 2]>,
@@ -186,6 +228,7 @@ impl Loop {
         }
         Ok(Loop {
             faults,
+            factors: setup.factors.clone(),
             jitter: setup.jitter_s,
             commands: (axis.valves.iter())
                 .map(|valve| input(&session, format!("{valve}.command")))
@@ -240,6 +283,10 @@ impl Loop {
                 self.computing_time
             ));
         }
+        let mut scaled = controller.clone();
+        for &(_, factors) in &self.factors {
+            scaled.scale(factors).map_err(Error::Specification)?;
+        }
         let stroke = controller.model.stroke;
         let free = Rules::default();
         let rules = controller.supervisor.as_ref().map_or(&free, |own| &own.rules);
@@ -290,6 +337,10 @@ impl Loop {
         let t = sample.time;
         if let Some(supervisor) = &mut controller.supervisor {
             supervisor.inputs = self.faults.inputs(t, truth[0]);
+        }
+        let (begin, end) = (t - 0.5 * period, t + 0.5 * period);
+        for &(_, factors) in self.factors.iter().filter(|own| (begin..end).contains(&own.0)) {
+            controller.scale(factors).map_err(Error::Specification)?;
         }
         let seen = self.faults.spoil(&sample);
         let reference = self.faults.reference(t, reference);

@@ -2,7 +2,7 @@
 
 use crate::sensor::{Encoder, Sensor};
 use circuit::specification::Circuit;
-use control::{COEFFICIENTS, MotionRules, Move, Piece, Reaction, Reference, Rules};
+use control::{COEFFICIENTS, FACTORS, MotionRules, Move, Piece, Reaction, Reference, Rules};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -17,6 +17,12 @@ pub struct Controller {
     /// Gains by their keys; those that are left out follow from the drive.
     #[serde(default)]
     pub gains: BTreeMap<String, f64>,
+    /// Words that the law has to choose, by their keys; those that are left out are usual.
+    #[serde(default)]
+    pub choices: BTreeMap<String, String>,
+    /// Factors of its gains: gain, damping, filter.
+    #[serde(default = "ones")]
+    pub factors: [f64; FACTORS.len()],
     /// Numbers of the valves by their keys, where there is more than one proportional valve; likewise.
     #[serde(default)]
     pub valves: BTreeMap<String, f64>,
@@ -36,6 +42,10 @@ pub struct Controller {
 
 fn once() -> u32 {
     1
+}
+
+fn ones() -> [f64; FACTORS.len()] {
+    [1.0; FACTORS.len()]
 }
 
 fn yes() -> bool {
@@ -185,6 +195,9 @@ pub struct Setup {
     /// What goes wrong.
     #[serde(default)]
     pub faults: Vec<Fault>,
+    /// A time, s, from which on a user has these factors: gain, damping, filter.
+    #[serde(default)]
+    pub factors: Vec<(f64, [f64; FACTORS.len()])>,
 }
 
 /// What a fault acts on.
@@ -273,6 +286,8 @@ pub enum Answering {
     Stop,
     /// The valve is shut at once.
     Block,
+    /// The reference is slowed in time.
+    Slow,
 }
 
 impl From<Answering> for Reaction {
@@ -281,6 +296,7 @@ impl From<Answering> for Reaction {
             Answering::Tell | Answering::Model => Reaction::Tell,
             Answering::Stop => Reaction::Stop,
             Answering::Block => Reaction::Block,
+            Answering::Slow => Reaction::Slow,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 mod axis;
 
-use axis::{MEAN, axis, begin, session, setup};
+use axis::{MEAN, axis, begin, rubbing, session, setup};
 use circuit::Look;
 use circuit::specification::{Circuit, Component};
 use control::{Move, Reference};
@@ -96,17 +96,6 @@ fn predictive_control_learns_friction_mass_and_valve_of_its_drive() {
     assert!((valve.overlap - 0.03).abs() < 0.002, "overlap {}", valve.overlap);
 }
 
-/// The axis with a mass, kg, and another law of friction with these parameters.
-fn rubbing(mass: f64, law: &str, parameters: &[(&str, f64)]) -> Circuit {
-    let mut plant = axis();
-    let cylinder = plant.components.iter_mut().find(|own| own.name == "cylinder").expect("a cylinder");
-    cylinder.numbers.insert("moving_mass".into(), mass);
-    let friction = cylinder.friction.as_mut().expect("friction");
-    friction.law = law.into();
-    friction.parameters = parameters.iter().map(|(key, value)| ((*key).into(), *value)).collect();
-    plant
-}
-
 /// A light piston whose seal is elastic up to a breakaway 11 N above its sliding friction: a plan that takes it to drift
 /// makes it slip from one side of its target to the other, 1.3 mm apart, for good.
 #[test]
@@ -171,7 +160,7 @@ fn a_prediction_agrees_with_the_circuit_over_its_horizon() {
         let sample = control::Sample { time: 0.0, position: 0.2, pressures: Some([MEAN; 2]) };
         let noise = control::Noise { disturbance: 15.0, position: 2e-6 };
         let mut observer =
-            control::Observer::new(&model, &sample, (1e-3, noise), &control::Observing::Kalman);
+            control::Observer::new(&model, &sample, (1e-3, noise), (&control::Observing::Kalman, 0.0));
         observer.spool.command(0.0, command);
         let input =
             session.inputs().iter().position(|own| own.name == format!("{}.command", names.valves[0]));

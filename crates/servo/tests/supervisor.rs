@@ -3,7 +3,7 @@
 mod study;
 
 use circuit::specification::Circuit;
-use control::{AnyLaw, Controller, EventKind, LAWS, Move, Own, Reference, Seen};
+use control::{AnyLaw, Controller, EventKind, LAWS, Move, Own, Reaction, Reference, Seen};
 use servo::specification::{self, Answering, Channel, Fault, FaultKind, PositionSensor, Setup};
 use servo::{COLUMNS, Loop};
 use study::axis::{self, axis};
@@ -272,6 +272,48 @@ fn a_valve_that_does_not_answer_and_a_supply_that_falls_are_told() {
     assert_eq!(count(&fallen, EventKind::Supply), 1, "{:?}", told(&fallen));
 }
 
+/// Largest distance from what is followed, m, from a time on, and the largest speed of that.
+fn followed(rows: &Rows, from: f64) -> [f64; 2] {
+    let late: Vec<_> = rows.iter().filter(|row| row[0] >= from).collect();
+    let fastest = late.windows(2).map(|two| (two[1][5] - two[0][5]).abs() / (two[1][0] - two[0][0]));
+    [late.iter().map(|row| (row[5] - row[1]).abs()).fold(0.0, f64::max), fastest.fold(0.0, f64::max)]
+}
+
+/// A supply that falls below what a reference takes of it: slowed, the reference is followed, and moves end where they were
+/// to end.
+#[test]
+fn a_reference_is_slowed_as_far_as_a_fallen_supply_allows() {
+    let fallen = setup(vec![Fault { value: Some(2.6e5), ..fault(FaultKind::SupplyFallen, 1.5, 99.0) }]);
+    let on = |reference: &Reference, reaction| {
+        run_with(("inversion", &fallen), (reference, 5.0), |own| {
+            own.supervisor.as_mut().expect("a supervisor").rules.on_supply = reaction;
+        })
+    };
+    let sine = Reference::Sine { centre: 0.25, amplitude: 0.12, frequency: 1.6 };
+    let [(told_alone, _), (slow, own)] = [Reaction::Tell, Reaction::Slow].map(|own| on(&sine, own));
+    let ([lost, fast], [error, slower]) = (followed(&told_alone, 3.0), followed(&slow, 3.0));
+    assert!(lost > 0.02 && error < 6e-3, "{error} m, {lost} m as it was");
+    let factor = own.supervisor.as_ref().expect("a supervisor").log().events();
+    let factor = factor.iter().rfind(|own| own.kind == EventKind::Slowed).expect("it is told").value;
+    assert!(
+        (1.2..2.5).contains(&factor) && (fast / slower / factor - 1.0).abs() < 0.02,
+        "{fast} {slower} {factor}"
+    );
+    // What is followed goes on without a step of its speed's slope.
+    let steps = slow.windows(3).map(|own| (own[2][5] - 2.0 * own[1][5] + own[0][5]).abs());
+    assert!(steps.fold(0.0, f64::max) < 20.0 * axis::PERIOD * axis::PERIOD);
+    let each = (0..9).map(|i| Move {
+        begin: 0.5 + 0.3 * f64::from(i),
+        duration: 0.28,
+        to: if i % 2 == 0 { 0.38 } else { 0.12 },
+    });
+    let moves = Reference::Moves { start: 0.12, moves: each.collect() };
+    let (rows, own) = on(&moves, Reaction::Slow);
+    assert!(count(&own, EventKind::Slowed) > 0, "{:?}", told(&own));
+    let last = rows[rows.len() - 1];
+    assert!((last[1] - 0.38).abs() < 1e-3 && last[5] == 0.38, "{} m, {} m", last[1], last[5]);
+}
+
 #[test]
 fn a_late_or_failing_law_is_bridged_then_replaced_without_a_bump() {
     let (rows, controller) = run(vec![fault(FaultKind::Late, 0.6, 0.6005)]);
@@ -321,6 +363,42 @@ fn laws_are_switched_and_gains_changed_without_a_bump() {
         let gain = controller.law.gains().find(|own| own.0.key == "gain").map(|own| *own.1);
         assert!(law != "pid" || gain == Some(2.0), "{gain:?}");
     }
+}
+
+/// Factors of gains that change while a drive runs.
+#[test]
+fn factors_multiply_gains_in_a_ramp_without_a_bump() {
+    let mut usual = setup(vec![]);
+    usual.factors = vec![(0.8, [2.0, 0.5, 3.0]), (0.9, [1.0, 0.5, 1.0])];
+    let (mut under, mut controller) = begin(&axis(), "pid", &usual, 0.22);
+    let reference = Reference::Moves { start: 0.22, moves: vec![] };
+    let mut never = |_| false;
+    let look = &mut circuit::Look::new(&mut never);
+    let keys = ["gain", "derivative_time", "filter_time"];
+    let gains = |own: &mut control::Controller| {
+        keys.map(|key| own.law.gains().find(|one| one.0.key == key).map_or(0.0, |one| *one.1))
+    };
+    let before = gains(&mut controller);
+    let mut last = before;
+    for tick in 0..1200_u32 {
+        let turn = under.observe(tick.into(), &mut controller, &reference, look).expect("it runs");
+        under.give(&mut controller, &turn, turn.answer.command).expect("it runs");
+        let now = gains(&mut controller);
+        for i in 0..3 {
+            // 2.1875 times the mean slope of a ramp of 200 samples, of the largest factor.
+            assert!((now[i] - last[i]).abs() < 0.05 * before[i], "{} at {tick} ms", keys[i]);
+        }
+        assert!(tick >= 800 || now == before);
+        last = now;
+    }
+    for (now, (before, factor)) in last.iter().zip(before.into_iter().zip([1.0, 0.5, 1.0])) {
+        assert!((now - factor * before).abs() < 1e-12 * before);
+    }
+    let refused = |law: &str, factors| begin(&axis(), law, &setup(vec![]), 0.22).1.scale(factors);
+    let words = refused("pva", [1.0, 2.0, 1.0]).expect_err("pva has no damping");
+    assert!(words.contains("factors.damping = 2") && words.contains("pva"), "{words}");
+    assert!(refused("pid", [0.05, 1.0, 1.0]).expect_err("too small").contains("factors.gain = 0.05"));
+    assert!(refused("nmpc", [2.0, 0.5, 1.0]).is_ok());
 }
 
 /// Runs of the example `faults` whose supply falls, with pressure sensors and without: braking that counts on the supply

@@ -71,6 +71,8 @@ fn told(law: &str, plant: &Circuit) -> specification::Controller {
         law: law.into(),
         period_s: PERIOD,
         gains: BTreeMap::new(),
+        choices: BTreeMap::new(),
+        factors: [1.0; 3],
         valves: BTreeMap::new(),
         observer: None,
         adaptation: true,
@@ -236,14 +238,25 @@ fn what_no_law_commands_is_refused() {
     assert!(controller(&one, 2e-6).expect_err("no numbers").to_string().contains("Leave the table out"));
 }
 
-/// The observer of the bristle is nearer to the true velocity than the usual one, in the loop and with the noise of sensors.
+/// What each observer makes of the true velocity, in the loop and with the noise of sensors: that of the bristle is nearer than
+/// the usual one, a differentiator, which has no model, farther.
 #[test]
-fn an_observer_of_the_bristle_comes_nearer_to_the_velocity() {
+fn observers_come_near_to_the_velocity() {
     let mut spec = told("inversion", &axis());
     let usual = run(&spec, &sine(), 3.0);
-    spec.observer = Some(specification::ObserverChoice { kind: "lugre".into(), numbers: BTreeMap::new() });
-    let own = run(&spec, &sine(), 3.0);
-    assert!(matches!(own.controller.observing, Observing::Lugre(_)));
-    let [usual, own] = [&usual, &own].map(Ran::velocity_error);
-    assert!(own < 0.98 * usual && own < 1e-3, "{own} m/s, usually {usual} m/s");
+    let mut of = |kind: &str| {
+        spec.observer = Some(specification::ObserverChoice { kind: kind.into(), numbers: BTreeMap::new() });
+        run(&spec, &sine(), 3.0)
+    };
+    let (bristle, differentiator) = (of("lugre"), of("levant"));
+    assert!(matches!(bristle.controller.observing, Observing::Lugre(_)));
+    assert!(matches!(differentiator.controller.observing, Observing::Levant(_)));
+    let [usual, bristle, levant] = [&usual, &bristle, &differentiator].map(Ran::velocity_error);
+    assert!(bristle < 0.98 * usual && bristle < 1e-3, "{bristle} m/s, usually {usual} m/s");
+    assert!((1.5 * usual..2.5 * usual).contains(&levant), "{levant} m/s, usually {usual} m/s");
+    assert!(differentiator.error(1.5) < 0.4, "{} mm", differentiator.error(1.5));
+    // Its plan goes by the contact: the drive was lost, by 110 mm.
+    spec.law = "nmpc".into();
+    let words = controller(&spec, 0.0).map(|_| ()).expect_err("no plan without a contact").to_string();
+    assert!(words.contains("observer.kind = \"levant\""), "{words}");
 }

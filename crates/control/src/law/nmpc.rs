@@ -3,14 +3,15 @@
 use super::{Law, Plant, Tick, Tuned};
 use crate::gains::law;
 use crate::model::Model;
-use crate::number::Number;
+use crate::number::{Memory, Number};
 use crate::observer::State;
 use crate::reference::Wanted;
-use math::{Dual, Over};
+use math::{Dual, Over, Real};
 use physics::above;
+use std::fmt;
 
 /// Moves of the plan.
-const MOVES: usize = 8;
+pub const MOVES: usize = 8;
 /// How long each is held, ms; the last ones are followed in steps of 2 ms.
 const BLOCKS: [usize; MOVES] = [1, 1, 2, 2, 4, 6, 8, 16];
 const STEPS: [usize; MOVES] = [1, 1, 1, 1, 1, 1, 2, 2];
@@ -34,25 +35,91 @@ const HORIZON: usize = {
     sum
 };
 
-type Seeded = Dual<f64, MOVES>;
+/// A number with its derivatives by all moves.
+pub type ByMoves = Dual<f64, MOVES>;
+
+/// The steps of the horizon: the move that is held, and how long the step is, s.
+pub fn steps() -> impl Iterator<Item = (usize, f64)> {
+    (0..MOVES).flat_map(|block| {
+        std::iter::repeat_n((block, 1e-3 * STEPS[block] as f64), BLOCKS[block] / STEPS[block])
+    })
+}
+
+/// Who predicts the horizon in the place of the model. Moves are shares of opening; each of both ways shows position, m,
+/// velocity, m/s, and acceleration, m/s2, behind each of the [`steps`], and is false where it cannot go on: the model
+/// predicts then.
+pub trait Predictor: fmt::Debug + Send + Sync {
+    /// Told the state from which the horizon begins, and the share of opening that was given a period before.
+    fn begin(&mut self, tick: &Tick, given: f64);
+    /// The horizon under moves.
+    fn values(&mut self, plan: &[f64; MOVES], see: &mut dyn FnMut([f64; 3])) -> bool;
+    /// The same with derivatives by them.
+    fn derivatives(&mut self, plan: &[ByMoves; MOVES], see: &mut dyn FnMut([ByMoves; 3])) -> bool;
+    /// A copy.
+    fn boxed(&self) -> Box<dyn Predictor>;
+}
+
+/// What predicts the horizon.
+#[derive(Debug, Default)]
+pub enum Predicting {
+    /// The model in fixed steps.
+    #[default]
+    Model,
+    /// Somebody else.
+    By(Box<dyn Predictor>),
+}
+
+impl Clone for Predicting {
+    fn clone(&self) -> Self {
+        match self {
+            Predicting::Model => Predicting::Model,
+            Predicting::By(own) => Predicting::By(own.boxed()),
+        }
+    }
+}
+
+impl<S> Memory<S> for Predicting {
+    fn each(&mut self, _see: &mut dyn FnMut(&mut S)) {}
+}
+
+/// Numbers that a predictor has.
+trait Planned: Over<f64> {
+    fn ask(own: &mut dyn Predictor, plan: &[Self; MOVES], see: &mut dyn FnMut([Self; 3])) -> bool;
+}
+
+impl Planned for f64 {
+    fn ask(own: &mut dyn Predictor, plan: &[f64; MOVES], see: &mut dyn FnMut([f64; 3])) -> bool {
+        own.values(plan, see)
+    }
+}
+
+impl Planned for ByMoves {
+    fn ask(own: &mut dyn Predictor, plan: &[ByMoves; MOVES], see: &mut dyn FnMut([ByMoves; 3])) -> bool {
+        own.derivatives(plan, see)
+    }
+}
+
+type Transitions = [[[f64; 4]; 2]; 2];
+
+/// What becomes of a spool within half a step and a whole one of 1 ms and of 2 ms.
+fn transitions(tick: &Tick) -> Transitions {
+    [1e-3, 2e-3].map(|h| [0.5 * h, h].map(|h| tick.spool.transition(h)))
+}
 
 /// What no plan changes: what becomes of the spool within half a step and a whole one of 1 ms and of 2 ms, and where the
 /// drive is to be after each step.
 struct Horizon {
-    transitions: [[[f64; 4]; 2]; 2],
+    transitions: Transitions,
     wanted: [Wanted; HORIZON],
 }
 
 impl Horizon {
     fn of(tick: &Tick) -> Self {
-        let transitions = [1e-3, 2e-3].map(|h| [0.5 * h, h].map(|h| tick.spool.transition(h)));
-        let (mut wanted, mut t, mut step) = ([Wanted::default(); HORIZON], 0.0, 0);
-        for block in 0..MOVES {
-            for _ in 0..BLOCKS[block] / STEPS[block] {
-                t += 1e-3 * STEPS[block] as f64;
-                wanted[step] = tick.preview.at(tick.acts + t);
-                step += 1;
-            }
+        let transitions = transitions(tick);
+        let (mut wanted, mut t) = ([Wanted::default(); HORIZON], 0.0);
+        for (wanted, (_, h)) in wanted.iter_mut().zip(steps()) {
+            t += h;
+            *wanted = tick.preview.at(tick.acts + t);
         }
         Horizon { transitions, wanted }
     }
@@ -65,11 +132,15 @@ law! {
     ///
     /// least within -1 .. 1, e in mm, h in ms, w in %. The whole horizon is run once a sample, on numbers with derivatives
     /// by all moves, from the state when a command of now will act; one Gauss-Newton step follows, or a quarter of it where
-    /// the whole would cost ten times as much.
+    /// the whole would cost ten times as much. Who runs it is chosen: the model in fixed steps, or a [`Predictor`].
     pub struct Nmpc {
         bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, of a lag of 3 ms at least";
         move_penalty: "1", above(0.0), "r", rule "0.1, assumed";
-    } memory<S> { plan: [S; MOVES] = [S::zero(); MOVES], last: S = S::zero() }
+    } memory<S> {
+        plan: [S; MOVES] = [S::zero(); MOVES],
+        last: S = S::zero(),
+        predicting: Predicting = Predicting::Model,
+    }
 }
 
 /// min x' H x/2 + g' x within bounds: those at a bound are fixed there, the others solved for, until none would leave its
@@ -168,45 +239,88 @@ impl Nmpc {
         }
     }
 
+    /// Takes over who predicts.
+    pub fn predict_by(&mut self, predicting: Predicting) {
+        self.predicting = predicting;
+    }
+
     /// Runs the horizon under a plan and shows each residual.
-    fn follow<S: Over<f64>>(
-        &self,
+    fn follow<S: Planned>(
+        &mut self,
         tick: &Tick,
         horizon: &Horizon,
         plan: &[S; MOVES],
         mut row: impl FnMut(S),
     ) {
-        let model = tick.model;
-        let mut state: State<S> = tick.state.map(S::c);
-        let [mut spool, mut speed] = tick.spool.share(model.valve.overlap).map(S::c);
-        let leak = model.openings(0.0);
-        let mut wanted = horizon.wanted.iter();
-        let mut before = S::c(self.last);
-        for block in 0..MOVES {
-            let w = plan[block];
-            row((w - before).times(100.0 * self.move_penalty));
-            before = w;
-            let h = 1e-3 * STEPS[block] as f64;
-            let [half, whole] = horizon.transitions[STEPS[block] - 1];
-            for wanted in wanted.by_ref().take(BLOCKS[block] / STEPS[block]) {
-                let go = |by: [f64; 4]| {
-                    let e = spool - w;
-                    [w + e.times(by[0]) + speed.times(by[1]), e.times(by[2]) + speed.times(by[3])]
-                };
-                let [middle, _] = go(half);
-                [spool, speed] = go(whole);
-                let share = middle.max(S::c(-1.0)).min(S::one());
-                let open = [share.max(S::zero()), (-share).max(S::zero())];
-                let open = [0, 1].map(|i| open[i] + S::c(leak[i]));
-                state.advance(model, open, h, None);
-                let weight = (h * 1e3 * if block + 1 == MOVES { LAST } else { 1.0 }).sqrt() * 1e3;
-                let l = self.bandwidth;
-                row((state.position - S::c(wanted.position)).times(weight));
-                row((state.velocity - S::c(wanted.velocity)).times(weight / l));
-                let a = state.acceleration(model) - S::c(wanted.acceleration);
-                row(a.times(weight * ACCELERATION.sqrt() / (l * l)));
+        let foreseen = self.foreseen(tick, &horizon.transitions, plan);
+        let l = self.bandwidth;
+        let mut before = (MOVES, S::c(self.last));
+        for ((wanted, [x, v, a]), (block, h)) in horizon.wanted.iter().zip(foreseen).zip(steps()) {
+            if before.0 != block {
+                let w = plan[block];
+                row((w - before.1).times(100.0 * self.move_penalty));
+                before = (block, w);
             }
+            let weight = (h * 1e3 * if block + 1 == MOVES { LAST } else { 1.0 }).sqrt() * 1e3;
+            row((x - S::c(wanted.position)).times(weight));
+            row((v - S::c(wanted.velocity)).times(weight / l));
+            row((a - S::c(wanted.acceleration)).times(weight * ACCELERATION.sqrt() / (l * l)));
         }
+    }
+
+    /// Position, velocity and acceleration behind each step, by who predicts, or by the model where that cannot.
+    fn foreseen<S: Planned>(
+        &mut self,
+        tick: &Tick,
+        transitions: &Transitions,
+        plan: &[S; MOVES],
+    ) -> [[S; 3]; HORIZON] {
+        let mut foreseen = [[S::zero(); 3]; HORIZON];
+        let mut seen = foreseen.iter_mut();
+        let mut see = |own| seen.by_ref().take(1).for_each(|place| *place = own);
+        let is_done = match &mut self.predicting {
+            Predicting::Model => false,
+            Predicting::By(own) => S::ask(&mut **own, plan, &mut see),
+        };
+        if !is_done {
+            by_model(tick, transitions, plan, &mut foreseen);
+        }
+        foreseen
+    }
+}
+
+/// What the model foresees of the horizon under a plan: position, m, velocity, m/s, and acceleration, m/s2, behind each of
+/// the [`steps`], with derivatives.
+pub fn by_the_model(tick: &Tick, plan: &[ByMoves; MOVES]) -> Vec<[ByMoves; 3]> {
+    let mut foreseen = [[ByMoves::zero(); 3]; HORIZON];
+    by_model(tick, &transitions(tick), plan, &mut foreseen);
+    foreseen.to_vec()
+}
+
+fn by_model<S: Over<f64>>(
+    tick: &Tick,
+    transitions: &Transitions,
+    plan: &[S; MOVES],
+    foreseen: &mut [[S; 3]; HORIZON],
+) {
+    let model = tick.model;
+    let mut state: State<S> = tick.state.map(S::c);
+    let [mut spool, mut speed] = tick.spool.share(model.valve.overlap).map(S::c);
+    let leak = model.openings(0.0);
+    for (foreseen, (block, h)) in foreseen.iter_mut().zip(steps()) {
+        let w = plan[block];
+        let [half, whole] = transitions[STEPS[block] - 1];
+        let go = |by: [f64; 4]| {
+            let e = spool - w;
+            [w + e.times(by[0]) + speed.times(by[1]), e.times(by[2]) + speed.times(by[3])]
+        };
+        let [middle, _] = go(half);
+        [spool, speed] = go(whole);
+        let share = middle.max(S::c(-1.0)).min(S::one());
+        let open = [share.max(S::zero()), (-share).max(S::zero())];
+        let open = [0, 1].map(|i| open[i] + S::c(leak[i]));
+        state.advance(model, open, h, None);
+        *foreseen = [state.position, state.velocity, state.acceleration(model)];
     }
 }
 
@@ -231,8 +345,11 @@ impl Law for Nmpc {
         self.shift(tick.period);
         let (mut h_matrix, mut gradient) = ([[0.0; MOVES]; MOVES], [0.0; MOVES]);
         let mut cost = 0.0;
-        let seeded: [Seeded; MOVES] = std::array::from_fn(|i| Seeded::variable(self.plan[i], i));
+        let seeded: [ByMoves; MOVES] = std::array::from_fn(|i| ByMoves::variable(self.plan[i], i));
         let horizon = Horizon::of(tick);
+        if let Predicting::By(own) = &mut self.predicting {
+            own.begin(tick, self.last);
+        }
         self.follow(tick, &horizon, &seeded, |residual| {
             cost += residual.re * residual.re;
             for i in 0..MOVES {

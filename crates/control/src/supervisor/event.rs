@@ -37,6 +37,7 @@ events! {
     PositionLost: "position-lost", "m", "three readings of the position in a row are not credible; value: the distance from the model";
     PressureLost: "pressure-lost", "1", "a pressure sensor is not credible: that chamber runs by the model; value: 0 chamber a, 1 chamber b";
     Supply: "supply", "Pa", "the supply pressure has fallen; value: the supply pressure that explains the filling of the chambers";
+    Slowed: "slowed", "1", "the reference is slowed in time, as the fallen supply does not do for it; value: the factor";
     Valve: "valve", "Pa", "the valve does not answer: both pressures leave the model; value: the larger distance";
     EndStop: "end-stop", "m/s", "the drive nears an end stop faster than it can be braked: full braking; value: the velocity";
     Limit: "limit", "m", "a limit of position, speed or pressure is passed: stop ramp; value: the position";

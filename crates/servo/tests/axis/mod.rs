@@ -2,7 +2,7 @@
 
 #![allow(dead_code)] // each test takes what it needs
 
-use circuit::specification::Circuit;
+use circuit::specification::{Circuit, Component};
 use circuit::{Network, Session};
 use ode::Options;
 use servo::specification::{Controller, Hold, PositionSensor, PressureSensor, Setup, Supervision};
@@ -16,6 +16,40 @@ pub const MEAN: f64 = 4e5;
 /// A cylinder on a proportional 5/3 valve with a spool.
 pub fn axis() -> Circuit {
     serde_json::from_str(include_str!("../data/reference_axis.json")).expect("a circuit")
+}
+
+/// The axis with a mass, kg, and another law of friction with these parameters.
+pub fn rubbing(mass: f64, law: &str, parameters: &[(&str, f64)]) -> Circuit {
+    let mut plant = axis();
+    let cylinder = plant.components.iter_mut().find(|own| own.name == "cylinder").expect("a cylinder");
+    cylinder.numbers.insert("moving_mass".into(), mass);
+    let friction = cylinder.friction.as_mut().expect("friction");
+    friction.law = law.into();
+    friction.parameters = parameters.iter().map(|(key, value)| ((*key).into(), *value)).collect();
+    plant
+}
+
+/// The axis behind tubes of 2 m.
+pub fn behind_tubes() -> Circuit {
+    let mut plant = axis();
+    for (side, port, chamber) in [("a", "valve.4", "cylinder.a"), ("b", "valve.2", "cylinder.b")] {
+        let name = format!("tube_{side}");
+        plant.joints.retain(|joint| !joint.contains(&chamber.into()));
+        plant.joints.push(vec![port.into(), format!("{name}.1")]);
+        plant.joints.push(vec![format!("{name}.2"), chamber.into()]);
+        let numbers = [("length".into(), 2.0), ("diameter".into(), 4e-3)].into();
+        let (choices, kind) = (Default::default(), "tube".into());
+        plant.components.push(Component {
+            name,
+            kind,
+            numbers,
+            choices,
+            friction: None,
+            formula: None,
+            points: None,
+        });
+    }
+    plant
 }
 
 pub fn session(plant: &Circuit, position: f64) -> Session {
@@ -59,6 +93,7 @@ pub fn setup(seed: u64) -> Setup {
         jitter_s: [0.0; 4],
         switches_m: None,
         faults: vec![],
+        factors: vec![],
     }
 }
 
@@ -70,10 +105,24 @@ pub fn begin(
     setup: &Setup,
     position: f64,
 ) -> (Loop, control::Controller) {
+    begin_choosing(belief, plant, (law, supervision), &[], setup, position)
+}
+
+/// The same under a law that has chosen words.
+pub fn begin_choosing(
+    belief: Circuit,
+    plant: &Circuit,
+    (law, supervision): (&str, Option<Supervision>),
+    choices: &[(&str, &str)],
+    setup: &Setup,
+    position: f64,
+) -> (Loop, control::Controller) {
     let spec = Controller {
         law: law.into(),
         period_s: PERIOD,
         gains: Default::default(),
+        choices: choices.iter().map(|(key, word)| ((*key).into(), (*word).into())).collect(),
+        factors: [1.0; 3],
         adaptation: true,
         valves: Default::default(),
         observer: None,
