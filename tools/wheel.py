@@ -24,7 +24,7 @@ PACKAGE = ROOT / "python" / "pneudrive"
 PAGE = "pneudrive/web/built/index.html"
 #: Code of the processor is packed as such, before anything else of it is.
 FILTERS = [{"id": lzma.FILTER_X86}, {"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "pb": 0}]
-MOST_BYTES = 7_800_000  # the goal is 6 MB; most of the core is code of parts and laws, once for each kind of number
+MOST_BYTES = 8_600_000  # the goal is 6 MB; most of the core is code of parts and laws, once for each kind of number
 
 
 def build() -> Path:

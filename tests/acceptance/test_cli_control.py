@@ -100,7 +100,11 @@ WRONG = {
 }
 FILES = {
     "law": ('law = "pdi"', "law: 'pdi' is not known", "'pid'"),
-    "a key that no core has": ('law = "nmpc"\n[observer]\nkind = "levant"', 'there is no observer "levant"', ":4"),
+    "a key that no core has": (
+        'law = "nmpc"\n[observer]\nkind = "luenberger"',
+        'there is no observer "luenberger"',
+        ":4",
+    ),
     "period": ('law = "nmpc"\nperiod = "10 s"', "it must lie within", ":3"),
     "unknown gain": ('law = "nmpc"\n[gains]\nbandwith = "90 rad/s"', "no gain of nmpc", "'bandwidth'"),
     "gain out of bounds": ('law = "nmpc"\n[gains]\nbandwidth = "-90 rad/s"', "out of bounds", ":4"),

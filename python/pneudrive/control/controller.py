@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pneudrive import _core, own_code, units
 from pneudrive.control.supervision import ControlLimits, MotionComplete, OnFault, Supervision
-from pneudrive.describe.base import Bounds, Described, Length, Quantity, WrongValueError
+from pneudrive.describe.base import Bounds, Described, Length, Quantity, WrongValueError, wrong
 from pneudrive.describe.marks import Choice, Reads
 
 #: Of a controller whose file says nothing; both assumed.
@@ -48,6 +48,62 @@ def _numbers(table: str) -> Reads:
     return Reads(read)
 
 
+#: Law -> key -> words, the first of which is usual, and meaning.
+CHOICES = {
+    law: {key: (tuple(words), meaning) for of, key, words, meaning in _core.control_choices() if of == law}
+    for law in {of for of, *_ in _core.control_choices()}
+}
+
+
+def _choice(law: str, key: str) -> Choice:
+    return Choice(CHOICES[law][key][0])
+
+
+class NmpcChoices(Described):
+    """What `nmpc` chooses."""
+
+    table_name: ClassVar[str] = "nmpc"
+    predictor: Annotated[str, _choice("nmpc", "predictor")] = Field(
+        default="model", description=CHOICES["nmpc"]["predictor"][1]
+    )
+
+
+class FuzzyChoices(Described):
+    """What `fuzzy` chooses."""
+
+    table_name: ClassVar[str] = "fuzzy"
+    inference: Annotated[str, _choice("fuzzy", "inference")] = Field(
+        default="sugeno", description=CHOICES["fuzzy"]["inference"][1]
+    )
+
+
+_Factor = Annotated[float, Quantity("", bounds=Bounds(at_least=0.1, at_most=10.0))]
+
+
+class Factors(Described):
+    """Factors of a law's gains, 0.1 to 10; which gain each of them multiplies, the core says.
+
+    Examples
+    --------
+    >>> Factors(gain=2.0).values
+    (2.0, 1.0, 1.0)
+    """
+
+    table_name: ClassVar[str] = "factors"
+    gain: _Factor = Field(default=1.0, description="k_p of pid and fuzzy, the bandwidth of others")
+    damping: _Factor = Field(default=1.0, description="T_d of pid and fuzzy, what makes others calmer")
+    filter: _Factor = Field(default=1.0, description="filter time of pid and fuzzy")
+
+    @property
+    def values(self) -> tuple[float, float, float]:
+        """The three in the core's order."""
+        return self.gain, self.damping, self.filter
+
+
+#: Factors that change nothing.
+USUAL_FACTORS = Factors()
+
+
 class LawWord(Choice):
     """Annotation of a field for a law: a word, or the name of code, ``mine.py:Law``."""
 
@@ -79,15 +135,34 @@ class Controller(Described):
     )
     drive: str | None = Field(default=None, description="what the law believes; absent: the drive it is run on")
     adaptation: bool = Field(default=True, description="it learns friction, mass and valve of its drive while it runs")
+    factors: Factors = USUAL_FACTORS
     gains: Annotated[dict[str, Any], _numbers("gains")] = Field(default_factory=dict)
+    nmpc: NmpcChoices | None = None
+    fuzzy: FuzzyChoices | None = None
     valves: Annotated[dict[str, Any], _numbers("valves")] = Field(default_factory=dict)
     observer: Annotated[dict[str, Any], _numbers("observer")] = Field(
-        default_factory=dict, description="kind: kalman or lugre, and its numbers"
+        default_factory=dict, description="kind: kalman, lugre or levant, and its numbers"
     )
     hold: Annotated[HoldBand | None, Reads(_hold)] = Field(default=HoldBand(), description="false: it never holds")
     limits: ControlLimits = ControlLimits()
     motion: MotionComplete = MotionComplete()
     on_fault: OnFault = OnFault()
+
+    @model_validator(mode="after")
+    def _chosen_for_its_law(self) -> Controller:
+        for key in CHOICES:
+            if getattr(self, key) is not None and key != self.law:
+                raise wrong(key, f'a table [{key}] and law = "{self.law}"', remedy="Leave the table out.")
+        return self
+
+    @property
+    def choices(self) -> dict[str, str]:
+        """What its law chooses, all that it has to."""
+        if self.law not in CHOICES:
+            return {}
+        given = getattr(self, self.law)
+        usual = {key: words[0] for key, (words, _) in CHOICES[self.law].items()}
+        return usual if given is None else given.model_dump()
 
     @property
     def supervision(self) -> Supervision:

@@ -126,8 +126,8 @@ def run(
         command, estimated_velocity, disturbance, holds, step_time, least_step_time, each with ``units`` and
         ``long_name``. Its ``attrs`` hold score (a dict, see `pneudrive.control.Score`), events (what the supervisor
         told: time_s, kind, value, unit, text), law_failure (where a law of one's own failed and another one took
-        over), law, gains, period_s, setup, mismatch, deviations, seed, reference, motion, air, belief_hash, and what
-        `pneudrive.simulate` tells of a description.
+        over), law, gains, choices, factors, period_s, setup, mismatch, deviations, seed, reference, motion, air,
+        belief_hash, and what `pneudrive.simulate` tells of a description.
 
     Raises
     ------
@@ -256,6 +256,8 @@ def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:
         "rtol": prepared.rtol,
         "law": tuning.law,
         "gains": {gain.key: gain.value for gain in tuning.gains},
+        "choices": dict(tuning.choices),
+        "factors": dict(tuning.factors.to_dict()),
         "period_s": tuning.period_s,
         "belief_hash": tuning.belief.description_hash,
         "setup": name,

@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar
 from pydantic import Field, model_validator
 
 from pneudrive import units
+from pneudrive.control.controller import Factors
 from pneudrive.describe import toml
 from pneudrive.describe.base import Described, Force, Position, WrongValueError, wrong
 from pneudrive.describe.marks import Choice, Reads, Whole
@@ -173,6 +174,12 @@ class Disturbance(Described):
     force_n: Force
 
 
+class ChangedFactors(Factors):
+    """Factors of the law's gains that a user sets while it runs: the gains go there within 0.2 s."""
+
+    at_s: Seconds
+
+
 class Setup(Described):
     """Setup of a run under control. Ready ones are ``ideal``, ``real`` and ``cheap``; their values are assumed.
 
@@ -191,14 +198,16 @@ class Setup(Described):
     switches: LimitSwitches | None = None
     disturbances: tuple[Disturbance, ...] = ()
     faults: tuple[ControlFault, ...] = ()
+    factors: tuple[ChangedFactors, ...] = ()
 
     @model_validator(mode="after")
     def _times_rise(self) -> Setup:
-        times = [one.at_s for one in self.disturbances]
-        for number, (before, after) in enumerate(pairwise(times), start=1):
-            if not after > before:
-                what = f"disturbances: {after:g} s follows {before:g} s"
-                raise wrong(f"disturbances.{number}.at", what, rule="times rise")
+        for table, each in (("disturbances", self.disturbances), ("factors", self.factors)):
+            times = [one.at_s for one in each]
+            for number, (before, after) in enumerate(pairwise(times), start=1):
+                if not after > before:
+                    what = f"{table}: {after:g} s follows {before:g} s"
+                    raise wrong(f"{table}.{number}.at", what, rule="times rise")
         return self
 
     def core(self, seed: int, ambient_pa: float) -> dict[str, Any]:
@@ -210,6 +219,8 @@ class Setup(Described):
         wrongs: dict[str, Any] = {"jitter_s": jitter} if any(jitter) else {}
         if self.faults:
             wrongs["faults"] = [one.core() for one in self.faults]
+        if self.factors:
+            wrongs["factors"] = [(one.at_s, one.values) for one in self.factors]
         if self.switches is not None:
             wrongs["switches_m"] = [self.switches.low_m, self.switches.high_m]
         return wrongs | {

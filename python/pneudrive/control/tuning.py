@@ -5,12 +5,21 @@ from __future__ import annotations
 import json
 import math
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import _core, units
-from pneudrive.control.controller import AFTER_S, BAND_M, Controller, HoldBand, gain_quantity
+from pneudrive.control.controller import (
+    AFTER_S,
+    BAND_M,
+    CHOICES,
+    USUAL_FACTORS,
+    Controller,
+    Factors,
+    HoldBand,
+    gain_quantity,
+)
 from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.supervision import USUAL, Supervision
@@ -23,7 +32,7 @@ from pneudrive.start import circuit_of
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
@@ -172,6 +181,10 @@ class Tuning(Shown):
     observer : str
         Word of the observer.
     observer_numbers : tuple of TunedGain
+    choices : dict of str to str
+        Words that the law has chosen, by their keys.
+    factors : Factors
+        What the gains are multiplied by.
     """
 
     law: str
@@ -188,6 +201,8 @@ class Tuning(Shown):
     valves: tuple[TunedGain, ...] = ()
     observer: str = USUAL_OBSERVER
     observer_numbers: tuple[TunedGain, ...] = ()
+    choices: Mapping[str, str] = field(default_factory=dict)
+    factors: Factors = USUAL_FACTORS
 
     @property
     def model(self) -> LawModel:
@@ -205,6 +220,7 @@ class Tuning(Shown):
         word = self.law if self.own is None else OWN
         form = _core_form(word, self.period_s, (self.hold, self.adaptation), self.belief, *given)
         form |= _observer_form(self.observer, {one.key: one.value for one in self.observer_numbers})
+        form |= _chosen_form(self.choices, self.factors)
         return form | self.supervision.core(self.belief.ambient.pressure_pa)
 
     def to_toml(self) -> str:
@@ -213,8 +229,18 @@ class Tuning(Shown):
         lines = ["schema = 1", f'law = "{word}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
         if self.source:
             lines.append(f"drive = {toml.value_text(self.source)}")
+        if self.factors != USUAL_FACTORS:
+            given = ", ".join(f"{key} = {value!r}" for key, value in self.factors.to_dict().items())
+            lines.append(f"factors = {{ {given} }}  # of {_factored(self.law)}")
         for name, numbers in (("gains", self.gains), ("valves", self.valves)):
             lines += ["", f"[{name}]", *_lines(numbers)] if numbers or name == "gains" else []
+        if self.choices:
+            meant = CHOICES[self.law]
+            lines += [
+                "",
+                f"[{self.law}]",
+                *(f'{key} = "{word}"  # {meant[key][1]}' for key, word in self.choices.items()),
+            ]
         if self.observer != USUAL_OBSERVER:
             lines += ["", "[observer]", f'kind = "{self.observer}"', *_lines(self.observer_numbers)]
         if not self.adaptation:
@@ -243,6 +269,10 @@ class Tuning(Shown):
 
     def _card(self) -> Card:
         rows = [(g.key, str(g), g.meaning, "given" if g.given else g.rule) for g in self.numbers]
+        chosen = [(key, word, CHOICES[self.law][key][1], "") for key, word in self.choices.items()]
+        factors = self.factors.values
+        scaled = [("factors", " ".join(f"{one:g}" for one in factors), f"of {_factored(self.law)}", "given")]
+        rows += chosen + (scaled if set(factors) != {1.0} else [])
         plant = [(name, value, "", "") for name, value in self.plant.rows()]
         title = f"{self.law} for {self.belief.name}, every {1e3 * self.period_s:g} ms"
         return Card(title, ("", "", "meaning", "rule"), [*rows, *plant], self.limits)
@@ -259,6 +289,17 @@ def _lines(numbers: tuple[TunedGain, ...]) -> list[str]:
 def _observer_form(kind: str, numbers: dict[str, float]) -> dict[str, Any]:
     """Return an observer in the core's form, SI; nothing where it is the usual one."""
     return {} if kind == USUAL_OBSERVER else {"observer": {"kind": kind, "numbers": numbers}}
+
+
+def _chosen_form(choices: Mapping[str, str], factors: Factors) -> dict[str, Any]:
+    """Return what a law has chosen, and factors of its gains, in the core's form; nothing where they are usual."""
+    form: dict[str, Any] = {"choices": dict(choices)} if choices else {}
+    return form | ({} if factors == USUAL_FACTORS else {"factors": factors.values})
+
+
+def _factored(law: str) -> str:
+    """Return which gain each factor multiplies, in words."""
+    return ", ".join(f"{gain} ({factor})" for of, factor, gain in _core.control_factors() if of == law)
 
 
 def laws() -> list[str]:
@@ -392,16 +433,18 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
         gains: dict[str, float] | None = None,
         valves: dict[str, float] | None = None,
         numbers: dict[str, float] | None = None,
+        more: dict[str, Any] | None = None,
     ) -> tuple[dict[str, Any], list[list[_Ruled]]]:
         ways = (table.hold, table.adaptation)
         form = _core_form(word, table.period_s, ways, belief, gains or {}, valves or {})
-        return _core.control_tune(json.dumps(form | _observer_form(kind, numbers or {})), 0.0)
+        return _core.control_tune(json.dumps(form | _observer_form(kind, numbers or {}) | (more or {})), 0.0)
 
     try:
         plant, ruled = asked()
     except ValueError as error:
-        if str(error).startswith("period"):
-            raise wrong("period", str(error)) from None
+        for place in ("period", "observer.kind"):
+            if str(error).startswith(place):
+                raise wrong(place, str(error)) from None
         raise DescriptionError(str(error), where=belief.name) from None
     gains = _numbers_of("gains", table.law, table.gains, ruled[0], lambda given: asked(gains=given))
     if table.valves and not ruled[1]:
@@ -409,8 +452,15 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
         raise wrong("valves", what, rule="it is for several or switching valves", remedy="Leave it out.")
     valves = _numbers_of("valves", "these valves", table.valves, ruled[1], lambda given: asked(valves=given))
     numbers = _numbers_of("observer", f"the observer {kind}", of_observer, ruled[2], lambda given: asked(numbers=given))
+    chosen = _chosen_form(table.choices, table.factors)
+    if chosen:
+        try:
+            asked(more=chosen)
+        except ValueError as error:
+            raise wrong(str(error).split(" ")[0], str(error)) from None
     made = Tuning(table.law, table.period_s, table.hold, table.adaptation, gains, Plant(**plant), belief, source)
-    return replace(made, supervision=table.supervision, valves=valves, observer=kind, observer_numbers=numbers)
+    made = replace(made, supervision=table.supervision, valves=valves, observer=kind, observer_numbers=numbers)
+    return replace(made, choices=table.choices, factors=table.factors)
 
 
 def _observer(table: dict[str, Any]) -> tuple[str, dict[str, Any]]:

@@ -1,0 +1,104 @@
+"""What a law chooses, factors of its gains, the answer to a fallen supply: from files to runs, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive.errors import DescriptionError
+
+AXIS = Path(__file__).parents[2] / "examples/controlled_axis.toml"
+MOVE = "240 mm; 50 ms: 245 mm in 0.15 s"
+
+
+@pytest.fixture(scope="module")
+def axis():
+    return pn.Circuit.load(AXIS)
+
+
+def ran(axis, file, **told):
+    return pn.control.run(axis, controller=file, reference=MOVE, duration="0.3 s", **told)
+
+
+@pytest.mark.parametrize(
+    ("law", "chosen"),
+    [
+        ("nmpc", '[nmpc]\npredictor = "circuit"'),
+        ("fuzzy", '[fuzzy]\ninference = "mamdani"'),
+        ("inversion", '[observer]\nkind = "levant"\njerk = "400 m/s3"'),
+        ("pid", "[factors]\ngain = 2\nfilter = 0.5"),
+    ],
+)
+def test_a_choice_goes_through_a_file_into_a_run(law, chosen, axis, tmp_path):
+    usual, file = pn.control.tune(axis, law), tmp_path / "controller.toml"
+    file.write_text(f'schema = 1\nlaw = "{law}"\n{chosen}\n')
+    given = pn.control.tune(axis, controller=file)
+    again = pn.control.tune(axis, controller=given.save(tmp_path / "again.toml"))
+    assert again.core() == given.core() != usual.core()
+    run, other = ran(axis, file), ran(axis, usual.save(tmp_path / "usual.toml"))
+    assert np.abs(run.command - other.command).max() > 1e-4, "it changes the run"
+    assert float(run.position[-1] - run.position[0]) > 2e-3, "it leads the drive"
+
+
+def test_factors_change_gains_while_a_drive_runs(axis, tmp_path):
+    file = tmp_path / "setup.toml"
+    file.write_text('schema = 1\n[[factors]]\nat = "0.15 s"\ngain = 3\n')
+    run, usual = (
+        pn.control.run(axis, "pid", reference=MOVE, duration="0.3 s", setup=setup)
+        for setup in (file, pn.control.Setup())
+    )
+    same = (run.command == usual.command).values
+    assert same[:151].all()
+    assert not same[151:].all()
+    late = (np.abs(one.reference - one.position)[-100:].mean() for one in (run, usual))
+    assert float(next(late)) < float(next(late)), "a larger gain leaves less of the error"
+
+
+def test_a_reference_is_slowed_on_a_fallen_supply(axis):
+    fallen = pn.control.Setup(faults=[{"kind": "supply-fallen", "at": "1.5 s", "value": "2.6 bar"}]).faults
+    setup = pn.control.read_setup("real")[0].model_copy(update={"faults": fallen})
+    on_fault = {"supply": "slow"}
+    run = pn.control.run(
+        axis,
+        controller=pn.control.Controller(law="inversion", on_fault=on_fault),
+        reference="sine 120 mm 1.6 Hz around 250 mm",
+        setup=setup,
+        duration="5 s",
+    )
+    told = [one["value"] for one in run.attrs["events"] if one["kind"] == "slowed"]
+    assert told == sorted(told)
+    assert 1.2 < told[-1] < 3.0
+    late = np.abs(run.reference - run.position)[3000:]
+    assert float(late.max()) < 6e-3
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('law = "nmpc"\n[nmpc]\npredictor = "circuits"', "nmpc.predictor: 'circuits' is not known"),
+        ('law = "pid"\n[nmpc]\npredictor = "circuit"', 'a table [nmpc] and law = "pid"'),
+        ('law = "pva"\n[factors]\ndamping = 2', "means nothing to the law pva, whose factors are gain"),
+        ('law = "pid"\n[factors]\ngain = 11', "not more than 10"),
+        ('law = "pid"\n[observer]\nkind = "levant"\njerk = "0 m/s3"', "out of bounds"),
+    ],
+)
+def test_a_wrong_choice_is_told_with_its_place(text, says, axis, tmp_path):
+    file = tmp_path / "controller.toml"
+    file.write_text(f"schema = 1\n{text}\n")
+    with pytest.raises(DescriptionError) as caught:
+        pn.control.tune(axis, controller=file)
+    assert says in str(caught.value)
+    assert "controller.toml" in str(caught.value)
+
+
+def test_moves_of_switching_valves_are_no_plan_for_a_circuit():
+    switching = pn.Circuit.load(AXIS.parent / "axes/switching.toml")
+    with pytest.raises(DescriptionError, match=r"in_a, out_a, in_b, out_b switches"):
+        pn.control.tune(switching, controller=pn.control.Controller(law="nmpc", nmpc={"predictor": "circuit"}))
+
+
+def test_factors_of_a_run_are_checked_before_it(axis):
+    changed = pn.control.Setup(factors=[{"at": "0.1 s", "filter": 2.0}])
+    with pytest.raises(pn.errors.CommandError, match=r"means nothing to the law nmpc"):
+        pn.control.run(axis, "nmpc", reference=MOVE, setup=changed, duration="0.3 s")
