@@ -4,13 +4,14 @@ import { follow, JobList } from "./jobs";
 import { Copied, Problems } from "./parts";
 import { link, route, VIEW_OF } from "./routes";
 import { ask, attempting, read, Refused, type Listed, type Problem } from "./server";
+import { list } from "./studies";
 
 interface Made {
   kind: string;
   name: string;
   digest: string;
   path: string;
-  state: "same" | "changed" | "missing" | "named" | "unread";
+  state: "same" | "changed" | "differs" | "missing" | "named" | "unread";
   inputs: Made[];
 }
 
@@ -30,7 +31,8 @@ interface Stale {
 /** The words of each state of an input. */
 const STATES: Record<Made["state"], string> = {
   same: "unchanged",
-  changed: "changed since",
+  changed: "is no longer what it was made from",
+  differs: "has other values now, or values were set for this run",
   missing: "not in the folder any more, or changed under another name",
   named: "known by its name alone: the result holds no hash of it",
   unread: "not checked: too long, or not readable as it was then",
@@ -95,7 +97,7 @@ export function Chain({ files }: { files: Listed[] }) {
   const again = async () => {
     await ask("/api/jobs", now!.again);
     await follow();
-    lookForStale();
+    await list();
   };
   return (
     <section id="lineage" aria-label="Where a result comes from">
@@ -103,7 +105,7 @@ export function Chain({ files }: { files: Listed[] }) {
       {now && (
         <>
           <h2>Where {now.path} comes from</h2>
-          {now.stale.length > 0 && <p class="banner" role="status">Out of date: {now.stale.join(", ")} changed since.</p>}
+          {now.stale.length > 0 && <p class="banner" role="status">Out of date: {now.stale.join(", ")} {now.stale.length > 1 ? "are" : "is"} no longer what it was made from.</p>}
           {!now.inputs.length && <p>It holds no hash of anything that it was made from.</p>}
           <Inputs of={now.inputs} files={files} />
           {now.made.length > 0 && <h3>Made from it</h3>}

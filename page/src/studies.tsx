@@ -165,7 +165,7 @@ function Kind({ title, files }: { title: string; files: Listed[] }) {
             {VIEW_OF[one.kind] ? <a href={link(VIEW_OF[one.kind]!, one.path)}>{one.path}</a> : <span>{one.path}</span>}
             <span>
               {size(one.size)}, {new Date(1000 * one.changed).toLocaleString()}
-              {stale.value.stale[one.path] && <b class="missed" data-stale={one.path}> out of date: {stale.value.stale[one.path]!.join(", ")} changed since</b>}
+              {stale.value.stale[one.path] && <b class="missed" data-stale={one.path}> out of date: made from another {stale.value.stale[one.path]!.join(", ")}</b>}
             </span>
             <span class="row">
               {ALIKE.includes(one.kind) && (

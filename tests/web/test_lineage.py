@@ -21,6 +21,7 @@ from web.test_friction import post
 from web.test_recordings import get
 
 RUN, FIT, AFTER = "run.parquet", "fit.toml", "after.toml"
+LAWS = "results/laws"
 CHECK, CHECKED = "results/check/validation.toml", "results/check/run-1.parquet"
 MAP = "results/rings/map.parquet"
 
@@ -39,6 +40,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "results" / "check").mkdir(parents=True)
     pn.validate(pn.Drive.load(folder / AFTER), folder / "monday.parquet").write(folder / "results" / "check")
     (folder / "results" / "rings").mkdir()
+    pn.control.compare(
+        before, ["pid"], ["250 mm; 0.1 s: 260 mm in 0.2 s"], seeds=1, mismatch="mass+30", out=folder / LAWS
+    )
     curves = friction_map(coulomb(30.0))
     write_map(curves, folder / MAP)
     pn.fit_friction(curves, "coulomb").to_toml(folder / "results/rings/fit.toml")
@@ -64,7 +68,7 @@ def test_a_chain_goes_back_to_the_description_by_hashes(chain: Served) -> None:
     assert states(of_drive) == {FIT: "same"}
     assert states(of_drive[0]["inputs"]) == {"axis.toml": "same", "monday.parquet": "same"}
     assert found["inputs"][0]["digest"] == pn.Drive.load(chain.folder / AFTER).description_hash[:12]
-    assert set(get(chain, "/api/lineage", path="axis.toml")["made"]) == {RUN, FIT}
+    assert set(get(chain, "/api/lineage", path="axis.toml")["made"]) == {RUN, FIT, LAWS}
     assert get(chain, "/api/lineage", path="monday.parquet")["made"].count(CHECK) == 1
     for fit, names in (("fit.toml", ["monday", "tuesday"]), ("fit-monday.toml", ["monday", "tuesday"])):
         (of_map,) = get(chain, "/api/lineage", path=f"results/rings/{fit}")["inputs"]
@@ -81,7 +85,9 @@ def test_a_changed_input_is_told_downstream_and_a_renamed_one_is_not(chain: Serv
     assert get(chain, "/api/stale")["stale"] == {}
     (chain.folder / "moved.toml").rename(axis)
     axis.write_text(drive(load__mass="9 kg").to_toml())
-    assert get(chain, "/api/stale")["stale"] == {key: ["axis.toml"] for key in [RUN, FIT, AFTER, CHECK, CHECKED]}
+    stale = get(chain, "/api/stale")["stale"]
+    assert stale == {key: ["axis.toml"] for key in [FIT, AFTER, CHECK, CHECKED, LAWS]}
+    assert get(chain, "/api/lineage", path=RUN)["inputs"][0]["state"] == "differs"  # values may have been set for it
     axis.unlink()
     assert get(chain, "/api/stale")["stale"] == {}  # what is gone is told in the chain
     assert get(chain, "/api/lineage", path=RUN)["inputs"][0]["state"] == "missing"

@@ -56,7 +56,7 @@ MOST_INPUTS = 100  # of one result
 MOST_BYTES = 200_000_000  # of a recording whose samples are hashed for a page
 #: Results that can have inputs.
 KINDS = ("drive", "fit", "validation", "friction map", "recording", "comparison", "campaign")
-SAME, CHANGED, MISSING, NAMED, UNREAD = "same", "changed", "missing", "named", "unread"
+SAME, CHANGED, DIFFERS, MISSING, NAMED, UNREAD = "same", "changed", "differs", "missing", "named", "unread"
 
 
 class Input(NamedTuple):
@@ -82,8 +82,9 @@ class Edge:
     path : str
         Of the file; empty where there is none.
     state : str
-        ``"same"``, ``"changed"`` (the file is there with other content), ``"missing"``, ``"named"`` (the result holds
-        no hash of it), ``"unread"`` (too long, or not readable).
+        ``"same"``, ``"changed"`` (the file is there with other content), ``"differs"`` (a run of other values than the
+        file has, which may have been set for the run), ``"missing"``, ``"named"`` (the result holds no hash of it),
+        ``"unread"`` (too long, or not readable).
     """
 
     input: Input
@@ -151,10 +152,19 @@ class Lineage:
 
     def _drive(self, each: Input, of: str) -> tuple[str, str]:
         by_hash, by_name = self._drives
-        if (path := by_hash.get(each.digest, "")) and path != of:
+        path = by_hash.get(each.digest, "") or self._circuits.get(each.digest, "")
+        if path and path != of:
             return path, SAME
-        alike = by_name.get((each.name, each.part), [])
-        return (alike[0], CHANGED) if len(alike) == 1 and alike[0] != of else ("", MISSING)
+        alike = [one for one in by_name.get((each.name, each.part), []) if one != of]
+        if len(alike) != 1:
+            return "", MISSING
+        return alike[0], DIFFERS if self.files[of].kind == "recording" else CHANGED
+
+    @cached_property
+    def _circuits(self) -> dict[str, str]:
+        """Files of drives by the hash of their circuit, which laws of control are told."""
+        found = {_circuit_hash(self.workspace, one.path, one.changed): one.path for one in self._of_kind("drive")}
+        return _catalogue_circuits() | found
 
     def _fit(self, each: Input, _of: str) -> tuple[str, str]:
         if each.digest in self._fits:
@@ -167,7 +177,8 @@ class Lineage:
 
     def _map(self, each: Input, of: str) -> tuple[str, str]:
         folder = of.rpartition("/")[0]
-        maps = sorted(self._of_kind("friction map"), key=lambda one: one.path.rpartition("/")[0] != folder)
+        maps = self._of_kind("friction map")  # that beside the fit first
+        maps.sort(key=lambda one: (one.path.rpartition("/")[0] != folder, not one.path.endswith(".parquet")))
         known, beside = json.loads(each.part), ""
         for one in maps:
             values = self._values(one, known)
@@ -280,6 +291,17 @@ def _catalogue() -> dict[str, str]:
     return {Drive.load(name).description_hash: name for name in drives}
 
 
+@lru_cache(maxsize=1)
+def _catalogue_circuits() -> dict[str, str]:
+    return {Drive.load(name).circuit.description_hash: name for name in _catalogue().values()}
+
+
+@lru_cache(maxsize=2 * MOST_TRACED)
+def _circuit_hash(workspace: Workspace, path: str, changed: float) -> str:
+    drive = drive_at(workspace, path, changed)
+    return "" if drive is None else drive.circuit.description_hash
+
+
 @lru_cache(maxsize=2 * MOST_TRACED)
 def _described(workspace: Workspace, path: str, kind: str, changed: float) -> tuple[str, str]:
     """Return hash and name of the description in a file; empty where there is none."""
@@ -368,7 +390,8 @@ def _of_run(workspace: Workspace, path: str) -> Iterator[Input]:
             yield Input("recording", said["recording"], said["sha256"])
         elif "description_hash" in said:
             part = "identified" if "identified" in said else ""
-            yield Input("drive", said["title"], said["description_hash"], part)
+            told = said.get("belief_hash") or said["description_hash"]  # the true drive of a law may deviate
+            yield Input("drive", said.get("title", ""), told, part)
 
 
 def _of_comparison(workspace: Workspace, path: str) -> Iterator[Input]:
