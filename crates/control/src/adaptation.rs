@@ -72,18 +72,20 @@ pub struct Adaptation {
     disturbance: Lagged<1>,
     /// For how long friction is not learned, s.
     rests: f64,
-    /// For how long it has slid, s.
-    slid: f64,
+    /// For how long it has slid, and slid fast, s.
+    slid: [f64; 2],
 }
 
 /// Lags behind which force balance and gas balance are compared, s (assumed).
 const MOTION_LAG: f64 = 0.02;
 const GAS_LAG: f64 = 0.015;
-/// Speed above which friction is learned, m/s (assumed: beyond the fall of usual seals' friction with speed).
-const SLIDES: f64 = 0.05;
+/// Speeds above which friction is learned, and learned with full weight, m/s (assumed: beyond the fall of usual seals'
+/// friction with speed; below, how it falls may be described wrong).
+const SLIDES: f64 = 0.025;
+const FAST: f64 = 0.05;
 /// Lags after which the past is forgotten (assumed).
 const SETTLED: f64 = 4.0;
-/// Deviation of the balance of forces, N, and of energy as a share of the full flow's (assumed).
+/// Deviation of the balance of forces, N, at full weight, and of energy as a share of the full flow's (assumed).
 const FORCE_DEVIATION: f64 = 5.0;
 const FLOW_DEVIATION: f64 = 0.05;
 /// Unit of a force that stays the same in both directions, N (assumed).
@@ -113,7 +115,7 @@ impl Adaptation {
             gas: [Lagged::default(); 2],
             disturbance: Lagged::default(),
             rests: 0.0,
-            slid: 0.0,
+            slid: [0.0; 2],
         }
     }
 
@@ -138,15 +140,20 @@ impl Adaptation {
             self.rests = WAIT;
         }
         self.rests -= period;
-        // What lies behind the lag of a time before it slid is of no known friction.
-        self.slid = if v.abs() < SLIDES { 0.0 } else { self.slid + period };
-        if self.slid < SETTLED * MOTION_LAG || slow * v < 0.0 || self.rests > 0.0 {
+        // What lies behind the lag of a time before it slid, or slid fast, is of no known friction.
+        for (own, least) in self.slid.iter_mut().zip([SLIDES, FAST]) {
+            *own = if v.abs() < least { 0.0 } else { *own + period };
+        }
+        let [slid, fast] = self.slid;
+        let slid = if v.abs() < FAST { slid } else { fast };
+        if slid < SETTLED * MOTION_LAG || slow * v < 0.0 || self.rests > 0.0 {
             return;
         }
         let inertia = self.described.mass * (v - slow) / MOTION_LAG;
-        let phi = [coulomb, viscous, OFFSET, inertia].map(|own| own / FORCE_DEVIATION);
+        let deviation = FORCE_DEVIATION * (FAST / v.abs()).max(1.0);
+        let phi = [coulomb, viscous, OFFSET, inertia].map(|own| own / deviation);
         let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-level / OFFSET, level / OFFSET], MASS_WITHIN];
-        self.friction.observe(phi, force / FORCE_DEVIATION, within);
+        self.friction.observe(phi, force / deviation, within);
         let [coulomb, viscous, _, mass] = self.friction.theta;
         model.friction_shares = [coulomb, viscous];
         model.mass = mass * self.described.mass;
