@@ -4,6 +4,7 @@ mod along;
 mod drive;
 pub(crate) mod end_stop;
 mod exchange;
+mod foresight;
 mod friction;
 mod gas;
 pub(crate) mod glances;
@@ -21,6 +22,7 @@ mod wiring;
 
 pub use along::{ALONG, Record, Restart};
 pub use drive::{Drive, Servo};
+pub use foresight::Foresight;
 pub use friction::{friction_law, steady_sensitivity};
 pub use members::Members;
 pub use network::Network;

@@ -3,11 +3,10 @@
 
 use crate::belief::{Axis, number};
 use crate::refuse;
-use circuit::{Assembly, Circuit, Error, Network, Starting, specification};
+use circuit::{Assembly, Circuit, Error, Foresight, Network, Starting, specification};
 use control::nmpc::{ByMoves, MOVES, steps};
 use control::{Model, Predictor, Tick};
-use math::Lane;
-use ode::{Accepted, NoOutput, Options, Output, Paused, Stepper, System};
+use ode::{Options, System};
 use physics::constants::STANDARD_GRAVITY;
 
 /// Relative tolerance of the horizon, and attempts at a step after which it is given up (assumed).
@@ -29,8 +28,8 @@ pub struct ByCircuit {
     described: Model,
     learned: [f64; 4],
     places: Places,
-    values: Runner<f64>,
-    derivatives: Runner<ByMoves>,
+    assembly: Assembly,
+    foresight: Foresight,
     /// The state from which the last horizon began.
     last: Option<(Circuit<f64>, Vec<f64>)>,
 }
@@ -41,11 +40,12 @@ impl std::fmt::Debug for ByCircuit {
     }
 }
 
-/// Where states and inputs stand.
+/// Where columns, states and inputs stand.
 #[derive(Clone, Debug, Default)]
 struct Places {
-    /// Position and velocity, and position and speed of each spool that has them.
-    motion: [usize; 2],
+    /// Position, velocity and acceleration.
+    motion: [usize; 3],
+    /// Position and speed of each spool that has them.
     spools: Vec<[usize; 2]>,
     /// Inputs: the command of each valve with its sign, and the external force.
     commands: Vec<(usize, f64)>,
@@ -54,90 +54,36 @@ struct Places {
     hidden: Vec<usize>,
 }
 
-/// An integration that begins anew at each sample.
-#[derive(Clone)]
-struct Runner<R: Lane> {
-    assembly: Assembly<R>,
-    stepper: Stepper<R, Circuit<R>>,
-}
-
-/// Takes position, velocity and acceleration at the end of each step of the horizon.
-struct Track<'s, R: Lane> {
-    motion: [usize; 2],
-    next: std::iter::Peekable<Box<dyn Iterator<Item = f64>>>,
-    see: &'s mut dyn FnMut([R; 3]),
-}
-
-impl<R: Lane> Output<R, Circuit<R>> for Track<'_, R> {
-    fn due(&self, _lane: usize) -> f64 {
-        f64::INFINITY
-    }
-
-    fn sample(&mut self, _lane: usize, _t: f64, _y: &[R], _circuit: &Circuit<R>) {}
-
-    fn step(&mut self, _lane: usize, t: f64, h: f64, states: &mut Accepted<'_, R>, _circuit: &Circuit<R>) {
-        while let Some(time) = self.next.next_if(|time| *time <= t + h * (1.0 + ROUNDING)) {
-            let share = ((time - t) / h).min(1.0);
-            let [[x, _], [v, slope]] = self.motion.map(|state| states.state(state, share));
-            (self.see)([x, v, slope * R::c(1.0 / h)]);
-        }
+impl Places {
+    fn foresight(&self, assembly: &Assembly) -> Foresight {
+        let options = Options { rtol: RTOL, max_attempts: MOST_ATTEMPTS, ..Options::default() };
+        Foresight::new(assembly, &self.motion, self.commands.clone(), options)
     }
 }
 
-/// What rounding may do to the end of a step, as a share of it.
-const ROUNDING: f64 = 1e-9;
+/// The ends of the steps of the horizon, s.
+fn ends() -> Vec<f64> {
+    let mut end = 0.0;
+    steps().map(|(_, h)| (end += h, end).1).collect()
+}
 
-impl<R: Lane> Runner<R> {
-    fn new(assembly: &Assembly) -> Self {
-        let circuit = Circuit::<R>::gather(&[&assembly.circuit]);
-        let y = vec![R::zero(); circuit.n_states()];
-        let options = Options { rtol: RTOL, ..Options::default() };
-        let stepper = Stepper::new(circuit.clone(), 0.0, &y, options);
-        let (variables, timings) = (assembly.variables.clone(), assembly.timings.clone());
-        Runner { assembly: Assembly { circuit: circuit.into(), variables, timings }, stepper }
+/// Until when each move is held, s.
+fn held<S: Copy>(plan: &[S; MOVES]) -> Vec<(f64, S)> {
+    let mut end = 0.0;
+    let mut each: Vec<(f64, S)> = plan.iter().map(|&own| (0.0, own)).collect();
+    for (block, h) in steps() {
+        end += h;
+        each[block].0 = end;
     }
+    each
+}
 
-    /// Begins at time zero from a state, with the modes of a circuit, under an external force.
-    fn load(&mut self, (circuit, y): &mut (Circuit<f64>, Vec<f64>), (input, force): (usize, f64)) {
-        let mut modes = Vec::new();
-        circuit.change_modes(|mode| modes.push(*mode));
-        let (own, mut modes) = (self.stepper.system_mut(), modes.into_iter());
-        own.change_modes(|mode| *mode = R::c(modes.next().unwrap_or_default()));
-        self.assembly.set(own, input, 0, R::c(force));
-        self.stepper.load(0, 0.0, y);
-        self.stepper.allow_in(0, MOST_ATTEMPTS);
-    }
-
-    /// Goes on to a time under a share of opening; whether it could.
-    fn go(
-        &mut self,
-        commands: &[(usize, f64)],
-        share: R,
-        until: f64,
-        output: &mut impl Output<R, Circuit<R>>,
-    ) -> bool {
-        let circuit = self.stepper.system_mut();
-        for &(input, way) in commands {
-            self.assembly.set(circuit, input, 0, share * R::c(way));
-        }
-        let paused = self.stepper.advance(until, MOST_ATTEMPTS, output);
-        paused == Paused::Arrived && self.stepper.failure(0).is_none()
-    }
-
-    /// The horizon under a plan; whether it came to its end.
-    fn follow(&mut self, places: &Places, plan: &[R; MOVES], see: &mut dyn FnMut([R; 3])) -> bool {
-        let ends = steps().scan(0.0, |end, (_, h)| {
-            *end += h;
-            Some(*end)
-        });
-        let ends: Box<dyn Iterator<Item = f64>> = Box::new(ends);
-        let mut track = Track { motion: places.motion, next: ends.peekable(), see };
-        let mut end = 0.0;
-        (0..MOVES).all(|block| {
-            end += steps().filter(|step| step.0 == block).map(|step| step.1).sum::<f64>();
-            self.go(&places.commands, plan[block], end, &mut track)
-        }) && track.next.peek().is_none()
-    }
+/// Shows rows of three, if there are any.
+fn shown<S: Copy>(rows: Option<Vec<S>>, see: &mut dyn FnMut([S; 3])) -> bool {
+    rows.is_some_and(|rows| {
+        rows.as_chunks::<3>().0.iter().for_each(|own| see(*own));
+        true
+    })
 }
 
 impl ByCircuit {
@@ -160,11 +106,12 @@ impl ByCircuit {
         let state = |name: String| circuit.state_names().iter().position(|own| own.0 == name);
         let input = |name: String| assembly.variables.inputs.iter().position(|own| own.name == name);
         let of_cylinder = |what: &str| format!("{}.{what}", axis.cylinder);
-        let motion = [state(of_cylinder("position_m")), state(of_cylinder("velocity_m_s"))];
+        let column = |what: &str| assembly.columns().iter().position(|own| *own == of_cylinder(what));
+        let motion = ["position_m", "velocity_m_s", "acceleration_m_s2"].map(column);
         let commands = axis.valves.iter().zip([1.0, -1.0]);
         let commands = commands.map(|(valve, way)| Some((input(format!("{valve}.command"))?, way)));
         let found = (motion, commands.collect::<Option<Vec<_>>>(), input(of_cylinder("load_force_n")));
-        let ([Some(x), Some(v)], Some(commands), Some(force)) = found else {
+        let ([Some(x), Some(v), Some(a)], Some(commands), Some(force)) = found else {
             return refuse(format!("{} has no state or input that a prediction needs", axis.cylinder));
         };
         let spools = axis.valves.iter().filter_map(|valve| {
@@ -178,10 +125,11 @@ impl ByCircuit {
             !name.starts_with(&chamber) && !spools.as_flattened().contains(place)
         });
         let hidden = hidden.map(|(place, _)| place).collect();
+        let places = Places { motion: [x, v, a], spools, commands, force, hidden };
         Ok(ByCircuit {
-            places: Places { motion: [x, v], spools, commands, force, hidden },
-            values: Runner::new(assembly),
-            derivatives: Runner::new(assembly),
+            foresight: places.foresight(assembly),
+            places,
+            assembly: assembly.clone(),
             described: model.clone(),
             learned: [1.0; 4],
             axis: axis.clone(),
@@ -220,15 +168,15 @@ impl ByCircuit {
         }
         // One that cannot be has no circuit: the last one stays.
         if let Ok(network) = Network::assemble(&belief, false) {
-            (self.values, self.derivatives) =
-                (Runner::new(network.assembly()), Runner::new(network.assembly()));
+            self.assembly = network.assembly().clone();
+            self.foresight = self.places.foresight(&self.assembly);
             self.learned = now;
         }
     }
 
     /// The circuit and its state where the law has the drive.
     fn at(&self, tick: &Tick, hidden: Option<(&Circuit<f64>, &[f64])>) -> (Circuit<f64>, Vec<f64>) {
-        let assembly = &self.values.assembly;
+        let assembly = &self.assembly;
         let (state, cylinder) = (&tick.state, &self.axis.cylinder);
         let elsewhere = hidden.map(|(circuit, y)| assembly.outside(circuit, y, &mut circuit.work()));
         let mean = 0.5 * (state.pressures[0] + state.pressures[1]);
@@ -287,11 +235,8 @@ impl ByCircuit {
         let is_first = self.last.is_none();
         let mut from = self.last.take().unwrap_or_else(|| self.at(tick, None));
         let (share, time) = if is_first { (0.0, SETTLES) } else { (given, tick.period) };
-        self.values.load(&mut from, force);
-        self.values.go(&self.places.commands, share, time, &mut NoOutput).then(|| {
-            let stepper = &self.values.stepper;
-            (stepper.system().clone(), stepper.state().to_vec())
-        })
+        self.foresight.begin(&mut from, force);
+        self.foresight.after(share, time)
     }
 }
 
@@ -304,17 +249,16 @@ impl Predictor for ByCircuit {
         let beside = self.beside(tick, given);
         let mut now = self.at(tick, beside.as_ref().map(|(circuit, y)| (circuit, &y[..])));
         let force = self.force(tick);
-        self.values.load(&mut now, force);
-        self.derivatives.load(&mut now, force);
+        self.foresight.begin(&mut now, force);
         self.last = Some(now);
     }
 
     fn values(&mut self, plan: &[f64; MOVES], see: &mut dyn FnMut([f64; 3])) -> bool {
-        self.values.follow(&self.places, plan, see)
+        shown(self.foresight.values(&held(plan), &ends()), see)
     }
 
     fn derivatives(&mut self, plan: &[ByMoves; MOVES], see: &mut dyn FnMut([ByMoves; 3])) -> bool {
-        self.derivatives.follow(&self.places, plan, see)
+        shown(self.foresight.derivatives(&held(plan), &ends()), see)
     }
 
     fn boxed(&self) -> Box<dyn Predictor> {

@@ -290,15 +290,7 @@ impl<'a> All<'a> {
             .collect();
         let at = asked.times.partition_point(|&time| time <= from) - 1;
         let begun = drive.begin(&start, P::c(asked.commands[at]));
-        let mut tracker = Tracker {
-            drive,
-            columns: &self.columns,
-            times: &asked.sample_times[samples],
-            next: 0,
-            net: begun.0.work(),
-            row: vec![P::zero(); drive.columns().len()],
-            rows: Vec::new(),
-        };
+        let mut tracker = Tracker::new(drive, &self.columns, &asked.sample_times[samples], begun.0.work());
         let commands = asked.times.partition_point(|&time| time < end) - at;
         let work = budget(end - from, commands, begun.0.n_states());
         let options = Options { max_attempts: asked.options.max_attempts.min(work), ..asked.options };
@@ -339,7 +331,7 @@ impl<'a> All<'a> {
 }
 
 /// Keeps the outputs at the samples of one segment.
-struct Tracker<'a, P> {
+pub(super) struct Tracker<'a, P> {
     drive: &'a Assembly<P>,
     columns: &'a [usize],
     times: &'a [f64],
@@ -349,13 +341,28 @@ struct Tracker<'a, P> {
     rows: Vec<P>,
 }
 
-impl<P: Lane> Tracker<'_, P> {
+impl<'a, P: Lane> Tracker<'a, P> {
+    /// Of these columns at these times, s.
+    pub fn new(drive: &'a Assembly<P>, columns: &'a [usize], times: &'a [f64], net: Net<P>) -> Self {
+        let row = vec![P::zero(); drive.columns().len()];
+        Tracker { drive, columns, times, next: 0, net, row, rows: Vec::new() }
+    }
+
     /// The samples still due are those at the end.
     fn finish(&mut self, session: &Session<P>) {
-        let y = session.settled();
+        self.finish_at(&session.settled(), session.circuit());
+    }
+
+    /// The same at a state.
+    pub fn finish_at(&mut self, y: &[P], circuit: &Circuit<P>) {
         while self.next < self.times.len() {
-            self.sample(0, self.times[self.next], &y, session.circuit());
+            self.sample(0, self.times[self.next], y, circuit);
         }
+    }
+
+    /// What it has kept, row by row.
+    pub fn into_rows(self) -> Vec<P> {
+        self.rows
     }
 }
 
