@@ -471,11 +471,6 @@ impl<R: Lane> Circuit<R> {
 }
 
 impl Circuit<f64> {
-    /// Whether state `y` is one that the equations hold for.
-    pub fn holds(&self, y: &[f64]) -> bool {
-        self.inside(y, &mut self.work()) > 0.0
-    }
-
     /// Trackers of the impacts of each cylinder.
     pub(crate) fn impacts(&self) -> Vec<Impacts> {
         let usual = self.parts.cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));

@@ -66,11 +66,11 @@ impl Drive {
     /// A sample that no state of this drive can have, such as a piston behind a cover, is an error.
     pub fn along(&self, record: &Record<'_>) -> Result<Vec<f64>, Error> {
         let mut circuit = self.circuit().clone();
-        let mut net = circuit.work::<AlongFlow>();
+        let (mut plain, mut net) = (circuit.work::<f64>(), circuit.work::<AlongFlow>());
         let mut t = record.temperature;
         let mut rows = Vec::with_capacity(ALONG.len() * record.times.len());
         for i in 0..record.times.len() {
-            let rates = self.temperature_rates(record, i, t, &mut circuit, &mut net)?;
+            let rates = self.temperature_rates(record, i, t, &mut circuit, (&mut plain, &mut net))?;
             let gas = self.chamber_ids().map(|id| net[id]);
             let axis = net[self.axis()];
             let steady = self.circuit().steady_friction(self.axis(), &axis).re;
@@ -80,7 +80,8 @@ impl Drive {
             if let Some(next) = record.times.get(i + 1) {
                 let h = next - record.times[i];
                 let warmer = t.map(|t| t * (1.0 + STEP));
-                let warmer = self.temperature_rates(record, i, warmer, &mut circuit, &mut net)?;
+                let warmer =
+                    self.temperature_rates(record, i, warmer, &mut circuit, (&mut plain, &mut net))?;
                 for side in 0..2 {
                     let slope = (warmer[side] - rates[side]) / (t[side] * STEP);
                     t[side] += h * rates[side] / (1.0 - h * slope.min(0.0));
@@ -98,7 +99,7 @@ impl Drive {
         i: usize,
         t: [f64; 2],
         circuit: &mut Circuit<f64>,
-        net: &mut Net<AlongFlow>,
+        (plain, net): (&mut Net<f64>, &mut Net<AlongFlow>),
     ) -> Result<[f64; 2], Error> {
         let initial = Initial {
             position_m: record.position[i],
@@ -110,7 +111,8 @@ impl Drive {
             contact_age_s: 0.0,
         };
         let y = self.begin(circuit, &initial);
-        if !self.circuit().holds(&y) {
+        let holds = circuit.inside(&y, plain) > 0.0;
+        if !holds {
             return Err(Error::Stopped(format!(
                 "the record cannot be of this drive: at t = {} s the piston is at {:.6} m of {:.6} m, the chambers are at {:.4e} \
                  and {:.4e} Pa absolute, {:.1} and {:.1} K. Rule: the piston between the covers, pressures and temperatures \
@@ -127,13 +129,13 @@ impl Drive {
         for (edge, opening) in EDGES.zip(record.openings[i]) {
             self.assembly().set(circuit, edge, 0, opening);
         }
-        let still: Vec<AlongFlow> = y.iter().map(|&value| value.into()).collect();
-        let mut rates = still.clone();
-        circuit.rhs(0.0.into(), &still, &mut rates, net);
-        let mut moving = still;
+        let mut rates = y.clone();
+        circuit.rhs(0.0, &y, &mut rates, plain);
+        let mut moving: Vec<AlongFlow> = y.iter().map(|&value| value.into()).collect();
         for (moving, rate) in moving.iter_mut().zip(&rates) {
-            moving.eps[0] = rate.re;
+            moving.eps[0] = *rate;
         }
+        let mut rates = moving.clone();
         circuit.rhs(0.0.into(), &moving, &mut rates, net);
         Ok(self.chamber_ids().map(|id| net[id].t.eps[0]))
     }

@@ -35,6 +35,10 @@ WINDOW_S = 0.01
 LEAST_HALF_WIDTH = 3  # samples
 #: Multiple of its noise below which the residual of a parabola is accepted.
 PARABOLA_NOISE = 1.5
+#: Samples that a parabola needs.
+_LEAST_SAMPLES = 4
+#: Samples of windows in memory at a time.
+_AT_ONCE = 1_000_000
 #: Error of a parabola for a changing velocity, m/s (assumed).
 SLOPE_ERROR_M_S = 2e-3
 #: Number of runs for unmeasured states to settle: each starts from the ends of the one before.
@@ -177,31 +181,54 @@ def _smoothed(
     The window is the widest of a few over which the signal is a parabola within its noise. The third value times the
     noise is the standard error of a slope over the narrowest one that was used.
     """
-    level, slope = np.empty(at.size), np.empty(at.size)
     good = np.isfinite(values)
     step = float(np.median(np.diff(time_s)))
     widest = max(LEAST_HALF_WIDTH, round(WINDOW_S / step))
     widths = sorted({max(LEAST_HALF_WIDTH, widest >> k) for k in range(6)}, reverse=True)
-    narrowest = widest
-    for j, i in enumerate(at):
-        watch.look()
-        for half in widths:
-            near = slice(max(0, i - half), i + half + 1)
-            t, y = time_s[near][good[near]] - time_s[i], values[near][good[near]]
-            if y.size < 4:  # a gap in the signal: use the nearest value
-                index = np.flatnonzero(good)
-                level[j], slope[j] = values[index[np.argmin(np.abs(index - i))]], 0.0
-                break
-            scale = float(np.abs(t).max())
-            design = np.stack([np.ones_like(t), t / scale, (t / scale) ** 2], axis=1)
-            c = np.linalg.lstsq(design, y, rcond=None)[0]
-            level[j], slope[j] = c[0], c[1] / scale
-            off = np.sqrt(np.sum((y - design @ c) ** 2) / max(y.size - 3, 1))
-            if off <= PARABOLA_NOISE * noise:
-                narrowest = min(narrowest, half)
-                break
-            narrowest = LEAST_HALF_WIDTH
+    level, slope = np.empty(at.size), np.zeros(at.size)
+    left, narrowest = np.arange(at.size), widest
+    for half in widths:
+        fits = []
+        for some in np.array_split(left, max(1, left.size * (2 * half + 1) // _AT_ONCE)):
+            watch.look()
+            level[some], slope[some], fit = _parabolas(time_s, values, good, at[some], half, PARABOLA_NOISE * noise)
+            fits.append(fit)
+        left = left[~np.concatenate(fits)]
+        if not left.size:
+            break
+        narrowest = LEAST_HALF_WIDTH
     return level, slope, 1.0 / (step * float(np.sqrt(2.0 * np.sum(np.arange(narrowest + 1.0) ** 2))))
+
+
+def _parabolas(
+    time_s: Array, values: Array, good: NDArray[np.bool_], at: NDArray[np.int64], half: int, most: float
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return value and slope of the parabola around each sample, and where its residual is at most so large.
+
+    In a gap of the signal, with fewer than four samples in a window, it is the nearest value.
+    """
+    index = at[:, None] + np.arange(-half, half + 1)
+    used = (index >= 0) & (index < time_s.size)
+    index = index.clip(0, time_s.size - 1)
+    used &= good[index]
+    count = used.sum(axis=1)
+    gap = count < _LEAST_SAMPLES
+    used[gap] = True  # any parabola: it is not used
+    t = np.where(used, time_s[index] - time_s[at, None], 0.0)
+    scale = np.abs(t).max(axis=1)
+    t /= scale[:, None]
+    y = np.where(used & good[index], values[index], 0.0)
+    mean = y.sum(axis=1) / np.maximum(count, 1)
+    y = np.where(used, y - mean[:, None], 0.0)
+    design = np.stack([used, t, t * t], axis=2)
+    across = design.transpose(0, 2, 1)
+    c = np.linalg.solve(across @ design, across @ y[:, :, None])
+    off = np.sqrt(np.sum((y - (design @ c)[:, :, 0]) ** 2, axis=1) / np.maximum(count - 3, 1))
+    level, slope = c[:, 0, 0] + mean, c[:, 1, 0] / scale
+    present = np.flatnonzero(good)
+    for j in np.flatnonzero(gap):
+        level[j], slope[j] = values[present[np.argmin(np.abs(present - at[j]))]], 0.0
+    return level, slope, gap | (off <= most)
 
 
 def white_noise(values: Array) -> float:
