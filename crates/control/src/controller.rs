@@ -12,7 +12,7 @@ use crate::observer::{Noise, Observer, Observing, Sample, State};
 use crate::own::{Own, Seen};
 use crate::reference::{Reference, Wanted, blend};
 use crate::supervisor::{Rules, Supervisor};
-use crate::valves::{Commands, Valves};
+use crate::valves::{Arrangement, Commands, Valves};
 
 macro_rules! laws {
     ($($name:ident),* $(,)?) => {
@@ -100,10 +100,11 @@ pub struct Hold<S = f64> {
 
 /// Speed below which a drive may hold, m/s.
 const REST: f64 = 1e-3;
-/// Rates at which the elastic contact is drawn to where it is to be, and at which the gas follows the force that is kept, 1/s
-/// (assumed).
-const CREEP: f64 = 3.0;
-const SETTLE: f64 = 4.0;
+/// Rates at which the contact is drawn to where it is to be, and at which the gas follows the force that is kept, 1/s
+/// (assumed): usually, and of one that drifts behind proportional valves. That has to be followed faster: within an overlap
+/// that is wider than believed a command opens nothing, and what leaks meanwhile draws the piston away.
+const USUAL: [f64; 2] = [3.0, 4.0];
+const DRIFTING: [f64; 2] = [5.0, 20.0];
 /// Bands at which it is left.
 const LEAVE: f64 = 2.5;
 
@@ -113,9 +114,9 @@ impl<S: Number> Hold<S> {
         Hold { band, after, waited: S::zero(), holds: S::zero(), force: S::zero() }
     }
 
-    /// Whether it holds, and the rate of the force of the gas then, N/s: a contact of this stiffness, N/m, gives way by
-    /// what is missing. `stands` is 1 while the reference stands, else 0.
-    fn rate(&mut self, stands: S, [e, v]: [S; 2], gas: S, (stiffness, period): (f64, f64)) -> (S::Mask, S) {
+    /// Whether it holds, and the rate of the force of the gas then, N/s: the contact gives way by what is missing. `stands` is
+    /// 1 while the reference stands, else 0.
+    fn rate(&mut self, stands: S, [e, v]: [S; 2], gas: S, (model, period): (&Model, f64)) -> (S::Mask, S) {
         let zero = S::zero();
         let held = zero.lt(self.holds);
         let limit = S::select(held, S::c(LEAVE * self.band), S::c(self.band));
@@ -123,10 +124,12 @@ impl<S: Number> Hold<S> {
         let near = S::select(S::c(REST).lt(v.abs()), near * self.holds, near);
         self.waited = S::select(zero.lt(near), self.waited + S::c(period), zero);
         let force = S::select(held, self.force, gas);
-        let creep = e.times(CREEP * stiffness);
+        let opens_little = matches!(model.valve.arrangement, Arrangement::One | Arrangement::Pair);
+        let [creep, settle] = if model.stick_drifts && opens_little { DRIFTING } else { USUAL };
+        let creep = e.times(creep * model.stick_stiffness);
         self.force = force + creep.times(period);
         self.holds = S::select(self.waited.lt(S::c(self.after)), zero, near);
-        (zero.lt(self.holds), creep + (self.force - gas).times(SETTLE))
+        (zero.lt(self.holds), creep + (self.force - gas).times(settle))
     }
 }
 
@@ -519,10 +522,8 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
         let gas = model.gas_force(state.pressures);
         let seen = [e, observer.state.velocity];
         let never = (S::zero().lt(S::zero()), S::zero());
-        let (holds, held) = self
-            .hold
-            .as_mut()
-            .map_or(never, |hold| hold.rate(ahead.stands, seen, gas, (model.stick_stiffness, period)));
+        let (holds, held) =
+            self.hold.as_mut().map_or(never, |hold| hold.rate(ahead.stands, seen, gas, (model, period)));
         let bandwidth = self.plant.bandwidth();
         let rate_of_push = self.law.push() * bandwidth * period;
         let bound = PUSH_BOUND * self.plant.coulomb;

@@ -123,6 +123,24 @@ fn a_light_sticky_drive_comes_to_rest_under_predictive_control() {
     }
 }
 
+/// A valve that has twice the overlap that its law believes in, and leaks: within it the command of a law that holds opens
+/// nothing, and the contact creeps under what leaks.
+#[test]
+fn a_drive_is_held_where_its_valve_opens_later_than_believed() {
+    let mut plant = axis();
+    let valve = plant.components.iter_mut().find(|own| own.name == "valve").expect("a valve");
+    for (key, value) in [("overlap", 0.04), ("leakage", 0.005), ("hysteresis", 0.008)] {
+        valve.numbers.insert(key.into(), value);
+    }
+    let moves = [(0.2, 0.28), (1.7, 0.22)].map(|(begin, to)| Move { begin, duration: 0.3, to });
+    let to = Reference::Moves { start: 0.22, moves: moves.into() };
+    for seed in 1..=3 {
+        let (rows, _) = run(&plant, "nmpc", &to, 3.2, seed);
+        let error = [&rows[1500..1700], &rows[3000..]].map(largest).map(|own| own * 1e6);
+        assert!(error.iter().all(|own| *own < 20.0), "seed {seed}: {error:?} um at rest");
+    }
+}
+
 /// Dry friction rests without any way: a model whose contact gives way too far takes its sensor for stuck.
 #[test]
 fn drives_with_dry_friction_are_followed() {

@@ -164,7 +164,7 @@ fn a_lost_pressure_is_replaced_by_the_model_and_the_move_goes_on() {
     // A reading that rests is told once the pressure has to have moved.
     let (_, controller) = run_with(
         ("inversion", &setup(vec![on(Channel::PressureA, FaultKind::Stuck, 0.0)])),
-        (&Reference::Moves { start: 0.1, moves: vec![Move { begin: 0.62, duration: 0.35, to: 0.4 }] }, 1.2),
+        (&Reference::Moves { start: 0.1, moves: vec![Move { begin: 0.62, duration: 0.3, to: 0.4 }] }, 1.2),
         |_| (),
     );
     assert_eq!(count(&controller, EventKind::PressureLost), 1, "{:?}", told(&controller));
