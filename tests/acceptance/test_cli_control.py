@@ -105,6 +105,7 @@ FILES = {
         'there is no observer "luenberger"',
         ":4",
     ),
+    "no contact for a plan": ('law = "nmpc"\n[observer]\nkind = "levant"', "needs the friction of the contact", ":4"),
     "period": ('law = "nmpc"\nperiod = "10 s"', "it must lie within", ":3"),
     "unknown gain": ('law = "nmpc"\n[gains]\nbandwith = "90 rad/s"', "no gain of nmpc", "'bandwidth'"),
     "gain out of bounds": ('law = "nmpc"\n[gains]\nbandwidth = "-90 rad/s"', "out of bounds", ":4"),
