@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
-class Difference(NamedTuple):
+class Changed(NamedTuple):
     """One value that differs.
 
     Attributes
@@ -52,7 +52,7 @@ class _Side(NamedTuple):
     numbers: Mapping[str, float]
 
 
-def differences(before: Drive | AnyFit, after: Drive | AnyFit) -> list[Difference]:
+def differences(before: Drive | AnyFit, after: Drive | AnyFit) -> list[Changed]:
     """Return the values that differ in number or interval, in the order of the first source.
 
     Parameters
@@ -81,7 +81,7 @@ def differences(before: Drive | AnyFit, after: Drive | AnyFit) -> list[Differenc
         )
     old, new = _side(before), _side(after)
     return [
-        Difference(
+        Changed(
             key,
             old.texts.get(key, ""),
             new.texts.get(key, ""),
