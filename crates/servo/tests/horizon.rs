@@ -3,7 +3,7 @@
 
 mod axis;
 
-use axis::{MEAN, PERIOD, axis, begin_choosing, behind_tubes, rubbing, session, setup};
+use axis::{MEAN, PERIOD, STICKY, axis, begin_choosing, behind_tubes, rubbing, session, setup};
 use circuit::Look;
 use circuit::specification::Circuit;
 use control::nmpc::{ByMoves, MOVES, by_the_model, steps};
@@ -38,15 +38,6 @@ const PLANS: [[f64; MOVES]; 3] = [
 const START: f64 = 0.2;
 /// Speed, m/s, below which it may turn around.
 const SLOW: f64 = 0.02;
-
-const STICKY: [(&str, f64); 6] = [
-    ("coulomb", 33.0),
-    ("breakaway", 44.0),
-    ("viscous", 40.0),
-    ("stribeck_velocity", 0.02),
-    ("bristle_stiffness", 4.4e5),
-    ("bristle_damping", 440.0),
-];
 
 fn upright() -> Circuit {
     let mut plant = axis();

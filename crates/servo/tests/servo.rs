@@ -2,7 +2,7 @@
 
 mod axis;
 
-use axis::{MEAN, axis, begin, rubbing, session, setup};
+use axis::{MEAN, STICKY, axis, begin, rubbing, session, setup};
 use circuit::Look;
 use circuit::specification::{Circuit, Component};
 use control::{Move, Reference};
@@ -100,18 +100,7 @@ fn predictive_control_learns_friction_mass_and_valve_of_its_drive() {
 /// makes it slip from one side of its target to the other, 1.3 mm apart, for good.
 #[test]
 fn a_light_sticky_drive_comes_to_rest_under_predictive_control() {
-    let sticky = rubbing(
-        0.7,
-        "elasto-plastic",
-        &[
-            ("coulomb", 33.0),
-            ("breakaway", 44.0),
-            ("viscous", 40.0),
-            ("stribeck_velocity", 0.02),
-            ("bristle_stiffness", 4.4e5),
-            ("bristle_damping", 440.0),
-        ],
-    );
+    let sticky = rubbing(0.7, "elasto-plastic", &STICKY);
     let moves = vec![Move { begin: 0.2, duration: 0.3, to: 0.28 }];
     for seed in 1..=3 {
         let to = Reference::Moves { start: 0.22, moves: moves.clone() };

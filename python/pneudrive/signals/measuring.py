@@ -230,13 +230,15 @@ def time_of(given: float | str) -> float:
     except ValueError:
         value = parse(str(given), "s")
     if not np.isfinite(value):
-        raise CommandError(f'the time "{given}" is not finite')
+        raise CommandError(
+            f'the time "{given}" is not finite', rule='a time such as "1.25 s", or the number of a sample'
+        )
     return value
 
 
 def _layout(path: Path) -> Layout | None:
     if not exists(path):
-        raise CommandError(f"there is no recording {path}")
+        raise CommandError(f"there is no recording {path}", remedy="Name a file that exists.")
     return None if path.suffix in SUFFIXES and is_trajectory(path) else find_layout(path)
 
 

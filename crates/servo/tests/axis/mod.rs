@@ -13,6 +13,16 @@ pub const PERIOD: f64 = 1e-3;
 /// Of both chambers at the start, Pa absolute.
 pub const MEAN: f64 = 4e5;
 
+/// Of a seal that is elastic up to a breakaway 11 N above its sliding friction: N, N s/m, m/s, N/m.
+pub const STICKY: [(&str, f64); 6] = [
+    ("coulomb", 33.0),
+    ("breakaway", 44.0),
+    ("viscous", 40.0),
+    ("stribeck_velocity", 0.02),
+    ("bristle_stiffness", 4.4e5),
+    ("bristle_damping", 440.0),
+];
+
 /// A cylinder on a proportional 5/3 valve with a spool.
 pub fn axis() -> Circuit {
     serde_json::from_str(include_str!("../data/reference_axis.json")).expect("a circuit")

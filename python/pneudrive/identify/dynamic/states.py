@@ -211,24 +211,26 @@ def _parabolas(
     used = (index >= 0) & (index < time_s.size)
     index = index.clip(0, time_s.size - 1)
     used &= good[index]
+    fits = used.sum(axis=1) >= _LEAST_SAMPLES
+    level, slope = np.empty(at.size), np.zeros(at.size)
+    present = np.flatnonzero(good)
+    for j in np.flatnonzero(~fits):
+        level[j] = values[present[np.argmin(np.abs(present - at[j]))]]
+    used, index, at = used[fits], index[fits], at[fits]
     count = used.sum(axis=1)
-    gap = count < _LEAST_SAMPLES
-    used[gap] = True  # any parabola: it is not used
     t = np.where(used, time_s[index] - time_s[at, None], 0.0)
     scale = np.abs(t).max(axis=1)
     t /= scale[:, None]
-    y = np.where(used & good[index], values[index], 0.0)
-    mean = y.sum(axis=1) / np.maximum(count, 1)
-    y = np.where(used, y - mean[:, None], 0.0)
+    mean = np.where(used, values[index], 0.0).sum(axis=1) / count
+    y = np.where(used, values[index] - mean[:, None], 0.0)
     design = np.stack([used, t, t * t], axis=2)
     across = design.transpose(0, 2, 1)
     c = np.linalg.solve(across @ design, across @ y[:, :, None])
     off = np.sqrt(np.sum((y - (design @ c)[:, :, 0]) ** 2, axis=1) / np.maximum(count - 3, 1))
-    level, slope = c[:, 0, 0] + mean, c[:, 1, 0] / scale
-    present = np.flatnonzero(good)
-    for j in np.flatnonzero(gap):
-        level[j], slope[j] = values[present[np.argmin(np.abs(present - at[j]))]], 0.0
-    return level, slope, gap | (off <= most)
+    level[fits], slope[fits] = c[:, 0, 0] + mean, c[:, 1, 0] / scale
+    done = ~fits
+    done[fits] = off <= most
+    return level, slope, done
 
 
 def white_noise(values: Array) -> float:
