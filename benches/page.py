@@ -49,7 +49,7 @@ ONE_BY_ONE = (
   const slider = document.getElementById(name), out = [];
   for (let i = 0; i < rounds; i++) {
     await new Promise((done) => setTimeout(done, 7 + (i * 5) % 17));
-    const began = performance.now(), drawn = painted("data-drawn");
+    const began = performance.now(), drawn = painted("data-answered");
     slider.value = String(100 + (i * 7) % 40);
     slider.dispatchEvent(new Event("input", {bubbles: true}));
     await drawn;

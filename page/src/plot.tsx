@@ -124,7 +124,7 @@ export function Plot(props: PlotProps) {
           }),
         ],
         hooks: {
-          drawSeries: [columns],
+          drawSeries: [curve],
           draw: [(u) => mark(u, latest.current.marks ?? []), (u) => upright(u, latest.current.cursors ?? [])],
           setCursor: [(u) => typeof u.cursor.idx === "number" && latest.current.onHover?.(u.data[0][u.cursor.idx]!)],
           drawClear: [(u) => shade(u, latest.current.shades ?? []), (u) => fill(u, latest.current.bands ?? [], latest.current.size)],
@@ -175,7 +175,7 @@ export function Plot(props: PlotProps) {
 /** Whether a curve turns up and down more often than every fourth pixel, and is drawn as `columns`: a stroke is smoother, but slow there. */
 function isDense(u: uPlot, series: number): boolean {
   const [from, to] = [u.valToIdx(u.scales["x"]!.min!), u.valToIdx(u.scales["x"]!.max!)];
-  if (u.scales["x"]!.distr === 3 || to - from < u.bbox.width) return false;
+  if (to - from < u.bbox.width) return false;
   const y = u.data[series] as ArrayLike<number | null | undefined>;
   let [turns, before, last] = [0, 0, y[from]];
   for (let i = from + 1; i <= to; i++) {
@@ -195,19 +195,86 @@ export function isInDash(column: number, dash: number[]): boolean {
   return !dash.length || dash.findIndex((one) => (at -= one) < 0) % 2 === 0;
 }
 
-const path: uPlot.Series.PathBuilder = (u, series, from, to) => (isDense(u, series) ? null : uPlot.paths.linear!()(u, series, from, to));
+/** Paths of uPlot for logarithmic axes alone: a path kept behind each drawing would be swept up for ms while a slider is dragged. */
+const path: uPlot.Series.PathBuilder = (u, series, from, to) => (u.scales["x"]!.distr === 3 ? uPlot.paths.linear!()(u, series, from, to) : null);
+
+/** Values of a curve, and what puts them into pixels of linear axes. */
+function placed(u: uPlot, series: number) {
+  const { min: first, max: last } = u.scales["x"]!;
+  const { min: least, max: most } = u.scales["y"]!;
+  const [perX, perY] = [u.bbox.width / (last! - first!), u.bbox.height / (most! - least!)];
+  return { x: u.data[0], y: u.data[series] as ArrayLike<number | null | undefined>, ...u.bbox, first: first!, most: most!, perX, perY };
+}
+
+function curve(u: uPlot, series: number): void {
+  if (u.scales["x"]!.distr === 3) return;
+  if (isDense(u, series)) columns(u, series);
+  else lines(u, series);
+}
+
+/** Draw straight lines between values; of those in one column of pixels only the first, the lowest, the highest and the last. */
+export function lines(u: uPlot, series: number): void {
+  const { x, y, left, top, width, height, first, most, perX, perY } = placed(u, series);
+  const { ctx } = u;
+  const own = u.series[series]!;
+  const within = u.series[0]!.idxs;
+  if (!within || perX !== perX || perY !== perY) return;
+  let [from, to] = within;
+  do from -= 1;
+  while (from > 0 && y[from] === undefined); // to the value before the view, so that its line comes in
+  do to += 1;
+  while (to < x.length - 1 && y[to] === undefined);
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(left, top, width, height);
+  ctx.clip();
+  ctx.beginPath();
+  let [column, low, high, begun, endX, endY, isOne] = [Number.NaN, 0, 0, 0, 0, 0, true];
+  const leave = () => {
+    if (low < Math.min(begun, endY)) ctx.lineTo(endX, low);
+    if (high > Math.max(begun, endY)) ctx.lineTo(endX, high);
+    if (!isOne) ctx.lineTo(endX, endY);
+    [column, isOne] = [Number.NaN, true];
+  };
+  let isDown = false;
+  for (let i = Math.max(from, 0); i <= Math.min(to, x.length - 1); i++) {
+    const value = y[i];
+    if (value === undefined || (value === null && own.spanGaps)) continue;
+    if (value === null) {
+      leave();
+      isDown = false;
+      continue;
+    }
+    const [atX, atY] = [left + (x[i]! - first) * perX, top + (most - value) * perY];
+    if (Math.floor(atX) === column) {
+      isOne = false;
+      if (atY < low) low = atY;
+      if (atY > high) high = atY;
+    } else {
+      leave();
+      if (isDown) ctx.lineTo(atX, atY);
+      else ctx.moveTo(atX, atY);
+      isDown = true;
+      column = Math.floor(atX);
+      low = high = begun = atY;
+    }
+    [endX, endY] = [atX, atY];
+  }
+  leave();
+  ctx.strokeStyle = (own.stroke as () => string)();
+  ctx.lineWidth = own.width! * devicePixelRatio;
+  ctx.lineJoin = "round";
+  ctx.setLineDash((own.dash ?? []).map((one) => one * devicePixelRatio));
+  ctx.stroke();
+  ctx.restore();
+}
 
 /**
  * Draw a curve of many values as a bar in each column of pixels, from the lowest to the highest point of its line there:
  * what a stroke shows of it, in a fiftieth of the time. NaN is a gap.
  */
 function columns(u: uPlot, series: number): void {
-  if (!isDense(u, series)) return;
-  const [x, y] = [u.data[0], u.data[series] as ArrayLike<number | null | undefined>];
-  const { left, top, width, height } = u.bbox;
-  const { min: first, max: last } = u.scales["x"]!;
-  const { min: least, max: most } = u.scales["y"]!;
-  const [perX, perY] = [width / (last! - first!), height / (most! - least!)];
+  const { x, y, left, top, width, height, first, most, perX, perY } = placed(u, series);
   const half = (u.series[series]!.width! * devicePixelRatio) / 2;
   const low = new Float64Array(width).fill(Infinity);
   const high = new Float64Array(width).fill(-Infinity);
@@ -219,7 +286,7 @@ function columns(u: uPlot, series: number): void {
   let [column, at] = [Number.NaN, Number.NaN];
   for (let i = 0; i < x.length; i++) {
     if (y[i] === undefined) continue; // a time of another curve
-    const [next, to] = [Math.floor((x[i]! - first!) * perX), (most! - (y[i] ?? Number.NaN)) * perY];
+    const [next, to] = [Math.floor((x[i]! - first) * perX), (most - (y[i] ?? Number.NaN)) * perY];
     if (to === to) put(next, to);
     // The line from the value before: half a step belongs to the column it leaves, half to the one it enters.
     if (to === to && at === at && next !== column) {

@@ -172,12 +172,15 @@ export async function frame<Head>(path: string, given: Record<string, string>): 
   return unpack<Head>(await answer.arrayBuffer());
 }
 
+const ROOM_MS = 11; // of a frame of 60 Hz in which a drawing may begin
+
 /** The socket: at most one request is on its way, the newest waits, older ones are dropped, only the newest is drawn. */
 export class Live<Head extends { number: number }> {
   sent = 0;
   mostOnTheWay = 0;
   private onTheWay = 0;
-  private drawn = 0;
+  private newest = 0;
+  private toDraw: Frame<Head> | null = null;
   private waiting: Record<string, unknown> | null = null;
   private last: Record<string, unknown> | null = null;
   private socket: WebSocket | null = null;
@@ -198,11 +201,14 @@ export class Live<Head extends { number: number }> {
     socket.onmessage = (event: MessageEvent<ArrayBuffer>) => {
       this.onTheWay -= 1;
       const frame = unpack<Head>(event.data);
-      if (frame.head.number > this.drawn) {
-        this.drawn = frame.head.number;
-        this.draw(frame);
-      }
       this.pump();
+      if (frame.head.number <= this.newest) return;
+      this.newest = frame.head.number;
+      document.documentElement.dataset["answered"] = String(this.newest);
+      const isLate = performance.now() - Number(document.timeline.currentTime) > ROOM_MS;
+      if (isLate && this.toDraw === null) requestAnimationFrame(() => this.drawNewest());
+      this.toDraw = frame;
+      if (!isLate) this.drawNewest();
     };
     socket.onclose = () => {
       this.onTheWay = 0;
@@ -211,6 +217,13 @@ export class Live<Head extends { number: number }> {
       setTimeout(() => this.connect(), 500);
     };
     this.socket = socket;
+  }
+
+  /** At once, or as the next frame begins if a drawing would run into it: that frame would come late. */
+  private drawNewest(): void {
+    const frame = this.toDraw;
+    this.toDraw = null;
+    if (frame && !this.closed) this.draw(frame);
   }
 
   /** Whether a request waits for the one that is on its way. */

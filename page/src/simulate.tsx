@@ -212,10 +212,12 @@ function Beside() {
   );
 }
 
+const isMoving = computed(() => answer.value?.head.cylinders !== undefined);
+
+/** The circuit, which is drawn once, unless its pistons move. */
 function Drawn() {
-  const now = answer.value;
   if (!drawing.value) return <div />;
-  return now?.head.cylinders ? <MovingCircuit now={now} drawing={drawing.value} /> : <Circuit drawing={drawing.value} />;
+  return isMoving.value ? <MovingCircuit now={answer.value!} drawing={drawing.value} /> : <Circuit drawing={drawing.value} />;
 }
 
 function PanelPlot({ panel }: { panel: Panel }) {

@@ -1,5 +1,6 @@
-import { describe, expect, it } from "vitest";
-import { isInDash } from "../src/plot";
+import { describe, expect, it, vi } from "vitest";
+import type uPlot from "uplot";
+import { isInDash, lines } from "../src/plot";
 
 describe("a dense curve", () => {
   it("is pale in the gaps of its dash", () => {
@@ -7,5 +8,34 @@ describe("a dense curve", () => {
     expect(isInDash(7, [4, 1, 2, 1])).toBe(false);
     expect(isInDash(6, [4, 1, 2, 1])).toBe(true);
     expect(isInDash(5, [])).toBe(true);
+  });
+});
+
+/** Corners of the lines that are drawn in 10 x 10 pixels from (0, 0), of values between 0 and 10 over times between 0 and 10. */
+function drawn(x: number[], y: (number | null | undefined)[], idxs: [number, number], spanGaps = false): string[] {
+  const out: string[] = [];
+  const put = (word: string) => (...at: number[]) => out.push(`${word} ${at.join(" ")}`);
+  const ctx = Object.fromEntries(["save", "restore", "beginPath", "rect", "clip", "stroke", "setLineDash"].map((name) => [name, () => undefined]));
+  const scale = { min: 0, max: 10 };
+  const series = [{ idxs }, { spanGaps, stroke: () => "#111111", width: 1 }];
+  const bbox = { left: 0, top: 0, width: 10, height: 10 };
+  lines({ data: [x, y], bbox, scales: { x: scale, y: scale }, series, ctx: { ...ctx, moveTo: put("to"), lineTo: put("line") } } as unknown as uPlot, 1);
+  return out;
+}
+
+describe("the lines of a curve", () => {
+  vi.stubGlobal("devicePixelRatio", 1);
+  it("come in from the value before the view and leave it to the one behind", () => {
+    expect(drawn([-2, 1, 5, 14], [0, 4, 10, 1], [1, 2])).toEqual(["to -2 10", "line 1 6", "line 5 0", "line 14 9"]);
+  });
+  it("keep first, lowest, highest and last of a column of pixels", () => {
+    const x = Array.from({ length: 90 }, (_, i) => 2 + i / 100);
+    const y = x.map((_, i) => (i === 30 ? 9 : i === 60 ? 1 : 5));
+    expect(drawn(x, y, [0, 89])).toEqual(["to 2 5", "line 2.89 1", "line 2.89 9", "line 2.89 5"]);
+  });
+  it("stop at a gap, unless it is to be spanned, and pass over times of other curves", () => {
+    const [x, y] = [[1, 2, 3, 4, 5], [1, undefined, 2, null, 3]];
+    expect(drawn(x, y, [0, 4])).toEqual(["to 1 9", "line 3 8", "to 5 7"]);
+    expect(drawn(x, y, [0, 4], true)).toEqual(["to 1 9", "line 3 8", "line 5 7"]);
   });
 });

@@ -142,6 +142,10 @@ class AskedRun:
         Cancelled
             The flag was set, or the time is over.
         """
+        return self.run_of(self.described(workspace), workspace, cancel)
+
+    def run_of(self, described: Drive | Circuit, workspace: Workspace, cancel: Flag | None = None) -> Run:
+        """Simulate what `described` has returned; errors are those of `run`."""
         samples = positive(self.duration, "s", "duration") * positive(self.rate, "1/s", "sample_rate")
         if not math.isfinite(samples) or samples > MOST_SAMPLES:
             raise CommandError(
@@ -149,7 +153,6 @@ class AskedRun:
                 rule=f"at most {MOST_SAMPLES:.0e}",
                 remedy="Copy the command and run it in a terminal.",
             )
-        described = self.described(workspace)
         watch = Watch(cancel=cancel or RunLimit())
         options: dict[str, Any] = {"initial": self.initial or None, "sample_rate": self.rate, "watch": watch}
         return run(described, self.command_of(described, workspace), self.duration, **options)

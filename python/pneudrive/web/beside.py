@@ -82,9 +82,15 @@ class AskedBeside:
         return cls(tuple(others), {key: _ends(key, one) for key, one in spreads.items()}, *wanted)
 
     def answer(
-        self, workspace: Workspace, asked: AskedRun, run: Run, shown: Sequence[str], limit: RunLimit
+        self,
+        workspace: Workspace,
+        asked: AskedRun,
+        described: Drive | Circuit,
+        run: Run,
+        shown: Sequence[str],
+        limit: RunLimit,
     ) -> tuple[dict[str, Any], dict[str, Array]]:
-        """Return head and arrays beside those of a run, of which `shown` are the columns that are drawn.
+        """Return head and arrays beside those of a run of `described`, of which `shown` are the columns that are drawn.
 
         Raises
         ------
@@ -93,7 +99,6 @@ class AskedBeside:
         Cancelled
             The time is over, or the page waits no longer.
         """
-        described = asked.described(workspace)
         arrays: dict[str, Array] = {}
         others = []
         for number, path in enumerate(self.others, start=1):

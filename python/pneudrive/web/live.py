@@ -100,8 +100,9 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
             return validation.frame_of(workspace, asked, number)
         limit = limit or RunLimit()
         request, beside = AskedRun.of(asked), AskedBeside.of(asked)
-        run = request.run(workspace, limit)
-        head, arrays = beside.answer(workspace, request, run, shown_columns(run), limit)
+        described = request.described(workspace)
+        run = request.run_of(described, workspace, limit)
+        head, arrays = beside.answer(workspace, request, described, run, shown_columns(run), limit)
         return frame_of(run, request.pixels, {"number": number, **head}, arrays)
     except Cancelled:
         error: PneudriveError = CommandError(
