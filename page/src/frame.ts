@@ -19,7 +19,13 @@ export function unpack<Head>(bytes: ArrayBuffer): Frame<Head> {
   const found = new Map<string, Numbers>();
   for (const [name, kind, at, length, middle] of arrays) {
     const own = kind === "f4" ? new Float32Array(bytes, start + at, length) : new Float64Array(bytes, start + at, length);
-    found.set(name, middle === undefined ? own : Float64Array.from(own, (one) => one + middle));
+    found.set(name, middle === undefined ? own : about(own, middle));
   }
   return { head: head as Head, arrays: found };
+}
+
+function about(values: Numbers, middle: number): Float64Array {
+  const out = new Float64Array(values.length);
+  for (let i = 0; i < values.length; i++) out[i] = values[i]! + middle;
+  return out;
 }

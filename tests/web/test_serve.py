@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
+import socket
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import uvicorn
 
 from pneudrive.errors import CommandError
 from pneudrive.web import serve as served
@@ -45,3 +48,25 @@ def test_no_address_is_given_where_nothing_can_be_served(tmp_path: Path, monkeyp
     monkeypatch.setattr(served, "_LIBRARIES", ("starlette", "no_such_library"))
     with pytest.raises(CommandError, match="the page needs no_such_library"):
         served.serve(tmp_path, 0, pytest.fail)
+
+
+def test_an_answer_in_two_pieces_does_not_wait_for_the_first_to_be_acknowledged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def accepted(listening: socket.socket) -> int:
+        made = asyncio.get_running_loop().create_future()
+        server = await asyncio.start_server(lambda _, out: made.set_result(out), sock=listening)
+        async with server:
+            _, ours = await asyncio.open_connection(*listening.getsockname())
+            theirs = await made
+            found = theirs.get_extra_info("socket").getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+            for one in (ours, theirs):
+                one.close()
+                await one.wait_closed()
+        return found
+
+    sends_at_once = []
+    monkeypatch.setattr(uvicorn.Server, "run", lambda _, sockets: sends_at_once.append(asyncio.run(accepted(*sockets))))
+    monkeypatch.setattr(served, "warm_up", lambda: None)
+    served.serve(tmp_path, 0, lambda _: None)
+    assert sends_at_once == [1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import threading
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -218,13 +218,21 @@ def layout_in(workspace: Workspace, path: Path) -> Layout | None:
 
     A trajectory needs none, and another file's does not fit it.
     """
-    if path.suffix in SUFFIXES and path.is_file() and is_trajectory(path):
-        return None
+    if path.suffix in SUFFIXES and path.is_file():
+        status = path.stat()
+        if _is_trajectory(path, status.st_size, status.st_mtime_ns):
+            return None
     for folder in (path.parent, path.parent.parent):
         place = folder / "layout.toml"
         if place.is_file() and place.resolve().is_relative_to(workspace.root):
             return Layout.load(place)
     return None
+
+
+@lru_cache(maxsize=4 * MOST_OPEN)
+def _is_trajectory(path: Path, _size: int, _changed_ns: int) -> bool:
+    """Ask a file as it is once: what reads files may be busy reading ahead, and the next view would wait for it."""
+    return is_trajectory(path)
 
 
 def _key(path: Path) -> str:

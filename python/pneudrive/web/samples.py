@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 MOST_ROWS = 1 << 20  # read ahead
+PAINTED_S = 0.02  # reading ahead uses every processor: it begins when the view that was asked for is painted
 
 
 class KeptRows(NamedTuple):
@@ -92,6 +94,7 @@ class KeptSamples:
 
     def _keep(self, names: Sequence[str], rows: tuple[int, int]) -> None:
         try:
+            time.sleep(PAINTED_S)
             with suppress(PneudriveError):  # the view that needs them says so
                 self._kept = self._read(names, rows)
                 if KeptSamples._last not in (None, self):
@@ -104,9 +107,9 @@ class KeptSamples:
         self.reads += 1
         wanted = [*names, *([] if self.time is None else [self.time[0]])]
         found = {name: np.asarray(own, float) for name, own in self.table.get(wanted, rows).items()}
-        time = np.arange(*rows, dtype=float) if self.time is None else found[self.time[0]] * self.time[1]
+        seconds = np.arange(*rows, dtype=float) if self.time is None else found[self.time[0]] * self.time[1]
         values = {name: found[name] for name in names}
         for name, own in values.items():
             if not np.isfinite(own).all():
                 values[name] = np.where(np.isfinite(own), own, np.nan)
-        return KeptRows(*rows, time, values)
+        return KeptRows(*rows, seconds, values)

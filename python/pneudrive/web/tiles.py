@@ -271,7 +271,8 @@ class _Pixels(NamedTuple):
 def _edges(seconds: Array, span: tuple[float, float], pixels: int) -> NDArray[np.int64]:
     """Return where the columns of pixels begin among rising times; columns without a sample are left out."""
     wanted = np.searchsorted(seconds, np.linspace(*span, pixels + 1)[1:-1], "left")
-    return np.unique(np.concatenate([[0], wanted, [len(seconds)]]))
+    edges = np.concatenate([[0], wanted, [len(seconds)]])
+    return edges[np.diff(edges, prepend=-1) > 0]
 
 
 def _outward(values: Array, towards: float) -> Array:
