@@ -24,6 +24,7 @@ RUN, FIT, AFTER = "run.parquet", "fit.toml", "after.toml"
 LAWS = "results/laws"
 CHECK, CHECKED = "results/check/validation.toml", "results/check/run-1.parquet"
 MAP = "results/rings/map.parquet"
+MEASURED = Path(__file__).parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +104,21 @@ def test_changed_samples_and_a_changed_map_make_results_stale(chain: Served) -> 
     write_map(friction_map(coulomb(30.5)), chain.folder / MAP)
     stale = get(chain, "/api/stale")["stale"]
     assert stale == {key: [MAP] for key in ["results/rings/fit.toml", "results/rings/fit-monday.toml"]}
+
+
+def test_a_map_is_stale_once_the_file_of_a_recording_has_other_content(chain: Served) -> None:
+    folder, out = chain.folder, "results/o-ring/map.parquet"
+    (folder / out).parent.mkdir()
+    shutil.copy(MEASURED / "layout.toml", folder)
+    for pressure in (1, 5):
+        shutil.copy(MEASURED / "friction" / f"O-ring_{pressure}bar.csv.xz", folder)
+    names = [f"O-ring_{pressure}bar.csv.xz" for pressure in (1, 5)]
+    write_map(pn.characterise([folder / name for name in names]), folder / out)
+    assert states(get(chain, "/api/lineage", path=out)["inputs"]) == dict.fromkeys(names, "same")
+    shutil.copy(folder / names[0], folder / names[1])
+    assert get(chain, "/api/stale")["stale"] == {out: names[1:]}
+    (folder / names[1]).unlink()
+    assert states(get(chain, "/api/lineage", path=out)["inputs"]) == {names[0]: "same", "O-ring_5bar": "missing"}
 
 
 def test_a_fit_that_was_made_anew_makes_its_drive_stale(chain: Served) -> None:

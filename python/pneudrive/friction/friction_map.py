@@ -40,6 +40,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "ambient_pressure_pa": ("Pa", "absolute pressure around the rod"),
 }
 AMBIENT = "ambient_pressure_pa"  # missing from maps of earlier versions
+HASHES = "recordings_sha256"  # attribute, and metadata of map.parquet: recording -> hash as it carries it, as JSON
 Row = dict[str, Any]  # of the map, by `COLUMNS`
 
 
@@ -75,6 +76,8 @@ def columns_to_dataset(columns: Mapping[str, Sequence | np.ndarray], about: Mapp
 def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
     """Write map.parquet or map.csv, by suffix: the columns of ``COLUMNS``, and after them the labels.
 
+    Only Parquet keeps the hashes of the recordings.
+
     Raises
     ------
     CommandError
@@ -86,7 +89,8 @@ def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
     columns = {str(name): column.to_numpy() for name, column in friction_map.data_vars.items()}
     kinds = {"i": pl.Int64, "f": pl.Float64}
     series = [pl.Series(n, v.tolist(), dtype=kinds.get(v.dtype.kind, pl.String)) for n, v in columns.items()]
-    write_frame(pl.DataFrame(series), path)
+    kept = {HASHES: friction_map.attrs[HASHES]} if HASHES in friction_map.attrs else {}
+    write_frame(pl.DataFrame(series), path, kept)
     return path
 
 
@@ -98,10 +102,10 @@ def read_map(path: str | Path) -> xr.Dataset:
     RecordingError
         If there is no such file, it is not such a table, or columns are missing.
     """
-    path = Path(path)
+    path, hashes = Path(path), None
     if path.suffix == ".parquet":
         table = open_table(path, "parquet")
-        columns = table.get(table.names)
+        columns, hashes = table.get(table.names), table.metadata.get(HASHES)
     else:
         import polars as pl
 
@@ -116,6 +120,8 @@ def read_map(path: str | Path) -> xr.Dataset:
     found = columns_to_dataset({n: _checked(n, v, path) for n, v in columns.items() if n in COLUMNS})
     if AMBIENT in columns:
         found.attrs[AMBIENT] = float(found[AMBIENT].mean())
+    if hashes is not None:
+        found.attrs[HASHES] = hashes
     own = {name: values for name, values in columns.items() if name not in COLUMNS}  # labels added by a user
     return found.assign(
         {n: ("row", values.astype(object) if values.dtype.kind == "U" else values) for n, values in own.items()}

@@ -104,6 +104,21 @@ def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | N
     return [file.read() for file in recording_files(paths, layout)]
 
 
+def hashes_of(path: Path) -> frozenset[str]:
+    """Return the hashes that a recording of a file may carry: of its content, and of the columns of a trajectory.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read.
+    """
+    found = [hashlib.sha256(read_bytes(path)).hexdigest()]
+    if is_trajectory(path):
+        columns = read_trajectory_columns(path, COLUMNS)
+        found.append(digest_of(columns[name] for name in COLUMNS))
+    return frozenset(found)
+
+
 def find_layout(file: Path) -> Layout | None:
     """Load ``layout.toml`` from the folder of a file, or from the one above; None if there is none."""
     above = file.parent.parent if file.parent.parts else Path("..")  # of a bare name both would be "."

@@ -1,8 +1,8 @@
 """What each result of the workspace was made from, by the hashes that it carries, and whether that is still so.
 
 A result names its inputs with their hashes: a run, a fit of a drive and a validation the description, a fit of a
-friction map the values of the map, an applied drive its fit, fits and validations the samples of their recordings. A
-friction map carries the names of its recordings alone.
+friction map the values of the map, an applied drive its fit, fits and validations the samples of their recordings, a
+friction map (Parquet) the files of its recordings; as CSV it carries their names alone.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pneudrive.describe.drive import Drive
 from pneudrive.errors import CommandError, FitError, PneudriveError
 from pneudrive.files.content import read_json
 from pneudrive.files.tables import open_table
-from pneudrive.friction.friction_map import read_map
+from pneudrive.friction.friction_map import HASHES, read_map
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.files import read_fit
 from pneudrive.identify.fit import fingerprint
@@ -35,6 +35,7 @@ from pneudrive.identify.volume_result import VolumeFit
 from pneudrive.identify.with_map import values_of_fit
 from pneudrive.signals.drive_recording import NEEDED, read_drive_recordings, read_volume_recordings
 from pneudrive.signals.layout import stem
+from pneudrive.signals.load import hashes_of
 from pneudrive.trajectory import SUFFIXES, columns_in
 from pneudrive.web.asked_run import described_at
 from pneudrive.web.jobs import RESULTS
@@ -63,7 +64,8 @@ class Input(NamedTuple):
     """An input as a result names it: what it is, its name, its hash; without a hash it is known by its name alone.
 
     `part` is what else the result says of it: of a map the fit's options, of a fit the value that came from it, of a
-    drive ``"identified"`` if it had identified values.
+    drive ``"identified"`` if it had identified values, of a recording ``"volume"``, or ``"file"`` if the hash is not
+    that of its samples.
     """
 
     kind: str
@@ -195,7 +197,7 @@ class Lineage:
         return None
 
     def _recording(self, each: Input, _of: str) -> tuple[str, str]:
-        name, is_volume = each.name, each.part == "volume"
+        name = each.name
         path = name if self.files.get(name) else self._recordings.get(stem(Path(name)), "")
         if not path:
             return "", MISSING
@@ -204,8 +206,11 @@ class Lineage:
         one = self.files[path]
         if one.size > MOST_BYTES:
             return path, UNREAD
-        digest = _samples(self.workspace, path, one.changed, is_volume=is_volume)
-        return path, SAME if digest == each.digest else CHANGED if digest else UNREAD
+        if each.part == "file":
+            digests = _contents(self.workspace, path, one.changed)
+        else:
+            digests = _samples(self.workspace, path, one.changed, is_volume=each.part == "volume")
+        return path, SAME if each.digest in digests else CHANGED if digests else UNREAD
 
     def _rig(self, each: Input, _of: str) -> tuple[str, str]:
         path = next((one for one in self.files if one == each.name or Path(each.name).name == Path(one).name), "")
@@ -377,8 +382,10 @@ def _of_validation(workspace: Workspace, path: str) -> Iterator[Input]:
 
 
 def _of_map(workspace: Workspace, path: str) -> Iterator[Input]:
-    for name in dict.fromkeys(read_map(workspace.path(path))["recording"].to_numpy().tolist()):
-        yield Input("recording", name)
+    found = read_map(workspace.path(path))
+    hashes = json.loads(found.attrs.get(HASHES, "{}"))
+    for name in dict.fromkeys(found["recording"].to_numpy().tolist()):
+        yield Input("recording", name, hashes[name], "file") if name in hashes else Input("recording", name)
 
 
 def _of_run(workspace: Workspace, path: str) -> Iterator[Input]:
@@ -423,19 +430,28 @@ def map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | Non
 
 
 @lru_cache(maxsize=2 * MOST_TRACED)
-def _samples(workspace: Workspace, path: str, _changed: float, *, is_volume: bool) -> str:
+def _contents(workspace: Workspace, path: str, _changed: float) -> frozenset[str]:
+    """Return the hashes of a recording's file as friction maps carry one of them; empty if it cannot be read."""
+    try:
+        return hashes_of(workspace.path(path))
+    except PneudriveError:
+        return frozenset()
+
+
+@lru_cache(maxsize=2 * MOST_TRACED)
+def _samples(workspace: Workspace, path: str, _changed: float, *, is_volume: bool) -> frozenset[str]:
     """Return the hash of a recording's samples as fits and validations carry it; empty if it cannot be read."""
     place = workspace.path(path)
     try:
         own = place.suffix in SUFFIXES and len(columns_in(place, NEEDED)) == len(NEEDED)
         layout = None if own else layout_in(workspace, place)
         if layout is None and not own:
-            return ""
+            return frozenset()
         read = read_volume_recordings if is_volume else read_drive_recordings
         options = {} if is_volume else {"needed": NEEDED[:2], "gaps": True}
-        return read(place, layout, **options)[0].sha256
+        return frozenset([read(place, layout, **options)[0].sha256])
     except PneudriveError:
-        return ""
+        return frozenset()
 
 
 def shown_lineage(workspace: Workspace, path: str) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import changed
-from pneudrive.friction.friction_map import Row, rows_to_dataset
+from pneudrive.friction.friction_map import HASHES, Row, rows_to_dataset
 from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA, ClosureFit, fit_closures
 from pneudrive.friction.recording.extract import Level, RecordingResult, extract
 from pneudrive.friction.recording.long_recording import extract_long, long_file
@@ -235,6 +236,7 @@ def _assemble(
     friction_map = rows_to_dataset(rows, [summary.labels for summary in summaries for _ in summary.rows])
     friction_map.attrs["protocol"] = choice.name
     friction_map.attrs["synthetic"] = any(result.recording.synthetic for result in results)
+    friction_map.attrs[HASHES] = json.dumps({one.name: one.sha256 for one in summaries if one.sha256})
     if results:
         ambient = float(np.mean([result.recording.ambient_pressure_pa for result in results]))
         friction_map.attrs["ambient_pressure_pa"] = ambient

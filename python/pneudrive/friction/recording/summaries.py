@@ -35,7 +35,8 @@ Source = Cycles | RecordingFile
 class Summary:
     """Summary of a recording: map rows and points for closure and pressure lines.
 
-    ``digest`` is equal for recordings with the same samples; ``reason`` says why it is unusable.
+    ``digest`` is equal for recordings with the same samples; ``reason`` says why it is unusable; ``sha256`` is that of
+    the recording, empty without a file.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Summary:
     closure_points: tuple[ClosurePoint, ...] = ()
     friction_points: tuple[FrictionPoint, ...] = ()
     reason: str = ""
+    sha256: str = ""
 
 
 def summary_of(result: RecordingResult, digest: int = 0) -> Summary:
@@ -57,6 +59,7 @@ def summary_of(result: RecordingResult, digest: int = 0) -> Summary:
         result.recording.labels,
         result.closure_points,
         tuple(friction_points(result)),
+        sha256=result.recording.sha256 or "",
     )
 
 
