@@ -34,10 +34,13 @@ setup: $(VENV)/.core $(VENV)/.built  ## .venv with locked dependencies, the comp
 demo: setup  ## real recordings, a simulated rig, a controlled axis: friction map, fit, stick-slip, one report
 	@$(BIN)/pneudrive demo
 
-test: test-rust test-python test-page  ## all tests
+# The browser's tests among Python's: while they wait, others run.
+test: test-rust $(VENV)/.page  ## all tests
+	$(PY) -m pytest -n $(PYTEST_WORKERS) --ignore=tests/documentation
 
+# Of the release build, which `make setup` has made but for the tests themselves.
 test-rust: setup
-	CARGO_INCREMENTAL=0 cargo test --workspace --locked --tests
+	cargo test --release --workspace --locked --tests
 
 test-python: setup
 	$(PY) -m pytest -n $(PYTEST_WORKERS) --ignore=tests/page --ignore=tests/documentation
@@ -50,7 +53,7 @@ test-extras: setup $(EXTRAS)/.deps  ## a Dask cluster whose workers are killed, 
 
 check: setup  ## what CI runs before the tests: format, lint, types, layers, repetition, stub, spelling, locks
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets --locked --quiet -- -D warnings
+	cargo clippy --release --workspace --all-targets --locked --quiet -- -D warnings
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/basedpyright

@@ -36,7 +36,7 @@ def chromium() -> str:
     return done.stdout.strip().splitlines()[-1]
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")  # its event loop would be in the way of other tests of the session
 def browser() -> Iterator[object]:
     from playwright.sync_api import sync_playwright
 
@@ -78,7 +78,7 @@ class Server:
             self.process.communicate()  # closes the pipe too
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     folder = tmp_path_factory.mktemp("page") / "studies"
     folder.mkdir()
