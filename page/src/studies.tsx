@@ -13,7 +13,15 @@ export const studies = signal<Studies | null>(null);
 export const isOld = signal(false);
 const filter = signal("");
 
-export async function list(): Promise<void> {
+let listing: Promise<void> | null = null;
+
+/** Read the folder. */
+export function list(): Promise<void> {
+  const mine = readFolder().finally(() => (listing = listing === mine ? null : listing));
+  return (listing = mine);
+}
+
+async function readFolder(): Promise<void> {
   try {
     studies.value = await read<Studies>("/api/studies");
     isOld.value = studies.value.build !== __BUILD__;
@@ -82,7 +90,7 @@ function size(bytes: number): string {
 }
 
 export function StudiesView() {
-  useEffect(() => void list(), [connection.value === "open"]);
+  useEffect(() => void (listing ?? list()), [connection.value === "open"]); // what the page reads as it begins is read once
   const found = studies.value;
   if (!found) return <p>Reading the folder.</p>;
   const word = filter.value.toLowerCase();

@@ -6,13 +6,18 @@ import asyncio
 import socket
 import subprocess
 import sys
+from concurrent.futures import Future
 from pathlib import Path
 
+import httpx
 import pytest
 import uvicorn
+from starlette.responses import PlainTextResponse
 
 from pneudrive.errors import CommandError
 from pneudrive.web import serve as served
+from pneudrive.web.guard import Guard
+from pneudrive.web.pages import BuiltPage, Opening
 from pneudrive.web.workspace import built_page
 
 #: Gives the modules that are loaded when the address is there, then answers its first request.
@@ -70,3 +75,34 @@ def test_an_answer_in_two_pieces_does_not_wait_for_the_first_to_be_acknowledged(
     monkeypatch.setattr(served, "warm_up", lambda: None)
     served.serve(tmp_path, 0, lambda _: None)
     assert sends_at_once == [1]
+
+
+def test_the_page_is_answered_while_what_answers_the_rest_is_imported() -> None:
+    whole: Future = Future()
+    built = BuiltPage({"/index.html": b"page", "/assets/a.js": b"1"})
+    transport = httpx.ASGITransport(Opening(Guard(built, 1, "token", built.answers), built, whole))
+
+    async def asked() -> None:
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost:1") as client:
+            page = await client.get("/")
+            assert (page.text, page.headers["content-type"]) == ("page", "text/html; charset=utf-8")
+            assert "default-src 'none'" in page.headers["content-security-policy"]
+            assert (await client.get("/assets/a.js")).headers["cache-control"] == "max-age=31536000, immutable"
+            assert (await client.get("/", headers={"host": "elsewhere:1"})).status_code == 421
+            gone, waiting = (asyncio.create_task(client.get(path)) for path in ("/api/studies", "/api/jobs"))
+            await asyncio.sleep(0.01)
+            gone.cancel()
+            await asyncio.sleep(0.01)
+            assert gone.cancelled()
+            assert not waiting.done()
+            whole.set_result(PlainTextResponse("whole"))
+            assert (await waiting).text == "whole"
+            assert (await client.get("/")).text == "whole"
+
+    asyncio.run(asked())
+
+
+def test_what_cannot_be_made_ends_the_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pneudrive.web.app.make_app", lambda *_, **__: pytest.fail("made"))
+    with pytest.raises(pytest.fail.Exception, match="made"):
+        served.serve(tmp_path, 0, lambda _: None)

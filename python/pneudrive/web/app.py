@@ -11,7 +11,6 @@ import math
 import os
 from functools import cached_property, partial
 from importlib import import_module
-from mimetypes import guess_type
 from pathlib import Path
 from posixpath import dirname
 from typing import TYPE_CHECKING, Any
@@ -34,6 +33,7 @@ from pneudrive.web.guard import DROP, LOGIN, REPORTS, Guard
 from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job
 from pneudrive.web.live import live
 from pneudrive.web.messages import pack, problems_of
+from pneudrive.web.pages import BuiltPage
 from pneudrive.web.reach import Door, WebReach
 from pneudrive.web.reports import SANDBOX, OpenReports
 from pneudrive.web.workspace import BUILT, TABLES, ChangedError, Workspace, built_page, fingerprint
@@ -48,8 +48,6 @@ if TYPE_CHECKING:
     from pneudrive.web.recordings import OpenRecording, Recordings
 
 BUILD_FILE = "build.json"
-#: Files with a hash of what is in them in their name, which a browser may keep: they hold no data.
-HASHED, KEPT = "/assets/", {"cache-control": "max-age=31536000, immutable"}
 #: Jobs that a page may start, by the command that does them: the module that has them as `COMMAND_job`.
 JOBS = {
     "characterise": "jobs",
@@ -66,7 +64,6 @@ BEHIND = tuple(
     f"pneudrive.web.{name}"
     for name in ("recordings", "control", "friction", "validation", "campaigns", "sizing", "handover", "lineage")
 )
-TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html; charset=utf-8", ".svg": "image/svg+xml"}
 
 
 def make_app(
@@ -100,6 +97,7 @@ def make_app(
         The page is not built.
     """
     page, reach = built_page(built), reach or WebReach()
+    files = BuiltPage(page)
     build = json.loads(page.get(f"/{BUILD_FILE}", b"{}")).get("build", "")
     reports: dict[str, str] = {}
     views = _Views(workspace, build, OpenReports(workspace, reports), control=control)
@@ -153,16 +151,12 @@ def make_app(
         Route("/api/comparisons", _answered(views.compare), methods=["POST"]),
         Route("/api/campaigns", _answered(views.begin), methods=["POST"]),
         WebSocketRoute("/api/live", socket),
+        *(Route(path, files, methods=["GET"]) for path in files.answers),
     ]
-    for name, data in page.items():
-        kind = TYPES.get(Path(name).suffix) or guess_type(name)[0] or "application/octet-stream"
-        kept = KEPT if name.startswith(HASHED) else {}
-        routes.append(Route(name, partial(_static, Response(data, media_type=kind, headers=kept))))
-    routes.append(Route("/", partial(_static, Response(page["/index.html"], media_type=TYPES[".html"]))))
     app = Starlette(routes=routes)
     app.state.jobs = views.running
     login = [LOGIN] if reach.users else []
-    return Guard(app, port, token, frozenset(["/", *page, *login]), reports, reach.names, reach.scheme)
+    return Guard(app, port, token, frozenset([*files.answers, *login]), reports, reach.names, reach.scheme)
 
 
 async def _login(door: Door, asked: Asked) -> Response:
@@ -172,10 +166,6 @@ async def _login(door: Door, asked: Asked) -> Response:
         return JSONResponse({"token": await door.token_for(given["user"], given["password"])})
     except PneudriveError as error:
         return JSONResponse({"problems": problems_of(error)}, status_code=401)
-
-
-async def _static(answer: Response, _: Asked) -> Response:
-    return answer
 
 
 def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Asked], Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 from traceback import print_exc
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +32,7 @@ PANELS = (
     ("pressure", "Pa", "Pressure, absolute"),
     ("friction_force", "N", "Friction force"),
 )
+ANSWERED = threading.Event()  # a run, to a page
 MOST_CURVES = 8  # in a panel: as many as there are looks
 
 
@@ -70,6 +72,7 @@ async def live(socket: WebSocket, workspace: Workspace, threads: asyncio.Semapho
                 limit = RunLimit()
                 frame = await asyncio.to_thread(answer, workspace, message, limit)
             await socket.send_bytes(frame)
+            ANSWERED.set()
 
     worker = asyncio.create_task(work())
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import sys
 import threading
 import warnings
 from contextlib import suppress
@@ -12,14 +13,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError, PneudriveError, PneudriveWarning
-from pneudrive.web.guard import address, new_token
+from pneudrive.web.guard import Guard, address, new_token
 from pneudrive.web.reach import HOST, WebReach
 from pneudrive.web.workspace import Workspace, built_page
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from concurrent.futures import Future
+
+    from pneudrive.web.guard import App
 
 MOST_MESSAGE = 1 << 16  # bytes of a message of the socket
+SWITCH_S = 5e-4  # an answer does not wait 5 ms, the usual time, for each thread that imports or reads beside it
+MOST_WAIT_S = 2.0  # for the first answer of a run, till the rest is imported
 LOG_IN = "login"  # in the place of the token, where users log in
 _LIBRARIES = ("starlette", "uvicorn", "websockets", "tomlkit")
 _NEEDED = 'pip install "pneudrive[web]"'
@@ -59,8 +65,7 @@ def serve(
     for name in _LIBRARIES:
         if find_spec(name) is None:
             raise CommandError(f"the page needs {name}", remedy=_NEEDED)
-    workspace = Workspace.at(folder)
-    built_page()
+    workspace, page = Workspace.at(folder), built_page()
     family = socket.AF_INET6 if ":" in reach.bind else socket.AF_INET
     # The protocol is named: without it asyncio leaves small packets waiting for each other, 40 ms each.
     with socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP) as listening:
@@ -74,15 +79,19 @@ def serve(
         listening.listen(128)
         opened(address(port, LOG_IN if reach.users else f"token={token}", reach.name, reach.scheme))
 
+        from concurrent.futures import Future
+
         import uvicorn
 
-        from pneudrive.web.app import make_app
+        from pneudrive.web.pages import BuiltPage, Opening
 
-        app = make_app(workspace, port, token, control=control, reach=reach)
-        threading.Thread(target=warm_up, daemon=True).start()
+        sys.setswitchinterval(SWITCH_S)
+        whole: Future[App] = Future()
+        built = BuiltPage(page)
+        first = Guard(built, port, token, built.answers, names=reach.names, scheme=reach.scheme)
         warnings.simplefilter("ignore", PneudriveWarning)  # the page shows the warnings of a run
         settings = uvicorn.Config(
-            app,
+            Opening(first, built, whole),
             ws="websockets-sansio",
             ws_max_size=MOST_MESSAGE,
             ws_per_message_deflate=False,
@@ -94,16 +103,34 @@ def serve(
             ssl_certfile=None if reach.certificate is None else str(reach.certificate),
             ssl_keyfile=None if reach.key is None else str(reach.key),
         )
-        uvicorn.Server(settings).run(sockets=[listening])
+        server = uvicorn.Server(settings)
+
+        def make() -> None:
+            try:
+                from pneudrive.web.app import make_app
+
+                whole.set_result(make_app(workspace, port, token, control=control, reach=reach))
+            except BaseException as error:  # the server ends with it, below
+                whole.set_exception(error)
+                server.should_exit = True
+            else:
+                warm_up()
+
+        threading.Thread(target=make, daemon=True).start()
+        server.run(sockets=[listening])
+        if whole.done():
+            whole.result()
 
 
 def warm_up() -> None:
-    """Simulate once and import what other views need, so that no first click waits for it."""
+    """Simulate once, and behind the first curves import what other views need, so that no first click waits for it."""
     from pneudrive.web.app import BEHIND
     from pneudrive.web.asked_run import AskedRun
+    from pneudrive.web.live import ANSWERED
 
     asked = {"path": "catalogue:reference", "command": "1", "duration": "10 ms"}
     with suppress(PneudriveError):
         AskedRun.of(asked).run(Workspace.at(Path(__file__).parent))
+    ANSWERED.wait(MOST_WAIT_S)
     for name in BEHIND:
         import_module(name)
