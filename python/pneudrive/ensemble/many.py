@@ -216,7 +216,7 @@ def study_of(
     of = CircuitVariation if is_circuit(drive) else Variation
     begun = {f"{INITIAL}{key}": values for key, values in each.items()}
     variation = of(drive, [*design.names, *begun], for_all)  # pyright: ignore[reportArgumentType]
-    rows = design.rows(of(drive, design.names, for_all))  # pyright: ignore[reportArgumentType]
+    rows = design.rows(of(drive, design.names, for_all) if begun else variation)  # pyright: ignore[reportArgumentType]
     if begun:
         beside = EnsembleDesign.table(begun).rows(of(drive, [*begun], for_all))  # pyright: ignore[reportArgumentType]
         if beside.size != rows.size:

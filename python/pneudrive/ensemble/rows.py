@@ -244,17 +244,30 @@ def _mixed(scores: Array, by: Array) -> Array:
 
 
 def _sobol(first: int, last: int, size: int, d: int, seed: int) -> Array:
-    del size
+    if first == 0 and size <= BLOCK:
+        return _few_sobol(size, d, seed)[:last]
     key, own = getattr(_last, "sequence", ((0, 0), None))
     if own is None or key != (d, seed) or own.num_generated > first:
         own = qmc.Sobol(d, scramble=True, rng=seed)
     if first > own.num_generated:
         own.fast_forward(first - own.num_generated)
+    points = _next(own, last - first)
+    _last.sequence = ((d, seed), own)
+    return points
+
+
+@lru_cache(maxsize=4)
+def _few_sobol(size: int, d: int, seed: int) -> Array:
+    """Return all points of a few members: beside a slider they are asked for with each answer."""
+    points = _next(qmc.Sobol(d, scramble=True, rng=seed), size)
+    points.setflags(write=False)
+    return points
+
+
+def _next(own: qmc.Sobol, count: int) -> Array:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # that a chunk is no power of 2
-        points = own.random(last - first)
-    _last.sequence = ((d, seed), own)
-    return points + HALF_CELL
+        return own.random(count) + HALF_CELL
 
 
 #: Chunks mostly come in order: the sequence goes on from the last one, in each thread its own.
