@@ -581,8 +581,6 @@ def _registry() -> pint.UnitRegistry:
 
 
 def _converter_pint(unit: str, si_unit: str) -> tuple[float, float]:
-    import pint
-
     if unit.endswith((" abs", " gauge")) and si_unit != "Pa":
         raise _wrong_dimension(unit, si_unit, "a pressure")
     if _ZERO_CELSIUS_LITRE.search(unit) or (si_unit == "m^3/s ANR" and not unit.endswith("ANR")):
@@ -591,8 +589,12 @@ def _converter_pint(unit: str, si_unit: str) -> tuple[float, float]:
             rule=f"{needed('m^3/s ANR')} (ISO 8778: 100 kPa, 20 degC)",
             remedy='Write "l/min ANR" for ISO 8778; multiply litres at 0 degC and 1.01325 bar by 1.0874 first.',
         )
-    if len(unit) > LONGEST_UNIT or re.search(r"\d\s*(\*\*|\^)", unit):  # pint would compute 9**9**9**9
+    # pint would compute 9**9**9**9, and is not loaded to say that a sentence is no unit
+    if len(unit) > LONGEST_UNIT or re.search(r"\d\s*(\*\*|\^)|[,;:]", unit):
         raise DescriptionError(f'unit "{unit}" is not known', rule=needed(si_unit))
+
+    import pint
+
     registry = _registry()
     wanted = si_unit.removesuffix(" ANR")
     target, parsed = (_pint_unit(registry, one, si_unit) for one in (wanted, unit.removesuffix(" ANR")))

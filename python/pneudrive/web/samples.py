@@ -107,7 +107,11 @@ class KeptSamples:
         self.reads += 1
         wanted = [*names, *([] if self.time is None else [self.time[0]])]
         found = {name: np.asarray(own, float) for name, own in self.table.get(wanted, rows).items()}
-        seconds = np.arange(*rows, dtype=float) if self.time is None else found[self.time[0]] * self.time[1]
+        if self.time is None:
+            seconds = np.arange(*rows, dtype=float)
+        else:
+            column, unit_s = self.time
+            seconds = found[column] if unit_s == 1.0 else found[column] * unit_s  # seconds are not copied
         values = {name: found[name] for name in names}
         for name, own in values.items():
             if not np.isfinite(own).all():

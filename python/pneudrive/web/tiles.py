@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     Reader = Callable[[Sequence[str], tuple[int, int]], dict[str, Array]]
 
 BLOCK = 256  # samples
-READ = BLOCK << 12  # samples of one pass, about a million
+READ = BLOCK << 11  # samples of one pass: half a million, 4 MB a channel
 #: A pause is drawn as a gap: so many times the width of a pixel without a sample.
 PAUSE = 2.0
 _FILES = ("time", "low", "high", "missing")
