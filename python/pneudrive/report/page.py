@@ -148,9 +148,9 @@ def _plain(value: object) -> object:
 def write_picture(picture: Picture, folder: Path) -> str:
     """Write PNG and SVG; return the SVG for use inside a page."""
     style.finish(picture.figure, synthetic=bool(picture.synthetic))
+    style.lay_out(picture.figure)
     png = BytesIO()
     picture.figure.savefig(png, format="png", dpi=style.PNG_DPI)
-    picture.figure.set_layout_engine("none")  # one layout is enough: it takes half of the time
     with whole(folder / f"{picture.name}.png") as temporary:
         temporary.write_bytes(png.getvalue())
     svg = svg_text(picture.figure)

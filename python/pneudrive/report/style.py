@@ -158,6 +158,16 @@ def finish(figure: Figure, *, synthetic: bool) -> None:
         )
 
 
+def lay_out(figure: Figure) -> None:
+    """Place the panels for good: as long as a figure has a layout, matplotlib draws it twice for each file."""
+    layout, dpi = figure.get_layout_engine(), figure.dpi
+    if layout is not None:
+        figure.dpi = PNG_DPI
+        layout.execute(figure)
+        figure.dpi = dpi
+    figure.set_layout_engine(None)
+
+
 def outer_labels(figure: Figure, x: str, y: str) -> None:
     """Label only the outer sides of the panels."""
     figure.supxlabel(x, fontsize=_SETTINGS["axes.labelsize"])
