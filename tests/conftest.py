@@ -20,10 +20,13 @@ STUDY = (
     "tests/unit/report/test_figures.py",
     "tests/unit/report/test_reproduction.py",
 )
+#: Tests that wait for a browser more than they compute: one after the other, while other workers compute.
+PAGE = tuple(f"tests/page/test_{name}.py" for name in ("journeys", "model_journeys", "control", "beside", "explore"))
 #: What takes longest begins first, so that no worker is left alone at the end with a long file: the files that took
 #: more than about 2 % of the time, dearest first. One that is not named here runs later; nothing else depends on it.
 DEAREST = (
     *STUDY,
+    *PAGE,
     "tests/unit/identify/test_coverage.py",
     "tests/acceptance/test_rig_to_fit.py",
     "tests/connect/test_opcua_campaign.py",
@@ -45,14 +48,20 @@ DEAREST = (
 
 
 class ByFile(LoadFileScheduling):
-    """A file's tests on one worker, in the order of `pytest_collection_modifyitems`."""
+    """A file's tests on one worker, in the order of `pytest_collection_modifyitems`.
+
+    Those of the study too, and those of the page unless nothing else is tested.
+    """
 
     def __init__(self, config, log=None):
         config.option.loadscopereorder = False
         super().__init__(config, log)
+        self.page_is_one = not all(Path(one.partition("::")[0]).is_relative_to("tests/page") for one in config.args)
 
     def _split_scope(self, nodeid):
         file = super()._split_scope(nodeid)
+        if file in PAGE and self.page_is_one:
+            return "page"
         return "study" if file in STUDY else file
 
 
