@@ -416,6 +416,23 @@ impl<R: Lane> Circuit<R> {
         if path.backward { -flow } else { flow }
     }
 
+    /// Every path over the boundary, positive inward: those that end in a reservoir, and compressors.
+    pub(crate) fn inlets(&self) -> impl Iterator<Item = Path> {
+        let paths = self.parts.paths().filter_map(|(kind, index, path, ends)| match ends.boundary {
+            [true, false] => Some(Path { kind, index, path, backward: false }),
+            [false, true] => Some(Path { kind, index, path, backward: true }),
+            _ => None,
+        });
+        let compressors = self.parts.compressors.iter().enumerate();
+        let compressors = compressors.filter(|(_, (_, own))| !own.boundary).map(|(index, _)| Path {
+            kind: PartKind::Compressor,
+            index,
+            path: 0,
+            backward: false,
+        });
+        paths.chain(compressors)
+    }
+
     /// Mass flow out of a node through all paths, kg/s: that of a reservoir.
     pub fn flow_out_of(&self, node: GasId, net: &Net<R>) -> R {
         self.parts.paths().fold(R::zero(), |sum, (kind, index, path, ends)| {

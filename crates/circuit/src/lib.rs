@@ -12,6 +12,7 @@ pub use {math, ode, physics};
 mod assembly;
 mod circuit;
 mod component;
+mod drawn;
 mod impacts;
 mod jobs;
 mod ledger;

@@ -23,6 +23,6 @@ pub use event::locate;
 pub use linear::Dense;
 pub use rosenbrock::{RODAS3, RODAS5P, Rosenbrock};
 pub use stages::Method;
-pub use stepper::{Accepted, NoOutput, Output, Paused, Stepper};
+pub use stepper::{Accepted, NoOutput, Output, Paused, Stepper, same_time};
 pub use structure::{DIRECTIONS, Structure};
 pub use system::System;

@@ -24,6 +24,11 @@ use std::sync::Arc;
 /// A step below this fraction of the present time (or of 1) no longer moves the clock reliably.
 const MIN_RELATIVE_STEP: f64 = 4.0 * f64::EPSILON;
 
+/// Whether no step from the one leads to the other: the clock cannot tell these times, s, apart.
+pub fn same_time(one: f64, other: f64) -> bool {
+    (one - other).abs() <= MIN_RELATIVE_STEP * other.abs().max(1.0)
+}
+
 /// The first step may change the state by about this share of its size.
 const FIRST_SHARE: f64 = 0.01;
 /// Relative rate of a state, 1/s, below which it counts as at rest when the first step is chosen.

@@ -341,18 +341,18 @@ pub fn control_run<'py>(
 ) -> PyResult<(Bound<'py, PyDict>, f64)> {
     let (spec, setup): (Controller, Setup) = (parse(spec)?, parse(setup)?);
     let reference = Reference::from(&parse::<Motion>(motion)?);
-    let network = circuit.accounted().map_err(to_python)?;
     let own = own.map(|(call, names)| places(&names).map(|places| Called { call, places })).transpose()?;
     let (rows, air, events, under) = watched(py, look, move |interrupted| {
         let (mut controller, axis) = controller(&spec, Encoder::from(setup.position).deviation())?;
         if let Some(own) = own {
             controller.law = AnyLaw::Own(Own::new(own));
         }
-        let session = network.session(&start, Options { rtol, ..Options::default() })?;
+        let mut session = circuit.network().session(&start, Options { rtol, ..Options::default() })?;
+        session.follow_drawn();
         let mut under = Loop::new(session, &axis, &setup)?;
         let rows = under.run(&mut controller, &reference, duration, &mut Look::new(interrupted))?;
         let told = controller.supervisor.map_or(vec![], |own| own.log().events().to_vec());
-        Ok((rows, under.air_drawn(), told, under))
+        Ok((rows, under.air_drawn().unwrap_or(f64::NAN), told, under))
     })?;
     let out = columns(py, &rows, &under)?;
     out.set_item(

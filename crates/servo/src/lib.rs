@@ -2,7 +2,6 @@
 
 #![warn(missing_docs)]
 
-mod air;
 mod belief;
 pub mod faults;
 mod horizon;

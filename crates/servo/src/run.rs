@@ -1,6 +1,5 @@
 //! The loop: samples, law, command, each at its time.
 
-use crate::air::drawn;
 use crate::belief::{Axis, belief};
 use crate::faults::Faults;
 use crate::horizon::ByCircuit;
@@ -317,9 +316,9 @@ impl Loop {
         Ok(rows)
     }
 
-    /// Mass of air that the reservoirs gave, kg, where the circuit keeps its accounts.
-    pub fn air_drawn(&self) -> f64 {
-        drawn(&self.session)
+    /// Mass of air that reservoirs and compressors gave, kg, where the session follows it.
+    pub fn air_drawn(&self) -> Option<f64> {
+        self.session.drawn()
     }
 
     /// Goes on to a sample, by its number, and asks the law; [`Loop::give`] comes next.

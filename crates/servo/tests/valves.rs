@@ -3,7 +3,7 @@
 
 mod axis;
 
-use axis::{PERIOD, accounted, axis, setup};
+use axis::{PERIOD, axis, session, setup};
 use circuit::Look;
 use circuit::specification::{Circuit, Component};
 use control::{Arrangement, Controller, Move, Observing, Reference};
@@ -115,12 +115,13 @@ impl Ran {
 fn run(spec: &specification::Controller, reference: &Reference, duration: f64) -> Ran {
     let setup = setup(1);
     let (mut controller, names) = controller(spec, 1.76e-6).expect("a controller");
-    let mut under =
-        Loop::new(accounted(&spec.belief, reference.at(0.0).position), &names, &setup).expect("an axis");
+    let mut session = session(&spec.belief, reference.at(0.0).position);
+    session.follow_drawn();
+    let mut under = Loop::new(session, &names, &setup).expect("an axis");
     let rows = under.run(&mut controller, reference, duration, &mut Look::new(&mut |_| false));
     let (valves, each) = under.commanded();
     let commands = each.chunks(valves.len()).map(<[f64]>::to_vec).collect();
-    Ran { rows: rows.expect("it runs"), commands, air: under.air_drawn(), controller }
+    Ran { rows: rows.expect("it runs"), commands, air: under.air_drawn().expect("followed"), controller }
 }
 
 fn sine() -> Reference {

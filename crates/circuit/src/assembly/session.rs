@@ -4,11 +4,12 @@
 use super::timing::{Due, Timing, What};
 use super::variables::{Assembly, Quantity, Settable, Starting, Target, Variables};
 use crate::circuit::Circuit;
+use crate::drawn::Drawn;
 use crate::net::Net;
 use crate::part::InputId;
 use crate::run::{Error, Look, Recorder, Run, advance, budget, settled, with_unit};
 use math::{Dual, Lane, Real};
-use ode::{Method, NoOutput, Options, Output, Statistics, Stepper, System};
+use ode::{Method, Options, Output, Statistics, Stepper, System, same_time};
 use std::sync::Arc;
 
 /// Bytes of a session begin with this, and the version of their form.
@@ -54,6 +55,8 @@ pub struct Session<R: Lane = f64> {
     rtol: f64,
     /// Of the description and the tolerance.
     mark: u64,
+    /// What it draws, where somebody asked for it.
+    drawn: Option<Box<Drawn<R>>>,
 }
 
 /// FNV-1a.
@@ -80,6 +83,7 @@ impl<R: Lane> Session<R> {
             failed: None,
             rtol: options.rtol,
             mark: 0,
+            drawn: None,
         }
     }
 
@@ -204,7 +208,8 @@ impl<R: Lane> Session<R> {
         self.stepper.allow(budget(until - self.time(), due + 1, states));
     }
 
-    /// Goes on until a time, s.
+    /// Goes on until a time, s. An entry of the schedule that the clock cannot tell from it happens there, and one that it
+    /// cannot tell from the present happens now.
     pub fn advance(
         &mut self,
         until: f64,
@@ -215,8 +220,15 @@ impl<R: Lane> Session<R> {
         self.not_before("until", until)?;
         self.is_read = false;
         loop {
-            let next = self.schedule.last().copied().filter(|entry| entry.0 <= until);
-            match advance(&mut self.stepper, next.map_or(until, |entry| entry.0), output, look) {
+            let is_due = |entry: &(f64, What, f64)| entry.0 <= until || same_time(entry.0, until);
+            let next = self.schedule.last().copied().filter(is_due);
+            let now = self.time();
+            let target = match next {
+                Some((t, ..)) if same_time(t, now) => now,
+                Some((t, ..)) if !same_time(t, until) => t,
+                _ => until,
+            };
+            match advance(&mut self.stepper, target, output, look) {
                 Err(Error::Stopped(message)) => {
                     self.failed = Some(message.clone());
                     return Err(Error::Stopped(message));
@@ -329,7 +341,22 @@ impl Session {
         if until.is_finite() {
             self.allow_until(until);
         }
-        self.advance(until, &mut NoOutput, look)
+        let mut drawn = self.drawn.take();
+        let gone = self.advance(until, &mut drawn, look);
+        self.drawn = drawn;
+        gone
+    }
+
+    /// From now on it follows the gas that it draws from outside, as [`Session::go_on`] takes it on. Saved bytes do not
+    /// contain it.
+    pub fn follow_drawn(&mut self) {
+        self.drawn = Some(Box::new(Drawn::of(self.circuit())));
+    }
+
+    /// Mass that came in from reservoirs and compressors since then, kg: of each path over the boundary what it gave on
+    /// balance, so that what leaves through an exhaust does not count. None where nobody follows it.
+    pub fn drawn(&self) -> Option<f64> {
+        self.drawn.as_ref().map(|own| own.mass())
     }
 
     /// The same, with some columns at `times` s on the way, which ascend from the present on.

@@ -2,6 +2,8 @@
 
 use crate::support::circuits::{joined, network, run};
 use crate::support::{AMBIENT, K, R, ROOM};
+use circuit::{Kind, Look};
+use ode::Options;
 use serde_json::{Value, json};
 
 const RHO_0: f64 = 1.185;
@@ -229,6 +231,37 @@ fn a_compressor_keeps_a_tank_between_its_pressures() {
     let drawn = columns["draw.mass_flow_kg_s"][0];
     let rate = K * R * (runs * 320.0 - drawn * ROOM) / volume;
     near((p[1] - p[0]) / 1e-3, rate, 1e-3);
+}
+
+#[test]
+fn what_a_session_draws_is_what_came_in_by_its_accounts() {
+    let fitting =
+        |name, c: f64| one(name, "fitting", json!({ "conductance": c, "critical_pressure_ratio": 0.3 }));
+    let numbers = json!({ "free_air_delivery": 5e-3, "start_pressure": 3e5, "stop_pressure": 4e5 });
+    let components = json!([
+        supply(6e5),
+        one("comp", "compressor", numbers),
+        fitting("path", 1e-9),
+        fitting("draw", 3e-9),
+        tank(1e-3)
+    ]);
+    let joints =
+        json!([["supply.1", "path.1"], ["path.2", "comp.1", "tank.1", "draw.1"], ["draw.2", "ambient"]]);
+    let network = network(&components, &joints).expect("assembles");
+    let start = [("tank.pressure_pa", 3.5e5), ("tank.temperature_k", ROOM)];
+    let start = start.map(|(name, value)| (name.to_string(), value)).into();
+    let mut session = network.session(&start, Options::default()).expect("a session");
+    assert!(session.drawn().is_none());
+    session.follow_drawn();
+    for tick in 1..=2000 {
+        session.go_on(f64::from(tick) * 1e-3, &mut Look::new(&mut |_| false)).expect("goes on");
+    }
+    let channels = session.circuit().channels();
+    let accounts = &session.state()[session.circuit().n_states()..];
+    let masses = channels.iter().zip(accounts).filter(|(own, _)| own.kind == Kind::Mass);
+    let [came, went] = [1.0, -1.0].map(|sign| masses.clone().map(|(_, m)| (sign * m).max(0.0)).sum::<f64>());
+    assert!(came > 2e-3 && went > 1e-3, "{came} kg came, {went} kg went");
+    near(session.drawn().expect("followed"), came, 1e-6);
 }
 
 #[test]

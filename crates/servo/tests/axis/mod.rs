@@ -63,15 +63,7 @@ pub fn behind_tubes() -> Circuit {
 }
 
 pub fn session(plant: &Circuit, position: f64) -> Session {
-    from_rest(&Network::assemble(plant, false).expect("it can be assembled"), position)
-}
-
-/// One that keeps its accounts.
-pub fn accounted(plant: &Circuit, position: f64) -> Session {
-    from_rest(&Network::assemble(plant, true).expect("it can be assembled"), position)
-}
-
-fn from_rest(network: &Network, position: f64) -> Session {
+    let network = Network::assemble(plant, false).expect("it can be assembled");
     let value = |name: &str| match name {
         _ if name.ends_with("pressure_pa") => MEAN,
         _ if name.ends_with("temperature_k") => 293.15,
