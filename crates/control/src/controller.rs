@@ -92,10 +92,16 @@ pub struct Hold<S = f64> {
     pub band: f64,
     /// For how long before, s.
     pub after: f64,
+    /// For how long it has been near the place, and at rest anywhere, s.
     waited: S,
-    /// Whether it holds, 0 or 1, and the force that it keeps, N.
+    rested: S,
+    /// Whether it holds, 0 or 1, the force that it keeps, and about the one that it began with, N.
     holds: S,
     force: S,
+    begun: S,
+    /// The error at which it rested last while the reference stood, m, and whether it is kept there, 0 or 1.
+    rest: S,
+    kept: S,
 }
 
 /// Speed below which a drive may hold, m/s.
@@ -107,28 +113,61 @@ const USUAL: [f64; 2] = [3.0, 4.0];
 const DRIFTING: [f64; 2] = [5.0, 20.0];
 /// Bands at which it is left.
 const LEAVE: f64 = 2.5;
+/// Share of the friction that breaks away by which it may move the force that it began with: a contact that does not give
+/// way by then sticks. That force follows in a time, s, because one that creeps needs more and more (assumed).
+const ROOM: f64 = 0.35;
+const FORGETS: f64 = 10.0;
 
 impl<S: Number> Hold<S> {
     /// With a band, m, entered after a time, s.
     pub fn new(band: f64, after: f64) -> Self {
-        Hold { band, after, waited: S::zero(), holds: S::zero(), force: S::zero() }
+        let [waited, rested, holds, force, begun, rest, kept] = [S::zero(); 7];
+        Hold { band, after, waited, rested, holds, force, begun, rest, kept }
+    }
+
+    /// Whether a drive at rest is to be kept where it is: it has slipped past its target, and no nearer to it. Another slip
+    /// would do the same.
+    fn keep(&mut self, stands: S, [e, v]: [S; 2], period: f64) {
+        let (zero, one) = (S::zero(), S::one());
+        let still = S::select(S::c(REST).lt(v.abs()), zero, stands);
+        self.rested = S::select(zero.lt(still), self.rested + S::c(period), zero);
+        let rests = S::select(self.rested.lt(S::c(self.after)), zero, one);
+        let passed = S::select((e * self.rest).lt(S::c(-self.band * self.band)), rests, zero);
+        let no_nearer = S::select(e.abs().lt(self.rest.abs()), zero, passed);
+        self.kept = S::select(zero.lt(no_nearer), one, self.kept) * stands;
+        let takes = S::select(zero.lt(self.holds * self.kept), zero, rests);
+        self.rest = S::select(zero.lt(takes), e, self.rest) * stands;
     }
 
     /// Whether it holds, and the rate of the force of the gas then, N/s: the contact gives way by what is missing. `stands` is
-    /// 1 while the reference stands, else 0.
-    fn rate(&mut self, stands: S, [e, v]: [S; 2], gas: S, (model, period): (&Model, f64)) -> (S::Mask, S) {
+    /// 1 while the reference stands, else 0; `level` is the friction that breaks away, N.
+    fn rate(
+        &mut self,
+        stands: S,
+        [e, v]: [S; 2],
+        [gas, level]: [S; 2],
+        (model, period): (&Model, f64),
+    ) -> (S::Mask, S) {
         let zero = S::zero();
+        self.keep(stands, [e, v], period);
         let held = zero.lt(self.holds);
         let limit = S::select(held, S::c(LEAVE * self.band), S::c(self.band));
-        let near = S::select(limit.lt(e.abs()), zero, stands);
+        let is_far = limit.lt((e - self.rest * self.kept).abs());
+        self.kept = S::select(is_far, zero, self.kept);
+        let near = S::select(is_far, zero, stands);
         let near = S::select(S::c(REST).lt(v.abs()), near * self.holds, near);
-        self.waited = S::select(zero.lt(near), self.waited + S::c(period), zero);
+        let waited = (self.waited + S::c(period)).max(self.rested * self.kept);
+        self.waited = S::select(zero.lt(near), waited, zero);
         let force = S::select(held, self.force, gas);
+        let follows = self.begun + (force - self.begun).times(period / FORGETS);
+        self.begun = S::select(held, follows, gas);
         let opens_little = matches!(model.valve.arrangement, Arrangement::One | Arrangement::Pair);
         let [creep, settle] = if model.stick_drifts && opens_little { DRIFTING } else { USUAL };
-        let creep = e.times(creep * model.stick_stiffness);
-        self.force = force + creep.times(period);
+        let drawn = e.times(creep * model.stick_stiffness * period) * (S::one() - self.kept);
+        let room = level.times(ROOM);
+        self.force = (force + drawn).max(self.begun - room).min(self.begun + room);
         self.holds = S::select(self.waited.lt(S::c(self.after)), zero, near);
+        let creep = (self.force - force).times(1.0 / period);
         (zero.lt(self.holds), creep + (self.force - gas).times(settle))
     }
 }
@@ -494,8 +533,8 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
             observer.numbers(see);
         }
         self.friction.iter_mut().chain([&mut self.push]).for_each(&mut *see);
-        if let Some(Hold { waited, holds, force, .. }) = &mut self.hold {
-            [waited, holds, force].into_iter().for_each(&mut *see);
+        if let Some(Hold { waited, rested, holds, force, begun, rest, kept, .. }) = &mut self.hold {
+            [waited, rested, holds, force, begun, rest, kept].into_iter().for_each(&mut *see);
         }
         self.law.each(see);
     }
@@ -522,8 +561,10 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
         let gas = model.gas_force(state.pressures);
         let seen = [e, observer.state.velocity];
         let never = (S::zero().lt(S::zero()), S::zero());
-        let (holds, held) =
-            self.hold.as_mut().map_or(never, |hold| hold.rate(ahead.stands, seen, gas, (model, period)));
+        let (holds, held) = self
+            .hold
+            .as_mut()
+            .map_or(never, |hold| hold.rate(ahead.stands, seen, [gas, level], (model, period)));
         let bandwidth = self.plant.bandwidth();
         let rate_of_push = self.law.push() * bandwidth * period;
         let bound = PUSH_BOUND * self.plant.coulomb;

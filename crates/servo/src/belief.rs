@@ -6,6 +6,7 @@ use circuit::specification::{Circuit, Component};
 use circuit::{ComponentKind, Error, PistonSide, friction_law, kinds};
 use control::{Arrangement, Held, Model, Side};
 use physics::{Gas, IdealGas};
+use std::f64::consts::PI;
 
 /// The components of an axis that is controlled, by their names.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -18,7 +19,8 @@ pub struct Axis {
     pub switches: bool,
     /// Of its supply.
     pub supply: String,
-    /// Components of which a law knows nothing: it takes the valve to stand at the cylinder and at its supply.
+    /// Components of which a law knows nothing but the volume of tubes at the chambers: it takes the valve to stand at the
+    /// cylinder and at its supply.
     pub left_out: Vec<String>,
 }
 
@@ -54,6 +56,24 @@ pub(crate) fn given(own: &Component, key: &str) -> Result<f64, Error> {
     }
 }
 
+/// Volume of the tubes that lead to a chamber, m3: their gas fills and empties with it.
+fn tubes_at(circuit: &Circuit, cylinder: &Component, chamber: &str) -> f64 {
+    let mut tubes: Vec<_> = circuit.components.iter().filter(|own| own.kind.starts_with("tube")).collect();
+    let mut ends = vec![format!("{}.{chamber}", cylinder.name)];
+    let mut volume = 0.0;
+    while let Some(end) = ends.pop() {
+        for port in circuit.joints.iter().filter(|joint| joint.contains(&end)).flatten() {
+            let name = port.rsplit_once('.').map_or("", |(name, _)| name);
+            let Some(place) = tubes.iter().position(|own| own.name == name) else { continue };
+            let tube = tubes.remove(place);
+            ends.extend(["1", "2"].map(|port| format!("{name}.{port}")));
+            let [length, diameter] = ["length", "diameter"].map(|key| number(tube, key).unwrap_or(0.0));
+            volume += 0.25 * PI * diameter * diameter * length;
+        }
+    }
+    volume
+}
+
 /// The belief of a drive with one cylinder on valves that a law commands, and its components.
 pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
     let cylinder = only(circuit, "cylinder/", "cylinder")?;
@@ -81,7 +101,7 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
             area,
             perimeter,
             end_wall,
-            dead_volume: given(cylinder, key)?,
+            dead_volume: given(cylinder, key)? + tubes_at(circuit, cylinder, ["a", "b"][i]),
             length: [0.0, stroke][i],
             sign: [1.0, -1.0][i],
         })

@@ -2,12 +2,13 @@
 
 mod axis;
 
-use axis::{MEAN, STICKY, axis, begin, rubbing, session, setup};
+use axis::{MEAN, STICKY, axis, begin, behind_tubes, rubbing, session, setup};
 use circuit::Look;
 use circuit::specification::{Circuit, Component};
 use control::{Move, Reference};
 use servo::{COLUMNS, belief, philox};
 use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_6, PI};
 
 type Rows = Vec<[f64; COLUMNS.len()]>;
 
@@ -218,11 +219,17 @@ fn a_belief_has_the_load_and_names_what_it_leaves_out() {
     plant.components.push(component("hose", "tube/steady", &[]));
     for own in &mut plant.components {
         if own.name == "cylinder" {
-            own.numbers.insert("incline".into(), std::f64::consts::FRAC_PI_6);
+            own.numbers.insert("incline".into(), FRAC_PI_6);
         }
     }
     let (model, axis) = belief(&plant).expect("a belief");
     assert!((model.mass - 3.0).abs() < 1e-12, "{} kg", model.mass);
     assert!((model.load - (-8.0 - 0.5 * 3.0 * 9.806_65)).abs() < 1e-9, "{} N", model.load);
     assert_eq!(axis.left_out, ["hose"]);
+    // The gas in tubes of 2 m and 4 mm fills and empties with the chambers.
+    let (behind, axis) = belief(&behind_tubes()).expect("a belief");
+    for (own, before) in behind.sides.iter().zip(&model.sides) {
+        assert!((own.dead_volume - before.dead_volume - 2.0 * PI * 4e-6).abs() < 1e-15);
+    }
+    assert_eq!(axis.left_out, ["tube_a", "tube_b"]);
 }
