@@ -537,8 +537,8 @@ def _limited(tuning: Tuning, setup: Setup) -> Tuning:
     said += _unobservable(tuning, measured=setup.sensors.pressure_a is not None)
     if plant.left_out:
         said.append(
-            f"The law knows nothing of {', '.join(plant.left_out)} but the volume of tubes at the chambers: it takes the "
-            "valve to stand at the cylinder, at a supply of constant pressure."
+            f"The law knows nothing of {', '.join(plant.left_out)} but the volume of tubes at the chambers: it takes "
+            "the valve to stand at the cylinder, at a supply of constant pressure."
         )
     said.append(f"References up to {plant.speed_m_s:.3g} m/s and within {1e3 * plant.stroke_m:g} mm are accepted.")
     assumed = [gain.key for gain in tuning.numbers if "assumed" in gain.rule and not gain.given]
