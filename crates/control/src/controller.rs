@@ -11,7 +11,7 @@ use crate::number::{Memory, Number};
 use crate::observer::{Noise, Observer, Observing, Sample, State};
 use crate::own::{Own, Seen};
 use crate::reference::{Reference, Wanted, blend};
-use crate::supervisor::{Rules, Supervisor};
+use crate::supervisor::{Brake, Rules, Supervisor};
 use crate::valves::{Arrangement, Commands, Valves};
 
 macro_rules! laws {
@@ -500,13 +500,8 @@ impl Controller {
     }
 
     /// See [`crate::supervisor`].
-    pub(crate) fn brakes(&self, model: &Model, command: (f64, f64)) -> Option<f64> {
+    pub(crate) fn brakes(&self, model: &Model, command: (f64, f64)) -> Option<Brake> {
         crate::supervisor::brakes(model, self.observer.as_ref()?, command, self.period)
-    }
-
-    /// The command that opens the valve against the motion.
-    pub(crate) fn full_brake(&self) -> Option<f64> {
-        self.state().map(|own| if own.velocity >= 0.0 { -1.0 } else { 1.0 })
     }
 
     /// Without the law: a command, and what the observer says.

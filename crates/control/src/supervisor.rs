@@ -15,7 +15,7 @@ use crate::course::{Course, Fade, Slowed};
 use crate::model::Model;
 use crate::observer::{Sample, State};
 use crate::reference::{Reference, Wanted};
-pub(crate) use brake::brakes;
+pub(crate) use brake::{Brake, brakes};
 pub use event::{Event, EventKind, Log};
 use gas::Gas;
 use motion::Motion;
@@ -171,6 +171,8 @@ pub struct Supervisor {
     /// For how long the position has been lost, s.
     lost_for: f64,
     switched: [bool; 2],
+    /// The way of commands that act in reverse on a supply that has fallen, and until when none is given, s.
+    reversed: Option<(f64, f64)>,
 }
 
 /// Periods that may lie between two samples, a jump of a reference that no law can follow, m, and the distance from a reference
@@ -190,6 +192,8 @@ const FULL: f64 = 0.95;
 const FULL_FOR: f64 = 0.02;
 const SLOWER: f64 = 0.8;
 const SLOWEST: f64 = 0.05;
+/// Time after which a command is tried again that acted in reverse, s (assumed).
+const REVERSED_FOR: f64 = 1.0;
 /// Unknown force, as a share of the Coulomb friction, behind which a supply may have fallen (assumed).
 const MISSING: f64 = 2.0;
 
@@ -222,6 +226,7 @@ impl Supervisor {
             measures_gas: false,
             lost_for: 0.0,
             switched: [false; 2],
+            reversed: None,
         }
     }
 
@@ -280,7 +285,7 @@ impl Supervisor {
         answer.command = self.guarded(own, &sample, &state, answer.command);
         if !self.is_shut() {
             let rules = self.rules.motion;
-            let told = (&state, &wanted, stands);
+            let told = (&state, &wanted, stands, self.reversed.is_some());
             self.motion.watch(&rules, &own.model, (sample.time, own.period), told, &mut self.log);
         }
         self.command = answer.command;
@@ -322,6 +327,9 @@ impl Supervisor {
             let readings = (sample.time, pressures);
             let found = self.gas.checked(&own.model, readings, states, (edges, own.period), &mut self.log);
             self.modelled = found.modelled;
+            if let Some(way) = found.reversed {
+                self.reversed = Some((way, sample.time + REVERSED_FOR));
+            }
             let Rules { on_pressure, on_valve, on_supply, .. } = self.rules;
             for (happened, reaction) in
                 [(found.supply, on_supply), (found.sensor, on_pressure), (found.valve, on_valve)]
@@ -507,18 +515,26 @@ impl Supervisor {
         let [first, goes_on] = MARGINS;
         let margin = if self.brakes { goes_on } else { first };
         // Without pressure sensors a supply that has fallen is a force that is missing.
-        let d = own.state().map_or(0.0, |state| state.disturbance);
+        let (v, d) = own.state().map_or((0.0, 0.0), |state| (state.velocity, state.disturbance));
+        let against = if v >= 0.0 { -1.0 } else { 1.0 };
         let is_weak = !self.measures_gas && d.abs() > MISSING * own.plant.coulomb;
+        let has_none = self.gas.has_no_supply();
+        // Shut it stops whatever the supply does; where that is not enough, a supply that presses brakes best, as most doubts
+        // pass.
+        let best = |found: Brake| match found {
+            Brake { command, .. } if has_none => command,
+            Brake { is_shut_enough: true, .. } if self.measures_gas => 0.0,
+            Brake { .. } => against,
+        };
+        let weak = |margin| own.brakes(without, (command, margin)).map(best);
         if self.gas.may_lack_supply() {
-            return own.brakes(without, (command, margin));
+            return weak(margin);
         }
-        let mut brake = own.brakes(&own.model, (command, margin));
+        let mut brake = own.brakes(&own.model, (command, margin)).map(|found| found.command);
         if self.gas.is_doubted || is_weak {
-            // Earlier, but as a supply that presses brakes best: most doubts pass.
-            brake = brake.or_else(|| own.brakes(without, (command, margin)).and(own.full_brake()));
+            brake = brake.or_else(|| weak(margin));
         }
-        let still = || own.brakes(without, (command, first)).and(own.full_brake());
-        brake.or_else(|| if self.brakes { still() } else { None })
+        brake.or_else(|| if self.brakes { weak(first) } else { None })
     }
 
     /// A command that keeps off end stops and limit switches.
@@ -530,6 +546,11 @@ impl Supervisor {
         // Without readings the model is soon not to be trusted.
         self.lost_for = if self.position.is_lost() { self.lost_for + own.period } else { 0.0 };
         let is_known = self.lost_for < TRUSTED;
+        self.reversed = self.reversed.filter(|&(way, until)| command * way >= 0.0 && sample.time < until);
+        if self.reversed.is_some() {
+            // It would take air from the chamber that it is to fill.
+            command = 0.0;
+        }
         if let Some(brake) = self.brake(own, command).filter(|_| is_known) {
             if !self.brakes {
                 self.log.tell(sample.time, EventKind::EndStop, state.velocity);

@@ -402,10 +402,21 @@ fn factors_multiply_gains_in_a_ramp_without_a_bump() {
 }
 
 /// Runs of the example `faults` whose supply falls, with pressure sensors and without: braking that counts on the supply
-/// as it is described hits at 0.24 to 0.70 m/s.
+/// as it is described hits at 0.24 to 0.70 m/s, a law that goes on to open the chamber ahead to a supply that presses less
+/// than that at 0.06 and 0.24 m/s.
 #[test]
 fn braking_does_not_count_on_a_supply_that_has_fallen() {
-    for member in [251, 690, 1011, 4456, 5757, 8388] {
+    for member in [251, 690, 709, 1011, 4456, 5757, 8388, 8932] {
+        let own = outcome(1, member);
+        assert_eq!(own.class, Class::Safe, "{member}: {} m/s: {}", own.speed, own.told);
+    }
+}
+
+/// A reading that rested for 0.1 s, whose sensor was given up when it was right again and from what the valve had been
+/// learned, hits at 0.41 m/s; braking with the valve shut, where that is too weak and only a sensor is lost, at 0.29 m/s.
+#[test]
+fn a_lost_pressure_sensor_spoils_neither_the_model_nor_the_brake() {
+    for member in [3758, 6336] {
         let own = outcome(1, member);
         assert_eq!(own.class, Class::Safe, "{member}: {} m/s: {}", own.speed, own.told);
     }

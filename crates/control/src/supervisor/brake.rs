@@ -15,12 +15,26 @@ const LEAST_BRAKE: f64 = 0.2;
 /// Time in which a force of the gas turns, s (assumed).
 const TURN: f64 = 0.03;
 
-/// The command that has to brake now, if a command of now would leave too little way for that at the next sample, as the
-/// model may be wrong by a share of it, `margin`.
+/// What has to brake now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Brake {
+    /// The command behind which the way is the shortest, or the end stop is reached the slowest.
+    pub command: f64,
+    /// The shut valve stops the drive before the end stop, whatever the supply does.
+    pub is_shut_enough: bool,
+}
+
+/// What has to brake now, if a command of now would leave too little way for that at the next sample, as the model may be
+/// wrong by a share of it, `margin`.
 ///
 /// The way is that of the model under `command` for a period, then under full braking or with the valve shut, whichever
 /// is shorter: an open chamber that is pressed above the supply loses its air to that.
-pub fn brakes(model: &Model, observer: &Observer, (command, margin): (f64, f64), period: f64) -> Option<f64> {
+pub fn brakes(
+    model: &Model,
+    observer: &Observer,
+    (command, margin): (f64, f64),
+    period: f64,
+) -> Option<Brake> {
     let State { position, velocity, .. } = observer.state;
     let far = |v: f64| {
         let area = model.sides[0].area.min(model.sides[1].area);
@@ -51,12 +65,16 @@ pub fn brakes(model: &Model, observer: &Observer, (command, margin): (f64, f64),
                 break;
             }
         }
-        (way * (state.position - begin), state.velocity)
+        (way * (state.position - begin), way * state.velocity)
     };
     let left = room(state.position) - APART;
-    let [(full, end), (shut, _)] = [-way, 0.0].map(|brake| way_to(state, spool.clone(), brake));
-    let (needed, brake) = if shut < full { (shut, 0.0) } else { (full, -way) };
-    let is_fast = way * velocity > TOUCH || way * end > TOUCH;
+    let [full, shut] = [-way, 0.0].map(|brake| way_to(state, spool.clone(), brake));
+    // Of two that both reach the end stop, the slower one.
+    let reach = [full, shut].iter().all(|(needed, end)| *needed > left && *end > TOUCH);
+    let is_shut_better = if reach { shut.1 < full.1 } else { shut.0 < full.0 };
+    let ((needed, _), command) = if is_shut_better { (shut, 0.0) } else { (full, -way) };
+    let is_fast = way * velocity > TOUCH || full.1 > TOUCH;
+    let brake = Brake { command, is_shut_enough: shut.0 <= left };
     (is_fast && needed > 0.0 && (1.0 + margin) * needed > left).then_some(brake)
 }
 

@@ -11,6 +11,8 @@ const FOR: f64 = 0.02;
 /// valve and supply may be wrong (assumed).
 const FOLLOWS: f64 = 0.1;
 const FLOW_SHARE: f64 = 0.4;
+/// Unknown force as a share of the friction up to which it is friction's (assumed).
+const BEYOND: f64 = 1.0;
 /// Readings in a row that are not credible until a sensor is lost (assumed).
 const LOST: u32 = 3;
 /// Fall of the supply that is told, Pa, for how long, s, and the change of a pressure by flow, Pa, from which on it is seen
@@ -18,6 +20,8 @@ const LOST: u32 = 3;
 const FALLEN: f64 = 1e5;
 const FALLEN_FOR: f64 = 0.03;
 const FLOWN: f64 = 0.5e5;
+/// For how long a valve has to act in reverse until that is seen, s (assumed).
+const REVERSED: f64 = 0.01;
 /// The change from which on a supply is doubted, Pa (assumed).
 const DOUBTED: f64 = 0.2e5;
 
@@ -38,6 +42,13 @@ struct Chamber {
     is_lost: bool,
 }
 
+impl Chamber {
+    /// The reading has rested for long.
+    fn rests_for(&self, period: f64) -> bool {
+        f64::from(self.rests) * period >= FOR
+    }
+}
+
 /// Pressures by the model beside the measured ones.
 #[derive(Clone, Debug, Default)]
 pub struct Gas {
@@ -45,16 +56,24 @@ pub struct Gas {
     /// Changes by flow, Pa, of the filling chamber, then of the other one: as they were measured, by the model, and by the
     /// model on a supply that has fallen.
     flown: [[f64; 3]; 2],
+    /// The same within a shorter time.
+    lately: [[f64; 3]; 2],
     /// For how long the supply has been too low, s.
     low_for: f64,
     supply_told: bool,
     /// The last filling that was seen was that of a supply that has fallen.
     pub is_doubted: bool,
+    /// The chamber that the valve opens to the supply loses more than the other one: the supply presses less than it, and the
+    /// valve acts in reverse.
+    is_reversed: bool,
+    /// For how long that has been so, s, and the way of the command that it began with.
+    reversed_for: f64,
+    way: f64,
     valve_told: bool,
 }
 
 /// What the pressures say.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Found {
     /// A sensor was lost with this sample.
     pub sensor: bool,
@@ -62,7 +81,9 @@ pub struct Found {
     pub valve: bool,
     /// The supply was low from this sample on.
     pub supply: bool,
-    /// A chamber runs by the model.
+    /// The way of commands that act in reverse from this sample on, on a supply that has fallen.
+    pub reversed: Option<f64>,
+    /// A chamber runs by the model, or its reading rests: nothing is learned from it.
     pub modelled: bool,
 }
 
@@ -97,18 +118,24 @@ impl Gas {
             temperatures: chambers.map(|own| own.temperature),
             ..*state
         };
-        let contents = model.contents(twin.position, twin.pressures, twin.temperatures);
-        let at = |openings| model.chambers([twin.position, twin.velocity], contents, openings).pressure_rates;
-        let (open, shut) = (at(edges), at([[0.0; 2]; 2]));
-        let fallen = Held { pressure: model.supply.pressure - FALLEN, ..model.supply };
-        let weak = model.chambers_on(&fallen, [twin.position, twin.velocity], contents, edges).pressure_rates;
+        let place = [twin.position, twin.velocity];
+        let at = |gas: &State, supply: &Held, openings| {
+            let contents = model.contents(gas.position, gas.pressures, gas.temperatures);
+            model.chambers_on(supply, place, contents, openings).pressure_rates
+        };
+        let (described, shut) = (&model.supply, [[0.0; 2]; 2]);
+        let (modelled, still) = (at(&twin, described, edges), at(&twin, described, shut));
+        // A supply that has fallen is seen where the gas is, not where it would be on the one as described.
+        let fallen = Held { pressure: described.pressure - FALLEN, ..*described };
+        let (open, weak) = (at(state, described, edges), at(state, &fallen, edges));
+        let shut = at(state, described, shut);
         twin.advance(model, edges, period, None);
         let share = period / (period + FOLLOWS);
         for i in 0..2 {
             let own = &mut chambers[i];
             let reading = readings[i];
             let by_flow = (open[i] - shut[i]) * period;
-            own.unsure += FLOW_SHARE * by_flow.abs() - share * own.unsure;
+            own.unsure += FLOW_SHARE * (modelled[i] - still[i]).abs() * period - share * own.unsure;
             let measured = reading - own.last - shut[i] * period;
             own.rests = if reading == own.last { own.rests + 1 } else { 0 };
             let before = own.last;
@@ -118,7 +145,13 @@ impl Gas {
             let jumps = (reading - seen.pressures[i]).abs() > most;
             own.bad = if reading.is_finite() && !jumps { 0 } else { own.bad + 1 };
             let off = reading - twin.pressures[i];
-            own.off_for = if off.abs() > OFF + own.unsure { own.off_for + period } else { 0.0 };
+            // A reading that rests while the model moves is off however wrong the flow may be.
+            let unsure = if own.rests_for(period) { 0.0 } else { own.unsure };
+            let is_off = off.abs() > OFF + unsure;
+            own.off_for = if is_off { own.off_for + period } else { 0.0 };
+            if is_off && own.rests_for(period) {
+                own.off_for = own.off_for.max(FOR);
+            }
             let is_good = own.bad == 0 && !own.is_lost;
             own.pressure = twin.pressures[i] + if is_good { share * off } else { 0.0 };
             own.temperature = twin.temperatures[i];
@@ -127,8 +160,12 @@ impl Gas {
                 let is_first = [edges[0][0] > edges[0][1], edges[1][1] > edges[1][0]][i];
                 let side = usize::from(is_first != (i == 0));
                 let changes = [measured, by_flow, (weak[i] - shut[i]) * period];
+                let lately = period / (period + FALLEN_FOR);
                 for (own, change) in self.flown[side].iter_mut().zip(changes) {
                     *own += change - share * *own;
+                }
+                for (own, change) in self.lately[side].iter_mut().zip(changes) {
+                    *own += change - lately * *own;
                 }
             }
             if own.bad >= LOST && !own.is_lost {
@@ -137,7 +174,10 @@ impl Gas {
                 log.tell(time, EventKind::PressureLost, i as f64);
             }
         }
-        let stuck = chambers.map(|own| f64::from(own.rests) * period >= FOR);
+        let stuck = chambers.map(|own| own.rests_for(period));
+        // Nothing is learned from a reading that rests; a chamber whose sensor is given up goes on from the twin.
+        found.modelled = stuck[0] || stuck[1];
+        let mut foreseen = seen.pressures;
         let off = chambers.map(|own| own.off_for >= FOR && !own.is_lost);
         let both = off[0] && off[1] && stuck[0] == stuck[1];
         if both && !self.valve_told {
@@ -150,17 +190,29 @@ impl Gas {
             // Another chamber that begins to leave the model, too, speaks of the valve.
             let [own, other] = [&chambers[i], &chambers[1 - i]];
             // What a supply that has fallen does not fill.
-            let is_starved = self.supply_told && own.last < own.pressure;
-            let alone = stuck[i] || (other.off_for == 0.0 && own.off_for >= 2.0 * FOR && !is_starved);
+            let is_starved = (self.supply_told || self.is_doubted) && own.last < own.pressure;
+            let alone = (stuck[i] && !stuck[1 - i])
+                || (other.off_for == 0.0 && own.off_for >= 2.0 * FOR && !is_starved);
             if off[i] && !both && alone && !self.valve_told && self.low_for == 0.0 {
                 chambers[i].is_lost = true;
                 found.sensor = true;
                 log.tell(time, EventKind::PressureLost, i as f64);
+                foreseen[i] = chambers[i].pressure;
             }
         }
-        found.supply = self.watch_supply(model, (time, period), log);
+        let way = if edges[0][0] > edges[0][1] { 1.0 } else { -1.0 };
+        (found.supply, found.reversed) = self.watch_supply(model, way, (time, period), log);
         if let Some(chambers) = &self.chambers {
-            for ((own, reading), foreseen) in chambers.iter().zip(readings).zip(&seen.pressures) {
+            let lost = chambers.map(|own| own.is_lost);
+            if lost[0] != lost[1] {
+                // What is missing beyond what friction may be wrong by is the pressure's that runs by the model.
+                let i = usize::from(lost[1]);
+                let [level, _] = model.friction_levels([state.position, 0.0], state.pressures);
+                let d = state.disturbance;
+                let beyond = d - d.clamp(-BEYOND * level, BEYOND * level);
+                foreseen[i] += share * model.sides[i].sign * beyond / model.sides[i].area;
+            }
+            for ((own, reading), foreseen) in chambers.iter().zip(readings).zip(&foreseen) {
                 if own.bad > 0 || own.is_lost {
                     *reading = *foreseen;
                     found.modelled = true;
@@ -170,23 +222,47 @@ impl Gas {
         found
     }
 
-    /// Both chambers share the valve: what the filling one falls short of beside the other one is the supply's.
-    fn watch_supply(&mut self, model: &Model, (time, period): (f64, f64), log: &mut Log) -> bool {
+    /// Both chambers share the valve: what the filling one falls short of beside the other one is the supply's. Whether its
+    /// fall, and that the valve acts in reverse, are seen from this sample on.
+    fn watch_supply(
+        &mut self,
+        model: &Model,
+        way: f64,
+        (time, period): (f64, f64),
+        log: &mut Log,
+    ) -> (bool, Option<f64>) {
         let [[filled, fills, weakly], [vented, vents, _]] = self.flown;
         let seen = |flown: f64| fills > flown && vents < -flown && vented < 0.0;
         // The flow that the other chamber makes of the valve, and by how many falls the filling one lacks it.
-        let falls = if seen(DOUBTED) { (fills - filled * vents / vented) / (fills - weakly) } else { 0.0 };
+        let mut falls =
+            if seen(DOUBTED) { (fills - filled * vents / vented) / (fills - weakly) } else { 0.0 };
         if fills > DOUBTED {
             self.is_doubted = falls > 1.0 || filled < (1.0 - FLOW_SHARE) * weakly;
         }
-        self.low_for = if falls > 1.0 && seen(FLOWN) { self.low_for + period } else { 0.0 };
-        let told = self.low_for >= FALLEN_FOR && !self.supply_told;
+        // What flowed long ago tells nothing of a valve that is open by little now.
+        let [[now_filled, now_fills, _], [now_vented, now_vents, _]] = self.lately;
+        let flows = now_fills > 0.5 * DOUBTED && now_vents < -0.5 * DOUBTED;
+        let is_low = falls > 1.0 && seen(FLOWN) && flows;
+        self.low_for = if is_low { self.low_for + period } else { 0.0 };
+        let was_reversed = self.is_reversed;
+        let least = if self.supply_told { 0.0 } else { DOUBTED };
+        let lacks = now_fills > least && now_fills - now_filled > DOUBTED;
+        let loses = lacks && now_filled < now_vented && now_vented < 0.0;
+        if self.reversed_for == 0.0 {
+            self.way = way;
+        }
+        self.reversed_for = if loses { self.reversed_for + period } else { 0.0 };
+        self.is_reversed = self.reversed_for >= REVERSED;
+        if self.is_reversed && !seen(DOUBTED) {
+            falls = (fills - filled) / (fills - weakly);
+        }
+        let told = (self.low_for >= FALLEN_FOR || self.is_reversed) && !self.supply_told;
         if told {
             self.supply_told = true;
             let [ambient, supply] = [model.ambient.pressure, model.supply.pressure];
             log.tell(time, EventKind::Supply, (supply - falls * FALLEN).max(ambient));
         }
-        told
+        (told, (self.is_reversed && !was_reversed).then_some(self.way))
     }
 
     /// The supply has fallen.

@@ -52,7 +52,7 @@ impl Motion {
         rules: &MotionRules,
         model: &Model,
         (time, period): (f64, f64),
-        (state, wanted, stands): (&State, &Wanted, bool),
+        (state, wanted, stands, no_air): (&State, &Wanted, bool, bool),
         log: &mut Log,
     ) {
         let (x, e) = (state.position, wanted.position - state.position);
@@ -78,7 +78,7 @@ impl Motion {
             return;
         }
         if self.waits >= rules.timeout {
-            let (kind, value) = held(model, state, e);
+            let (kind, value) = held(model, state, e, no_air);
             log.tell(time, kind, value);
             self.told = true;
         } else if self.stands >= rules.timeout && !self.settled {
@@ -92,10 +92,10 @@ impl Motion {
     }
 }
 
-/// Why a drive with an error does not move.
-fn held(model: &Model, state: &State, e: f64) -> (EventKind, f64) {
+/// Why a drive with an error does not move; with `no_air` its valve is shut, as the supply presses less than a chamber.
+fn held(model: &Model, state: &State, e: f64, no_air: bool) -> (EventKind, f64) {
     let [a, b] = state.pressures.map(|p| p - model.ambient.pressure);
-    if a.max(b) < AIR * (model.supply.pressure - model.ambient.pressure) {
+    if no_air || a.max(b) < AIR * (model.supply.pressure - model.ambient.pressure) {
         return (EventKind::NoAir, a.max(b));
     }
     let force = model.gas_force(state.pressures) + model.load;
