@@ -99,8 +99,10 @@ pub struct Hold<S = f64> {
     holds: S,
     force: S,
     begun: S,
-    /// The error at which it rested last while the reference stood, m, and whether it is kept there, 0 or 1.
+    /// The error at which it rested last while the reference stood, m, how often since it came no nearer, and whether it is
+    /// kept there, 0 or 1.
     rest: S,
+    vain: S,
     kept: S,
 }
 
@@ -117,24 +119,28 @@ const LEAVE: f64 = 2.5;
 /// way by then sticks. That force follows in a time, s, because one that creeps needs more and more (assumed).
 const ROOM: f64 = 0.35;
 const FORGETS: f64 = 10.0;
+/// Slips past the target and no nearer behind which it is kept where it is (assumed): one may be chance.
+const VAIN: f64 = 2.0;
 
 impl<S: Number> Hold<S> {
     /// With a band, m, entered after a time, s.
     pub fn new(band: f64, after: f64) -> Self {
-        let [waited, rested, holds, force, begun, rest, kept] = [S::zero(); 7];
-        Hold { band, after, waited, rested, holds, force, begun, rest, kept }
+        let [waited, rested, holds, force, begun, rest, vain, kept] = [S::zero(); 8];
+        Hold { band, after, waited, rested, holds, force, begun, rest, vain, kept }
     }
 
-    /// Whether a drive at rest is to be kept where it is: it has slipped past its target, and no nearer to it. Another slip
-    /// would do the same.
+    /// Whether a drive at rest is to be kept where it is: it has slipped past its target, and no nearer to it, twice. Another
+    /// slip would do the same.
     fn keep(&mut self, stands: S, [e, v]: [S; 2], period: f64) {
         let (zero, one) = (S::zero(), S::one());
         let still = S::select(S::c(REST).lt(v.abs()), zero, stands);
         self.rested = S::select(zero.lt(still), self.rested + S::c(period), zero);
         let rests = S::select(self.rested.lt(S::c(self.after)), zero, one);
         let passed = S::select((e * self.rest).lt(S::c(-self.band * self.band)), rests, zero);
-        let no_nearer = S::select(e.abs().lt(self.rest.abs()), zero, passed);
-        self.kept = S::select(zero.lt(no_nearer), one, self.kept) * stands;
+        let is_nearer = e.abs().lt(self.rest.abs());
+        self.vain = S::select(is_nearer, self.vain * (one - passed), self.vain + passed) * stands;
+        let in_vain = S::select(self.vain.lt(S::c(VAIN)), zero, passed);
+        self.kept = S::select(zero.lt(in_vain), one, self.kept) * stands;
         let takes = S::select(zero.lt(self.holds * self.kept), zero, rests);
         self.rest = S::select(zero.lt(takes), e, self.rest) * stands;
     }
@@ -528,8 +534,8 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
             observer.numbers(see);
         }
         self.friction.iter_mut().chain([&mut self.push]).for_each(&mut *see);
-        if let Some(Hold { waited, rested, holds, force, begun, rest, kept, .. }) = &mut self.hold {
-            [waited, rested, holds, force, begun, rest, kept].into_iter().for_each(&mut *see);
+        if let Some(Hold { waited, rested, holds, force, begun, rest, vain, kept, .. }) = &mut self.hold {
+            [waited, rested, holds, force, begun, rest, vain, kept].into_iter().for_each(&mut *see);
         }
         self.law.each(see);
     }
