@@ -92,18 +92,19 @@ pub struct Hold<S = f64> {
     pub band: f64,
     /// For how long before, s.
     pub after: f64,
-    /// For how long it has been near the place, and at rest anywhere, s.
+    /// For how long it has been near the place, and within the band about a place anywhere, s, and the error there, m.
     waited: S,
     rested: S,
+    place: S,
     /// Whether it holds, 0 or 1, the force that it keeps, and about the one that it began with, N.
     holds: S,
     force: S,
     begun: S,
-    /// The error at which it rested last while the reference stood, m, how often since it came no nearer, and whether it is
-    /// kept there, 0 or 1.
+    /// While the reference stands: the error at which it rested last, the least size of one, m, and how often it slipped past
+    /// its target since, no nearer.
     rest: S,
+    nearest: S,
     vain: S,
-    kept: S,
 }
 
 /// Speed below which a drive may hold, m/s.
@@ -119,29 +120,39 @@ const LEAVE: f64 = 2.5;
 /// way by then sticks. That force follows in a time, s, because one that creeps needs more and more (assumed).
 const ROOM: f64 = 0.35;
 const FORGETS: f64 = 10.0;
-/// Slips past the target and no nearer behind which it is kept where it is (assumed): one may be chance.
+/// Slips past the target behind which it is kept where it is: one may be chance. Share of the least error to which a slip
+/// brings it nearer (assumed).
 const VAIN: f64 = 2.0;
+const NEARER: f64 = 0.8;
 
 impl<S: Number> Hold<S> {
     /// With a band, m, entered after a time, s.
     pub fn new(band: f64, after: f64) -> Self {
-        let [waited, rested, holds, force, begun, rest, vain, kept] = [S::zero(); 8];
-        Hold { band, after, waited, rested, holds, force, begun, rest, vain, kept }
+        let [waited, rested, place, holds, force, begun, rest, nearest, vain] = [S::zero(); 9];
+        Hold { band, after, waited, rested, place, holds, force, begun, rest, nearest, vain }
     }
 
-    /// Whether a drive at rest is to be kept where it is: it has slipped past its target, and no nearer to it, twice. Another
-    /// slip would do the same.
-    fn keep(&mut self, stands: S, [e, v]: [S; 2], period: f64) {
+    /// 1 where a drive is to be kept where it rests, else 0: it has slipped past its target, and no nearer to it, twice.
+    /// Another slip would do the same.
+    fn kept(&self) -> S {
+        S::select(self.vain.lt(S::c(VAIN)), S::zero(), S::one())
+    }
+
+    /// Counts such slips while the reference stands.
+    fn count(&mut self, stands: S, e: S, period: f64) {
         let (zero, one) = (S::zero(), S::one());
-        let still = S::select(S::c(REST).lt(v.abs()), zero, stands);
-        self.rested = S::select(zero.lt(still), self.rested + S::c(period), zero);
-        let rests = S::select(self.rested.lt(S::c(self.after)), zero, one);
+        // By the place: the velocity of an observer trembles behind each slip.
+        let has_moved = S::c(self.band).lt((e - self.place).abs());
+        self.place = S::select(has_moved, e, self.place);
+        self.rested = S::select(has_moved, zero, self.rested + S::c(period)) * stands;
+        let rests = S::select(self.rested.lt(S::c(0.5 * self.after)), zero, one);
         let passed = S::select((e * self.rest).lt(S::c(-self.band * self.band)), rests, zero);
-        let is_nearer = e.abs().lt(self.rest.abs());
-        self.vain = S::select(is_nearer, self.vain * (one - passed), self.vain + passed) * stands;
-        let in_vain = S::select(self.vain.lt(S::c(VAIN)), zero, passed);
-        self.kept = S::select(zero.lt(in_vain), one, self.kept) * stands;
-        let takes = S::select(zero.lt(self.holds * self.kept), zero, rests);
+        let is_first = self.nearest.lt(S::c(f64::MIN_POSITIVE));
+        let is_nearer =
+            S::select(e.abs().lt(self.nearest.times(NEARER)), rests, S::select(is_first, rests, zero));
+        self.nearest = S::select(zero.lt(is_nearer), e.abs(), self.nearest) * stands;
+        self.vain = S::select(zero.lt(is_nearer), zero, self.vain + passed) * stands;
+        let takes = S::select(zero.lt(self.holds * self.kept()), zero, rests);
         self.rest = S::select(zero.lt(takes), e, self.rest) * stands;
     }
 
@@ -155,21 +166,23 @@ impl<S: Number> Hold<S> {
         (model, period): (&Model, f64),
     ) -> (S::Mask, S) {
         let zero = S::zero();
-        self.keep(stands, [e, v], period);
+        self.count(stands, e, period);
         let held = zero.lt(self.holds);
         let limit = S::select(held, S::c(LEAVE * self.band), S::c(self.band));
-        let is_far = limit.lt((e - self.rest * self.kept).abs());
-        self.kept = S::select(is_far, zero, self.kept);
+        let is_far = limit.lt((e - self.rest * self.kept()).abs());
+        // What takes it away from there may be another load: it is tried once more.
+        self.vain = S::select(is_far, self.vain.min(S::c(VAIN - 1.0)), self.vain);
+        let kept = self.kept();
         let near = S::select(is_far, zero, stands);
-        let near = S::select(S::c(REST).lt(v.abs()), near * self.holds, near);
-        let waited = (self.waited + S::c(period)).max(self.rested * self.kept);
+        let near = S::select(S::c(REST).lt(v.abs()), near * self.holds.max(kept), near);
+        let waited = (self.waited + S::c(period)).max(kept.times(self.after));
         self.waited = S::select(zero.lt(near), waited, zero);
         let force = S::select(held, self.force, gas);
         let follows = self.begun + (force - self.begun).times(period / FORGETS);
         self.begun = S::select(held, follows, gas);
         let opens_little = matches!(model.valve.arrangement, Arrangement::One | Arrangement::Pair);
         let [creep, settle] = if model.stick_drifts && opens_little { DRIFTING } else { USUAL };
-        let drawn = e.times(creep * model.stick_stiffness * period) * (S::one() - self.kept);
+        let drawn = e.times(creep * model.stick_stiffness * period) * (S::one() - kept);
         let room = level.times(ROOM);
         self.force = (force + drawn).max(self.begun - room).min(self.begun + room);
         self.holds = S::select(self.waited.lt(S::c(self.after)), zero, near);
@@ -534,8 +547,10 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
             observer.numbers(see);
         }
         self.friction.iter_mut().chain([&mut self.push]).for_each(&mut *see);
-        if let Some(Hold { waited, rested, holds, force, begun, rest, vain, kept, .. }) = &mut self.hold {
-            [waited, rested, holds, force, begun, rest, vain, kept].into_iter().for_each(&mut *see);
+        if let Some(Hold { waited, rested, place, holds, force, begun, rest, nearest, vain, .. }) =
+            &mut self.hold
+        {
+            [waited, rested, place, holds, force, begun, rest, nearest, vain].into_iter().for_each(&mut *see);
         }
         self.law.each(see);
     }

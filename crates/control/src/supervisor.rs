@@ -521,10 +521,14 @@ impl Supervisor {
         let has_none = self.gas.has_no_supply();
         // Shut it stops whatever the supply does; where that is not enough, a supply that presses brakes best, as most doubts
         // pass.
-        let best = |found: Brake| match found {
-            Brake { command, .. } if has_none => command,
-            Brake { is_shut_enough: true, .. } if self.measures_gas => 0.0,
-            Brake { .. } => against,
+        let best = |found: Brake| {
+            if has_none {
+                found.command
+            } else if found.is_shut_enough && self.measures_gas {
+                0.0
+            } else {
+                against
+            }
         };
         let weak = |margin| own.brakes(without, (command, margin)).map(best);
         if self.gas.may_lack_supply() {

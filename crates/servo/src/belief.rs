@@ -6,7 +6,6 @@ use circuit::specification::{Circuit, Component};
 use circuit::{ComponentKind, Error, PistonSide, friction_law, kinds};
 use control::{Arrangement, Held, Model, Side};
 use physics::{Gas, IdealGas};
-use std::f64::consts::PI;
 
 /// The components of an axis that is controlled, by their names.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -68,7 +67,7 @@ fn tubes_at(circuit: &Circuit, cylinder: &Component, chamber: &str) -> f64 {
             let tube = tubes.remove(place);
             ends.extend(["1", "2"].map(|port| format!("{name}.{port}")));
             let [length, diameter] = ["length", "diameter"].map(|key| number(tube, key).unwrap_or(0.0));
-            volume += 0.25 * PI * diameter * diameter * length;
+            volume += PistonSide::of_bore(diameter, 0.0).area * length;
         }
     }
     volume

@@ -113,6 +113,28 @@ fn a_light_sticky_drive_comes_to_rest_under_predictive_control() {
     }
 }
 
+/// A drive whose friction falls by 15 N as it breaks away slips past its target by 0.4 mm and more, from side to side for
+/// good, unless its law stops trying.
+#[test]
+fn a_drive_that_slips_in_vain_stands_where_it_is() {
+    let falls = [("coulomb", 30.0), ("breakaway", 45.0), ("viscous", 40.0), ("stribeck_velocity", 0.02)];
+    let dry = rubbing(2.0, "stribeck", &falls);
+    for (law, slip) in [("nmpc", 1e-3), ("inversion", 5e-3)] {
+        let to = Reference::Moves { start: 0.22, moves: vec![Move { begin: 0.2, duration: 0.3, to: 0.28 }] };
+        let (rows, _) = run_believing(dry.clone(), &dry, law, &to, 4.0, 1);
+        let swings = |rows: &[[f64; COLUMNS.len()]]| {
+            let [low, high] = rows
+                .iter()
+                .fold([f64::MAX, f64::MIN], |[low, high], row| [low.min(row[1]), high.max(row[1])]);
+            high - low
+        };
+        let [tried, stood] = [&rows[500..1500], &rows[2500..]].map(swings);
+        assert!(tried > 0.4e-3 && stood < 30e-6, "{law}: {tried} m, then {stood} m");
+        let error = largest(&rows[2500..]);
+        assert!(error < slip, "{law}: {error} m from its target");
+    }
+}
+
 /// A valve that has twice the overlap that its law believes in, and leaks: within it the command of a law that holds opens
 /// nothing, and the contact creeps under what leaks.
 #[test]

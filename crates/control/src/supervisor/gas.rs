@@ -63,10 +63,8 @@ pub struct Gas {
     supply_told: bool,
     /// The last filling that was seen was that of a supply that has fallen.
     pub is_doubted: bool,
-    /// The chamber that the valve opens to the supply loses more than the other one: the supply presses less than it, and the
-    /// valve acts in reverse.
-    is_reversed: bool,
-    /// For how long that has been so, s, and the way of the command that it began with.
+    /// For how long the chamber that the valve opens to the supply has lost more than the other one, s, and the way of the
+    /// command that it began with: the supply presses less than the chamber, and the valve acts in reverse.
     reversed_for: f64,
     way: f64,
     valve_told: bool,
@@ -244,7 +242,7 @@ impl Gas {
         let flows = now_fills > 0.5 * DOUBTED && now_vents < -0.5 * DOUBTED;
         let is_low = falls > 1.0 && seen(FLOWN) && flows;
         self.low_for = if is_low { self.low_for + period } else { 0.0 };
-        let was_reversed = self.is_reversed;
+        let was_reversed = self.reversed_for >= REVERSED;
         let least = if self.supply_told { 0.0 } else { DOUBTED };
         let lacks = now_fills > least && now_fills - now_filled > DOUBTED;
         let loses = lacks && now_filled < now_vented && now_vented < 0.0;
@@ -252,17 +250,17 @@ impl Gas {
             self.way = way;
         }
         self.reversed_for = if loses { self.reversed_for + period } else { 0.0 };
-        self.is_reversed = self.reversed_for >= REVERSED;
-        if self.is_reversed && !seen(DOUBTED) {
+        let is_reversed = self.reversed_for >= REVERSED;
+        if is_reversed && !seen(DOUBTED) {
             falls = (fills - filled) / (fills - weakly);
         }
-        let told = (self.low_for >= FALLEN_FOR || self.is_reversed) && !self.supply_told;
+        let told = (self.low_for >= FALLEN_FOR || is_reversed) && !self.supply_told;
         if told {
             self.supply_told = true;
             let [ambient, supply] = [model.ambient.pressure, model.supply.pressure];
             log.tell(time, EventKind::Supply, (supply - falls * FALLEN).max(ambient));
         }
-        (told, (self.is_reversed && !was_reversed).then_some(self.way))
+        (told, (is_reversed && !was_reversed).then_some(self.way))
     }
 
     /// The supply has fallen.
