@@ -12,7 +12,7 @@ use crate::observer::{Noise, Observer, Observing, Sample, State};
 use crate::own::{Own, Seen};
 use crate::reference::{Reference, Wanted, blend};
 use crate::supervisor::{Brake, Rules, Supervisor};
-use crate::valves::{Arrangement, Commands, Valves};
+use crate::valves::{Commands, Valves};
 
 macro_rules! laws {
     ($($name:ident),* $(,)?) => {
@@ -110,20 +110,25 @@ pub struct Hold<S = f64> {
 /// Speed below which a drive may hold, m/s.
 const REST: f64 = 1e-3;
 /// Rates at which the contact is drawn to where it is to be, and at which the gas follows the force that is kept, 1/s
-/// (assumed): usually, and of one that drifts behind proportional valves. That has to be followed faster: within an overlap
-/// that is wider than believed a command opens nothing, and what leaks meanwhile draws the piston away.
+/// (assumed): usually, and behind proportional valves, of contacts that are elastic and that drift. There it has to be
+/// followed faster: within an overlap that is wider than believed a command opens nothing, and what leaks meanwhile draws
+/// the piston away.
 const USUAL: [f64; 2] = [3.0, 4.0];
-const DRIFTING: [f64; 2] = [5.0, 20.0];
+const ELASTIC: [f64; 2] = [5.0, 8.0];
+const DRIFTING: [f64; 2] = [8.0, 30.0];
 /// Bands at which it is left.
 const LEAVE: f64 = 2.5;
-/// Share of the friction that breaks away by which it may move the force that it began with: a contact that does not give
-/// way by then sticks. That force follows in a time, s, because one that creeps needs more and more (assumed).
-const ROOM: f64 = 0.35;
+/// Share of the friction that breaks away by which it may move the force that it began with, of contacts that are elastic and
+/// that drift: one that does not give way by then sticks. That force follows in a time, s, because one that creeps needs
+/// more and more (assumed).
+const ROOM: [f64; 2] = [0.35, 0.7];
 const FORGETS: f64 = 10.0;
 /// Slips past the target behind which it is kept where it is: one may be chance. Share of the least error to which a slip
 /// brings it nearer (assumed).
 const VAIN: f64 = 2.0;
 const NEARER: f64 = 0.8;
+/// Rate at which a contact that is kept where it is is relieved of its force, 1/s (assumed).
+const RELEASES: f64 = 50.0;
 
 impl<S: Number> Hold<S> {
     /// With a band, m, entered after a time, s.
@@ -180,10 +185,15 @@ impl<S: Number> Hold<S> {
         let force = S::select(held, self.force, gas);
         let follows = self.begun + (force - self.begun).times(period / FORGETS);
         self.begun = S::select(held, follows, gas);
-        let opens_little = matches!(model.valve.arrangement, Arrangement::One | Arrangement::Pair);
-        let [creep, settle] = if model.stick_drifts && opens_little { DRIFTING } else { USUAL };
-        let drawn = e.times(creep * model.stick_stiffness * period) * (S::one() - kept);
-        let room = level.times(ROOM);
+        let [creep, settle] = match (model.valve.arrangement.is_proportional(), model.stick_drifts) {
+            (false, _) => USUAL,
+            (true, false) => ELASTIC,
+            (true, true) => DRIFTING,
+        };
+        // Where it is kept, away from where friction gives way.
+        let released = (S::c(-model.load) - force).times(RELEASES * period);
+        let drawn = S::select(zero.lt(kept), released, e.times(creep * model.stick_stiffness * period));
+        let room = level.times(ROOM[usize::from(model.stick_drifts)]);
         self.force = (force + drawn).max(self.begun - room).min(self.begun + room);
         self.holds = S::select(self.waited.lt(S::c(self.after)), zero, near);
         let creep = (self.force - force).times(1.0 / period);
@@ -513,9 +523,11 @@ impl Controller {
         Some((state, observer.spool.clone().edges(&self.model, observer.time(), time)))
     }
 
-    /// Distance of two readings of the position sensor, m.
-    pub(crate) fn count(&self) -> f64 {
-        COUNT * self.noise.position
+    /// How finely the model can know a position a period ahead, m: the distance of two readings, or the way by which friction
+    /// that it does not know of moves a resting piston.
+    pub(crate) fn grain(&self) -> f64 {
+        let way = 0.5 * self.plant.coulomb / self.model.mass * self.period * self.period;
+        way.max(COUNT * self.noise.position)
     }
 
     /// See [`crate::supervisor`].

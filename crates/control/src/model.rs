@@ -326,7 +326,7 @@ impl Model {
             return rate * left;
         }
         let (sprung, rest) = (v.times(self.stick_stiffness), left.times(1.0 / h));
-        let elastic = S::select(sprung.abs().lt(rest.abs()), sprung, rest);
+        let elastic = S::select(rest.abs().lt(sprung.abs()), rest, sprung);
         S::select((left * v).lt(S::zero()), rate * left, elastic)
     }
 

@@ -317,7 +317,7 @@ impl Supervisor {
         };
         let before = own.state()?;
         let was_lost = self.position.is_lost();
-        let scale = (own.count(), own.plant.speed, own.period);
+        let scale = (own.grain(), own.plant.speed, own.period);
         let reading = (sample.time, sample.position);
         sample.position = self.position.checked(reading, &foreseen, scale, &mut self.log);
         let mut reactions = [(self.position.is_lost() && !was_lost).then_some(self.rules.on_position), None];
@@ -515,8 +515,7 @@ impl Supervisor {
         let [first, goes_on] = MARGINS;
         let margin = if self.brakes { goes_on } else { first };
         // Without pressure sensors a supply that has fallen is a force that is missing.
-        let (v, d) = own.state().map_or((0.0, 0.0), |state| (state.velocity, state.disturbance));
-        let against = if v >= 0.0 { -1.0 } else { 1.0 };
+        let d = own.state().map_or(0.0, |state| state.disturbance);
         let is_weak = !self.measures_gas && d.abs() > MISSING * own.plant.coulomb;
         let has_none = self.gas.has_no_supply();
         // Shut it stops whatever the supply does; where that is not enough, a supply that presses brakes best, as most doubts
@@ -527,7 +526,7 @@ impl Supervisor {
             } else if found.is_shut_enough && self.measures_gas {
                 0.0
             } else {
-                against
+                found.against
             }
         };
         let weak = |margin| own.brakes(without, (command, margin)).map(best);

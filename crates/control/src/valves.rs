@@ -78,6 +78,11 @@ pub enum Arrangement {
 }
 
 impl Arrangement {
+    /// They open by any share; else they switch.
+    pub fn is_proportional(&self) -> bool {
+        matches!(self, Arrangement::One | Arrangement::Pair)
+    }
+
     /// How long a command of a law that is sampled with a period acts at least, s.
     pub fn acts_for(&self, period: f64) -> f64 {
         match self {

@@ -4,7 +4,7 @@ use crate::refuse;
 use crate::valves::valves;
 use circuit::specification::{Circuit, Component};
 use circuit::{ComponentKind, Error, PistonSide, friction_law, kinds};
-use control::{Arrangement, Held, Model, Side};
+use control::{Held, Model, Side};
 use physics::{Gas, IdealGas};
 
 /// The components of an axis that is controlled, by their names.
@@ -137,7 +137,7 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
         friction: contact,
         gas: Gas::from(&gas),
     };
-    let switches = !matches!(model.valve.arrangement, Arrangement::One | Arrangement::Pair);
+    let switches = !model.valve.arrangement.is_proportional();
     let left_out = others.into_iter().map(|own| own.name.clone()).collect();
     let name = |own: &Component| own.name.clone();
     Ok((

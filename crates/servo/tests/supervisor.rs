@@ -412,6 +412,14 @@ fn braking_does_not_count_on_a_supply_that_has_fallen() {
     }
 }
 
+/// The drive moves away from an end, and a command turns it back on a supply that has fallen: a brake that looks along the
+/// motion alone is too late, and it hits at 0.49 m/s.
+#[test]
+fn a_command_that_turns_the_drive_is_braked_before_it_turned() {
+    let own = outcome(7, 3646);
+    assert_eq!(own.class, Class::Safe, "{} m/s: {}", own.speed, own.told);
+}
+
 /// A reading that rested for 0.1 s, whose sensor was given up when it was right again and from what the valve had been
 /// learned, hits at 0.41 m/s; braking with the valve shut, where that is too weak and only a sensor is lost, at 0.29 m/s.
 #[test]

@@ -29,6 +29,7 @@ def test_the_conclusions_are_checked_by_simulation(made):
     verdicts = {claim.said[:30]: claim.verdict for claim in made.claims}
     assert verdicts["The performance of this drive "] == "holds"
     assert verdicts["size of connectors and length "] == "holds in part"  # lines are not simulated
+    assert verdicts["it is possible to use the pred"] == "holds"
     assert verdicts["A common mathematical model of"] == "holds in part"  # printed equations lose energy
 
 

@@ -135,7 +135,7 @@ law! {
     /// the whole would cost ten times as much. Who runs it is chosen: the model in fixed steps, or a [`Predictor`].
     pub struct Nmpc {
         bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, of a lag of 3 ms at least";
-        move_penalty: "1", above(0.0), "r", rule "0.1, assumed";
+        move_penalty: "1", above(0.0), "r", rule "0.05, 0.1 where valves switch, assumed";
     } memory<S> {
         plan: [S; MOVES] = [S::zero(); MOVES],
         last: S = S::zero(),
@@ -327,8 +327,9 @@ fn by_model<S: Over<f64>>(
 impl Tuned for Nmpc {
     const KEY: &'static str = "nmpc";
 
-    fn tuned(_model: &Model, plant: &Plant) -> Self {
-        Nmpc::new(plant.bandwidth(), 0.1)
+    fn tuned(model: &Model, plant: &Plant) -> Self {
+        let move_penalty = if model.valve.arrangement.is_proportional() { 0.05 } else { 0.1 };
+        Nmpc::new(plant.bandwidth(), move_penalty)
     }
 }
 

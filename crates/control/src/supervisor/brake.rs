@@ -14,28 +14,49 @@ const STEPS: usize = 300;
 const LEAST_BRAKE: f64 = 0.2;
 /// Time in which a force of the gas turns, s (assumed).
 const TURN: f64 = 0.03;
+/// Time over which a force that is not there yet may act before braking begins, s: along the motion, and where it first has
+/// to turn the drive (assumed).
+const GAIN: [f64; 2] = [2e-3, 6e-3];
+/// Time for which a drive is followed that still moves away from the end, s (assumed).
+const AWAY: f64 = 0.03;
 
 /// What has to brake now.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Brake {
     /// The command behind which the way is the shortest, or the end stop is reached the slowest.
     pub command: f64,
+    /// The command that presses against the way to that end.
+    pub against: f64,
     /// The shut valve stops the drive before the end stop, whatever the supply does.
     pub is_shut_enough: bool,
 }
 
 /// What has to brake now, if a command of now would leave too little way for that at the next sample, as the model may be
-/// wrong by a share of it, `margin`.
-///
-/// The way is that of the model under `command` for a period, then under full braking or with the valve shut, whichever
-/// is shorter: an open chamber that is pressed above the supply loses its air to that.
+/// wrong by a share of it, `margin`: before the end to which the drive moves, or to which a command turns it.
 pub fn brakes(
     model: &Model,
     observer: &Observer,
     (command, margin): (f64, f64),
     period: f64,
 ) -> Option<Brake> {
-    let State { position, velocity, .. } = observer.state;
+    let along = if observer.state.velocity >= 0.0 { 1.0 } else { -1.0 };
+    let before = |way| brakes_before(way, model, observer, (command, margin), period);
+    before(along).or_else(|| if command * along < 0.0 { before(-along) } else { None })
+}
+
+/// The same before one end, that in +x (1) or in -x (-1).
+///
+/// The way is that of the model under `command` for a period, then under full braking or with the valve shut, whichever
+/// is shorter: an open chamber that is pressed above the supply loses its air to that.
+fn brakes_before(
+    way: f64,
+    model: &Model,
+    observer: &Observer,
+    (command, margin): (f64, f64),
+    period: f64,
+) -> Option<Brake> {
+    let position = observer.state.position;
+    let velocity = way * observer.state.velocity;
     let far = |v: f64| {
         let area = model.sides[0].area.min(model.sides[1].area);
         let pressure = LEAST_BRAKE * (model.supply.pressure - model.ambient.pressure);
@@ -43,9 +64,10 @@ pub fn brakes(
         v * (model.valve.lag() + 2.0 * period + TURN) + 0.5 * v * v / least
     };
     // What it may gain until a command of now acts, at the most.
-    let way = if velocity >= 0.0 { 1.0 } else { -1.0 };
     let room = |x: f64| if way > 0.0 { model.stroke - x } else { x };
-    let gained = velocity.abs() + GAIN * model.supply.pressure * model.sides[0].area / model.mass;
+    let [along, turned] = GAIN;
+    let (gain, away) = if velocity >= 0.0 { (along, 0.0) } else { (turned, AWAY) };
+    let gained = velocity.max(0.0) + gain * model.supply.pressure * model.sides[0].area / model.mass;
     if room(position) > far(gained) {
         return None;
     }
@@ -55,12 +77,14 @@ pub fn brakes(
         spool.command(acts, command);
         spool.command(acts + period, brake);
         let begin = state.position;
-        let mut t = acts;
+        let (mut t, mut still) = (acts, away);
         for step in 0..STEPS {
             let edges = spool.edges(model, t, t + period);
             t += period;
             state.advance(model, edges, period, None);
-            let ends = way * state.velocity < TOUCH || room(state.position) < 0.0;
+            let is_slow = way * state.velocity < TOUCH;
+            still = if is_slow { still - period } else { 0.0 };
+            let ends = is_slow && still <= 0.0 || room(state.position) < 0.0;
             if ends && step > 0 {
                 break;
             }
@@ -73,10 +97,7 @@ pub fn brakes(
     let reach = [full, shut].iter().all(|(needed, end)| *needed > left && *end > TOUCH);
     let is_shut_better = if reach { shut.1 < full.1 } else { shut.0 < full.0 };
     let ((needed, _), command) = if is_shut_better { (shut, 0.0) } else { (full, -way) };
-    let is_fast = way * velocity > TOUCH || full.1 > TOUCH;
-    let brake = Brake { command, is_shut_enough: shut.0 <= left };
+    let is_fast = velocity > TOUCH || full.1 > TOUCH;
+    let brake = Brake { command, against: -way, is_shut_enough: shut.0 <= left };
     (is_fast && needed > 0.0 && (1.0 + margin) * needed > left).then_some(brake)
 }
-
-/// Time over which a force that is not there yet may act before braking begins, s (assumed).
-const GAIN: f64 = 2e-3;

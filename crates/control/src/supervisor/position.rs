@@ -3,7 +3,7 @@
 use super::event::{EventKind, Log};
 use crate::observer::State;
 
-/// Counts by which a reading may leave the model beside what the speed allows, and counts that the model moves while a
+/// Grains by which a reading may leave the model beside what the speed allows, and grains that the model moves while a
 /// reading rests until that is stuck (assumed).
 const JUMP: f64 = 5.0;
 const STUCK: f64 = 20.0;
@@ -29,12 +29,13 @@ impl Position {
         self.bad >= LOST
     }
 
-    /// A reading, or what the model foresees where that is not credible. `count` m, `fastest` m/s.
+    /// A reading, or what the model foresees where that is not credible. `grain`, see [`Controller`](crate::Controller), m,
+    /// `fastest` m/s.
     pub fn checked(
         &mut self,
         (time, reading): (f64, f64),
         foreseen: &State,
-        (count, fastest, period): (f64, f64, f64),
+        (grain, fastest, period): (f64, f64, f64),
         log: &mut Log,
     ) -> f64 {
         if self.is_lost() {
@@ -42,8 +43,8 @@ impl Position {
         }
         let miss = reading - foreseen.position;
         self.moved = if self.last == Some(reading) { self.moved + foreseen.velocity * period } else { 0.0 };
-        let jumps = miss.abs() > JUMP * count + SPEED_SHARE * fastest * period * f64::from(1 + self.bad);
-        let is_stuck = self.moved.abs() > STUCK * count;
+        let jumps = miss.abs() > JUMP * grain + SPEED_SHARE * fastest * period * f64::from(1 + self.bad);
+        let is_stuck = self.moved.abs() > STUCK * grain;
         if !jumps && !is_stuck && reading.is_finite() {
             self.bad = 0;
             self.last = Some(reading);
