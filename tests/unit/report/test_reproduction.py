@@ -28,7 +28,7 @@ def test_every_sentence_stands_with_its_verdict(made, reproduced, loads_from_els
 def test_the_conclusions_are_checked_by_simulation(made):
     verdicts = {claim.said[:30]: claim.verdict for claim in made.claims}
     assert verdicts["The performance of this drive "] == "holds"
-    assert verdicts["size of connectors and length "] == "holds in part"  # lines are not simulated
+    assert verdicts["size of connectors and length "] == "holds"
     assert verdicts["it is possible to use the pred"] == "holds"
     assert verdicts["A common mathematical model of"] == "holds in part"  # printed equations lose energy
 

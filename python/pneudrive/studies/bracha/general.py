@@ -23,6 +23,8 @@ COLDER = {"ambient.temperature": "273.15 K"}
 ARGON = {"gas.heat_capacity_ratio": 1.667, "gas.gas_constant": "208.13 J/(kg K)"}
 #: Factor of the valve's conductance that stands for a small connector.
 NARROW = 0.5
+#: Tubes on both sides that stand for long lines.
+LONG = {"tubing": dict.fromkeys("ab", {"length": "5 m", "diameter": "4 mm"})}
 #: Share by which a reduction of the speed counts as significant.
 SIGNIFICANT = 0.2
 #: Share of the error of a usual law below which a law is better beyond doubt.
@@ -50,13 +52,13 @@ def general_claims(chambers: ChamberComparison, figures: Mapping[int, PaperFigur
     curve = figures[6].columns["friction_settled_n"]
     speed, stop = curve.max() / curve.min() - 1, figures[9].quantities["largest_share"]
     half = f"{NARROW * drive.valve.conductance_m3_s_pa} m^3/(s Pa)"
-    slower = 1.0 - usual / stroke_out(drive.replace({"valve.conductance": half}))
+    slower, longer = (1.0 - usual / stroke_out(drive.replace(one)) for one in ({"valve.conductance": half}, LONG))
     least, most = min(speed, stop), max(heat, gas)
     usual_law, predictive = (followed(law) for law in ("pid", "nmpc"))
     verdicts = {
         "balance": judge(lost[AS_PRINTED] < CLOSED * work, part=lost[ENERGY_BALANCE] < CLOSED * work),
         "influences": judge(min(heat, gas) > 0.01 and least > most, part=least > 0.01),
-        "connectors": judge(False, part=slower > SIGNIFICANT),
+        "connectors": judge(min(slower, longer) > SIGNIFICANT, part=max(slower, longer) > SIGNIFICANT),
         "predictive": judge(predictive < BETTER * usual_law, part=predictive < usual_law),
     }
     numbers = {
@@ -68,6 +70,7 @@ def general_claims(chambers: ChamberComparison, figures: Mapping[int, PaperFigur
         "speed_share": speed,
         "stop_share": stop,
         "slower_share": slower,
+        "longer_share": longer,
         "predictive_m": predictive,
         "usual_m": usual_law,
     }
