@@ -24,7 +24,7 @@ ARGON = {"gas.heat_capacity_ratio": 1.667, "gas.gas_constant": "208.13 J/(kg K)"
 #: Factor of the valve's conductance that stands for a small connector.
 NARROW = 0.5
 #: Tubes on both sides that stand for long lines.
-LONG = {"tubing": dict.fromkeys("ab", {"length": "5 m", "diameter": "4 mm"})}
+LONG = {"tubing": {side: {"length": "5 m", "diameter": "4 mm"} for side in "ab"}}
 #: Share by which a reduction of the speed counts as significant.
 SIGNIFICANT = 0.2
 #: Share of the error of a usual law below which a law is better beyond doubt.
