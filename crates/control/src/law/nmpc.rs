@@ -19,8 +19,7 @@ const STEPS: [usize; MOVES] = [1, 1, 1, 1, 1, 1, 2, 2];
 const LAST: f64 = 4.0;
 /// Weight of an error of acceleration (assumed).
 const ACCELERATION: f64 = 0.1;
-/// Factor of the cost from which on a step is not taken as a whole, and the share of it that is taken then (assumed).
-const WORSE: f64 = 10.0;
+/// Share of a step that is taken where the whole costs more than none (assumed).
 const SHORTER: f64 = 0.25;
 /// Rounds of the search for the moves that lie at a limit.
 const ROUNDS: usize = 20;
@@ -132,7 +131,7 @@ law! {
     ///
     /// least within -1 .. 1, e in mm, h in ms, w in %. The whole horizon is run once a sample, on numbers with derivatives
     /// by all moves, from the state when a command of now will act; one Gauss-Newton step follows, or a quarter of it where
-    /// the whole would cost ten times as much. Who runs it is chosen: the model in fixed steps, or a [`Predictor`].
+    /// the whole would cost more. Who runs it is chosen: the model in fixed steps, or a [`Predictor`].
     pub struct Nmpc {
         bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, of a lag of 3 ms at least";
         move_penalty: "1", above(0.0), "r", rule "0.05, 0.1 where valves switch, assumed";
@@ -367,11 +366,11 @@ impl Law for Nmpc {
         }
         let (low, high) = (self.plan.map(|w| -1.0 - w), self.plan.map(|w| 1.0 - w));
         if let Some(step) = within(&h_matrix, &gradient, &low, &high) {
-            // Derivatives in stick say nothing of what comes behind breakaway.
+            // Derivatives in stick say nothing of what comes behind breakaway; whole steps turn the plan around at each sample.
             let whole: [f64; MOVES] = std::array::from_fn(|i| self.plan[i] + step[i]);
             let mut foreseen = 0.0;
             self.follow(tick, &horizon, &whole, |residual| foreseen += residual * residual);
-            let share = if foreseen > WORSE * cost { SHORTER } else { 1.0 };
+            let share = if foreseen > cost { SHORTER } else { 1.0 };
             for (own, step) in self.plan.iter_mut().zip(step) {
                 *own = (*own + share * step).clamp(-1.0, 1.0);
             }
