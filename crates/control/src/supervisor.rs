@@ -166,6 +166,8 @@ pub struct Supervisor {
     without_supply: Option<Box<Model>>,
     /// A chamber runs by the model.
     modelled: bool,
+    /// The law held at the last sample.
+    is_held: bool,
     /// There are pressure sensors.
     measures_gas: bool,
     /// For how long the position has been lost, s.
@@ -223,6 +225,7 @@ impl Supervisor {
             brakes: false,
             without_supply: None,
             modelled: false,
+            is_held: false,
             measures_gas: false,
             lost_for: 0.0,
             switched: [false; 2],
@@ -288,7 +291,7 @@ impl Supervisor {
             let told = (&state, &wanted, stands, self.reversed.is_some());
             self.motion.watch(&rules, &own.model, (sample.time, own.period), told, &mut self.log);
         }
-        self.command = answer.command;
+        (self.command, self.is_held) = (answer.command, answer.holds);
         answer
     }
 
@@ -319,7 +322,7 @@ impl Supervisor {
         let was_lost = self.position.is_lost();
         let scale = (own.grain(), own.plant.speed, own.period);
         let reading = (sample.time, sample.position);
-        sample.position = self.position.checked(reading, &foreseen, scale, &mut self.log);
+        sample.position = self.position.checked(reading, (&foreseen, self.is_held), scale, &mut self.log);
         let mut reactions = [(self.position.is_lost() && !was_lost).then_some(self.rules.on_position), None];
         self.measures_gas = sample.pressures.is_some();
         if let Some(pressures) = &mut sample.pressures {

@@ -7,9 +7,6 @@ use crate::observer::State;
 /// reading rests until that is stuck (assumed).
 const JUMP: f64 = 5.0;
 const STUCK: f64 = 20.0;
-/// Grains by which the reading has to miss the model for that to count: a contact that sticks may creep in the model, and each
-/// reading puts it back (assumed).
-const CREEPS: f64 = 0.5;
 /// Share of the highest speed by which the speed of the model may be wrong (assumed).
 const SPEED_SHARE: f64 = 0.1;
 /// Readings in a row that are not credible until the sensor is lost (assumed).
@@ -37,7 +34,7 @@ impl Position {
     pub fn checked(
         &mut self,
         (time, reading): (f64, f64),
-        foreseen: &State,
+        (foreseen, is_held): (&State, bool),
         (grain, fastest, period): (f64, f64, f64),
         log: &mut Log,
     ) -> f64 {
@@ -45,7 +42,8 @@ impl Position {
             return foreseen.position;
         }
         let miss = reading - foreseen.position;
-        let way = if miss.abs() < CREEPS * grain { 0.0 } else { foreseen.velocity * period };
+        // A contact that is held may creep in the model and stick in truth: each reading puts the model back.
+        let way = if is_held { 0.0 } else { foreseen.velocity * period };
         self.moved = if self.last == Some(reading) { self.moved + way } else { 0.0 };
         let jumps = miss.abs() > JUMP * grain + SPEED_SHARE * fastest * period * f64::from(1 + self.bad);
         let is_stuck = self.moved.abs() > STUCK * grain;
