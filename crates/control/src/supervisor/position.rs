@@ -29,8 +29,8 @@ impl Position {
         self.bad >= LOST
     }
 
-    /// A reading, or what the model foresees where that is not credible. `grain`, see [`Controller`](crate::Controller), m,
-    /// `fastest` m/s.
+    /// A reading, or what the model foresees where that is not credible. `grain` is how finely the model can know a
+    /// position, m, `fastest` the highest speed, m/s; `is_held`: the law held at the last sample.
     pub fn checked(
         &mut self,
         (time, reading): (f64, f64),
