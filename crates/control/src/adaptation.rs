@@ -69,11 +69,14 @@ pub struct Adaptation {
     valve: Fit<2>,
     motion: Lagged<4>,
     gas: [Lagged<4>; 2],
-    disturbance: Lagged<1>,
+    /// What remains of the balance of forces, in each direction.
+    disturbance: [Lagged<1>; 2],
     /// For how long friction is not learned, s.
     rests: f64,
     /// For how long it has slid, and slid fast, s.
     slid: [f64; 2],
+    /// For how long the spool has moved slowly, s.
+    calm: f64,
 }
 
 /// Lags behind which force balance and gas balance are compared, s (assumed).
@@ -95,11 +98,15 @@ const FRICTION_WITHIN: [f64; 2] = [0.3, 3.0];
 const MASS_WITHIN: [f64; 2] = [0.5, 3.0];
 const CONDUCTANCE_WITHIN: [f64; 2] = [0.4, 2.5];
 const OVERLAP_WITHIN: [f64; 2] = [0.0, 0.1];
-/// Distance behind the overlap from which the valve is learned, and speed of the spool below which it is, 1/s (assumed).
+/// Share of the Coulomb friction that it takes to accelerate the mass, from which on mass is learned (assumed).
+const HEAVY: f64 = 0.1;
+/// Distance behind the overlap from which the valve is learned, speed of the spool below which it is, 1/s, and for how long
+/// it has to be so slow, s (assumed).
 const OPEN: f64 = 0.012;
 const SLOW: f64 = 5.0;
-/// A disturbance that jumps by this share of the Coulomb friction is a load: friction is not learned for a time, s
-/// (assumed).
+const CALM: f64 = 0.005;
+/// A disturbance that jumps in one direction by this share of the Coulomb friction is a load: friction is not learned for a
+/// time, s (assumed).
 const JUMP: f64 = 0.5;
 const WAIT: f64 = 0.5;
 
@@ -113,9 +120,10 @@ impl Adaptation {
             valve: Fit::new([1.0 / (1.0 - d), -d / (1.0 - d)]),
             motion: Lagged::default(),
             gas: [Lagged::default(); 2],
-            disturbance: Lagged::default(),
+            disturbance: [Lagged::default(); 2],
             rests: 0.0,
             slid: [0.0; 2],
+            calm: 0.0,
         }
     }
 
@@ -135,10 +143,6 @@ impl Adaptation {
         let force = model.gas_force(state.pressures) + model.load;
         let now = [force, v, sign * level, viscous * v];
         let [force, slow, coulomb, viscous] = self.motion.follow(now, period / (period + MOTION_LAG));
-        let [known] = self.disturbance.follow([state.disturbance], period / (period + WAIT));
-        if (state.disturbance - known).abs() > JUMP * level {
-            self.rests = WAIT;
-        }
         self.rests -= period;
         // What lies behind the lag of a time before it slid, or slid fast, is of no known friction.
         for (own, least) in self.slid.iter_mut().zip([SLIDES, FAST]) {
@@ -146,11 +150,23 @@ impl Adaptation {
         }
         let [slid, fast] = self.slid;
         let slid = if v.abs() < FAST { slid } else { fast };
-        if slid < SETTLED * MOTION_LAG || slow * v < 0.0 || self.rests > 0.0 {
+        if slid < SETTLED * MOTION_LAG || slow * v < 0.0 {
+            return;
+        }
+        // Of one direction: wrong friction turns with the motion, and is to be learned.
+        let known = &mut self.disturbance[usize::from(v < 0.0)];
+        let [known] = known.follow([state.disturbance], period / (period + WAIT));
+        if (state.disturbance - known).abs() > JUMP * level {
+            self.rests = WAIT;
+        }
+        if self.rests > 0.0 {
             return;
         }
         let inertia = self.described.mass * (v - slow) / MOTION_LAG;
         let deviation = FORCE_DEVIATION * (FAST / v.abs()).max(1.0);
+        // Where it weighs little, other errors of the balance would be taken for mass: it is believed there, not learned.
+        let believed = if inertia.abs() < HEAVY * level { inertia } else { 0.0 };
+        let (inertia, force) = (inertia - believed, force - self.friction.theta[3] * believed);
         let phi = [coulomb, viscous, OFFSET, inertia].map(|own| own / deviation);
         let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-level / OFFSET, level / OFFSET], MASS_WITHIN];
         self.friction.observe(phi, force / deviation, within);
@@ -166,7 +182,8 @@ impl Adaptation {
         let full = described.chambers(place, contents, if spool > 0.0 { [1.0, 0.0] } else { [0.0, 1.0] });
         let shut = described.chambers(place, contents, [0.0; 2]);
         let k1 = described.gas.heat_capacity_ratio - 1.0;
-        let open = spool.abs() - model.valve.overlap > OPEN && speed.abs() < SLOW;
+        self.calm = if speed.abs() < SLOW { self.calm + period } else { 0.0 };
+        let open = spool.abs() - model.valve.overlap > OPEN && self.calm > CALM;
         // The chamber that fills first: so a drive learns alike in both directions, also at a bound.
         let seen = if spool > 0.0 { [0, 1] } else { [1, 0] }.map(|side| {
             // Energy that flows in at full opening, W, while an edge is open.

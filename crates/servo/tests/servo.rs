@@ -68,24 +68,31 @@ fn known_drives_are_led_along_sines_within_their_bounds() {
     }
 }
 
+/// The axis with its numbers, and those of its friction, times factors.
+fn deviating(factors: &[(&str, f64)]) -> Circuit {
+    let mut plant = axis();
+    for own in &mut plant.components {
+        for (key, factor) in factors {
+            let numbers = own.numbers.get_mut(*key).into_iter();
+            let friction = own.friction.iter_mut().filter_map(|law| law.parameters.get_mut(*key));
+            numbers.chain(friction).for_each(|number| *number *= factor);
+        }
+    }
+    plant
+}
+
 /// A drive that is not as its law believes: more friction and mass, a smaller valve with more overlap.
 #[test]
 fn predictive_control_learns_friction_mass_and_valve_of_its_drive() {
-    let mut plant = axis();
-    for own in &mut plant.components {
-        let mut times = |key: &str, factor: f64| {
-            own.numbers.get_mut(key).into_iter().for_each(|number| *number *= factor);
-        };
-        times("conductance", 0.8);
-        times("moving_mass", 1.3);
-        times("overlap", 1.5);
-        if let Some(friction) = &mut own.friction {
-            for key in ["coulomb", "breakaway", "viscous"] {
-                *friction.parameters.get_mut(key).expect("a level") *= 1.2;
-            }
-        }
-    }
-    let (rows, controller) = run(&plant, "nmpc", &sine(0.5), 12.0, 1);
+    let plant = deviating(&[
+        ("conductance", 0.8),
+        ("moving_mass", 1.3),
+        ("overlap", 1.5),
+        ("coulomb", 1.2),
+        ("breakaway", 1.2),
+        ("viscous", 1.2),
+    ]);
+    let (rows, controller) = run(&plant, "nmpc", &sine(1.0), 12.0, 1);
     let [begin, error] = [&rows[..4000], &rows[8000..]].map(|rows| largest(rows) * 1e3);
     assert!(begin < 0.3 && error < 0.12, "largest error {error} mm, {begin} mm in the first 4 s");
     let [coulomb, viscous] = controller.model.friction_shares;
@@ -96,6 +103,37 @@ fn predictive_control_learns_friction_mass_and_valve_of_its_drive() {
     let (described, valve) = (described.valve, controller.model.valve);
     assert!((valve.flow.gain / described.flow.gain - 0.8).abs() < 0.03, "conductance");
     assert!((valve.overlap - 0.03).abs() < 0.002, "overlap {}", valve.overlap);
+}
+
+/// What such friction leaves unexplained turns with the motion, twice a second: it is learned, and not taken for a load that
+/// comes and goes.
+#[test]
+fn friction_far_above_the_described_one_is_learned_although_its_miss_turns_with_the_motion() {
+    let plant = deviating(&[("coulomb", 1.6), ("breakaway", 1.6)]);
+    let (rows, controller) = run(&plant, "nmpc", &sine(1.0), 12.0, 1);
+    let error = largest(&rows[8000..]) * 1e3;
+    let [coulomb, _] = controller.model.friction_shares;
+    assert!(error < 0.25 && (coulomb - 1.6).abs() < 0.1, "{error} mm, friction {coulomb}");
+}
+
+/// Along a slow sine it takes 1 N to accelerate the piston: what other errors of the friction leave is not taken for mass, or
+/// the law, which then believes in a heavy drive and a small valve, swings between full commands at 45 Hz.
+#[test]
+fn a_slow_motion_teaches_no_mass_that_would_have_the_drive_swing() {
+    let plant = deviating(&[
+        ("moving_mass", 1.5),
+        ("viscous", 0.44),
+        ("stribeck_velocity", 1.99),
+        ("bristle_stiffness", 0.79),
+        ("frequency", 0.78),
+        ("dead_volume_a", 1.13),
+        ("dead_volume_b", 1.13),
+    ]);
+    let (rows, controller) = run(&plant, "nmpc", &sine(0.5), 12.0, 1);
+    let error = largest(&rows[4000..]) * 1e3;
+    let full = rows.iter().filter(|row| row[6].abs() > 0.95).count();
+    let mass = controller.model.mass / belief(&axis()).expect("a belief").0.mass;
+    assert!(error < 0.4 && full == 0 && mass < 1.6, "{error} mm, {full} full commands, mass {mass}");
 }
 
 /// A light piston whose seal is elastic up to a breakaway 11 N above its sliding friction: a plan that takes it to drift
