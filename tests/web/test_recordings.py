@@ -184,3 +184,29 @@ def test_faults_are_placed_where_they_are(served: Served) -> None:
     inside = [any(low - 1e-6 < at < high + 1e-6 for low, high in faults["saturated"]["places"]) for at in rows[hit, 0]]
     assert all(inside)
     assert sum(high - low for low, high in faults["saturated"]["places"]) < 0.1  # and nowhere else
+
+
+def test_strokes_and_faults_of_a_drive_whose_force_nobody_measures(served: Served) -> None:
+    run = pn.simulate(pn.Drive.load("catalogue:reference"), "0 s: 0.6, 0.8 s: -0.6", "1.6 s")
+    channels = [run.position, run.pressure_a, run.pressure_b]
+    noise = np.random.default_rng(5).normal(0.0, 1.0, (run.sizes["time"], 3)) * [1e-6, 50.0, 50.0]
+    columns = np.column_stack([run.time, run.command, *channels])
+    columns[:, 2:] += noise
+    columns[900:960, 3] = columns[900, 3]
+    columns[300:310, 4] = np.nan
+    np.savetxt(served.folder / "drive.csv", columns, "%.9g", ",", header="t,u,x,a,b", comments="")
+    pressures = "".join(f'pressure_{one} = {{column = "{one}", unit = "Pa abs"}}\n' for one in "ab")
+    (served.folder / "layout.toml").write_text(
+        'delimiter = "comma"\nheader = true\n[columns]\ntime = {column = "t", unit = "s"}\n'
+        'command = {column = "u"}\nposition = {column = "x", unit = "m"}\n' + pressures
+    )
+    assert read(served, "drive.csv")["layout"] == "drive"
+    found = get(served, "/api/strokes", path="drive.csv")
+    time_s, position = columns[:, 0], columns[:, 2]
+    moved = np.ptp(position)
+    assert [one["direction"] for one in found["strokes"]] == [1, -1]
+    out = found["strokes"][0]
+    assert out["from"] < time_s[np.argmax(position > 0.1 * moved + position[0])] < out["to"] < 0.85
+    assert found["faults"]["non_finite"] == {"count": 10, "places": [[time_s[300], time_s[309]]]}
+    [[begin, end]] = found["faults"]["stuck"]["places"]
+    assert (begin, end) == pytest.approx((time_s[900], time_s[959]), abs=2e-3)

@@ -142,6 +142,31 @@ def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recor
     return to_recording(name or stem(path), path, said, raw, flags, digest)
 
 
+def load_drive_motion(path: Path, layout: Layout) -> Recording:
+    """Read what moves of one file of a drive: position and pressures, and a force of zero where none is measured.
+
+    Raises
+    ------
+    RecordingError, LayoutError
+        As for `load_recordings`.
+    """
+    sampled = layout.for_drive_file(path)
+    said = FileLayout(
+        **vars(sampled),
+        cycle=None,
+        area_a_m2=0.0,
+        area_b_m2=0.0,
+        chamber_pressures={},
+        incline_rad=0.0,
+        mass_beyond_sensor_kg=0.0,
+        stiffness_n_m=None,
+        geometry_accuracy={},
+        window_m=None,
+    )
+    raw, flags, digest = read_raw(path, sampled)
+    return to_recording(stem(path), path, said, raw, flags, digest)
+
+
 def read_rows(path: Path, said: FileLayout, rows: tuple[int, int]) -> dict[str, NDArray[np.float64]]:
     """Read some rows of the raw columns that a layout names, by channel, from a Parquet file."""
     wanted = [column.column for column in said.columns.values()]
@@ -261,7 +286,7 @@ def to_recording(
             continue
         suffix = {"position": "position_m", "force": "force_n"}.get(channel, f"{channel}_pa")
         if channel not in values:
-            channels[suffix] = said.chamber_pressures[channel]
+            channels[suffix] = 0.0 if channel == "force" else said.chamber_pressures[channel]
             continue
         column = said.columns[channel]
         aligned = values[channel]
@@ -275,9 +300,10 @@ def to_recording(
             calibration[suffix] = column.calibration
         if column.range_si is not None:
             limits[suffix] = column.range_si
-    force = said.columns["force"]
-    if force.curve is not None and "force_n" in limits:
-        low, high = force.sign * force.curve.force_n(force.sign * np.array(limits["force_n"]))
+    force = said.columns.get("force")
+    curve = None if force is None else force.curve
+    if force is not None and curve is not None and "force_n" in limits:
+        low, high = force.sign * curve.force_n(force.sign * np.array(limits["force_n"]))
         limits["force_n"] = (float(low), float(high))
     return Recording(
         name=name,
@@ -300,7 +326,7 @@ def to_recording(
         flags=flags,
         limits=limits,
         calibration=calibration,
-        force_calibration=force.curve.applied() if force.curve is not None else None,
+        force_calibration=curve.applied() if curve is not None else None,
     )
 
 

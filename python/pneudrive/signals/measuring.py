@@ -14,7 +14,7 @@ from pneudrive.files.content import exists
 from pneudrive.show import Card, Shown
 from pneudrive.signals.channels import open_channels, pairs
 from pneudrive.signals.layout import Layout
-from pneudrive.signals.load import find_layout, load_recording
+from pneudrive.signals.load import find_layout, load_drive_motion, load_recording
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.samples import SampleFault, find_faults
 from pneudrive.signals.trajectories import is_trajectory, read_trajectory
@@ -77,7 +77,7 @@ class Measurement(Shown):
         What is added to the times of the recording beside; 0 without one.
     faults : dict of str to SampleFault
         Faults of the recording, by kind; see `pneudrive.signals.samples.find_faults`. Empty where its layout does not
-        say which columns are position and force.
+        say which column is the position.
     """
 
     channels: tuple[MeasuredChannel, ...]
@@ -173,9 +173,10 @@ def nearest_sample(time_s: Array, at: float) -> int:
 
 
 def motion_of(path: Path, layout: Layout | None) -> Recording | None:
-    """Return a recording of a rig by its layout, or a trajectory; None of other files: nobody says what moves."""
+    """Return a recording of a rig or a drive by its layout, or a trajectory; None of others: nobody says what moves."""
     if layout is not None:
-        return load_recording(path, layout) if layout.kind == "rig" else None
+        read = {"rig": load_recording, "drive": load_drive_motion}.get(layout.kind)
+        return None if read is None else read(path, layout)
     return read_trajectory(path, path.stem) if path.suffix in SUFFIXES and is_trajectory(path) else None
 
 
@@ -210,7 +211,7 @@ def shift_between(
     begins = []
     for (name, strokes), number in zip((own, other), numbers, strict=True):
         if not 1 <= number <= len(strokes):
-            remedy = "Without a layout of a rig no strokes are known: pneudrive layout FILE proposes one."
+            remedy = "Without a layout of a rig or a drive no strokes are known: pneudrive layout FILE proposes one."
             what = f"{name} has no stroke {number}"
             raise CommandError(what, value=f"{len(strokes)} strokes", remedy=None if strokes else remedy)
         begins.append(strokes[number - 1][0])

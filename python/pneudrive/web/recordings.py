@@ -171,7 +171,7 @@ class Recordings:
         return reading.done
 
     def motion(self, name: str) -> dict[str, Any]:
-        """Return strokes and faults of a recording of a rig that has a layout, or of a trajectory.
+        """Return strokes and faults of a recording of a rig or a drive that has a layout, or of a trajectory.
 
         Of each stroke begin, end, direction and speed; of each kind of fault the count, and places as first and last
         time.
