@@ -99,12 +99,12 @@ const MASS_WITHIN: [f64; 2] = [0.5, 3.0];
 const CONDUCTANCE_WITHIN: [f64; 2] = [0.4, 2.5];
 const OVERLAP_WITHIN: [f64; 2] = [0.0, 0.1];
 /// Share of the Coulomb friction that it takes to accelerate the mass, from which on mass is learned (assumed).
-const HEAVY: f64 = 0.1;
+const HEAVY: f64 = 0.05;
 /// Distance behind the overlap from which the valve is learned, speed of the spool below which it is, 1/s, and for how long
 /// it has to be so slow, s (assumed).
 const OPEN: f64 = 0.012;
 const SLOW: f64 = 5.0;
-const CALM: f64 = 0.005;
+const CALM: f64 = 0.002;
 /// A disturbance that jumps in one direction by this share of the Coulomb friction is a load: friction is not learned for a
 /// time, s (assumed).
 const JUMP: f64 = 0.5;
@@ -139,7 +139,7 @@ impl Adaptation {
     fn learn_friction(&mut self, model: &mut Model, state: &State, period: f64) {
         let v = state.velocity;
         let [level, viscous] = self.described.friction_levels([state.position, v], state.pressures);
-        let sign = if v < 0.0 { -1.0 } else { 1.0 };
+        let sign = if v == 0.0 { 0.0 } else { v.signum() };
         let force = model.gas_force(state.pressures) + model.load;
         let now = [force, v, sign * level, viscous * v];
         let [force, slow, coulomb, viscous] = self.motion.follow(now, period / (period + MOTION_LAG));

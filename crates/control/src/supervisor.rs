@@ -170,6 +170,8 @@ pub struct Supervisor {
     is_held: bool,
     /// There are pressure sensors.
     measures_gas: bool,
+    /// For how long no force has been missing, s.
+    explained_for: f64,
     /// For how long the position has been lost, s.
     lost_for: f64,
     switched: [bool; 2],
@@ -196,8 +198,10 @@ const SLOWER: f64 = 0.8;
 const SLOWEST: f64 = 0.05;
 /// Time after which a command is tried again that acted in reverse, s (assumed).
 const REVERSED_FOR: f64 = 1.0;
-/// Unknown force, as a share of the Coulomb friction, behind which a supply may have fallen (assumed).
+/// Unknown force, as a share of the Coulomb friction, behind which a supply may have fallen, and time for which that is
+/// remembered, s (assumed): the pressure that a model believes in may hide it while the drive brakes.
 const MISSING: f64 = 2.0;
+const MISSED_FOR: f64 = 1.0;
 
 impl Supervisor {
     /// With a law that stands by.
@@ -227,6 +231,7 @@ impl Supervisor {
             modelled: false,
             is_held: false,
             measures_gas: false,
+            explained_for: f64::INFINITY,
             lost_for: 0.0,
             switched: [false; 2],
             reversed: None,
@@ -519,7 +524,9 @@ impl Supervisor {
         let margin = if self.brakes { goes_on } else { first };
         // Without pressure sensors a supply that has fallen is a force that is missing.
         let d = own.state().map_or(0.0, |state| state.disturbance);
-        let is_weak = !self.measures_gas && d.abs() > MISSING * own.plant.coulomb;
+        let misses = d.abs() > MISSING * own.plant.coulomb;
+        self.explained_for = if misses { 0.0 } else { self.explained_for + own.period };
+        let is_weak = !self.measures_gas && self.explained_for < MISSED_FOR;
         let has_none = self.gas.has_no_supply();
         // Shut it stops whatever the supply does; where that is not enough, a supply that presses brakes best, as most doubts
         // pass.
