@@ -327,9 +327,10 @@ impl Supervisor {
         let was_lost = self.position.is_lost();
         let scale = (own.grain(), own.plant.speed, own.period);
         let reading = (sample.time, sample.position);
-        sample.position = self.position.checked(reading, (&foreseen, self.is_held), scale, &mut self.log);
-        let mut reactions = [(self.position.is_lost() && !was_lost).then_some(self.rules.on_position), None];
         self.measures_gas = sample.pressures.is_some();
+        let seen = (&foreseen, self.is_held, self.measures_gas);
+        sample.position = self.position.checked(reading, seen, scale, &mut self.log);
+        let mut reactions = [(self.position.is_lost() && !was_lost).then_some(self.rules.on_position), None];
         if let Some(pressures) = &mut sample.pressures {
             let states = (&before, &foreseen);
             let readings = (sample.time, pressures);

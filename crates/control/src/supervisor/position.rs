@@ -7,6 +7,9 @@ use crate::observer::State;
 /// reading rests until that is stuck (assumed).
 const JUMP: f64 = 5.0;
 const STUCK: f64 = 20.0;
+/// Without pressure sensors, what a model foresees says little of a drive near rest: speed from which on its way counts, m/s,
+/// and the way that it moves at least, m (assumed).
+const UNSURE: (f64, f64) = (0.01, 2e-3);
 /// Share of the highest speed by which the speed of the model may be wrong (assumed).
 const SPEED_SHARE: f64 = 0.1;
 /// Readings in a row that are not credible until the sensor is lost (assumed).
@@ -30,11 +33,12 @@ impl Position {
     }
 
     /// A reading, or what the model foresees where that is not credible. `grain` is how finely the model can know a
-    /// position, m, `fastest` the highest speed, m/s; `is_held`: the law held at the last sample.
+    /// position, m, `fastest` the highest speed, m/s; `is_held`: the law held at the last sample; `has_gas`: pressures are
+    /// measured.
     pub fn checked(
         &mut self,
         (time, reading): (f64, f64),
-        (foreseen, is_held): (&State, bool),
+        (foreseen, is_held, has_gas): (&State, bool, bool),
         (grain, fastest, period): (f64, f64, f64),
         log: &mut Log,
     ) -> f64 {
@@ -43,10 +47,12 @@ impl Position {
         }
         let miss = reading - foreseen.position;
         // A contact that is held may creep in the model and stick in truth: each reading puts the model back.
-        let way = if is_held { 0.0 } else { foreseen.velocity * period };
+        let (slowest, least) = if has_gas { (0.0, 0.0) } else { UNSURE };
+        let counts = !is_held && foreseen.velocity.abs() >= slowest;
+        let way = if counts { foreseen.velocity * period } else { 0.0 };
         self.moved = if self.last == Some(reading) { self.moved + way } else { 0.0 };
         let jumps = miss.abs() > JUMP * grain + SPEED_SHARE * fastest * period * f64::from(1 + self.bad);
-        let is_stuck = self.moved.abs() > STUCK * grain;
+        let is_stuck = self.moved.abs() > least.max(STUCK * grain);
         if !jumps && !is_stuck && reading.is_finite() {
             self.bad = 0;
             self.last = Some(reading);
