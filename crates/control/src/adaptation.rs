@@ -98,8 +98,8 @@ const FRICTION_WITHIN: [f64; 2] = [0.3, 3.0];
 const MASS_WITHIN: [f64; 2] = [0.5, 3.0];
 const CONDUCTANCE_WITHIN: [f64; 2] = [0.4, 2.5];
 const OVERLAP_WITHIN: [f64; 2] = [0.0, 0.1];
-/// Share of the Coulomb friction that it takes to accelerate the mass, from which on mass is learned (assumed).
-const HEAVY: f64 = 0.05;
+/// Share of the Coulomb friction that it takes to accelerate the mass, from which on the learned mass is believed (assumed).
+const HEAVY: f64 = 0.1;
 /// Distance behind the overlap from which the valve is learned, speed of the spool below which it is, 1/s, and for how long
 /// it has to be so slow, s (assumed).
 const OPEN: f64 = 0.012;
@@ -164,15 +164,15 @@ impl Adaptation {
         }
         let inertia = self.described.mass * (v - slow) / MOTION_LAG;
         let deviation = FORCE_DEVIATION * (FAST / v.abs()).max(1.0);
-        // Where it weighs little, other errors of the balance would be taken for mass: it is believed there, not learned.
-        let believed = if inertia.abs() < HEAVY * level { inertia } else { 0.0 };
-        let (inertia, force) = (inertia - believed, force - self.friction.theta[3] * believed);
         let phi = [coulomb, viscous, OFFSET, inertia].map(|own| own / deviation);
         let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-level / OFFSET, level / OFFSET], MASS_WITHIN];
         self.friction.observe(phi, force / deviation, within);
         let [coulomb, viscous, _, mass] = self.friction.theta;
         model.friction_shares = [coulomb, viscous];
-        model.mass = mass * self.described.mass;
+        // Where it weighs little, other errors of the balance look like mass: they are not friction's, but not believed either.
+        if inertia.abs() > HEAVY * level {
+            model.mass = mass * self.described.mass;
+        }
     }
 
     fn learn_valve(&mut self, model: &mut Model, state: &State, [spool, speed]: [f64; 2], period: f64) {
