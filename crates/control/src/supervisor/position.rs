@@ -7,9 +7,8 @@ use crate::observer::State;
 /// reading rests until that is stuck (assumed).
 const JUMP: f64 = 5.0;
 const STUCK: f64 = 20.0;
-/// Without pressure sensors, what a model foresees says little of a drive near rest: speed from which on its way counts, m/s,
-/// and the way that it moves at least, m (assumed).
-const UNSURE: (f64, f64) = (0.01, 2e-3);
+/// Speed up to which a model without measured pressures may creep while its drive rests, m/s (assumed).
+const CREEPS: f64 = 5e-3;
 /// Share of the highest speed by which the speed of the model may be wrong (assumed).
 const SPEED_SHARE: f64 = 0.1;
 /// Readings in a row that are not credible until the sensor is lost (assumed).
@@ -47,12 +46,11 @@ impl Position {
         }
         let miss = reading - foreseen.position;
         // A contact that is held may creep in the model and stick in truth: each reading puts the model back.
-        let (slowest, least) = if has_gas { (0.0, 0.0) } else { UNSURE };
-        let counts = !is_held && foreseen.velocity.abs() >= slowest;
-        let way = if counts { foreseen.velocity * period } else { 0.0 };
+        let creeps = is_held || !has_gas && foreseen.velocity.abs() < CREEPS;
+        let way = if creeps { 0.0 } else { foreseen.velocity * period };
         self.moved = if self.last == Some(reading) { self.moved + way } else { 0.0 };
         let jumps = miss.abs() > JUMP * grain + SPEED_SHARE * fastest * period * f64::from(1 + self.bad);
-        let is_stuck = self.moved.abs() > least.max(STUCK * grain);
+        let is_stuck = self.moved.abs() > STUCK * grain;
         if !jumps && !is_stuck && reading.is_finite() {
             self.bad = 0;
             self.last = Some(reading);
