@@ -6,7 +6,8 @@ import json
 import sys
 
 _START = (
-    "import json,sys;sys.path[:]=json.loads(sys.argv.pop(1));"
+    "import json,signal,sys;signal.signal(signal.SIGINT,signal.default_int_handler);"
+    "sys.path[:]=json.loads(sys.argv.pop(1));"
     "from importlib import import_module;import_module(sys.argv.pop(1)).main()"
 )
 
@@ -15,5 +16,6 @@ def command(module: str, *arguments: str) -> list[str]:
     """Return the command that runs ``main`` of a module of pneudrive in a child process.
 
     ``python -m`` would put the current folder first in the search path: a file numpy.py in it would run.
+    Ctrl-C ends the child as well where this process, as a server that a script starts, was told to ignore it.
     """
     return [sys.executable, "-I", "-c", _START, json.dumps([p for p in sys.path if p]), module, *arguments]

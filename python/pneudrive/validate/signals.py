@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.signal import savgol_coeffs, savgol_filter  # here: while it is imported, a Ctrl-C can get lost
 
 from pneudrive.signals.motion import noise_level
 
@@ -68,8 +69,6 @@ class Signals:
 
     def smooth(self, values: Array) -> Array:
         """Return the values of the local cubics that also give velocity and acceleration; NaN stays NaN."""
-        from scipy.signal import savgol_filter
-
         width = min(2 * self.half + 1, (values.size - 1) // 2 * 2 - 1)
         return np.asarray(savgol_filter(values, width, 3), dtype=np.float64)
 
@@ -81,8 +80,6 @@ class Signals:
         return np.abs(self._derivative(1) - self._derivative(1, max(self.half // 2, LEAST_HALF - 1)))
 
     def _derivative(self, order: int, half: int | None = None) -> Array:
-        from scipy.signal import savgol_filter
-
         width = min(2 * (half or self.half) + 1, (self.position_m.size - 1) // 2 * 2 - 1)
         return np.asarray(savgol_filter(self.position_m, width, 3, deriv=order, delta=self.step_s), dtype=np.float64)
 
@@ -103,8 +100,6 @@ class Signals:
     @cached_property
     def velocity_noise_m_s(self) -> float:
         """Standard deviation of the noise of `velocity_m_s`, from that of the position."""
-        from scipy.signal import savgol_coeffs
-
         if "velocity_m_s" in self.recording:
             return noise_level(self.velocity_m_s)
         weights = savgol_coeffs(2 * self.half + 1, 3, deriv=1, delta=self.step_s)

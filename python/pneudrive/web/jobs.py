@@ -148,7 +148,7 @@ class PageJob:
         status = self.process.poll()
         if status is None:
             return "running"
-        return "cancelled" if self.cancelled else "failed" if status else "done"
+        return "done" if status == 0 else "cancelled" if self.cancelled else "failed"
 
     def about(self) -> dict[str, Any]:
         """Return what the page shows."""
