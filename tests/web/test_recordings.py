@@ -210,3 +210,21 @@ def test_strokes_and_faults_of_a_drive_whose_force_nobody_measures(served: Serve
     assert found["faults"]["non_finite"] == {"count": 10, "places": [[time_s[300], time_s[309]]]}
     [[begin, end]] = found["faults"]["stuck"]["places"]
     assert (begin, end) == pytest.approx((time_s[900], time_s[959]), abs=2e-3)
+
+
+def test_what_has_its_clock_set_back_is_measured_by_samples(tmp_path: Path) -> None:
+    time_s = np.r_[0.0:2.0:1e-3, 1.5:3.0:1e-3]
+    position = np.linspace(0.0, 90.0, len(time_s))
+    table = np.column_stack([time_s, 0.0 * position, position, 300.0 + position, 300.0 - position])
+    np.savetxt(tmp_path / "drive.csv", table, "%.6f", ",", header="t,u,x,a,b", comments="")
+    pressures = "".join(f'pressure_{one} = {{column = "{one}", unit = "kPa abs"}}\n' for one in "ab")
+    (tmp_path / "layout.toml").write_text(
+        'delimiter = "comma"\nheader = true\n[columns]\ntime = {column = "t", unit = "s"}\n'
+        'command = {column = "u"}\nposition = {column = "x", unit = "mm"}\n' + pressures
+    )
+    found = pn.measure(tmp_path / "drive.csv", "100", "2500")
+    by = {one.label: one for one in found.channels}
+    assert by["position (x)"].difference == pytest.approx(position[2500] - position[100], abs=1e-5)
+    assert found.faults == {}
+    assert "time runs backwards" in found.unknown
+    assert "time runs backwards" in repr(found)

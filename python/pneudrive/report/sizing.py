@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pneudrive.constants import ANR_DENSITY_KG_M3
+from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.report import style
 from pneudrive.report.axes import legend_of
 from pneudrive.report.written import drawn
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from pathlib import Path
 
     from matplotlib.axes import Axes
@@ -72,9 +71,10 @@ def _points(axis: Axes, result: SizingResult, way: str) -> None:
     ):
         shown = [one for one in chosen if _time(one, way) < float("inf")]
         if shown:
-            axis.plot(_air(shown), [_time(one, way) for one in shown], marker, color=color, label=label, linestyle="")
+            air = [one.air_litres_anr for one in shown]
+            axis.plot(air, [_time(one, way) for one in shown], marker, color=color, label=label, linestyle="")
     if result.best is not None:
-        at = (_air([result.best])[0], _time(result.best, way))
+        at = (result.best.air_litres_anr, _time(result.best, way))
         axis.plot(*at, "o", markersize=9.0, markerfacecolor="none", color=style.ORANGE, linestyle="", label="best")
         _spread(axis, result.best, way)
 
@@ -83,15 +83,11 @@ def _spread(axis: Axes, one: SizedDrive, way: str) -> None:
     """Draw between which values 98 % of the draws lie."""
     if not one.intervals:
         return
-    air, time = _air([one])[0], _time(one, way)
+    air, time = one.air_litres_anr, _time(one, way)
     line = {"color": style.ORANGE, "linewidth": 1.2}
-    axis.plot([1e3 * end / ANR_DENSITY_KG_M3 for end in one.intervals["air"]], [time, time], **line)
+    axis.plot([ANR_LITRES_PER_KG * end for end in one.intervals["air"]], [time, time], **line)
     axis.plot([air, air], [one.intervals[f"time_{way}"][0], time], **line)
 
 
 def _time(one: SizedDrive, way: str) -> float:
     return one.time_out if way == "out" else one.time_back
-
-
-def _air(drives: Sequence[SizedDrive]) -> list[float]:
-    return [one.air / ANR_DENSITY_KG_M3 * 1e3 for one in drives]

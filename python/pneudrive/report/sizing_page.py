@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from pneudrive import __version__
-from pneudrive.constants import ANR_DENSITY_KG_M3
+from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.describe import toml
 from pneudrive.describe.all_values import values_of
 from pneudrive.report import style
@@ -45,7 +45,6 @@ NOT_CHECKED = (
     "Rods are not checked for buckling, guides not for moments, and life only against a B10 that the catalogue states.",
     "The next stroke begins with one side full and the other empty; waves in long tubes are left out.",
 )
-LITRES = 1e3 / ANR_DENSITY_KG_M3
 #: What is told of the best choice: words, figure, factor from SI, unit.
 FIGURES = (
     ("time out", "time_out", 1.0, "s"),
@@ -53,7 +52,7 @@ FIGURES = (
     ("end speed, the worse stroke", "end_speed", 1.0, "m/s"),
     ("energy at the end, the worse stroke", "energy", 1.0, "J"),
     ("peak pressure", "peak_pressure", 1e-5, "bar abs"),
-    ("air of a cycle", "air", LITRES, "l ANR"),
+    ("air of a cycle", "air", ANR_LITRES_PER_KG, "l ANR"),
     ("load ratio out", "load_ratio_out", 100.0, "%"),
     ("load ratio back", "load_ratio_back", 100.0, "%"),
 )
@@ -84,10 +83,10 @@ def _verdict(found: SizingResult) -> list[str]:
     best, said = found.best, sentences(found)
     if best is None:
         return said[2:]
-    air = _ends(best, "air", LITRES)
-    drawn = f"{best.air_litres_anr:.3g} {f'({air}) ' if air else ''}l ANR"
+    ends = _ends(best, "air", ANR_LITRES_PER_KG)
+    air = f"{best.air_litres_anr:.3g} {f'({ends}) ' if ends else ''}l ANR"
     lines = [
-        f"{_called(best)} meets the task with the least air, {drawn} a cycle (simulated): {best.met} of {best.draws} "
+        f"{_called(best)} meets the task with the least air, {air} a cycle (simulated): {best.met} of {best.draws} "
         f"draws keep all limits, at least {100.0 * best.probability_bound:.3g} %.",
         f"Nearest to its limit: {best.binding}, with a margin of {100.0 * best.margin:.0f} %.",
     ]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, RecordingError
 from pneudrive.files.content import exists
 from pneudrive.show import Card, Shown
 from pneudrive.signals.channels import open_channels, pairs
@@ -78,11 +78,14 @@ class Measurement(Shown):
     faults : dict of str to SampleFault
         Faults of the recording, by kind; see `pneudrive.signals.samples.find_faults`. Empty where its layout does not
         say which column is the position.
+    unknown : str
+        Why no faults are known, for instance as time runs backwards; empty where nothing hinders.
     """
 
     channels: tuple[MeasuredChannel, ...]
     shift_s: float
     faults: dict[str, SampleFault]
+    unknown: str = ""
 
     def _card(self) -> Card:
         head = ("channel", "at", "to", "value", "value there", "difference", "per s")
@@ -94,6 +97,7 @@ class Measurement(Shown):
             for one in self.channels
         ]
         notes = [f"{kind.replace('_', ' ')}: {one.count}" for kind, one in self.faults.items()]
+        notes += [f"faults are not known: {self.unknown}"] if self.unknown else []
         return Card("Measurement", head, rows, notes)
 
 
@@ -142,7 +146,13 @@ def measure(
     """
     path, other = Path(recording), None if beside is None else Path(beside)
     layout, others_layout = _layout(path), None if other is None else _layout(other)
-    moved, times, shift = motion_of(path, layout), (time_of(at), time_of(to)), 0.0
+    times, shift, unknown = (time_of(at), time_of(to)), 0.0, ""
+    try:
+        moved = motion_of(path, layout)
+    except RecordingError as error:  # what can be read can be measured; aligned it cannot be
+        if other is not None:
+            raise
+        moved, unknown = None, error.what
     with TemporaryDirectory() as folder:
         opened = open_channels(path, layout, Path(folder) / "own")
         found = measured(path.name, opened.channels, *_at(opened, times))
@@ -154,7 +164,7 @@ def measure(
             seconds, values = _at(second, (times[0] - shift, times[1] - shift))
             values = {pair.own.column: pair.of(values[pair.other.column]) for pair in both}
             found += measured(other.name, [pair.own for pair in both], seconds + shift, values)
-    return Measurement(tuple(found), shift, {} if moved is None else find_faults(moved))
+    return Measurement(tuple(found), shift, {} if moved is None else find_faults(moved), unknown)
 
 
 def measured(

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.constants import ANR_DENSITY_KG_M3
+from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.show import Card, Shown
 from pneudrive.sizing.judge import PROBABILITY
 from pneudrive.sizing.strokes import Setting, circuit_of
@@ -114,7 +114,7 @@ class SizedDrive:
     @property
     def air_litres_anr(self) -> float:
         """Air of a cycle, litres at the standard reference atmosphere."""
-        return self.air / ANR_DENSITY_KG_M3 * 1e3
+        return self.air * ANR_LITRES_PER_KG
 
     @property
     def rank(self) -> tuple[int, float, tuple[float, ...], str]:

@@ -6,7 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.constants import ANR_DENSITY_KG_M3
+from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.sizing.folder import ABOUT, LINES, read_choice
@@ -149,7 +149,7 @@ def _candidate(one: SizedDrive, place: int | None, folder: str) -> dict[str, Any
         "load_ratio": one.load_ratio,
         "intervals": {
             **{name: one.intervals.get(name) for name in ("time_out", "time_back", "end_speed", "energy")},
-            "air": _scaled(one.intervals.get("air"), 1e3 / ANR_DENSITY_KG_M3),
+            "air": _scaled(one.intervals.get("air"), ANR_LITRES_PER_KG),
             "load_ratio": _scaled(_wider(one), 100.0),
         },
         "limits": [_limit(name, *found, one) for name, found in one.worst.items()],
