@@ -321,6 +321,14 @@ impl<R: Lane> Circuit<R> {
         }
     }
 
+    /// Gives its modes to a circuit of the same parts, without derivatives.
+    pub(crate) fn share_modes(&mut self, other: &mut Circuit<R::Plain>) {
+        let mut modes = Vec::new();
+        self.change_modes(|mode| modes.push(mode.plain()));
+        let mut modes = modes.into_iter();
+        other.change_modes(|mode| modes.next().into_iter().for_each(|own| *mode = own));
+    }
+
     /// The input that is the external force on an axis, N in +x.
     pub fn external_force(&self, axis: AxisId) -> InputId {
         let (kind, index, ..) = self.mass(axis);

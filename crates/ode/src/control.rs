@@ -14,13 +14,21 @@ pub struct Options {
     pub max_attempts: u64,
     /// The longest step allowed.
     pub max_step: f64,
+    /// The first step is not shorter, s: error control shortens it where it must.
+    pub least_first_step: f64,
     /// What takes the steps.
     pub method: Method,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { rtol: 1e-6, max_attempts: 50_000_000, max_step: f64::INFINITY, method: Method::Rodas5P }
+        Options {
+            rtol: 1e-6,
+            max_attempts: 50_000_000,
+            max_step: f64::INFINITY,
+            least_first_step: 0.0,
+            method: Method::Rodas5P,
+        }
     }
 }
 

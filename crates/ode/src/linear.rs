@@ -29,6 +29,8 @@ pub(crate) struct Linear<R: Lane> {
     /// A Jacobian in the shape of an arrow, in place of `jacobian`.
     pub dense: Dense<R>,
     pub is_arrow: bool,
+    /// Whether the Jacobian came without derivatives.
+    pub is_plain: bool,
 }
 
 struct Invert<'l, R: Lane>(&'l mut Linear<R>, R::Plain);
@@ -50,6 +52,7 @@ impl<R: Lane> Linear<R> {
             inverse: [[R::Plain::zero(); SMALL]; SMALL],
             dense: [[R::zero(); SMALL]; SMALL],
             is_arrow: false,
+            is_plain: false,
         }
     }
 

@@ -12,6 +12,8 @@ use physics::constants::STANDARD_GRAVITY;
 /// Relative tolerance of the horizon, and attempts at a step after which it is given up (assumed).
 const RTOL: f64 = 1e-3;
 const MOST_ATTEMPTS: u64 = 100;
+/// First step that is tried, s: the first move holds as long (assumed).
+const FIRST_STEP: f64 = 1e-3;
 /// Share by which a number that is learned may move before the circuit takes it over (assumed).
 const MOVED: f64 = 0.01;
 /// Time in which what no sensor sees settles before the first sample, s (assumed).
@@ -56,7 +58,12 @@ struct Places {
 
 impl Places {
     fn foresight(&self, assembly: &Assembly) -> Foresight {
-        let options = Options { rtol: RTOL, max_attempts: MOST_ATTEMPTS, ..Options::default() };
+        let options = Options {
+            rtol: RTOL,
+            max_attempts: MOST_ATTEMPTS,
+            least_first_step: FIRST_STEP,
+            ..Options::default()
+        };
         Foresight::new(assembly, &self.motion, self.commands.clone(), options)
     }
 }

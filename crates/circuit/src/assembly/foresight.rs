@@ -15,6 +15,15 @@ pub struct Foresight {
     derivatives: Runner<Sensitive>,
     /// Inputs that follow what is held, each with a factor.
     follow: Vec<(usize, f64)>,
+    start: Start,
+}
+
+/// Where it begins: modes, state, one more input at a value; and how many attempts it may take.
+#[derive(Clone, Default)]
+struct Start {
+    modes: Vec<f64>,
+    y: Vec<f64>,
+    other: (usize, f64),
     attempts: u64,
 }
 
@@ -44,40 +53,58 @@ impl<R: Lane> Runner<R> {
         }
     }
 
-    fn load(&mut self, modes: &[f64], y: &[f64], (input, value): (usize, f64), attempts: u64) {
-        let (circuit, mut modes) = (self.stepper.system_mut(), modes.iter());
+    fn load(&mut self, start: &Start) {
+        let (circuit, mut modes) = (self.stepper.system_mut(), start.modes.iter());
         circuit.change_modes(|mode| *mode = R::c(modes.next().copied().unwrap_or_default()));
+        let (input, value) = start.other;
         self.assembly.set(circuit, input, 0, R::c(value));
-        self.stepper.load(0, 0.0, y);
-        self.stepper.allow_in(0, attempts);
+        self.stepper.load(0, 0.0, &start.y);
+        self.stepper.allow_in(0, start.attempts);
     }
 
-    /// Goes on to a time under what is held; whether it could.
-    fn go(
-        &mut self,
-        follow: &[(usize, f64)],
-        held: R,
-        until: f64,
-        output: &mut impl Output<R, Circuit<R>>,
-    ) -> bool {
+    /// The inputs that follow take what is held.
+    fn hold(&mut self, follow: &[(usize, f64)], held: R) {
         let circuit = self.stepper.system_mut();
         for &(input, factor) in follow {
             self.assembly.set(circuit, input, 0, held * R::c(factor));
         }
-        let paused = self.stepper.advance(until, u64::MAX, output);
+    }
+
+    /// Whether it arrived.
+    fn went(&self, paused: Paused) -> bool {
         paused == Paused::Arrived && self.stepper.failure(0).is_none()
     }
 
-    fn ahead(&mut self, follow: &[(usize, f64)], plan: &[(f64, R)], times: &[f64]) -> Option<Vec<R>> {
+    /// Columns at times, row by row, if `go` can go on under each of what is held until a time.
+    fn ahead(
+        &mut self,
+        plan: &[(f64, R)],
+        times: &[f64],
+        mut go: impl FnMut(&mut Self, f64, R, &mut Tracker<'_, R>) -> bool,
+    ) -> Option<Vec<R>> {
         let (assembly, columns) = (self.assembly.clone(), [0, 1, 2]);
         let columns = &columns[..assembly.columns().len()];
         let mut tracker = Tracker::new(&assembly, columns, times, self.stepper.system().work());
-        let whole = plan.iter().all(|&(until, held)| self.go(follow, held, until, &mut tracker));
-        if !whole {
+        if !plan.iter().all(|&(until, held)| go(self, until, held, &mut tracker)) {
             return None;
         }
         tracker.finish_at(self.stepper.state(), self.stepper.system());
         Some(tracker.into_rows())
+    }
+}
+
+impl Runner<f64> {
+    /// Goes on to a time under what is held; whether it could.
+    fn go(
+        &mut self,
+        follow: &[(usize, f64)],
+        until: f64,
+        held: f64,
+        output: &mut impl Output<f64, Circuit<f64>>,
+    ) -> bool {
+        self.hold(follow, held);
+        let paused = self.stepper.advance(until, u64::MAX, output);
+        self.went(paused)
     }
 }
 
@@ -89,31 +116,46 @@ impl Foresight {
             values: Runner::new(assembly, columns, options),
             derivatives: Runner::new(assembly, columns, options),
             follow,
-            attempts: options.max_attempts,
+            start: Start { attempts: options.max_attempts, ..Start::default() },
         }
     }
 
     /// Begins at time zero from a state, with the modes of a circuit, and one more input at a value.
     pub fn begin(&mut self, (circuit, y): &mut (Circuit<f64>, Vec<f64>), other: (usize, f64)) {
-        let mut modes = Vec::new();
-        circuit.change_modes(|mode| modes.push(*mode));
-        self.values.load(&modes, y, other, self.attempts);
-        self.derivatives.load(&modes, y, other, self.attempts);
+        self.start.modes.clear();
+        circuit.change_modes(|mode| self.start.modes.push(*mode));
+        self.start.y.clone_from(y);
+        self.start.other = other;
     }
 
     /// Columns at times, s, row by row, under a plan: until when each value is held. None: it could not go on.
     pub fn values(&mut self, plan: &[(f64, f64)], times: &[f64]) -> Option<Vec<f64>> {
-        self.values.ahead(&self.follow, plan, times)
+        self.values.load(&self.start);
+        self.values.ahead(plan, times, |own, until, held, tracker| own.go(&self.follow, until, held, tracker))
     }
 
     /// The same with derivatives.
     pub fn derivatives(&mut self, plan: &[(f64, Sensitive)], times: &[f64]) -> Option<Vec<Sensitive>> {
-        self.derivatives.ahead(&self.follow, plan, times)
+        self.values.load(&self.start);
+        self.derivatives.load(&self.start);
+        let (follow, twin) = (&self.follow, &mut self.values);
+        self.derivatives.ahead(plan, times, |own, until, held, tracker| {
+            own.hold(follow, held);
+            twin.hold(follow, held.re);
+            loop {
+                own.stepper.refresh_by(&mut twin.stepper, Circuit::share_modes);
+                let paused = own.stepper.advance(until, 1, tracker);
+                if paused == Paused::Arrived {
+                    return own.went(paused);
+                }
+            }
+        })
     }
 
     /// Circuit and state after a time, s, under one value that is held.
     pub fn after(&mut self, held: f64, time: f64) -> Option<(Circuit<f64>, Vec<f64>)> {
-        let went = self.values.go(&self.follow, held, time, &mut NoOutput);
+        self.values.load(&self.start);
+        let went = self.values.go(&self.follow, time, held, &mut NoOutput);
         went.then(|| (self.values.stepper.system().clone(), self.values.stepper.state().to_vec()))
     }
 }

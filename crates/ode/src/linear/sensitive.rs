@@ -60,6 +60,9 @@ impl<R: Lane> Linear<R> {
 
     /// x += dJ values, in the derivatives.
     fn add_change_of_matrix(&self, structure: &Structure, x: &mut [R], values: &[R::Plain]) {
+        if self.is_plain {
+            return;
+        }
         let diagonal = (0..structure.n_coupled as u16).map(|k| Entry { row: k, column: k });
         let entries = structure.lower.iter().chain(&structure.upper).copied().chain(diagonal);
         for (entry, change) in entries.zip(&self.jacobian) {
