@@ -290,6 +290,9 @@ pub(crate) struct Decided<S: Number> {
 /// Bound of that force as a share of the Coulomb friction (assumed).
 const PUSH_BOUND: f64 = 1.5;
 
+/// Speed from which on a drive that was to stand has broken away, m/s (assumed).
+const SLIPS: f64 = 0.02;
+
 /// What a sample gave.
 #[derive(Clone, Copy, Debug)]
 pub struct Answer {
@@ -599,6 +602,9 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
         let grown =
             (self.push + e.times(rate_of_push * model.mass * bandwidth * bandwidth)).within(-bound, bound);
         let fallen = self.push.times(1.0 - rate_of_push);
+        // Once the contact slips, what broke it away would drive the piston past its target.
+        let slips = S::c(SLIPS).lt(observer.state.velocity.abs());
+        let grown = S::select(slips, self.push.times(1.0 - bandwidth * period), grown);
         let stands = S::select(S::zero().lt(ahead.stands), grown, fallen);
         self.push = S::select(holds, fallen, stands);
         state.disturbance -= self.push;
