@@ -11,7 +11,7 @@ use crate::number::{Memory, Number};
 use crate::observer::{Noise, Observer, Observing, Sample, State};
 use crate::own::{Own, Seen};
 use crate::reference::{Reference, Wanted, blend};
-use crate::supervisor::{Brake, Rules, Supervisor};
+use crate::supervisor::{Rules, Supervisor};
 use crate::valves::{Commands, Valves};
 
 macro_rules! laws {
@@ -531,11 +531,6 @@ impl Controller {
     pub(crate) fn grain(&self) -> f64 {
         let way = 0.5 * self.plant.coulomb / self.model.mass * self.period * self.period;
         way.max(COUNT * self.noise.position)
-    }
-
-    /// See [`crate::supervisor`].
-    pub(crate) fn brakes(&self, model: &Model, command: (f64, f64)) -> Option<Brake> {
-        crate::supervisor::brakes(model, self.observer.as_ref()?, command, self.period)
     }
 
     /// Without the law: a command, and what the observer says.

@@ -13,7 +13,7 @@ mod position;
 use crate::controller::{Answer, AnyLaw, Controller};
 use crate::course::{Course, Fade, Slowed};
 use crate::model::Model;
-use crate::observer::{Sample, State};
+use crate::observer::{Observer, Sample, State};
 use crate::reference::{Reference, Wanted};
 pub(crate) use brake::{Brake, brakes};
 pub use event::{Event, EventKind, Log};
@@ -202,6 +202,22 @@ const REVERSED_FOR: f64 = 1.0;
 /// remembered, s (assumed): the pressure that a model believes in may hide it while the drive brakes.
 const MISSING: f64 = 2.0;
 const MISSED_FOR: f64 = 1.0;
+
+/// What an observer without pressure sensors says, were what force is missing beyond friction that of the chamber which
+/// presses against it: so little gas may be trapped there.
+fn less_trapped(observer: &Observer, model: &Model, friction: f64) -> Observer {
+    let mut seen = observer.clone();
+    let State { disturbance, pressures, .. } = &mut seen.state;
+    let beyond = *disturbance - disturbance.clamp(-friction, friction);
+    for (pressure, side) in pressures.iter_mut().zip(&model.sides) {
+        if side.sign * beyond < 0.0 {
+            let less = (*pressure + side.sign * beyond / side.area).max(model.ambient.pressure);
+            *disturbance -= side.sign * side.area * (less - *pressure);
+            *pressure = less;
+        }
+    }
+    seen
+}
 
 impl Supervisor {
     /// With a law that stands by.
@@ -540,11 +556,15 @@ impl Supervisor {
                 found.against
             }
         };
-        let weak = |margin| own.brakes(without, (command, margin)).map(best);
+        let observer = own.observer.as_ref()?;
+        let trapped = is_weak.then(|| less_trapped(observer, &own.model, own.plant.coulomb));
+        let trapped = trapped.as_ref().unwrap_or(observer);
+        let weak = |margin| brakes(without, trapped, (command, margin), own.period).map(best);
         if self.gas.may_lack_supply() {
             return weak(margin);
         }
-        let mut brake = own.brakes(&own.model, (command, margin)).map(|found| found.command);
+        let brake = brakes(&own.model, observer, (command, margin), own.period);
+        let mut brake = brake.map(|found| found.command);
         if self.gas.is_doubted || is_weak {
             brake = brake.or_else(|| weak(margin));
         }
