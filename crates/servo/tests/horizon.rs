@@ -98,13 +98,17 @@ fn circuit_and_model_foresee_the_same() {
         let mut circuit = ByCircuit::new(&plant, &names, &model).expect("a predictor");
         for moment in &MOMENTS {
             for plan in PLANS {
-                let (fixed, own) = at(&model, moment, |tick| {
-                    let mut own = Vec::new();
+                let (fixed, own, plain) = at(&model, moment, |tick| {
+                    let (mut own, mut plain) = (Vec::new(), Vec::new());
                     circuit.begin(tick, 0.0);
                     assert!(circuit.derivatives(&seeded(plan), &mut |seen| own.push(seen)));
-                    (by_the_model(tick, &seeded(plan)), own)
+                    assert!(circuit.values(&plan, &mut |seen| plain.push(seen)));
+                    (by_the_model(tick, &seeded(plan)), own, plain)
                 });
                 assert_eq!(own.len(), steps().count());
+                // The Jacobian without derivatives is that of the very state, inputs and modes.
+                let bits = |row: [f64; 3]| row.map(f64::to_bits);
+                assert!(own.iter().zip(plain).all(|(own, plain)| bits(own.map(|own| own.re)) == bits(plain)));
                 let places = || [START].into_iter().chain(own.iter().map(|own| own[0].re));
                 let way: f64 = places().zip(places().skip(1)).map(|(one, other)| (one - other).abs()).sum();
                 let far = own.iter().zip(&fixed).map(|(own, other)| (own[0].re - other[0].re).abs());
