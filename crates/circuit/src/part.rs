@@ -84,7 +84,7 @@ pub use restriction::{OtherRestriction, Restriction};
 pub use second_order::SecondOrder;
 pub use series::Series;
 pub use shock_absorber::ShockAbsorber;
-pub use signal::{Armature, Held, Spool};
+pub use signal::{Armature, Held, Spool, SpoolLeak};
 pub use spring::Spring;
 pub use table_edge::TableEdge;
 pub use table_force::{Along, TableForce};
@@ -457,6 +457,8 @@ parts! {
         held: Held,
         spools: Spool,
         armatures: Armature,
+        // Behind the spools, whose positions it reads.
+        spool_leaks: SpoolLeak,
         edges: Edge,
         table_edges: TableEdge,
         cushions: Cushion,

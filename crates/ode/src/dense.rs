@@ -41,6 +41,18 @@ impl<R: Lane> Course<R> {
         c4.fma_c(theta, c3).fma_c(theta, c2).fma_c(theta, c1).fma_c(theta, c0)
     }
 
+    /// Its value there, and its derivative by the fraction.
+    #[inline(always)]
+    pub fn value_and_slope(&self, theta: f64) -> [R; 2] {
+        let [rest @ .., c4] = self.0;
+        let (mut value, mut slope) = (c4, R::zero());
+        for c in rest.into_iter().rev() {
+            slope = slope.fma_c(theta, value);
+            value = value.fma_c(theta, c);
+        }
+        [value, slope]
+    }
+
     /// How far it may be from where it begins, anywhere in the step.
     #[inline(always)]
     pub fn spread(&self) -> R {
@@ -165,13 +177,7 @@ impl<R: Lane> Step<R> {
 
     /// One state at `t0 + theta h`, and its derivative by theta; `prepare` comes first.
     pub fn component(&self, i: usize, theta: f64) -> [R; 2] {
-        let c = self.c[i / BLOCK].map(|coefficient| coefficient[i % BLOCK]);
-        let (mut value, mut slope) = (c[4], R::zero());
-        for c in [c[3], c[2], c[1], c[0]] {
-            slope = slope.fma_c(theta, value);
-            value = value.fma_c(theta, c);
-        }
-        [value, slope]
+        Course(self.c[i / BLOCK].map(|coefficient| coefficient[i % BLOCK])).value_and_slope(theta)
     }
 
     /// The state at `t0 + theta h`, of the method's dense order; `prepare` comes first. A state that

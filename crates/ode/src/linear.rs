@@ -190,11 +190,15 @@ impl<R: Lane> Linear<R> {
     }
 }
 
-/// x[row] += value * x[column] for each entry in turn.
+/// x[row] += value * x[column] for each entry in turn, column by column: none changes that of its own.
 #[inline(always)]
 fn substitute<R: Lane>(x: &mut [R], entries: &[Entry], values: &[R::Plain]) {
+    let mut of = (u16::MAX, R::zero());
     for (e, value) in entries.iter().zip(values) {
-        x[e.row as usize] = x[e.column as usize].fma_plain(*value, x[e.row as usize]);
+        if e.column != of.0 {
+            of = (e.column, x[e.column as usize]);
+        }
+        x[e.row as usize] = of.1.fma_plain(*value, x[e.row as usize]);
     }
 }
 

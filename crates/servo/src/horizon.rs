@@ -29,7 +29,12 @@ pub struct ByCircuit {
     /// The model as it is described, and the learned numbers that the circuit has by now.
     described: Model,
     learned: [f64; 4],
+    /// The circuit of numbers that were learned since, and these.
+    next: Option<(Assembly, [f64; 4])>,
+    /// Whether it learns in this sample. The model predicts meanwhile: both would take too long.
+    learns: bool,
     places: Places,
+    network: Network,
     assembly: Assembly,
     foresight: Foresight,
     /// The state from which the last horizon began.
@@ -42,11 +47,11 @@ impl std::fmt::Debug for ByCircuit {
     }
 }
 
-/// Where columns, states and inputs stand.
+/// Where states and inputs stand.
 #[derive(Clone, Debug, Default)]
 struct Places {
-    /// Position, velocity and acceleration.
-    motion: [usize; 3],
+    /// The state that is the position of the piston.
+    position: usize,
     /// Position and speed of each spool that has them.
     spools: Vec<[usize; 2]>,
     /// Inputs: the command of each valve with its sign, and the external force.
@@ -64,7 +69,7 @@ impl Places {
             least_first_step: FIRST_STEP,
             ..Options::default()
         };
-        Foresight::new(assembly, &self.motion, self.commands.clone(), options)
+        Foresight::new(assembly, self.position, self.commands.clone(), options)
     }
 }
 
@@ -85,10 +90,10 @@ fn held<S: Copy>(plan: &[S; MOVES]) -> Vec<(f64, S)> {
     each
 }
 
-/// Shows rows of three, if there are any.
-fn shown<S: Copy>(rows: Option<Vec<S>>, see: &mut dyn FnMut([S; 3])) -> bool {
+/// Shows what was foreseen, if anything.
+fn shown<S: Copy>(rows: Option<Vec<[S; 3]>>, see: &mut dyn FnMut([S; 3])) -> bool {
     rows.is_some_and(|rows| {
-        rows.as_chunks::<3>().0.iter().for_each(|own| see(*own));
+        rows.into_iter().for_each(see);
         true
     })
 }
@@ -113,12 +118,11 @@ impl ByCircuit {
         let state = |name: String| circuit.state_names().iter().position(|own| own.0 == name);
         let input = |name: String| assembly.variables.inputs.iter().position(|own| own.name == name);
         let of_cylinder = |what: &str| format!("{}.{what}", axis.cylinder);
-        let column = |what: &str| assembly.columns().iter().position(|own| *own == of_cylinder(what));
-        let motion = ["position_m", "velocity_m_s", "acceleration_m_s2"].map(column);
         let commands = axis.valves.iter().zip([1.0, -1.0]);
         let commands = commands.map(|(valve, way)| Some((input(format!("{valve}.command"))?, way)));
-        let found = (motion, commands.collect::<Option<Vec<_>>>(), input(of_cylinder("load_force_n")));
-        let ([Some(x), Some(v), Some(a)], Some(commands), Some(force)) = found else {
+        let position = state(of_cylinder("position_m"));
+        let found = (position, commands.collect::<Option<Vec<_>>>(), input(of_cylinder("load_force_n")));
+        let (Some(position), Some(commands), Some(force)) = found else {
             return refuse(format!("{} has no state or input that a prediction needs", axis.cylinder));
         };
         let spools = axis.valves.iter().filter_map(|valve| {
@@ -132,21 +136,34 @@ impl ByCircuit {
             !name.starts_with(&chamber) && !spools.as_flattened().contains(place)
         });
         let hidden = hidden.map(|(place, _)| place).collect();
-        let places = Places { motion: [x, v, a], spools, commands, force, hidden };
+        let places = Places { position, spools, commands, force, hidden };
         Ok(ByCircuit {
             foresight: places.foresight(assembly),
             places,
             assembly: assembly.clone(),
+            network,
             described: model.clone(),
             learned: [1.0; 4],
+            next: None,
+            learns: false,
             axis: axis.clone(),
             belief,
             last: None,
         })
     }
 
-    /// Takes over what the model has learned by now: friction, mass and conductance.
-    fn learn(&mut self, model: &Model) {
+    /// Takes over what the model has learned by now, friction, mass and conductance, from one sample to the next: its
+    /// circuit is made in one and looked ahead with from the other on. Whether that was anything.
+    fn learn(&mut self, model: &Model) -> bool {
+        if let Some((assembly, learned)) = self.next.take() {
+            if assembly.circuit.shares_analysis(&self.assembly.circuit) {
+                self.foresight.renew(&assembly);
+            } else {
+                self.foresight = self.places.foresight(&assembly);
+            }
+            (self.assembly, self.learned) = (assembly, learned);
+            return true;
+        }
         let [level, viscous] = model.friction_shares;
         let mass = model.mass / self.described.mass;
         // What else lies in the way of the gas, the model takes for the valve's.
@@ -154,7 +171,7 @@ impl ByCircuit {
         let conductance = model.valve.flow.gain / self.described.valve.flow.gain;
         let now = [level, viscous, mass, if is_alone { conductance } else { 1.0 }];
         if self.learned.iter().zip(now).all(|(own, now)| (now - own).abs() <= MOVED * own.abs()) {
-            return;
+            return false;
         }
         let mut belief = self.belief.clone();
         for own in &mut belief.components {
@@ -174,11 +191,8 @@ impl ByCircuit {
             }
         }
         // One that cannot be has no circuit: the last one stays.
-        if let Ok(network) = Network::assemble(&belief, false) {
-            self.assembly = network.assembly().clone();
-            self.foresight = self.places.foresight(&self.assembly);
-            self.learned = now;
-        }
+        self.next = self.network.renewed(&belief).ok().map(|assembly| (assembly, now));
+        self.next.is_some()
     }
 
     /// The circuit and its state where the law has the drive.
@@ -252,7 +266,7 @@ const LEAST_MASS: f64 = 0.05;
 
 impl Predictor for ByCircuit {
     fn begin(&mut self, tick: &Tick, given: f64) {
-        self.learn(tick.model);
+        self.learns = self.learn(tick.model);
         let beside = self.beside(tick, given);
         let mut now = self.at(tick, beside.as_ref().map(|(circuit, y)| (circuit, &y[..])));
         let force = self.force(tick);
@@ -261,11 +275,11 @@ impl Predictor for ByCircuit {
     }
 
     fn values(&mut self, plan: &[f64; MOVES], see: &mut dyn FnMut([f64; 3])) -> bool {
-        shown(self.foresight.values(&held(plan), &ends()), see)
+        !self.learns && shown(self.foresight.values(&held(plan), &ends()), see)
     }
 
     fn derivatives(&mut self, plan: &[ByMoves; MOVES], see: &mut dyn FnMut([ByMoves; 3])) -> bool {
-        shown(self.foresight.derivatives(&held(plan), &ends()), see)
+        !self.learns && shown(self.foresight.derivatives(&held(plan), &ends()), see)
     }
 
     fn boxed(&self) -> Box<dyn Predictor> {

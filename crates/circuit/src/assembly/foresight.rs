@@ -1,11 +1,11 @@
 //! What an assembly will do under inputs that are held one after the other, from a state that begins anew each time: as
 //! values, and with derivatives by each of the values that are held.
 
-use super::shoot::{Sensitive, Tracker};
+use super::shoot::Sensitive;
 use super::variables::{Assembly, Variables};
 use crate::circuit::Circuit;
 use math::Lane;
-use ode::{NoOutput, Options, Output, Paused, Stepper, System};
+use ode::{Accepted, NoOutput, Options, Output, Paused, Stepper, same_time};
 use std::sync::Arc;
 
 /// An assembly that is looked ahead with.
@@ -13,6 +13,8 @@ use std::sync::Arc;
 pub struct Foresight {
     values: Runner<f64>,
     derivatives: Runner<Sensitive>,
+    /// The state that is the position of the mass whose motion is foreseen; its velocity comes next.
+    position: usize,
     /// Inputs that follow what is held, each with a factor.
     follow: Vec<(usize, f64)>,
     start: Start,
@@ -30,27 +32,53 @@ struct Start {
 /// One kind of number.
 #[derive(Clone)]
 struct Runner<R: Lane> {
-    /// With the columns alone that are shown.
     assembly: Assembly<R>,
     stepper: Stepper<R, Circuit<R>>,
 }
 
+/// Where the mass is at times, as it gets there.
+struct Motion<'t, R> {
+    position: usize,
+    times: &'t [f64],
+    rows: Vec<[R; 3]>,
+}
+
+impl<R: Lane> Output<R, Circuit<R>> for Motion<'_, R> {
+    fn due(&self, _lane: usize) -> f64 {
+        f64::INFINITY
+    }
+
+    fn sample(&mut self, _lane: usize, _t: f64, _y: &[R], _system: &Circuit<R>) {}
+
+    /// Its acceleration is the slope of the velocity within a step: all that is behind it need not be evaluated again.
+    fn step(&mut self, _lane: usize, t: f64, h: f64, states: &mut Accepted<'_, R>, _system: &Circuit<R>) {
+        let due = self.times[self.rows.len()..].iter();
+        let due = due.take_while(|&&time| time <= t + h || same_time(time, t + h));
+        let [position, velocity] = [self.position, self.position + 1].map(|state| states.course(state));
+        self.rows.extend(due.map(|time| {
+            let theta = ((time - t) / h).clamp(0.0, 1.0);
+            let [v, rate] = velocity.value_and_slope(theta);
+            [position.value(theta), v, rate * R::c(1.0 / h)]
+        }));
+    }
+}
+
 impl<R: Lane> Runner<R> {
-    fn new(assembly: &Assembly, columns: &[usize], options: Options) -> Self {
+    fn new(assembly: &Assembly, options: Options) -> Self {
         let circuit = Circuit::<R>::gather(&[&assembly.circuit]);
-        let (all, y) = (&assembly.variables, vec![R::zero(); circuit.n_states()]);
-        let shown = Variables {
-            inputs: all.inputs.clone(),
-            columns: columns.iter().map(|&column| all.columns[column].clone()).collect(),
-            quantities: columns.iter().map(|&column| all.quantities[column]).collect(),
-            ..Variables::default()
-        };
+        let y = vec![R::zero(); circuit.n_states()];
+        let variables =
+            Arc::new(Variables { inputs: assembly.variables.inputs.clone(), ..Variables::default() });
         let stepper = Stepper::new(circuit.clone(), 0.0, &y, options);
         let timings = assembly.timings.clone();
-        Runner {
-            assembly: Assembly { circuit: circuit.into(), variables: Arc::new(shown), timings },
-            stepper,
-        }
+        Runner { assembly: Assembly { circuit: circuit.into(), variables, timings }, stepper }
+    }
+
+    fn renew(&mut self, assembly: &Assembly) {
+        let circuit = Circuit::gather(&[&assembly.circuit]);
+        self.stepper.system_mut().clone_from(&circuit);
+        self.assembly.circuit = circuit.into();
+        self.assembly.timings.clone_from(&assembly.timings);
     }
 
     fn load(&mut self, start: &Start) {
@@ -75,21 +103,14 @@ impl<R: Lane> Runner<R> {
         paused == Paused::Arrived && self.stepper.failure(0).is_none()
     }
 
-    /// Columns at times, row by row, if `go` can go on under each of what is held until a time.
+    /// The motion at times, if `go` can go on under each of what is held until a time.
     fn ahead(
         &mut self,
-        plan: &[(f64, R)],
-        times: &[f64],
-        mut go: impl FnMut(&mut Self, f64, R, &mut Tracker<'_, R>) -> bool,
-    ) -> Option<Vec<R>> {
-        let (assembly, columns) = (self.assembly.clone(), [0, 1, 2]);
-        let columns = &columns[..assembly.columns().len()];
-        let mut tracker = Tracker::new(&assembly, columns, times, self.stepper.system().work());
-        if !plan.iter().all(|&(until, held)| go(self, until, held, &mut tracker)) {
-            return None;
-        }
-        tracker.finish_at(self.stepper.state(), self.stepper.system());
-        Some(tracker.into_rows())
+        (position, plan, times): (usize, &[(f64, R)], &[f64]),
+        mut go: impl FnMut(&mut Self, f64, R, &mut Motion<'_, R>) -> bool,
+    ) -> Option<Vec<[R; 3]>> {
+        let mut motion = Motion { position, times, rows: Vec::with_capacity(times.len()) };
+        plan.iter().all(|&(until, held)| go(self, until, held, &mut motion)).then_some(motion.rows)
     }
 }
 
@@ -109,15 +130,22 @@ impl Runner<f64> {
 }
 
 impl Foresight {
-    /// Of an assembly, of which up to three columns are shown; these inputs follow what is held, each with a factor. Further
-    /// than so many attempts at a step it does not look.
-    pub fn new(assembly: &Assembly, columns: &[usize], follow: Vec<(usize, f64)>, options: Options) -> Self {
+    /// Of an assembly and the mass whose position is this state; these inputs follow what is held, each with a factor.
+    /// Further than so many attempts at a step it does not look.
+    pub fn new(assembly: &Assembly, position: usize, follow: Vec<(usize, f64)>, options: Options) -> Self {
         Foresight {
-            values: Runner::new(assembly, columns, options),
-            derivatives: Runner::new(assembly, columns, options),
+            values: Runner::new(assembly, options),
+            derivatives: Runner::new(assembly, options),
+            position,
             follow,
             start: Start { attempts: options.max_attempts, ..Start::default() },
         }
+    }
+
+    /// Looks ahead with another assembly, whose circuit differs from the present one in numbers alone.
+    pub fn renew(&mut self, assembly: &Assembly) {
+        self.values.renew(assembly);
+        self.derivatives.renew(assembly);
     }
 
     /// Begins at time zero from a state, with the modes of a circuit, and one more input at a value.
@@ -128,23 +156,25 @@ impl Foresight {
         self.start.other = other;
     }
 
-    /// Columns at times, s, row by row, under a plan: until when each value is held. None: it could not go on.
-    pub fn values(&mut self, plan: &[(f64, f64)], times: &[f64]) -> Option<Vec<f64>> {
+    /// Position, m, velocity, m/s, and acceleration, m/s2, at times, s, under a plan: until when each value is held. None:
+    /// it could not go on.
+    pub fn values(&mut self, plan: &[(f64, f64)], times: &[f64]) -> Option<Vec<[f64; 3]>> {
         self.values.load(&self.start);
-        self.values.ahead(plan, times, |own, until, held, tracker| own.go(&self.follow, until, held, tracker))
+        let asked = (self.position, plan, times);
+        self.values.ahead(asked, |own, until, held, motion| own.go(&self.follow, until, held, motion))
     }
 
     /// The same with derivatives.
-    pub fn derivatives(&mut self, plan: &[(f64, Sensitive)], times: &[f64]) -> Option<Vec<Sensitive>> {
+    pub fn derivatives(&mut self, plan: &[(f64, Sensitive)], times: &[f64]) -> Option<Vec<[Sensitive; 3]>> {
         self.values.load(&self.start);
         self.derivatives.load(&self.start);
         let (follow, twin) = (&self.follow, &mut self.values);
-        self.derivatives.ahead(plan, times, |own, until, held, tracker| {
+        self.derivatives.ahead((self.position, plan, times), |own, until, held, motion| {
             own.hold(follow, held);
             twin.hold(follow, held.re);
             loop {
                 own.stepper.refresh_by(&mut twin.stepper, Circuit::share_modes);
-                let paused = own.stepper.advance(until, 1, tracker);
+                let paused = own.stepper.advance(until, 1, motion);
                 if paused == Paused::Arrived {
                     return own.went(paused);
                 }

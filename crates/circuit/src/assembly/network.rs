@@ -233,6 +233,17 @@ impl Network {
         })
     }
 
+    /// The circuit of a description that differs from this one's in numbers: with the same parts, nothing is analysed or
+    /// named again.
+    pub fn renewed(&self, spec: &specification::Circuit) -> Result<Assembly, Error> {
+        let each = spec.components.iter().map(instance).collect::<Result<Vec<_>, _>>()?;
+        let ambient = [spec.ambient.pressure_pa, spec.ambient.temperature_k];
+        let (like, gas) = (&self.assembly, gas(&Lifted::plain(&spec.gas)));
+        let ledger = !like.circuit.channels().is_empty();
+        let wired = wire(&gas, gas.is_air(), ambient, (&each, &self.joints), ledger, Some(&like.circuit))?;
+        Ok(wired.named_like(like))
+    }
+
     /// The circuit with its names.
     pub fn assembly(&self) -> &Assembly {
         &self.assembly

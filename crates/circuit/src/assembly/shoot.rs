@@ -350,19 +350,10 @@ impl<'a, P: Lane> Tracker<'a, P> {
 
     /// The samples still due are those at the end.
     fn finish(&mut self, session: &Session<P>) {
-        self.finish_at(&session.settled(), session.circuit());
-    }
-
-    /// The same at a state.
-    pub fn finish_at(&mut self, y: &[P], circuit: &Circuit<P>) {
+        let y = session.settled();
         while self.next < self.times.len() {
-            self.sample(0, self.times[self.next], y, circuit);
+            self.sample(0, self.times[self.next], &y, session.circuit());
         }
-    }
-
-    /// What it has kept, row by row.
-    pub fn into_rows(self) -> Vec<P> {
-        self.rows
     }
 }
 

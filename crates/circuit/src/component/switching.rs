@@ -103,12 +103,10 @@ fn edge<P: Lane>(
     build.signal_edge(Edge {
         offset: P::c(offset),
         slope: P::c(slope),
-        leak: P::zero(),
-        leak_width: P::one(),
         law: law.clone(),
         signal,
+        leak: None,
         path: build.circuit.between(from, to),
-        leaks: false,
     })
 }
 

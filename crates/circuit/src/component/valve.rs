@@ -8,7 +8,7 @@ use super::{
 };
 use crate::assembly::{Quantity, Timing};
 use crate::circuit::{GasId, Path};
-use crate::part::{Edge, Held, Spool, TableEdge};
+use crate::part::{Edge, Held, Spool, SpoolLeak, TableEdge};
 use crate::run::Error;
 use math::Lane;
 use physics::curve::Curve;
@@ -73,10 +73,21 @@ fn spool<P: Lane>(own: &Instance<P>, build: &mut Build<P>) -> usize {
     signal
 }
 
+/// What leaks past the edges of a spool, if anything: its place among the signals.
+fn leak<P: Lane>(own: &Instance<P>, position: usize, build: &mut Build<P>) -> Option<usize> {
+    let leaks = own.number("leakage").get(0) != 0.0 || own.is_free("leakage");
+    leaks.then(|| {
+        let signal = build.circuit.signal();
+        let [leak, width] = ["leakage", "leakage_width"].map(|key| own.number(key));
+        build.circuit.add(SpoolLeak { leak, width, position, signal });
+        signal
+    })
+}
+
 /// An edge that opens as the spool moves in a direction.
 fn edge<P: Lane>(
     own: &Instance<P>,
-    (law, signal, direction): (&Iso6358<P>, usize, f64),
+    (law, (signal, leak), direction): (&Iso6358<P>, (usize, Option<usize>), f64),
     (from, to): (GasId, GasId),
     build: &mut Build<P>,
 ) -> Path {
@@ -85,12 +96,10 @@ fn edge<P: Lane>(
     build.signal_edge(Edge {
         offset: -overlap / whole,
         slope: P::c(direction) / whole,
-        leak: own.number("leakage"),
-        leak_width: own.number("leakage_width"),
         law: law.clone(),
         signal,
+        leak,
         path: build.circuit.between(from, to),
-        leaks: own.number("leakage").get(0) != 0.0 || own.is_free("leakage"),
     })
 }
 
@@ -236,9 +245,10 @@ impl Component for Proportional53 {
             [0, 1, 2, 3].map(|i| table_edge(own, (1 + 2 * i, ratio), signal, ends[i], build))
         } else if is_dynamic(own) {
             let law = own.path("conductance", build);
-            let signal = spool(own, build);
+            let position = spool(own, build);
+            let signals = (position, leak(own, position, build));
             let directions = [1.0, -1.0, -1.0, 1.0];
-            [0, 1, 2, 3].map(|i| Some(edge(own, (&law, signal, directions[i]), ends[i], build)))
+            [0, 1, 2, 3].map(|i| Some(edge(own, (&law, signals, directions[i]), ends[i], build)))
         } else {
             let law = own.path("conductance", build);
             let edges = ends.map(|(from, to)| build.edge(law.clone(), from, to));
@@ -306,8 +316,9 @@ impl Component for Proportional32 {
         let signal = spool(own, build);
         let [to, from] = if own.points().is_empty() {
             let (law, vent) = (own.path("conductance", build), own.exhaust_path(build));
-            let to = edge(own, (&law, signal, 1.0), (supply, work), build);
-            [to, edge(own, (&vent, signal, -1.0), (work, out), build)].map(Some)
+            let signals = (signal, leak(own, signal, build));
+            let to = edge(own, (&law, signals, 1.0), (supply, work), build);
+            [to, edge(own, (&vent, signals, -1.0), (work, out), build)].map(Some)
         } else {
             let usual = own.number("critical_pressure_ratio");
             let vent = own.given("exhaust_critical_pressure_ratio").unwrap_or(usual);

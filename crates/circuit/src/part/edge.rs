@@ -2,21 +2,20 @@ use super::Part;
 use super::path::{Between, gathered};
 use crate::net::Net;
 use math::{Over, Real};
-use physics::flow::{Iso6358, leaking, opened};
+use physics::flow::{Iso6358, opened};
 use std::slice;
 
 gathered! {
     /// An edge of a valve that a position opens:
     ///
-    ///   s = clip(offset + slope x, 0, 1) + l exp(-|x|/x_l)
+    ///   s = clip(offset + slope x, 0, 1) + leak
     ///
-    /// x    position of the spool or the armature, a signal   -
-    /// l    share of the conductance that leaks at x = 0       -
-    /// x_l  position over which the leak falls to 1/e          -
+    /// x     position of the spool or the armature, a signal                -
+    /// leak  share of the conductance that leaks, a signal too, if any does  -
     pub struct Edge {
-        numbers { offset, slope, leak, leak_width }
+        numbers { offset, slope }
         laws { law: Iso6358 }
-        same { signal: usize, path: Between, leaks: bool }
+        same { signal: usize, leak: Option<usize>, path: Between }
     }
 }
 
@@ -30,8 +29,8 @@ impl<P: Real> Part<P> for Edge<P> {
         let (one, two) = (&net[self.path.from], &net[self.path.to]);
         let x = net.signal[self.signal];
         let mut share = opened(S::from(self.offset), S::from(self.slope), x);
-        if self.leaks {
-            share += leaking(S::from(self.leak), S::from(self.leak_width), x);
+        if let Some(leak) = self.leak {
+            share += net.signal[leak];
         }
         self.law.flow(share, &one.end(), &two.end())
     }

@@ -5,6 +5,7 @@ use super::second_order::follows;
 use super::{Common, Given, Input, Own, OwnMut, Part, State};
 use crate::net::Net;
 use math::{Over, Real};
+use physics::flow::leaking;
 
 /// The inputs of a valve: the acting command, the state of its play, and the given command.
 pub(crate) const ACTS: usize = 0;
@@ -91,6 +92,32 @@ impl<P: Real> Part<P> for Spool<P> {
 
     fn begin(&self, _given: &Given<P>, mut y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {
         y.set([self.acts, P::zero()]);
+    }
+}
+
+gathered! {
+    /// The share of its conductance that leaks past each edge of a spool, one number for all of them:
+    ///
+    ///   l exp(-|x|/x_l)
+    ///
+    /// l    the share that leaks at x = 0             -
+    /// x_l  position over which the leak falls to 1/e  -
+    pub struct SpoolLeak {
+        numbers { leak, width }
+        laws {}
+        same {
+            /// Where the position stands among the signals, and where the share.
+            position: usize,
+            signal: usize,
+        }
+    }
+}
+
+impl<P: Real> Part<P> for SpoolLeak<P> {
+    #[inline(always)]
+    fn place<S: Over<P>>(&self, _y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
+        let x = net.signal[self.position];
+        net.signal[self.signal] = leaking(S::from(self.leak), S::from(self.width), x);
     }
 }
 

@@ -37,6 +37,8 @@ impl<R: Lane> Linear<R> {
                     *row = sum.with_value(values[BLOCK * k + l]);
                 }
             }
+        } else if self.is_plain {
+            self.eliminate(structure, x);
         } else {
             let mut values: Vec<R::Plain> = x.iter().map(R::plain).collect();
             self.eliminate(structure, &mut values);
