@@ -9,18 +9,21 @@ mod event;
 mod gas;
 mod motion;
 mod position;
+mod reverse;
 
 use crate::controller::{Answer, AnyLaw, Controller};
 use crate::course::{Course, Fade, Slowed};
 use crate::model::Model;
 use crate::observer::{Observer, Sample, State};
 use crate::reference::{Reference, Wanted};
+use brake::Swings;
 pub(crate) use brake::{Brake, brakes};
 pub use event::{Event, EventKind, Log};
 use gas::Gas;
 use motion::Motion;
 pub use motion::MotionRules;
 use position::Position;
+use reverse::Reverse;
 
 /// What is done about a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -177,6 +180,8 @@ pub struct Supervisor {
     switched: [bool; 2],
     /// The way of commands that act in reverse on a supply that has fallen, and until when none is given, s.
     reversed: Option<(f64, f64)>,
+    reverse: Reverse,
+    swings: Swings,
 }
 
 /// Periods that may lie between two samples, a jump of a reference that no law can follow, m, and the distance from a reference
@@ -251,6 +256,8 @@ impl Supervisor {
             lost_for: 0.0,
             switched: [false; 2],
             reversed: None,
+            reverse: Reverse::default(),
+            swings: Swings::default(),
         }
     }
 
@@ -306,7 +313,7 @@ impl Supervisor {
         }
         let (wanted, stands) = (course.at(sample.time), course.stands(sample.time, own.plant.lag));
         self.followed = Some(wanted);
-        answer.command = self.guarded(own, &sample, &state, answer.command);
+        answer.command = self.guarded(own, &sample, &state, (answer.command, stands));
         if !self.is_shut() {
             let rules = self.rules.motion;
             let told = (&state, &wanted, stands, self.reversed.is_some());
@@ -550,7 +557,7 @@ impl Supervisor {
         let best = |found: Brake| {
             if has_none {
                 found.command
-            } else if found.is_shut_enough && self.measures_gas {
+            } else if found.is_shut_enough {
                 0.0
             } else {
                 found.against
@@ -572,14 +579,24 @@ impl Supervisor {
     }
 
     /// A command that keeps off end stops and limit switches.
-    fn guarded(&mut self, own: &Controller, sample: &Sample, state: &State, command: f64) -> f64 {
-        let mut command = command;
+    fn guarded(
+        &mut self,
+        own: &Controller,
+        sample: &Sample,
+        state: &State,
+        (mut command, stands): (f64, bool),
+    ) -> f64 {
         if command.is_nan() {
             return command;
         }
         // Without readings the model is soon not to be trusted.
         self.lost_for = if self.position.is_lost() { self.lost_for + own.period } else { 0.0 };
         let is_known = self.lost_for < TRUSTED;
+        if !self.measures_gas
+            && let Some(way) = self.reverse.watch(self.command, state, own.plant.coulomb, own.period)
+        {
+            self.reversed = Some((way, sample.time + REVERSED_FOR));
+        }
         self.reversed = self.reversed.filter(|&(way, until)| command * way >= 0.0 && sample.time < until);
         if self.reversed.is_some() {
             // It would take air from the chamber that it is to fill.
@@ -588,9 +605,14 @@ impl Supervisor {
         if let Some(brake) = self.brake(own, command).filter(|_| is_known) {
             if !self.brakes {
                 self.log.tell(sample.time, EventKind::EndStop, state.velocity);
+                if let Some(times) = self.swings.watch(sample.time, state.velocity, stands) {
+                    self.log.tell(sample.time, EventKind::Braked, f64::from(times));
+                    self.react(own, sample, Reaction::Block);
+                }
             }
             self.brakes = true;
-            command = brake;
+            let takes_air = !self.measures_gas && self.reversed.is_some_and(|(way, _)| brake * way > 0.0);
+            command = if takes_air { 0.0 } else { brake };
             if self.gas.has_no_supply() {
                 // Whatever the law would do takes air from the chambers, and none comes back.
                 self.react(own, sample, Reaction::Block);

@@ -20,6 +20,32 @@ const GAIN: [f64; 2] = [2e-3, 6e-3];
 /// Time for which a drive is followed that still moves away from the end, s (assumed).
 const AWAY: f64 = 0.03;
 
+/// Times that a drive which is to stand has to be braked above a speed, m/s, each within a time of the last one, s, until
+/// its law is taken off (assumed).
+const TIMES: u32 = 3;
+const FAST: f64 = 0.1;
+const WITHIN: f64 = 0.5;
+
+/// How often a drive that is to stand had to be braked, and when last, s: its law swings it about the target.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Swings {
+    times: u32,
+    last: f64,
+}
+
+impl Swings {
+    /// Braking begins; how often it did by now, where that is too often.
+    pub fn watch(&mut self, time: f64, velocity: f64, stands: bool) -> Option<u32> {
+        if stands && velocity.abs() > FAST {
+            self.times = if time - self.last < WITHIN { self.times + 1 } else { 1 };
+            self.last = time;
+        } else if !stands {
+            self.times = 0;
+        }
+        (self.times >= TIMES).then_some(self.times)
+    }
+}
+
 /// What has to brake now.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Brake {

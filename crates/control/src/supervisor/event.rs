@@ -40,6 +40,7 @@ events! {
     Slowed: "slowed", "1", "the reference is slowed in time, as the fallen supply does not do for it; value: the factor";
     Valve: "valve", "Pa", "the valve does not answer: both pressures leave the model; value: the larger distance";
     EndStop: "end-stop", "m/s", "the drive nears an end stop faster than it can be braked: full braking; value: the velocity";
+    Braked: "braked", "1", "a drive that is to stand has to be braked before an end stop again and again: the valve is shut; value: how often";
     Limit: "limit", "m", "a limit of position, speed or pressure is passed: stop ramp; value: the position";
     LimitSwitch: "limit-switch", "m", "a limit switch is reached: the command may only lead away; value: the position";
     EmergencyStop: "emergency-stop", "m/s", "emergency stop: stop ramp, then hold; value: the velocity";

@@ -13,6 +13,8 @@ const FOLLOWS: f64 = 0.1;
 const FLOW_SHARE: f64 = 0.4;
 /// Unknown force as a share of the friction up to which it is friction's (assumed).
 const BEYOND: f64 = 1.0;
+/// Time in which the pressure of a chamber that runs by the model takes what is missing beyond that, s (assumed).
+const BORNE: f64 = 0.02;
 /// Readings in a row that are not credible until a sensor is lost (assumed).
 const LOST: u32 = 3;
 /// Fall of the supply that is told, Pa, for how long, s, and the change of a pressure by flow, Pa, from which on it is seen
@@ -208,7 +210,7 @@ impl Gas {
                 let [level, _] = model.friction_levels([state.position, 0.0], state.pressures);
                 let d = state.disturbance;
                 let beyond = d - d.clamp(-BEYOND * level, BEYOND * level);
-                foreseen[i] += share * model.sides[i].sign * beyond / model.sides[i].area;
+                foreseen[i] += period / (period + BORNE) * model.sides[i].sign * beyond / model.sides[i].area;
             }
             for ((own, reading), foreseen) in chambers.iter().zip(readings).zip(&foreseen) {
                 if own.bad > 0 || own.is_lost {
