@@ -246,8 +246,9 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
 function Plots({ found }: { found: Opened }) {
   const now = views.value;
   if (!now) return null;
+  const [from, to] = span.value;
   return (
-    <div>
+    <div data-plots aria-busy={now.head.from !== from || now.head.to !== to}>
       {found.channels!.filter((one) => now.channels.has(one.column) && shown.value.includes(one.column)).map((one) => {
         const curves: Curve[] = [{ label: one.label, x: now.time, y: now.channels.get(one.column)! }];
         const there = now.channels.get(`beside/${one.column}`);

@@ -209,6 +209,7 @@ def measured_beside_another(server: Server, tab: Tab, name: str) -> None:
     page.keyboard.press("Tab")
     page.check("text=measure between two cursors")
     page.fill("input[aria-label='Cursor 1, s']", "8")
+    page.wait_for_selector("[data-plots][aria-busy=false]")  # a click is where the plot is, not where it will be
     box = page.locator("figure.plot .u-over >> nth=0").bounding_box()
     page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + 40)  # the second one is nearer
     row = "[data-measured^='{}/force']"
