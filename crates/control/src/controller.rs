@@ -6,7 +6,7 @@ use crate::gains::{FACTOR_BOUNDS, FACTORS, Gain, Gains};
 use crate::law::{
     FACTORED, Fuzzy, Inversion, Law, Nmpc, Pid, Plant, Pva, Sliding, SuperTwisting, Tick, Tuned,
 };
-use crate::model::{Edges, Model};
+use crate::model::{Edges, Model, Slip};
 use crate::number::{Memory, Number};
 use crate::observer::{Noise, Observer, Observing, Sample, State};
 use crate::own::{Own, Seen};
@@ -185,7 +185,8 @@ impl<S: Number> Hold<S> {
         let force = S::select(held, self.force, gas);
         let follows = self.begun + (force - self.begun).times(period / FORGETS);
         self.begun = S::select(held, follows, gas);
-        let [creep, settle] = match (model.valve.arrangement.is_proportional(), model.stick_drifts) {
+        let drifts = model.slip == Slip::Always;
+        let [creep, settle] = match (model.valve.arrangement.is_proportional(), drifts) {
             (false, _) => USUAL,
             (true, false) => ELASTIC,
             (true, true) => DRIFTING,
@@ -193,7 +194,7 @@ impl<S: Number> Hold<S> {
         // Where it is kept, away from where friction gives way.
         let released = (S::c(-model.load) - force).times(RELEASES * period);
         let drawn = S::select(zero.lt(kept), released, e.times(creep * model.stick_stiffness * period));
-        let room = level.times(ROOM[usize::from(model.stick_drifts)]);
+        let room = level.times(ROOM[usize::from(drifts)]);
         self.force = (force + drawn).max(self.begun - room).min(self.begun + room);
         self.holds = S::select(self.waited.lt(S::c(self.after)), zero, near);
         let creep = (self.force - force).times(1.0 / period);

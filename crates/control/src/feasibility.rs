@@ -88,8 +88,7 @@ pub fn demand(model: &Model, plant: &Plant, reference: &Reference, duration: f64
         found.speed = found.speed.max(now.velocity.abs() / plant.speed);
         let [a, b] = now.pressures;
         found.pressures = [found.pressures[0].min(a).min(b), found.pressures[1].max(a).max(b)];
-        let leak = model.openings(0.0);
-        let open = [given.max(0.0) + leak[0], (-given).max(0.0) + leak[1]];
+        let open = model.opened_by(given);
         let halfway = now.flow(model, open, 0.5 * STEP, &now);
         let end = now.flow(model, open, STEP, &halfway);
         (state.pressures, state.temperatures) = (end.pressures, end.temperatures);

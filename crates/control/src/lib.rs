@@ -28,7 +28,7 @@ pub use gains::{Choice, FACTOR_BOUNDS, FACTORS, Factor, Gain, Gains};
 pub use law::{
     CHOICES, FACTORED, Inference, Law, Nmpc, Plant, Predicting, Predictor, Tick, Tuned, mamdani, nmpc, sugeno,
 };
-pub use model::{Edges, Held, Model, Openings, Side, Valve};
+pub use model::{Edges, Held, Model, Openings, Side, Slip, Valve};
 pub use number::{Memory, Number};
 pub use observer::{Lugre, Noise, OBSERVERS, Observer, Observing, Sample, State};
 pub use own::{Own, OwnLaw, SIGNALS, Seen, Signal};

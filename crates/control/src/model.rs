@@ -6,7 +6,7 @@ use crate::valves::Arrangement;
 use math::Over;
 use physics::chamber::{EnergyBalance, Exchange};
 use physics::flow::{End, Iso6358, leaking, opened};
-use physics::friction::{At, Contact};
+use physics::friction::{AnyLaw, At, Contact, plastic_share};
 use physics::{Gas, heat};
 
 /// Gas of a constant state.
@@ -79,6 +79,28 @@ impl<S: Copy> Openings<S> for [S; 2] {
     }
 }
 
+/// When a contact slips that a force pushes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Slip {
+    /// It drifts under any force, as LuGre does.
+    Always,
+    /// Not below this share of its level, and more and more from there on.
+    From(f64),
+    /// Not below its level.
+    AtLevel,
+}
+
+impl Slip {
+    /// Of a law of friction.
+    pub fn of(law: &AnyLaw<f64>) -> Self {
+        match (law.meta().claims.no_drift, law.slips_from()) {
+            (false, _) => Slip::Always,
+            (true, Some(share)) => Slip::From(share),
+            (true, None) => Slip::AtLevel,
+        }
+    }
+}
+
 /// A proportional valve with a spool, or valves that do for a law what such a one would.
 #[derive(Clone, Debug)]
 pub struct Valve {
@@ -134,8 +156,8 @@ pub struct Model {
     pub friction: Contact<f64>,
     /// Stiffness of the contact in stick, N/m.
     pub stick_stiffness: f64,
-    /// In stick it drifts under a force below breakaway, as LuGre does; else it is elastic.
-    pub stick_drifts: bool,
+    /// When the contact slips.
+    pub slip: Slip,
     /// Shares of the friction that is described: of its level, and viscous.
     pub friction_shares: [f64; 2],
     /// Damping of the contact in stick over its stiffness, s.
@@ -208,9 +230,19 @@ impl Model {
     /// to b), with the spool at `spool`.
     #[inline(always)]
     pub fn openings<S: Over<f64>>(&self, spool: S) -> [S; 2] {
-        let Valve { overlap, leakage, leakage_width, .. } = self.valve;
+        self.edges_at(spool, self.valve.overlap)
+    }
+
+    /// The same where a share of the opening is given, past the overlap.
+    #[inline(always)]
+    pub fn opened_by<S: Over<f64>>(&self, share: S) -> [S; 2] {
+        self.edges_at(share, 0.0)
+    }
+
+    #[inline(always)]
+    fn edges_at<S: Over<f64>>(&self, spool: S, overlap: f64) -> [S; 2] {
         let whole = 1.0 - overlap;
-        let leak = leaking(S::c(leakage), S::c(leakage_width), spool);
+        let leak = leaking(S::c(self.valve.leakage), S::c(self.valve.leakage_width), spool);
         [1.0, -1.0].map(|way| opened(S::c(-overlap / whole), S::c(way / whole), spool) + leak)
     }
 
@@ -314,18 +346,24 @@ impl Model {
     ///
     ///   df/dt = min(s |v|/g, 1/h) (g sgn v - f)
     ///
-    /// s stiffness N/m. Exact below the bound; above it f is at its level within a step. A contact that does not drift is
-    /// elastic up to its level instead: df/dt = s v, and no more than is left to g.
+    /// s stiffness N/m. Exact below the bound; above it f is at its level within a step. Where a contact does not drift, below
+    /// its level df/dt = s v (1 - alpha f/g) instead, and no more than is left to g.
     #[inline(always)]
     pub fn stick_rate<S: Over<f64>>(&self, v: S, f: S, level: S, h: f64) -> S {
         let speed = (v * v + S::c(SMOOTH * SMOOTH)).sqrt();
         let rate = (speed.times(self.stick_stiffness) / level).min(S::c(1.0 / h));
         // g sgn v |v| = g v: no sign at rest.
         let left = level * (v / speed) - f;
-        if self.stick_drifts {
-            return rate * left;
-        }
-        let (sprung, rest) = (v.times(self.stick_stiffness), left.times(1.0 / h));
+        let spring = v.times(self.stick_stiffness);
+        let sprung = match self.slip {
+            Slip::Always => return rate * left,
+            Slip::From(share) => {
+                let q = f.abs() / level;
+                spring * (S::one() - plastic_share(S::c(share), v * f, q) * q)
+            }
+            Slip::AtLevel => spring,
+        };
+        let rest = left.times(1.0 / h);
         let elastic = S::select(rest.abs().lt(sprung.abs()), rest, sprung);
         S::select((left * v).lt(S::zero()), rate * left, elastic)
     }

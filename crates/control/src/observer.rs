@@ -42,18 +42,28 @@ impl<S: Over<f64>> State<S> {
     /// Goes on for `h` s with edges open by `openings`; with `measured` pressures, gas follows those.
     pub fn advance(&mut self, model: &Model, openings: impl Openings<S>, h: f64, measured: Option<[S; 2]>) {
         let openings = openings.edges();
-        let old = model.gas_force(self.pressures);
-        let speed = self.velocity + self.clone().pushed(model, old, None).times(0.5 * h);
+        let (piece, old) = (h / f64::from(PIECES), model.gas_force(self.pressures));
+        let [mut f_dot, mut a] = self.pushed(model, old, piece);
+        let speed = self.velocity + a.times(0.5 * h);
         let halfway = self.flow(model, openings, 0.5 * h, &State { velocity: speed, ..*self });
         let end = self.flow(model, openings, h, &State { velocity: speed, ..halfway });
         (self.pressures, self.temperatures) = (measured.unwrap_or(end.pressures), end.temperatures);
-        let force = (old + model.gas_force(self.pressures)).times(0.5);
-        let h = h / f64::from(PIECES);
-        for _ in 0..PIECES {
-            let before = self.velocity;
-            let a = self.pushed(model, force, Some(h));
-            self.velocity += a.times(h);
-            self.position += (before + self.velocity).times(0.5 * h);
+        let grown = (model.gas_force(self.pressures) - old).times(1.0 / f64::from(PIECES));
+        for k in 0..PIECES {
+            // By the rates halfway; the force of the gas goes from the old one to the new one.
+            let force = old + grown.times(f64::from(k) + 0.5);
+            if k > 0 {
+                [f_dot, a] = self.pushed(model, force, piece);
+            } else {
+                a += grown.times(0.5 / model.mass);
+            }
+            let mut middle = *self;
+            middle.friction += f_dot.times(0.5 * piece);
+            middle.velocity += a.times(0.5 * piece);
+            let [f_dot, a] = middle.pushed(model, force, piece);
+            self.friction += f_dot.times(piece);
+            self.velocity += a.times(piece);
+            self.position += middle.velocity.times(piece);
         }
     }
 
@@ -74,18 +84,17 @@ impl<S: Over<f64>> State<S> {
         next
     }
 
-    /// Acceleration under a force of the gas, m/s2; friction goes on for a time, s, if there is one.
-    fn pushed(&mut self, model: &Model, force: S, goes_on: Option<f64>) -> S {
+    /// Rate of the friction, N/s, which a step of `h` s can follow, and acceleration, m/s2, under a force of the gas.
+    fn pushed(&self, model: &Model, force: S, h: f64) -> [S; 2] {
         let [level, viscous] = model.friction_levels([self.position, self.velocity], self.pressures);
-        let rate = model.stick_rate(self.velocity, self.friction, level, goes_on.unwrap_or(FOLLOWED));
-        self.friction += rate.times(goes_on.unwrap_or(0.0));
+        let rate = model.stick_rate(self.velocity, self.friction, level, h);
         let friction = self.friction + rate.times(model.stick_damping_time);
-        model.acceleration(force, self.velocity, viscous, friction, self.disturbance)
+        [rate, model.acceleration(force, self.velocity, viscous, friction, self.disturbance)]
     }
 
     /// Acceleration by the model, m/s2.
     pub fn acceleration(&self, model: &Model) -> S {
-        self.clone().pushed(model, model.gas_force(self.pressures), None)
+        self.pushed(model, model.gas_force(self.pressures), FOLLOWED)[1]
     }
 
     /// The same in other numbers.

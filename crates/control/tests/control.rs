@@ -4,7 +4,7 @@ use approx::assert_abs_diff_eq;
 use control::spool::Spool;
 use control::{
     Arrangement, COEFFICIENTS, Controller, Held, LAWS, Model, Move, Noise, Observer, Observing, Piece,
-    Reference, Sample, Side, Valve, Wanted, blend, demand, export, least_factor, mamdani, sugeno,
+    Reference, Sample, Side, Slip, Valve, Wanted, blend, demand, export, least_factor, mamdani, sugeno,
 };
 use physics::flow::{Iso6358, LINEAR_ABOVE};
 use physics::friction::{AnyLaw, Choices, Contact};
@@ -60,7 +60,7 @@ fn drive() -> Model {
         },
         friction: Contact::from(law.expect("a law of that name")),
         stick_stiffness: 1e5,
-        stick_drifts: true,
+        slip: Slip::Always,
         friction_shares: [1.0; 2],
         stick_damping_time: 3e-3,
         gas: Gas::from(&gas),

@@ -34,7 +34,7 @@ pub use coulomb::Coulomb;
 pub use dahl::Dahl;
 pub use direction::{Direction, Sense};
 pub use dwell::{Dwell, Growth};
-pub use elasto_plastic::ElastoPlastic;
+pub use elasto_plastic::{ElastoPlastic, plastic_share};
 pub use film_lugre::FilmLuGre;
 pub use formula::Formula;
 pub use karnopp::Karnopp;
@@ -504,6 +504,10 @@ macro_rules! laws {
             /// Deflection, m, at which the element of this inner state slips in the level Fs, if it is that of one.
             pub fn element_limit(&self, state: usize) -> Option<P> {
                 match self { AnyLaw::MaxwellSlip(law) => law.limit(state), _ => None }
+            }
+            /// Share of the level from which a contact slips that does not drift below, if it slips before the level.
+            pub fn slips_from(&self) -> Option<P> {
+                match self { AnyLaw::ElastoPlastic(law) => Some(law.breakaway_share), _ => None }
             }
             /// See [`Law::damping`].
             pub fn damping<S: Over<P>>(&self, v: S) -> S {

@@ -4,7 +4,7 @@ use crate::refuse;
 use crate::valves::valves;
 use circuit::specification::{Circuit, Component};
 use circuit::{ComponentKind, Error, PistonSide, friction_law, kinds};
-use control::{Held, Model, Side};
+use control::{Held, Model, Side, Slip};
 use physics::{Gas, IdealGas};
 
 /// The components of an axis that is controlled, by their names.
@@ -133,7 +133,7 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
         friction_shares: [1.0; 2],
         stick_stiffness,
         stick_damping_time,
-        stick_drifts: !contact.law.meta().claims.no_drift,
+        slip: Slip::of(&contact.law),
         friction: contact,
         gas: Gas::from(&gas),
     };

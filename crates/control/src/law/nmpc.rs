@@ -305,7 +305,6 @@ fn by_model<S: Over<f64>>(
     let model = tick.model;
     let mut state: State<S> = tick.state.map(S::c);
     let [mut spool, mut speed] = tick.spool.share(model.valve.overlap).map(S::c);
-    let leak = model.openings(0.0);
     for (foreseen, (block, h)) in foreseen.iter_mut().zip(steps()) {
         let w = plan[block];
         let [half, whole] = transitions[STEPS[block] - 1];
@@ -315,9 +314,7 @@ fn by_model<S: Over<f64>>(
         };
         let [middle, _] = go(half);
         [spool, speed] = go(whole);
-        let share = middle.max(S::c(-1.0)).min(S::one());
-        let open = [share.max(S::zero()), (-share).max(S::zero())];
-        let open = [0, 1].map(|i| open[i] + S::c(leak[i]));
+        let open = model.opened_by(middle.max(S::c(-1.0)).min(S::one()));
         state.advance(model, open, h, None);
         *foreseen = [state.position, state.velocity, state.acceleration(model)];
     }

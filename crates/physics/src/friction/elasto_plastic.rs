@@ -24,15 +24,13 @@ bristle_parameters! {
     }
 }
 
-impl<P: Real> ElastoPlastic<P> {
-    /// alpha: share of the motion that is slip, for bristles deflected to the share `q` of their limit.
-    #[inline(always)]
-    fn plastic_share<S: Over<P>>(&self, v: S, z: S, q: S) -> S {
-        let begin = S::from(self.breakaway_share);
-        let way = ((q - begin) / (S::one() - begin)).max(S::zero()).min(S::one());
-        let loading = S::c(0.5) - S::c(0.5) * (S::c(PI) * way).cos();
-        S::select((v * z).lt(S::zero()), S::zero(), loading)
-    }
+/// alpha: share of the motion that is slip, for bristles deflected to the share `q` of their limit that begin to slip at
+/// the share `begin`; `loading` has the sign of v z.
+#[inline(always)]
+pub fn plastic_share<S: Real>(begin: S, loading: S, q: S) -> S {
+    let way = ((q - begin) / (S::one() - begin)).max(S::zero()).min(S::one());
+    let slips = S::c(0.5) - S::c(0.5) * (S::c(PI) * way).cos();
+    S::select(loading.lt(S::zero()), S::zero(), slips)
 }
 
 impl<P: Real> Law<P> for ElastoPlastic<P> {
@@ -61,7 +59,8 @@ impl<P: Real> Law<P> for ElastoPlastic<P> {
         let v = at.v;
         let elastic = S::from(self.bristle_stiffness) * z[0];
         let deflected = elastic / levels.at(self.weight(v));
-        let rate = v - self.plastic_share(v, z[0], deflected.abs()) * v.abs() * deflected;
+        let slips = plastic_share(S::from(self.breakaway_share), v * z[0], deflected.abs());
+        let rate = v - slips * v.abs() * deflected;
         dz[0] = rate;
         self.force_of(v, levels.viscous, elastic, rate)
     }
