@@ -39,12 +39,19 @@ pub struct State<S = f64> {
 }
 
 impl<S: Over<f64>> State<S> {
-    /// Goes on for `h` s with edges open by `openings`; with `measured` pressures, gas follows those.
-    pub fn advance(&mut self, model: &Model, openings: impl Openings<S>, h: f64, measured: Option<[S; 2]>) {
+    /// Goes on for `h` s with edges open by `openings`; with `measured` pressures, gas follows those. The acceleration where
+    /// it began, m/s2.
+    pub fn advance(
+        &mut self,
+        model: &Model,
+        openings: impl Openings<S>,
+        h: f64,
+        measured: Option<[S; 2]>,
+    ) -> S {
         let openings = openings.edges();
         let (piece, old) = (h / f64::from(PIECES), model.gas_force(self.pressures));
-        let [mut f_dot, mut a] = self.pushed(model, old, piece);
-        let speed = self.velocity + a.times(0.5 * h);
+        let begin = self.pushed(model, old, piece);
+        let speed = self.velocity + begin[1].times(0.5 * h);
         let halfway = self.flow(model, openings, 0.5 * h, &State { velocity: speed, ..*self });
         let end = self.flow(model, openings, h, &State { velocity: speed, ..halfway });
         (self.pressures, self.temperatures) = (measured.unwrap_or(end.pressures), end.temperatures);
@@ -52,11 +59,10 @@ impl<S: Over<f64>> State<S> {
         for k in 0..PIECES {
             // By the rates halfway; the force of the gas goes from the old one to the new one.
             let force = old + grown.times(f64::from(k) + 0.5);
-            if k > 0 {
-                [f_dot, a] = self.pushed(model, force, piece);
-            } else {
-                a += grown.times(0.5 / model.mass);
-            }
+            let [f_dot, a] = match k {
+                0 => [begin[0], begin[1] + grown.times(0.5 / model.mass)],
+                _ => self.pushed(model, force, piece),
+            };
             let mut middle = *self;
             middle.friction += f_dot.times(0.5 * piece);
             middle.velocity += a.times(0.5 * piece);
@@ -65,6 +71,7 @@ impl<S: Over<f64>> State<S> {
             self.velocity += a.times(piece);
             self.position += middle.velocity.times(piece);
         }
+        begin[1]
     }
 
     /// The gas after `h` s at the rates that it has in another state; the piston goes on at its speed.

@@ -305,7 +305,7 @@ fn by_model<S: Over<f64>>(
     let model = tick.model;
     let mut state: State<S> = tick.state.map(S::c);
     let [mut spool, mut speed] = tick.spool.share(model.valve.overlap).map(S::c);
-    for (foreseen, (block, h)) in foreseen.iter_mut().zip(steps()) {
+    for (step, (block, h)) in steps().enumerate() {
         let w = plan[block];
         let [half, whole] = transitions[STEPS[block] - 1];
         let go = |by: [f64; 4]| {
@@ -315,9 +315,13 @@ fn by_model<S: Over<f64>>(
         let [middle, _] = go(half);
         [spool, speed] = go(whole);
         let open = model.opened_by(middle.max(S::c(-1.0)).min(S::one()));
-        state.advance(model, open, h, None);
-        *foreseen = [state.position, state.velocity, state.acceleration(model)];
+        let began = state.advance(model, open, h, None);
+        if step > 0 {
+            foreseen[step - 1][2] = began;
+        }
+        foreseen[step] = [state.position, state.velocity, S::zero()];
     }
+    foreseen[HORIZON - 1][2] = state.acceleration(model);
 }
 
 impl Tuned for Nmpc {
