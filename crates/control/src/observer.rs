@@ -50,7 +50,7 @@ impl<S: Over<f64>> State<S> {
     ) -> S {
         let openings = openings.edges();
         let (piece, old) = (h / f64::from(PIECES), model.gas_force(self.pressures));
-        let begin = self.pushed(model, old, piece);
+        let begin = self.pushed(model, old, piece.min(FOLLOWED));
         let speed = self.velocity + begin[1].times(0.5 * h);
         let halfway = self.flow(model, openings, 0.5 * h, &State { velocity: speed, ..*self });
         let end = self.flow(model, openings, h, &State { velocity: speed, ..halfway });
