@@ -347,7 +347,8 @@ impl Model {
     ///   df/dt = min(s |v|/g, 1/h) (g sgn v - f)
     ///
     /// s stiffness N/m. Exact below the bound; above it f is at its level within a step. Where a contact does not drift, below
-    /// its level df/dt = s v (1 - alpha f/g) instead, and no more than is left to g.
+    /// its level df/dt = s v (1 - alpha |f|/g) instead, and no more than is left to g; alpha is the [`plastic_share`] of the
+    /// motion, none where the contact slips at its level alone.
     #[inline(always)]
     pub fn stick_rate<S: Over<f64>>(&self, v: S, f: S, level: S, h: f64) -> S {
         let speed = (v * v + S::c(SMOOTH * SMOOTH)).sqrt();

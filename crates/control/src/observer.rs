@@ -39,8 +39,8 @@ pub struct State<S = f64> {
 }
 
 impl<S: Over<f64>> State<S> {
-    /// Goes on for `h` s with edges open by `openings`; with `measured` pressures, gas follows those. The acceleration where
-    /// it began, m/s2.
+    /// Goes on for `h` s with edges open by `openings`; with `measured` pressures, gas follows those. Returns the acceleration
+    /// with which it began, m/s2.
     pub fn advance(
         &mut self,
         model: &Model,
