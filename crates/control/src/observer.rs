@@ -171,7 +171,7 @@ law! {
     /// next sample, then the correction there. The disturbance is what the forces of the model lack to z2. The factors are
     /// assumed.
     pub struct Levant {
-        jerk: "m/s3", above(0.0), "least L; it is twice the largest jerk of the reference where that is more", rule "a tenth of the rate of the force over the mass, assumed";
+        jerk: "m/s3", above(0.0), "least L; it is twice the largest jerk of the reference where that is more", rule "0.4 of the rate of the force over the mass, assumed";
     } memory<S> { acceleration: S = S::zero() }
 }
 
@@ -180,7 +180,7 @@ const LEVANT: [f64; 3] = [2.0, 2.12, 1.1];
 /// L for each jerk of the reference (assumed).
 const ABOVE_REFERENCE: f64 = 2.0;
 /// Share of the rate of the force over the mass that L is at least (assumed).
-const JERK_SHARE: f64 = 0.1;
+const JERK_SHARE: f64 = 0.4;
 /// Least number of which it takes a root.
 const LEAST_ROOT: f64 = 1e-40;
 

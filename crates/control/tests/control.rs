@@ -199,7 +199,9 @@ fn a_differentiator_finds_velocity_and_acceleration_without_a_model() {
     let jerk = reference.most_jerk();
     assert!((0.06 * (TAU * 2.0).powi(3)..0.1 * (TAU * 2.0).powi(3)).contains(&jerk), "{jerk}");
     let plant = control::Plant::of(&model, MIDDLE, [PRESSURE; 2], PERIOD);
-    let levant = Observing::tuned("levant", &model, &plant).expect("an observer of that name");
+    let mut levant = Observing::tuned("levant", &model, &plant).expect("an observer of that name");
+    // What a sample's corrections do.
+    let chatters = *levant.gains()[0].1 * PERIOD;
     let sample =
         |t: f64| Sample { time: t, position: reference.at(t).position, pressures: Some([PRESSURE; 2]) };
     let noise = Noise { disturbance: 15.0, position: 2e-6 };
@@ -214,7 +216,7 @@ fn a_differentiator_finds_velocity_and_acceleration_without_a_model() {
             worst[1] = worst[1].max((observer.state.acceleration(&model) - wanted.acceleration).abs());
         }
     }
-    assert!(worst[0] < 2e-3 && worst[1] < 1.5, "{worst:?}");
+    assert!(worst[0] < 5.0 * chatters * PERIOD && worst[1] < 4.0 * chatters, "{worst:?}, {chatters}");
 }
 
 /// Commands of a law for samples, each seen by the same law from the other end of the drive, too.

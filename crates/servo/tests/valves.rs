@@ -240,7 +240,7 @@ fn what_no_law_commands_is_refused() {
 }
 
 /// What each observer makes of the true velocity, in the loop and with the noise of sensors: that of the bristle is nearer than
-/// the usual one, a differentiator, which has no model, farther.
+/// the usual one, a differentiator, which has no model, farther by what its jerk costs.
 #[test]
 fn observers_come_near_to_the_velocity() {
     let mut spec = told("inversion", &axis());
@@ -254,8 +254,8 @@ fn observers_come_near_to_the_velocity() {
     assert!(matches!(differentiator.controller.observing, Observing::Levant(_)));
     let [usual, bristle, levant] = [&usual, &bristle, &differentiator].map(Ran::velocity_error);
     assert!(bristle < 0.98 * usual && bristle < 1e-3, "{bristle} m/s, usually {usual} m/s");
-    assert!((1.5 * usual..2.5 * usual).contains(&levant), "{levant} m/s, usually {usual} m/s");
-    assert!(differentiator.error(1.5) < 0.4, "{} mm", differentiator.error(1.5));
+    assert!((2.0 * usual..4.5 * usual).contains(&levant), "{levant} m/s, usually {usual} m/s");
+    assert!(differentiator.error(1.5) < 0.5, "{} mm", differentiator.error(1.5));
     // Its plan goes by the contact: the drive was lost, by 110 mm.
     spec.law = "nmpc".into();
     let words = controller(&spec, 0.0).map(|_| ()).expect_err("no plan without a contact").to_string();

@@ -7,7 +7,8 @@ use crate::observer::State;
 /// reading rests until that is stuck (assumed).
 const JUMP: f64 = 5.0;
 const STUCK: f64 = 20.0;
-/// Speed up to which a model without measured pressures may creep while its drive rests, m/s (assumed).
+/// Speed up to which a model without measured pressures, or one that follows the position alone, may creep while its drive
+/// rests, m/s (assumed).
 const CREEPS: f64 = 5e-3;
 /// Share of the highest speed by which the speed of the model may be wrong (assumed).
 const SPEED_SHARE: f64 = 0.1;
@@ -32,12 +33,12 @@ impl Position {
     }
 
     /// A reading, or what the model foresees where that is not credible. `grain` is how finely the model can know a
-    /// position, m, `fastest` the highest speed, m/s; `is_held`: the law held at the last sample; `has_gas`: pressures are
-    /// measured.
+    /// position, m, `fastest` the highest speed, m/s; `is_held`: the law held at the last sample; `by_gas`: the model
+    /// follows measured pressures.
     pub fn checked(
         &mut self,
         (time, reading): (f64, f64),
-        (foreseen, is_held, has_gas): (&State, bool, bool),
+        (foreseen, is_held, by_gas): (&State, bool, bool),
         (grain, fastest, period): (f64, f64, f64),
         log: &mut Log,
     ) -> f64 {
@@ -46,7 +47,7 @@ impl Position {
         }
         let miss = reading - foreseen.position;
         // A contact that is held may creep in the model and stick in truth: each reading puts the model back.
-        let creeps = is_held || !has_gas && foreseen.velocity.abs() < CREEPS;
+        let creeps = is_held || !by_gas && foreseen.velocity.abs() < CREEPS;
         let way = if creeps { 0.0 } else { foreseen.velocity * period };
         self.moved = if self.last == Some(reading) { self.moved + way } else { 0.0 };
         let jumps = miss.abs() > JUMP * grain + SPEED_SHARE * fastest * period * f64::from(1 + self.bad);
