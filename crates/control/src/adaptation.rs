@@ -105,8 +105,8 @@ const HEAVY: f64 = 0.1;
 const OPEN: f64 = 0.012;
 const SLOW: f64 = 5.0;
 const CALM: f64 = 0.002;
-/// A disturbance that jumps in one direction by this share of the Coulomb friction is a load: friction is not learned for a
-/// time, s (assumed).
+/// A disturbance that jumps in one direction by this share of the Coulomb friction, and of the inertia, is a load: friction
+/// is not learned for a time, s (assumed).
 const JUMP: f64 = 0.5;
 const WAIT: f64 = 0.5;
 
@@ -156,13 +156,13 @@ impl Adaptation {
         // Of one direction: wrong friction turns with the motion, and is to be learned.
         let known = &mut self.disturbance[usize::from(v < 0.0)];
         let [known] = known.follow([state.disturbance], period / (period + WAIT));
-        if (state.disturbance - known).abs() > JUMP * level {
+        let inertia = self.described.mass * (v - slow) / MOTION_LAG;
+        if (state.disturbance - known).abs() > JUMP * (level + inertia.abs()) {
             self.rests = WAIT;
         }
         if self.rests > 0.0 {
             return;
         }
-        let inertia = self.described.mass * (v - slow) / MOTION_LAG;
         let deviation = FORCE_DEVIATION * (FAST / v.abs()).max(1.0);
         let phi = [coulomb, viscous, OFFSET, inertia].map(|own| own / deviation);
         let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-level / OFFSET, level / OFFSET], MASS_WITHIN];
