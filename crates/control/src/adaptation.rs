@@ -178,9 +178,9 @@ impl Adaptation {
     fn learn_valve(&mut self, model: &mut Model, state: &State, [spool, speed]: [f64; 2], period: f64) {
         let described = &self.described;
         let place = [state.position, state.velocity];
-        let contents = described.contents(state.position, state.pressures, state.temperatures);
-        let full = described.chambers(place, contents, if spool > 0.0 { [1.0, 0.0] } else { [0.0, 1.0] });
-        let shut = described.chambers(place, contents, [0.0; 2]);
+        let gas = state.gas();
+        let full = described.chambers(place, gas, if spool > 0.0 { [1.0, 0.0] } else { [0.0, 1.0] });
+        let shut = described.chambers(place, gas, [0.0; 2]);
         let k1 = described.gas.heat_capacity_ratio - 1.0;
         self.calm = if speed.abs() < SLOW { self.calm + period } else { 0.0 };
         let open = spool.abs() - model.valve.overlap > OPEN && self.calm > CALM;
@@ -188,10 +188,10 @@ impl Adaptation {
         let seen = if spool > 0.0 { [0, 1] } else { [1, 0] }.map(|side| {
             // Energy that flows in at full opening, W, while an edge is open.
             let is_open = f64::from(u8::from(spool.abs() > model.valve.overlap));
-            let flow = is_open * (full.rates[side][1] - shut.rates[side][1]);
+            let flow = is_open * (full.energy_rates[side] - shut.energy_rates[side]);
             let volume = described.sides[side].volume(state.position);
             let scale = described.valve.flow.gain * CHOKED * described.gas.cp * state.temperatures[side];
-            let now = [state.pressures[side] * volume / k1, shut.rates[side][1], flow * spool.abs(), flow];
+            let now = [state.pressures[side] * volume / k1, shut.energy_rates[side], flow * spool.abs(), flow];
             let [energy, other, by_spool, by_one] = self.gas[side].follow(now, period / (period + GAS_LAG));
             let rate = (now[0] - energy) / GAS_LAG;
             ([by_spool / scale, by_one / scale], (rate - other) / scale)

@@ -4,7 +4,7 @@ use crate::number::Number;
 use crate::observer::State;
 use crate::valves::Arrangement;
 use math::Over;
-use physics::chamber::{EnergyBalance, Exchange};
+use physics::chamber::{EnergyBalance, Exchange, GasState};
 use physics::flow::{End, Iso6358, leaking, opened};
 use physics::friction::{AnyLaw, At, Contact, plastic_share};
 use physics::{Gas, heat};
@@ -167,10 +167,12 @@ pub struct Model {
 /// How the gas of both chambers changes.
 #[derive(Clone, Copy, Debug)]
 pub struct Chambers<S> {
-    /// dm/dt and dU/dt of each.
-    pub rates: [[S; 2]; 2],
+    /// dU/dt of each, W.
+    pub energy_rates: [S; 2],
     /// dp/dt of each, Pa/s.
     pub pressure_rates: [S; 2],
+    /// dT/dt of each, K/s.
+    pub temperature_rates: [S; 2],
 }
 
 impl Model {
@@ -212,18 +214,11 @@ impl Model {
             // Gas that was at the wall's temperature, compressed without heat.
             let k = self.gas.heat_capacity_ratio;
             let temperature = self.wall_temperature * (1.0 + by).powf(1.0 - 1.0 / k);
-            let contents = self.contents(x, p.map(|p| p * (1.0 + by)), [temperature; 2]);
-            self.chambers([x, 0.0], contents, self.openings(0.0)).pressure_rates
+            let gas = p.map(|p| GasState::at(p * (1.0 + by), temperature));
+            self.chambers([x, 0.0], gas, self.openings(0.0)).pressure_rates
         };
         let [low, high] = [-SMALL, SMALL].map(at);
         [0, 1].map(|i| (low[i] - high[i]) / (2.0 * SMALL * p[i]))
-    }
-
-    /// m and U of both chambers at pressures, Pa, and temperatures, K, with the piston at x.
-    #[inline(always)]
-    pub fn contents<S: Over<f64>>(&self, x: S, pressures: [S; 2], temperatures: [S; 2]) -> [[S; 2]; 2] {
-        let volume = |i: usize| self.sides[i].volume(x);
-        [0, 1].map(|i| EnergyBalance::initial(&*self.gas, pressures[i], temperatures[i], volume(i)))
     }
 
     /// Share of the conductance that is open of the edges supply to a (and b to exhaust), and a to exhaust (and supply
@@ -260,15 +255,15 @@ impl Model {
         command.signum() * (command.abs() - overlap).max(0.0) / (1.0 - overlap)
     }
 
-    /// Chambers with m and U at (x, v), the edges open by `openings`.
+    /// Chambers with their gas at (x, v), the edges open by `openings`.
     #[inline(always)]
     pub fn chambers<S: Over<f64>>(
         &self,
         place: [S; 2],
-        contents: [[S; 2]; 2],
+        gas: [GasState<S>; 2],
         openings: impl Openings<S>,
     ) -> Chambers<S> {
-        self.chambers_on(&self.supply, place, contents, openings)
+        self.chambers_on(&self.supply, place, gas, openings)
     }
 
     /// The same on another supply.
@@ -277,15 +272,14 @@ impl Model {
         &self,
         supply: &Held,
         [x, v]: [S; 2],
-        contents: [[S; 2]; 2],
+        gas: [GasState<S>; 2],
         openings: impl Openings<S>,
     ) -> Chambers<S> {
         let (source, exhaust, openings) = (supply.end(), self.ambient.end(), openings.edges());
         let cp = self.gas.cp;
         let each: [_; 2] = std::array::from_fn(|i| {
-            let side = &self.sides[i];
+            let (side, gas) = (&self.sides[i], &gas[i]);
             let volume = side.volume(x);
-            let gas = EnergyBalance::state(&*self.gas, contents[i], volume);
             let own = End { p: gas.p, inverse_p: gas.inverse_p, choked: gas.p * gas.inverse_sqrt_t };
             let [fills, vents] = openings[i];
             let (inflow, back) = self.valve.flow.flow(fills, &source, &own);
@@ -300,21 +294,25 @@ impl Model {
                 volume_rate: v.times(side.sign * side.area),
                 heat: heat::newton(S::c(self.heat_transfer), wall, S::c(self.wall_temperature), gas.t),
             };
-            let rates = EnergyBalance::rate(gas.p, &exchange);
-            // p V = (k - 1) U.
-            let k1 = self.gas.heat_capacity_ratio - 1.0;
-            let pressure_rate = (rates[1].times(k1) - gas.p * exchange.volume_rate) / volume;
-            (rates, pressure_rate)
+            let [m_dot, u_dot] = EnergyBalance::rate(gas.p, &exchange);
+            // p V = (k - 1) U = m R T.
+            let (grown, inverse) = (u_dot.times(self.gas.heat_capacity_ratio - 1.0), S::one() / volume);
+            let warmed = (grown - (m_dot * gas.t).times(self.gas.gas_constant)) * gas.t;
+            (u_dot, (grown - gas.p * exchange.volume_rate) * inverse, warmed * gas.inverse_p * inverse)
         });
-        Chambers { rates: each.map(|own| own.0), pressure_rates: each.map(|own| own.1) }
+        Chambers {
+            energy_rates: each.map(|own| own.0),
+            pressure_rates: each.map(|own| own.1),
+            temperature_rates: each.map(|own| own.2),
+        }
     }
 
     /// Under which opening the force of the gas changes at a rate, N/s: its way, and the share of it, as flow is linear
     /// in it on each side. The share is above 1 where the valve is too small, and below 0 where no opening will do.
     pub fn opening_for<S: Number>(&self, state: &State<S>, rate: S) -> (S, S) {
-        let contents = self.contents(state.position, state.pressures, state.temperatures);
+        let gas = state.gas();
         let at = |openings: [S; 2]| {
-            let [a, b] = self.chambers([state.position, state.velocity], contents, openings).pressure_rates;
+            let [a, b] = self.chambers([state.position, state.velocity], gas, openings).pressure_rates;
             a.times(self.sides[0].area) - b.times(self.sides[1].area)
         };
         let shut = at(self.openings(S::zero()));

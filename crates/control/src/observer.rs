@@ -8,6 +8,7 @@ use crate::model::{Model, Openings};
 use crate::number::{Memory, Number};
 use crate::spool::Spool;
 use math::Over;
+use physics::chamber::GasState;
 use physics::{above, within};
 
 /// What sensors say at a sample.
@@ -76,15 +77,13 @@ impl<S: Over<f64>> State<S> {
 
     /// The gas after `h` s at the rates that it has in another state; the piston goes on at its speed.
     pub(crate) fn flow(&self, model: &Model, openings: impl Openings<S>, h: f64, at: &State<S>) -> State<S> {
-        let contents = model.contents(at.position, at.pressures, at.temperatures);
-        let gas = model.chambers([at.position, at.velocity], contents, openings);
+        let chambers = model.chambers([at.position, at.velocity], at.gas(), openings);
         let mut next = *self;
         for side in 0..2 {
-            let ([m, u], [m_dot, u_dot]) = (contents[side], gas.rates[side]);
-            next.temperatures[side] += (u_dot / u - m_dot / m).times(h) * at.temperatures[side];
+            next.temperatures[side] += chambers.temperature_rates[side].times(h);
             next.temperatures[side] =
                 next.temperatures[side].max(S::c(TEMPERATURES[0])).min(S::c(TEMPERATURES[1]));
-            next.pressures[side] += gas.pressure_rates[side].times(h);
+            next.pressures[side] += chambers.pressure_rates[side].times(h);
             next.pressures[side] = next.pressures[side].max(S::c(LEAST_PRESSURE));
         }
         next.position += self.velocity.times(h);
@@ -102,6 +101,11 @@ impl<S: Over<f64>> State<S> {
     /// Acceleration by the model, m/s2.
     pub fn acceleration(&self, model: &Model) -> S {
         self.pushed(model, model.gas_force(self.pressures), FOLLOWED)[1]
+    }
+
+    /// The gas of both chambers.
+    pub fn gas(&self) -> [GasState<S>; 2] {
+        [0, 1].map(|side| GasState::at(self.pressures[side], self.temperatures[side]))
     }
 
     /// The same in other numbers.

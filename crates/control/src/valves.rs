@@ -307,10 +307,10 @@ struct Reach {
 
 impl Reach {
     fn of(model: &Model, state: &State) -> Self {
-        let State { position: x, velocity: v, pressures, temperatures, .. } = *state;
-        let contents = model.contents(x, pressures, temperatures);
+        let State { position: x, velocity: v, pressures, .. } = *state;
+        let gas = state.gas();
         let rates = |each: [f64; 2]| {
-            let rates = model.chambers([x, v], contents, [each; 2]).pressure_rates;
+            let rates = model.chambers([x, v], gas, [each; 2]).pressure_rates;
             [0, 1].map(|i| rates[i] * model.sides[i].area)
         };
         let k = model.gas.heat_capacity_ratio;

@@ -120,8 +120,7 @@ impl Gas {
         };
         let place = [twin.position, twin.velocity];
         let at = |gas: &State, supply: &Held, openings| {
-            let contents = model.contents(gas.position, gas.pressures, gas.temperatures);
-            model.chambers_on(supply, place, contents, openings).pressure_rates
+            model.chambers_on(supply, place, gas.gas(), openings).pressure_rates
         };
         let (described, shut) = (&model.supply, [[0.0; 2]; 2]);
         let (modelled, still) = (at(&twin, described, edges), at(&twin, described, shut));
