@@ -5,7 +5,7 @@ use crate::reduction::Follower;
 use crate::run::{Came, Status, Worker};
 use circuit::{Circuit, failure_of};
 use math::Lane;
-use ode::Stepper;
+use ode::{Output, Stepper};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -157,6 +157,7 @@ impl<'g, 'w, 'a, 'f, R: Lane> Group<'g, 'w, 'a, 'f, R> {
         }
         if failure.is_none() && !seat.due.is_empty() {
             let template = self.queue.worker.planned.ensemble.template();
+            self.follower.changes(lane, self.stepper.system());
             while let Some((_, input, value)) = seat.due.pop_if(|due| due.0 <= now) {
                 template.set(&mut seat.circuit, input, 0, value);
                 template.set(self.stepper.system_mut(), input, lane, R::c(value));

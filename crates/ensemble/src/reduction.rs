@@ -43,6 +43,9 @@ pub enum What {
     },
 }
 
+/// Samples of a lane whose columns are found together.
+const MOST_WAITING: usize = 1024;
+
 /// A column and what becomes of it.
 #[derive(Clone, Copy, Debug)]
 pub struct Reduction {
@@ -78,6 +81,10 @@ pub struct Follower<'a, R: Lane> {
     /// When samples are due, and which is the next one of each lane.
     times: Vec<f64>,
     next: Vec<usize>,
+    /// Time and states of the samples of each lane whose columns are not known yet: one row has those of all lanes.
+    waiting: Vec<Vec<f64>>,
+    /// The same of one sample of each lane.
+    at: Vec<R>,
     needs_rows: bool,
     net: Net<R>,
     /// The attempt that the following are of: all lanes that it is accepted in share them.
@@ -118,6 +125,8 @@ impl<'a, R: Lane> Follower<'a, R> {
             folds: vec![Fold::default(); R::L * asked.len()],
             times: rate.map_or(Vec::new(), |rate| sample_times(duration, rate)),
             next: vec![usize::MAX; R::L],
+            waiting: vec![Vec::new(); R::L],
+            at: vec![R::zero(); 1 + assembly.circuit.structure().n()],
             needs_rows: sources
                 .iter()
                 .zip(asked)
@@ -140,6 +149,7 @@ impl<'a, R: Lane> Follower<'a, R> {
     /// A new member begins in a lane.
     pub fn init(&mut self, lane: usize) {
         self.next[lane] = 0;
+        self.waiting[lane].clear();
         self.attempt = 0;
         self.begun &= !(1 << lane);
         self.found.iter_mut().for_each(|found| *found &= !(1 << lane));
@@ -157,9 +167,10 @@ impl<'a, R: Lane> Follower<'a, R> {
         while self.next[lane] < self.times.len() {
             self.sample(lane, self.times[self.next[lane]], y, circuit);
         }
+        self.changes(lane, circuit);
         let row = &mut self.row;
         if self.asked.iter().any(|asked| asked.what == What::Final) {
-            self.assembly.row(circuit, t, y, &mut self.net, row);
+            self.assembly.row(circuit, R::c(t), y, &mut self.net, row);
         }
         let mut out = out.iter_mut();
         let mut put = |value: f64| *out.next().expect("room for each number") = value;
@@ -186,7 +197,7 @@ impl<'a, R: Lane> Follower<'a, R> {
             return course.of(lane).value(theta);
         }
         let y = &states.at(theta)[..circuit.structure().n()];
-        self.assembly.row(circuit, theta.mul_add(h, t), y, &mut self.net, &mut self.row);
+        self.assembly.row(circuit, R::c(theta.mul_add(h, t)), y, &mut self.net, &mut self.row);
         self.row[self.asked[r].column].get(lane)
     }
 
@@ -233,7 +244,7 @@ impl<'a, R: Lane> Follower<'a, R> {
                 k if k == POINTS - 1 => states.after(),
                 _ => states.at(theta(k)),
             };
-            self.assembly.row(circuit, theta(k).mul_add(h, t), &y[..n], &mut self.net, row);
+            self.assembly.row(circuit, R::c(theta(k).mul_add(h, t)), &y[..n], &mut self.net, row);
         }
     }
 
@@ -343,14 +354,22 @@ impl<R: Lane> Output<R, Circuit<R>> for Follower<'_, R> {
         self.times.get(self.next[lane]).copied().unwrap_or(f64::INFINITY)
     }
 
+    #[inline(always)]
     fn sample(&mut self, lane: usize, t: f64, y: &[R], circuit: &Circuit<R>) {
-        self.assembly.row(circuit, t, y, &mut self.net, &mut self.row);
-        for (fold, asked) in self.folds[lane * self.asked.len()..].iter_mut().zip(self.asked) {
-            if let What::Samples { .. } = asked.what {
-                fold.samples.push(self.row[asked.column].get(lane));
-            }
-        }
+        let waiting = &mut self.waiting[lane];
+        waiting.push(t);
+        waiting.extend(y.iter().map(|state| state.get(lane)));
         self.next[lane] += 1;
+        if waiting.len() >= MOST_WAITING * self.at.len() {
+            self.changes(lane, circuit);
+        }
+    }
+
+    #[inline(always)]
+    fn changes(&mut self, lane: usize, circuit: &Circuit<R>) {
+        if !self.waiting[lane].is_empty() {
+            self.put_samples(lane, circuit);
+        }
     }
 
     #[inline(always)]
@@ -365,6 +384,30 @@ impl<R: Lane> Output<R, Circuit<R>> for Follower<'_, R> {
 }
 
 impl<R: Lane> Follower<'_, R> {
+    /// The columns of all samples of a lane that wait, and of as many of each other lane.
+    fn put_samples(&mut self, lane: usize, circuit: &Circuit<R>) {
+        let (width, end) = (self.at.len(), self.waiting[lane].len());
+        for from in (0..end).step_by(width) {
+            let of = |other: usize| self.waiting[other].get(from..from + width);
+            let own = &self.waiting[lane][from..from + width];
+            for (i, at) in self.at.iter_mut().enumerate() {
+                *at = R::from_lanes(|other| of(other).unwrap_or(own)[i]);
+            }
+            self.assembly.row(circuit, self.at[0], &self.at[1..], &mut self.net, &mut self.row);
+            let all = self.folds.chunks_exact_mut(self.asked.len()).enumerate();
+            for (other, folds) in all.filter(|(other, _)| of(*other).is_some()) {
+                for (fold, asked) in folds.iter_mut().zip(self.asked) {
+                    if let What::Samples { .. } = asked.what {
+                        fold.samples.push(self.row[asked.column].get(other));
+                    }
+                }
+            }
+        }
+        for waiting in &mut self.waiting {
+            waiting.drain(..end.min(waiting.len()));
+        }
+    }
+
     /// An accepted step of a lane in which something has to be looked at.
     fn attend(
         &mut self,

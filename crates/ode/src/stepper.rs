@@ -479,6 +479,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                         if theta * h_lane > MIN_RELATIVE_STEP * t0.abs().max(1.0) {
                             control.cut_onto_event(theta * h_lane);
                         } else {
+                            output.changes(lane, &self.system);
                             self.switch(lane, event, false);
                             any_accepted = true;
                         }
@@ -495,6 +496,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             self.inside = Some(inside);
             if is_outside::<R>(inside, lane) {
                 self.lanes[lane].take_back(h_lane);
+                output.changes(lane, &self.system);
                 if !self.system.meet(lane) {
                     self.check_outside(lane);
                 }
@@ -520,6 +522,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             match taken {
                 Some(event) => {
                     self.take_over(1 << lane);
+                    output.changes(lane, &self.system);
                     self.switch(lane, event, true);
                 }
                 None => {

@@ -246,7 +246,7 @@ impl<R: Lane> Session<R> {
         if !self.is_read {
             let y = self.settled();
             let (circuit, t) = (self.stepper.system(), self.stepper.time(0));
-            self.assembly.row(circuit, t, &y, &mut self.net, &mut self.row);
+            self.assembly.row(circuit, R::c(t), &y, &mut self.net, &mut self.row);
             self.is_read = true;
         }
         self.row[column]
@@ -525,7 +525,7 @@ impl Session {
             let y: Vec<Seeded> = y0.iter().enumerate().map(|(i, &value)| seeded(value, i)).collect();
             let mut net = circuit.work::<Seeded>();
             circuit.rhs(Seeded::zero(), &y, &mut dy, &mut net);
-            self.assembly.row(&circuit, self.time(), &y, &mut net, &mut row);
+            self.assembly.row(&circuit, Seeded::c(self.time()), &y, &mut net, &mut row);
             let numbers = dy[..n].iter().chain(columns.iter().map(|&column| &row[column]));
             for (slopes, number) in slopes.iter_mut().zip(numbers) {
                 let pass = first..directions.min(first + DIRECTIONS);

@@ -363,7 +363,7 @@ impl<P: Lane> Output<P, Circuit<P>> for Tracker<'_, P> {
     }
 
     fn sample(&mut self, _lane: usize, t: f64, y: &[P], circuit: &Circuit<P>) {
-        self.drive.row(circuit, t, y, &mut self.net, &mut self.row);
+        self.drive.row(circuit, P::c(t), y, &mut self.net, &mut self.row);
         self.rows.extend(self.columns.iter().map(|&column| self.row[column]));
         self.next += 1;
     }

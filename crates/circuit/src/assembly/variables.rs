@@ -235,11 +235,11 @@ impl<P: Lane> Assembly<P> {
     }
 
     /// One row of the columns.
-    pub fn row<R: Lane>(&self, circuit: &Circuit<R>, t: f64, y: &[R], net: &mut Net<R>, row: &mut [R]) {
+    pub fn row<R: Lane>(&self, circuit: &Circuit<R>, t: R, y: &[R], net: &mut Net<R>, row: &mut [R]) {
         circuit.observe(y, net);
         for (value, quantity) in row.iter_mut().zip(&self.variables.quantities) {
             *value = match *quantity {
-                Quantity::Time => R::c(t),
+                Quantity::Time => t,
                 Quantity::Position(id) => net[id].x,
                 Quantity::Velocity(id) => net[id].v,
                 Quantity::Acceleration(id) => net[id].a,

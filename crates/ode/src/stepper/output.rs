@@ -12,6 +12,9 @@ pub trait Output<R: Lane, Sys> {
     fn due(&self, lane: usize) -> f64;
     /// The state of this lane at the due time.
     fn sample(&mut self, lane: usize, t: f64, y: &[R], system: &Sys);
+    /// The system of this lane is about to change: the samples given so far are of it as it is now.
+    #[inline(always)]
+    fn changes(&mut self, _lane: usize, _system: &Sys) {}
     /// A step of this lane from `t` of length `h`, once it is accepted.
     #[inline(always)]
     fn step(&mut self, _lane: usize, _t: f64, _h: f64, _states: &mut Accepted<'_, R>, _system: &Sys) {}
