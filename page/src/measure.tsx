@@ -100,14 +100,10 @@ export function FaultsLine({ faults, span, whole, onShow }: { faults: Faults; sp
 const pause = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
 
 /** A choice of another recording, and of the strokes of both that begin together. */
-export function BesideRecording(props: { path: string; strokes: Stroke[]; onChange: () => void; onShow: (span: [number, number]) => void }) {
-  const { path, strokes, onChange, onShow } = props;
+export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow: (span: [number, number]) => void }) {
+  const { path, strokes, onShow } = props;
   const now = beside.value;
   const files = (studies.value?.files ?? []).filter((one) => one.kind === "recording" && one.path !== path);
-  const put = (next: Beside | null) => {
-    beside.value = next;
-    onChange();
-  };
   const choose = async (other: string) => {
     wrong.value = [];
     reading.value = other;
@@ -118,7 +114,7 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onChan
       reading.value = "";
       const isAligned = strokes.length > 0 && found.length > 0;
       const numbers: [number, number] = isAligned ? alike(strokes, found) : [1, 1];
-      put(other ? { path: other, strokes: found, numbers, shift: isAligned ? shiftOf(strokes, found, numbers) : 0 } : null);
+      beside.value = other ? { path: other, strokes: found, numbers, shift: isAligned ? shiftOf(strokes, found, numbers) : 0 } : null;
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
       reading.value = "";
@@ -129,7 +125,7 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onChan
     const most = which ? now!.strokes.length : strokes.length;
     if (!(number >= 1 && number <= most)) return;
     const numbers: [number, number] = which ? [now!.numbers[0], number] : [number, now!.numbers[1]];
-    put({ ...now!, numbers, shift: shiftOf(strokes, now!.strokes, numbers) });
+    beside.value = { ...now!, numbers, shift: shiftOf(strokes, now!.strokes, numbers) };
     const { from, to } = strokes[numbers[0] - 1]!;
     onShow([from - 0.1 * (to - from), to + 0.1 * (to - from)]);
   };

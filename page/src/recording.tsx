@@ -1,13 +1,13 @@
 /** Recordings: any view of any length, strokes shaded, and the wizard for a layout. */
-import { computed, signal } from "@preact/signals";
+import { batch, computed, effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import type { Numbers } from "./frame";
+import type { Frame, Numbers } from "./frame";
 import { follow, JobList } from "./jobs";
 import { digits } from "./looks";
 import { Copied, Problems } from "./parts";
 import { pixelsOfPlots, Plot, type Curve, type Shade } from "./plot";
 import { route } from "./routes";
-import { ask, attempting, frame, newest, read, Refused, write, type Problem } from "./server";
+import { ask, attempting, frame, Live, read, Refused, write, type Problem } from "./server";
 import { beside, BesideRecording, besideAsked, cursors, forgetBeside, FaultsLine, marksOf, Measuring, pick, type Faults, type Stroke } from "./measure";
 
 interface Channel {
@@ -27,6 +27,9 @@ interface Opened {
 }
 
 interface Head {
+  number: number;
+  problems?: Problem[];
+  path: string;
   missing: number;
   samples: number;
   raw: boolean;
@@ -47,6 +50,7 @@ const MOST_PLOTS = 4; // to begin with
 const about = signal<Opened | null>(null);
 const shown = signal<string[]>([]);
 const span = signal<[number, number]>([0, 1]);
+const pixels = signal(1000);
 const views = signal<{ head: Head; time: Numbers; channels: Map<string, Numbers> } | null>(null);
 const strokes = signal<Stroke[]>([]);
 const faults = signal<Faults>({});
@@ -74,12 +78,14 @@ async function open(path: string): Promise<void> {
     for (;;) {
       const found = await read<Opened>("/api/recording", { path });
       if (mine !== generation) return;
-      about.value = found;
+      batch(() => {
+        about.value = found;
+        shown.value = (found.channels ?? []).slice(0, MOST_PLOTS).map((one) => one.column);
+        if (found.span) look(found.span);
+      });
       if (found.channels) break;
       await pause(150);
     }
-    shown.value = about.value!.channels!.slice(0, MOST_PLOTS).map((one) => one.column);
-    look(about.value!.span!);
     if (about.value!.layout !== null || about.value!.time)
       ({ strokes: strokes.value, faults: faults.value } = await read<{ strokes: Stroke[]; faults: Faults }>("/api/strokes", { path }));
   } catch (error) {
@@ -87,31 +93,34 @@ async function open(path: string): Promise<void> {
   }
 }
 
-/** Show another part of the recording: one request on its way, the newest waits. */
+/** Show another part of the recording. */
 function look(next: [number, number]): void {
   const [low, high] = about.value!.span!;
   const width = Math.min(next[1] - next[0], high - low);
   const from = Math.min(Math.max(next[0], low), high - width);
-  span.value = [from, from + width];
-  void fetchView();
+  batch(() => {
+    pixels.value = pixelsOfPlots(pixels.value);
+    span.value = [from, from + width];
+  });
 }
 
-const fetchView = newest(async () => {
+/** What the server is asked for: by the socket, as an answer comes some ms later by a request of its own. */
+const asked = computed(() => {
+  if (!about.value?.channels) return null;
   const [from, to] = span.value;
-  const pixels = pixelsOfPlots();
-  const given = { path: route.value.path, from: String(from), to: String(to), pixels: String(pixels), columns: shown.value.join("\n"), ...besideAsked() };
-  try {
-    const found = await frame<Head>("/api/window", given);
-    if (route.value.path !== given.path) return;
-    const time = found.arrays.get("time")!;
-    found.arrays.delete("time");
-    views.value = { head: found.head, time, channels: found.arrays };
-    document.documentElement.dataset["points"] = String(time.length);
-    requestAnimationFrame(() => route.value.path === given.path && pixels !== pixelsOfPlots(pixels) && void fetchView()); // the first view comes before its plots
-  } catch (error) {
-    if (error instanceof Refused) wrong.value = error.problems;
-  }
+  return { what: "window", path: route.value.path, from, to, pixels: pixels.value, columns: shown.value.join("\n"), ...besideAsked() };
 });
+
+function take({ head, arrays }: Frame<Head>): void {
+  if (head.problems) wrong.value = head.problems;
+  else if (head.path === asked.value?.path) {
+    const time = arrays.get("time")!;
+    arrays.delete("time");
+    views.value = { head, time, channels: arrays };
+    document.documentElement.dataset["points"] = String(time.length);
+    requestAnimationFrame(() => (pixels.value = pixelsOfPlots(pixels.value))); // the first view comes before its plots
+  }
+}
 
 function zoom(factor: number): void {
   const [from, to] = span.value;
@@ -126,6 +135,16 @@ function pan(share: number): void {
 
 export function RecordingView() {
   const { path } = route.value;
+  useEffect(() => {
+    const live = new Live<Head>(take);
+    const end = effect(() => {
+      if (asked.value) live.request(asked.value);
+    });
+    return () => {
+      end();
+      live.close();
+    };
+  }, []);
   useEffect(() => {
     if (path) void open(path);
   }, [path]);
@@ -144,7 +163,7 @@ export function RecordingView() {
         <>
           <Controls found={found} />
           <FaultsLine faults={faults.value} span={span.value} whole={found.span!} onShow={look} />
-          <BesideRecording path={path} strokes={strokes.value} onChange={() => void fetchView()} onShow={look} />
+          <BesideRecording path={path} strokes={strokes.value} onShow={look} />
           <Measuring path={path} columns={shown.value} span={span.value} isTimed={found.time!} />
           <Plots found={found} />
           <Spectrum found={found} path={path} />
@@ -187,7 +206,6 @@ function Controls({ found }: { found: Opened }) {
               onChange={(event) => {
                 const others = shown.value.filter((name) => name !== one.column);
                 shown.value = event.currentTarget.checked ? [...others, one.column] : others;
-                void fetchView();
               }}
             />{" "}
             {one.label}

@@ -26,6 +26,12 @@ def get(served: Served, address: str, status: int = 200, **given: object) -> dic
     return answered.json()
 
 
+def window(served: Served, given: dict) -> bytes:
+    with served.client.websocket_connect("/api/live", **served.socket) as socket:
+        socket.send_json({"what": "window", "number": 1, **given})
+        return socket.receive_bytes()
+
+
 def read(served: Served, name: str) -> dict:
     for _ in range(100):
         found = get(served, "/api/recording", path=name)
@@ -62,11 +68,11 @@ def test_a_measured_file_its_layout_and_its_strokes(served: Served) -> None:
     assert {one["direction"] for one in strokes} == {1, -1}
 
     query = {"path": name, "from": 0.0, "to": found["span"][1], "pixels": 500, "columns": labels["force"]}
-    view = served.client.get("/api/window", params=query, headers=served.headers)
-    head, arrays = unpack(view.content)
+    view = window(served, query)
+    head, arrays = unpack(view)
     assert head["samples"] >= len(recording)
     assert np.nanmax(arrays[labels["force"]]) >= np.nanmax(np.abs(recording.force_n)) * 0.5
-    assert len(view.content) < 64_000
+    assert len(view) < 64_000
 
 
 def test_a_simulated_run_is_a_recording(served: Served) -> None:
@@ -87,9 +93,9 @@ def test_what_is_no_recording_is_said(served: Served, name: str) -> None:
 def test_a_view_out_of_bounds_is_refused(served: Served) -> None:
     (served.folder / "few.csv").write_text("time_s,force_n\n" + "".join(f"{0.1 * k:.1f},{k}\n" for k in range(50)))
     read(served, "few.csv")
-    for wrong in ({"from": "nan"}, {"to": "-1"}, {"pixels": "0"}, {"pixels": "5000"}, {"from": "x"}):
-        query = {"path": "few.csv", "from": "0", "to": "1", "pixels": "100", "columns": "force_n"} | wrong
-        assert get(served, "/api/window", 400, **query)["problems"]
+    for wrong in ({"from": "nan"}, {"to": -1}, {"pixels": 0}, {"pixels": 5000}, {"from": "x"}, {"to": []}, {"path": 3}):
+        query = {"path": "few.csv", "from": 0, "to": 1, "pixels": 100, "columns": "force_n"} | wrong
+        assert unpack(window(served, query))[0]["problems"]
 
 
 def test_a_layout_outside_the_workspace_is_not_read(served: Served) -> None:
@@ -124,10 +130,7 @@ def test_two_recordings_aligned_and_measured(served: Served, monkeypatch: pytest
 
     names = ["position_m", "pressure_a_pa", "velocity_m_s"]
     query = {"path": "early.parquet", "from": 0.4, "to": 1.2, "pixels": 2000, "columns": "\n".join(names)}
-    view = served.client.get(
-        "/api/window", params={**query, "beside": "rig/late.csv", "shift": shift}, headers=served.headers
-    )
-    _, drawn = unpack(view.content)
+    _, drawn = unpack(window(served, {**query, "beside": "rig/late.csv", "shift": shift}))
     assert drawn.keys() == {"time", *names, "beside/time", "beside/position_m", "beside/pressure_a_pa"}
     for column, variable in (("position_m", early.position), ("pressure_a_pa", early.pressure_a)):
         beside = np.interp(drawn["time"], drawn["beside/time"], drawn[f"beside/{column}"])

@@ -104,7 +104,7 @@ def make_app(
     threads = asyncio.Semaphore(os.cpu_count() or 1)
 
     async def socket(websocket: WebSocket) -> None:
-        await live(websocket, workspace, threads)
+        await live(websocket, workspace, threads, views.window)
 
     routes: list[Any] = [
         Route("/api/studies", _answered(views.studies)),
@@ -117,7 +117,6 @@ def make_app(
         Route("/api/drawing", _answered(views.drawing), methods=["POST"]),
         Route("/api/copy", _answered(views.copy), methods=["POST"]),
         Route("/api/recording", _answered(views.recording)),
-        Route("/api/window", _answered(views.window)),
         Route("/api/spectrum", _answered(views.spectrum)),
         Route("/api/strokes", _answered(views.strokes)),
         Route("/api/measure", _answered(views.measure), methods=["POST"]),
@@ -287,25 +286,26 @@ class _Views:
             "notes": found.notes,
         }
 
-    def window(self, given: Mapping[str, str], _body: bytes) -> bytes:
+    def window(self, given: Mapping[str, Any]) -> bytes:
         """Return a view of a recording as a frame."""
         found, columns, span, pixels = self._view(given)
         view = found.window(span, pixels, columns)
-        head = {"missing": view.missing, "samples": view.samples, "raw": view.raw, "from": span[0], "to": span[1]}
+        head = {"number": given.get("number"), "path": given.get("path"), "from": span[0], "to": span[1]}
+        head |= {"missing": view.missing, "samples": view.samples, "raw": view.raw}
         arrays = {"time": view.time_s, **view.channels}
         if other := given.get("beside"):
-            arrays |= self.recordings.beside(found, other, span, _number(given, "shift"), pixels, columns)
+            arrays |= self.recordings.beside(found, str(other), span, _number(given, "shift"), pixels, columns)
         return pack(head, arrays, drawn=True)
 
-    def _view(self, given: Mapping[str, str]) -> tuple[OpenRecording, list[str], tuple[float, float], int]:
+    def _view(self, given: Mapping[str, Any]) -> tuple[OpenRecording, list[str], tuple[float, float], int]:
         """Read what part of a recording is asked for."""
-        found = self.recordings.need(given.get("path", ""))
+        found = self.recordings.need(str(given.get("path", "")))
         known = [one.column for one in found.channels]
-        columns = [name for name in given.get("columns", "").split("\n") if name in known]
+        columns = [name for name in str(given.get("columns", "")).split("\n") if name in known]
         try:
             span = float(given["from"]), float(given["to"])
             pixels = int(given.get("pixels", "1000"))
-        except (KeyError, ValueError):
+        except (KeyError, TypeError, ValueError):
             raise CommandError(WRONG_REQUEST, remedy="Reload the page.") from None
         if not (math.isfinite(span[0]) and math.isfinite(span[1]) and span[0] < span[1] and 1 <= pixels <= MOST_PIXELS):
             raise CommandError("the view is out of bounds", rule=f"from < to, 1 to {MOST_PIXELS} pixels")
@@ -530,11 +530,11 @@ class _Views:
         return self.running.start(campaign_job(_table(body), self.workspace)).about()
 
 
-def _number(given: Mapping[str, str], key: str) -> float:
+def _number(given: Mapping[str, Any], key: str) -> float:
     """Read a finite number of a query."""
     try:
         value = float(given[key])
-    except (KeyError, ValueError):
+    except (KeyError, TypeError, ValueError):
         value = math.nan
     if not math.isfinite(value):
         raise CommandError(WRONG_REQUEST, remedy="Reload the page.")

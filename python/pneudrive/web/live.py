@@ -20,6 +20,8 @@ from pneudrive.web.messages import pack, problems_of
 from pneudrive.web.tiles import per_pixel
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from starlette.websockets import WebSocket
 
     from pneudrive.simulate import Run
@@ -59,8 +61,10 @@ class Mailbox:
         return message
 
 
-async def live(socket: WebSocket, workspace: Workspace, threads: asyncio.Semaphore) -> None:
-    """Answer runs until the page goes."""
+async def live(
+    socket: WebSocket, workspace: Workspace, threads: asyncio.Semaphore, window: Callable[[Any], bytes]
+) -> None:
+    """Answer runs, and by `window` views of recordings, until the page goes."""
     await socket.accept(subprotocol=PROTOCOL)
     mailbox, limit = Mailbox(), RunLimit(0.0)
 
@@ -70,7 +74,7 @@ async def live(socket: WebSocket, workspace: Workspace, threads: asyncio.Semapho
             message = await mailbox.take()
             async with threads:
                 limit = RunLimit()
-                frame = await asyncio.to_thread(answer, workspace, message, limit)
+                frame = await asyncio.to_thread(answer, workspace, message, limit, window)
             await socket.send_bytes(frame)
             ANSWERED.set()
 
@@ -85,7 +89,12 @@ async def live(socket: WebSocket, workspace: Workspace, threads: asyncio.Semapho
         worker.cancel()
 
 
-def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) -> bytes:
+def answer(
+    workspace: Workspace,
+    message: str,
+    limit: RunLimit | None = None,
+    window: Callable[[Any], bytes] | None = None,
+) -> bytes:
     """Run what a message asks for, and return the frame of the answer, which carries its number."""
     number = None
     try:
@@ -93,6 +102,8 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
         if not isinstance(asked, dict):
             raise CommandError("the request is not a table", remedy="Reload the page.")
         number = asked.get("number")
+        if window and asked.get("what") == "window":
+            return window(asked)
         if asked.get("what") == "control":
             from pneudrive.web import control
 
