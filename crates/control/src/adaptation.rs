@@ -191,7 +191,8 @@ impl Adaptation {
             let flow = is_open * (full.energy_rates[side] - shut.energy_rates[side]);
             let volume = described.sides[side].volume(state.position);
             let scale = described.valve.flow.gain * CHOKED * described.gas.cp * state.temperatures[side];
-            let now = [state.pressures[side] * volume / k1, shut.energy_rates[side], flow * spool.abs(), flow];
+            let now =
+                [state.pressures[side] * volume / k1, shut.energy_rates[side], flow * spool.abs(), flow];
             let [energy, other, by_spool, by_one] = self.gas[side].follow(now, period / (period + GAS_LAG));
             let rate = (now[0] - energy) / GAS_LAG;
             ([by_spool / scale, by_one / scale], (rate - other) / scale)
