@@ -361,7 +361,7 @@ impl Controller {
     /// The command for a sample, on the way along a reference; [`Controller::give`] comes next. Without a supervisor a
     /// sample that is no number gives a command that is none.
     pub fn decide(&mut self, sample: &Sample, reference: &Reference) -> Answer {
-        if self.observer.is_none() && matches!(self.observing, Observing::Levant(_)) {
+        if self.observer.is_none() && self.observing.differentiates() {
             self.jerk = reference.most_jerk();
         }
         if let Some(mut supervisor) = self.supervisor.take() {

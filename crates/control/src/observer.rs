@@ -224,6 +224,11 @@ impl Observing {
         }
     }
 
+    /// Whether it takes the motion from the position alone, and nothing from the model.
+    pub fn differentiates(&self) -> bool {
+        matches!(self, Observing::Levant(_))
+    }
+
     /// Its numbers.
     pub fn gains(&mut self) -> Vec<(&'static Gain, &mut f64)> {
         match self {

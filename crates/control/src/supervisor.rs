@@ -14,7 +14,7 @@ mod reverse;
 use crate::controller::{Answer, AnyLaw, Controller};
 use crate::course::{Course, Fade, Slowed};
 use crate::model::Model;
-use crate::observer::{Observer, Observing, Sample, State};
+use crate::observer::{Observer, Sample, State};
 use crate::reference::{Reference, Wanted};
 use brake::Swings;
 pub(crate) use brake::{Brake, brakes};
@@ -351,7 +351,7 @@ impl Supervisor {
         let scale = (own.grain(), own.plant.speed, own.period);
         let reading = (sample.time, sample.position);
         self.measures_gas = sample.pressures.is_some();
-        let by_gas = self.measures_gas && !matches!(own.observing, Observing::Levant(_));
+        let by_gas = self.measures_gas && !own.observing.differentiates();
         let seen = (&foreseen, self.is_held, by_gas);
         sample.position = self.position.checked(reading, seen, scale, &mut self.log);
         let mut reactions = [(self.position.is_lost() && !was_lost).then_some(self.rules.on_position), None];

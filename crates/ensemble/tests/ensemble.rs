@@ -125,7 +125,8 @@ fn a_member_is_the_drive_that_it_describes() {
         let close =
             |what: &str, a: f64, b: f64, within: f64| assert!((a - b).abs() < within, "{what}: {a} {b}");
         close("max", of(2), fine[6].iter().copied().fold(0.0, f64::max), 50.0);
-        close("min", of(3), fine[2].iter().copied().fold(0.0, f64::min), 1e-4);
+        // It ends at an impact, before which the drive gains up to 4 mm/s between two samples.
+        close("min", of(3), fine[2].iter().copied().fold(0.0, f64::min), 4e-3);
         let passed = fine[1].iter().position(|x| *x > 0.45);
         match passed {
             Some(k) => close("when", of(4), k as f64 * 1e-5, 1.1e-5),

@@ -55,7 +55,7 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
     }
     let standby = spec.supervision.as_ref().and_then(|own| own.standby.as_deref());
     let plans = [Some(law), standby].contains(&Some(Nmpc::KEY));
-    if plans && matches!(controller.observing, Observing::Levant(_)) {
+    if plans && controller.observing.differentiates() {
         return refuse(format!(
             "observer.kind = \"{}\" and the law {}: its plan needs the friction of the contact, which no differentiator knows. \
              Take another observer, or another law",
