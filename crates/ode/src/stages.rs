@@ -88,37 +88,36 @@ pub(crate) const fn stands<const S: usize>(method: &Rosenbrock<S>, i: usize) -> 
 }
 
 /// stage = y + sum_j a_j u_j and b = sum_j (c_j/h) u_j for stage `I`, over the `I` stages before it; `stage` holds that
-/// of the stage before.
+/// of the stage before; of `W` numbers side by side. Each stage has `stride` such rows in `u`.
 #[inline(always)]
-pub(crate) fn combine<R: Lane, M: Tableau<S>, const S: usize, const I: usize>(
-    stage: &mut [Block<R>],
-    b: &mut [Block<R>],
-    y: &[Block<R>],
+pub(crate) fn combine<R: Lane, M: Tableau<S>, const S: usize, const I: usize, const W: usize>(
+    stage: &mut [[R; W]],
+    b: &mut [[R; W]],
+    y: &[[R; W]],
     inverse_h: R::Plain,
-    u: &[Block<R>],
+    (u, stride): (&[[R; W]], usize),
 ) {
-    let blocks = y.len();
     let follows = const { follows(&M::METHOD, I) };
     let (a, c) = const { (&M::METHOD.a[I], &M::METHOD.c[I]) };
-    for k in 0..blocks {
+    for k in 0..y.len() {
         let mut sum_a = if follows { stage[k] } else { y[k] };
-        let mut sum_c = [R::zero(); BLOCK];
+        let mut sum_c = [R::zero(); W];
         for j in 0..I {
-            let row = &u[j * blocks + k];
+            let row = &u[j * stride + k];
             let is_new = !follows || j + 1 == I;
             if is_new && a[j] != 0.0 {
-                for l in 0..BLOCK {
+                for l in 0..W {
                     sum_a[l] = row[l].fma_c(a[j], sum_a[l]);
                 }
             }
             if c[j] != 0.0 {
-                for l in 0..BLOCK {
+                for l in 0..W {
                     sum_c[l] = row[l].fma_c(c[j], sum_c[l]);
                 }
             }
         }
         stage[k] = sum_a;
-        for l in 0..BLOCK {
+        for l in 0..W {
             b[k][l] = sum_c[l].scale(inverse_h);
         }
     }

@@ -168,10 +168,12 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
 
     #[inline(always)]
     fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, common: &Common<P>) {
-        let [x, v, m_a, u_a, m_b, u_b] = y.first();
+        // Where they stand: numbers with many derivatives take long to copy.
+        let own = y.after(0);
         let axis = &mut net.axis[self.axis.node];
-        self.axis.stand([x, v], axis);
-        for ((volume, face), states) in self.sides().zip([[m_a, u_a], [m_b, u_b]]) {
+        self.axis.stand([own[0], own[1]], axis);
+        for ((volume, face), first) in self.sides().zip(CHAMBERS) {
+            let states = [own[first], own[first + 1]];
             let node = &mut net.gas[volume.node];
             volume.reset(node);
             face.enlarge(axis, node);
@@ -188,12 +190,13 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
     }
 
     #[inline(always)]
-    fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnMut<S>, net: &mut Net<S>, common: &Common<P>) {
+    fn rate<S: Over<P>>(&self, y: Own<S>, dy: OwnMut<S>, net: &mut Net<S>, common: &Common<P>) {
         let axis = &mut net.axis[self.axis.node];
-        let [v, a] = self.axis.accelerate::<S, USUAL>(y.after(INNER), dy.after(INNER), axis);
-        let [m_a, u_a] = self.volumes[0].rates(&mut net.gas[self.volumes[0].node], common);
-        let [m_b, u_b] = self.volumes[1].rates(&mut net.gas[self.volumes[1].node], common);
-        dy.set([v, a, m_a, u_a, m_b, u_b]);
+        let (own, inner) = dy.split(INNER);
+        [own[0], own[1]] = self.axis.accelerate::<S, USUAL>(y.after(INNER), inner, axis);
+        for (volume, first) in self.volumes.iter().zip(CHAMBERS) {
+            [own[first], own[first + 1]] = volume.rates(&mut net.gas[volume.node], common);
+        }
     }
 
     fn stored<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, common: &Common<P>) -> [S; 3] {

@@ -23,13 +23,11 @@ const ONE_SIGN: f64 = 0.5;
 /// Least share of the tolerance of a mass that speeds up slowly: the law of friction ends that phase (assumed).
 const LEAST_SHARE: f64 = 0.02;
 
-/// sum = one + other.
+/// sum += other.
 #[inline(always)]
-fn add_blocks<R: Lane>(sum: &mut [Block<R>], one: &[Block<R>], other: &[Block<R>]) {
-    for ((sum, one), other) in sum.iter_mut().zip(one).zip(other) {
-        for l in 0..BLOCK {
-            sum[l] = one[l] + other[l];
-        }
+fn add<R: Lane>(sum: &mut [R], other: &[R]) {
+    for (sum, other) in sum.iter_mut().zip(other) {
+        *sum += *other;
     }
 }
 
@@ -83,52 +81,65 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let stage: &mut Pair<R> = stage.first_chunk_mut().expect("two blocks");
         let rhs: &mut Pair<R> = rhs.first_chunk_mut().expect("two blocks");
         let own = &mut rest[0];
-        if I == 0 {
-            rhs.copy_from_slice(f0);
+        let known = if I == 0 {
+            f0.first_chunk().expect("two blocks")
         } else {
-            combine::<R, M, S, I>(stage, own, y, inverse_h, done.as_flattened());
+            combine::<R, M, S, I, BLOCK>(stage, own, y, inverse_h, (done.as_flattened(), y.len()));
             if const { stands(&M::METHOD, I) } {
-                add_blocks(rhs, own, f0);
+                add(own.as_flattened_mut(), f0.as_flattened());
+                &*own
             } else {
                 let t = R::Plain::from_lanes(|lane| t[lane]);
                 let time = R::from(h.fma(R::Plain::c(const { M::METHOD.alpha[I] }), t));
                 let (known, out) = (&own.as_flattened()[..n], &mut rhs.as_flattened_mut()[..n]);
                 system.add_rates(time, &stage.as_flattened()[..n], known, out, work);
+                &*rhs
             }
-        }
-        *own = linear.multiply(rhs);
+        };
+        *own = linear.multiply(known);
     }
 
     /// Stage `I` of the present attempt: U_I into `u`.
     #[inline(always)]
     fn stage<M: Tableau<S>, const S: usize, const I: usize>(&mut self, h: R::Plain, inverse_h: R::Plain) {
-        let structure = &*self.structure;
-        let (n, blocks) = (structure.n(), self.y.len());
-        let (done, b) = self.u[..(I + 1) * blocks].split_at_mut(I * blocks);
+        let Stepper { structure, system, t, y, f0, f_t, u, stage, rhs, linear, work, .. } = self;
+        let (n, blocks) = (structure.n(), y.len());
+        let (done, b) = u[..(I + 1) * blocks].split_at_mut(I * blocks);
         if I == 0 {
-            self.rhs.copy_from_slice(&self.f0);
+            b.copy_from_slice(f0);
         } else {
-            combine::<R, M, S, I>(&mut self.stage, b, &self.y, inverse_h, done);
-            if const { stands(&M::METHOD, I) } {
-                add_blocks(&mut self.rhs, b, &self.f0);
+            if const { R::DIRECTIONS > 0 } {
+                // One by one: four with their derivatives fit no registers.
+                let (stage, y, done) = (stage.as_flattened_mut(), y.as_flattened(), done.as_flattened());
+                let alone = (done.as_chunks().0, BLOCK * blocks);
+                let (stage, b) = (stage.as_chunks_mut().0, b.as_flattened_mut().as_chunks_mut().0);
+                combine::<R, M, S, I, 1>(stage, b, y[..n].as_chunks().0, inverse_h, alone);
             } else {
-                let t = R::Plain::from_lanes(|lane| self.t[lane]);
+                combine::<R, M, S, I, BLOCK>(stage, b, y, inverse_h, (done, blocks));
+            }
+            if const { stands(&M::METHOD, I) } {
+                add(b.as_flattened_mut(), f0.as_flattened());
+            } else {
+                let t = R::Plain::from_lanes(|lane| t[lane]);
                 let time = R::from(h.fma(R::Plain::c(const { M::METHOD.alpha[I] }), t));
-                let stage = &self.stage.as_flattened()[..n];
-                let out = &mut self.rhs.as_flattened_mut()[..n];
-                self.system.add_rates(time, stage, &b.as_flattened()[..n], out, &mut self.work);
+                let (stage, b) = (&stage.as_flattened()[..n], &mut b.as_flattened_mut()[..n]);
+                let out = &mut rhs.as_flattened_mut()[..n];
+                if R::GENERAL && !linear.is_arrow {
+                    system.rhs(time, stage, out, work);
+                    add(b, out);
+                } else {
+                    system.add_rates(time, stage, b, out, work);
+                    b.copy_from_slice(out);
+                }
             }
         }
         if structure.depends_on_time {
             let weight = h * R::Plain::c(const { M::METHOD.gamma_t[I] });
-            for (rhs, f_t) in self.rhs.iter_mut().zip(&self.f_t) {
-                for l in 0..BLOCK {
-                    rhs[l] = f_t[l].fma_plain(weight, rhs[l]);
-                }
+            for (b, f_t) in b.as_flattened_mut().iter_mut().zip(f_t.as_flattened()) {
+                *b = f_t.fma_plain(weight, *b);
             }
         }
-        b.copy_from_slice(&self.rhs);
-        self.linear.solve(structure, b);
+        linear.solve(structure, b);
     }
 
     /// The errors of the present attempt: the numbers that its last stage added.
