@@ -89,9 +89,7 @@ pub fn demand(model: &Model, plant: &Plant, reference: &Reference, duration: f64
         let [a, b] = now.pressures;
         found.pressures = [found.pressures[0].min(a).min(b), found.pressures[1].max(a).max(b)];
         let open = model.opened_by(given);
-        let halfway = now.flow(model, open, 0.5 * STEP, &now);
-        let end = now.flow(model, open, STEP, &halfway);
-        (state.pressures, state.temperatures) = (end.pressures, end.temperatures);
+        [state.pressures, state.temperatures] = now.flow(model, open, STEP, now.velocity);
         force = next;
     }
     found

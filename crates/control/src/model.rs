@@ -277,8 +277,8 @@ impl Model {
     ) -> Chambers<S> {
         let (source, exhaust, openings) = (supply.end(), self.ambient.end(), openings.edges());
         let cp = self.gas.cp;
-        let each: [_; 2] = std::array::from_fn(|i| {
-            let (side, gas) = (&self.sides[i], &gas[i]);
+        let mut rates = [[S::zero(); 2]; 3];
+        for (i, (side, gas)) in self.sides.iter().zip(&gas).enumerate() {
             let volume = side.volume(x);
             let own = End { p: gas.p, inverse_p: gas.inverse_p, choked: gas.p * gas.inverse_sqrt_t };
             let [fills, vents] = openings[i];
@@ -298,13 +298,12 @@ impl Model {
             // p V = (k - 1) U = m R T.
             let (grown, inverse) = (u_dot.times(self.gas.heat_capacity_ratio - 1.0), S::one() / volume);
             let warmed = (grown - (m_dot * gas.t).times(self.gas.gas_constant)) * gas.t;
-            (u_dot, (grown - gas.p * exchange.volume_rate) * inverse, warmed * gas.inverse_p * inverse)
-        });
-        Chambers {
-            energy_rates: each.map(|own| own.0),
-            pressure_rates: each.map(|own| own.1),
-            temperature_rates: each.map(|own| own.2),
+            rates[0][i] = u_dot;
+            rates[1][i] = (grown - gas.p * exchange.volume_rate) * inverse;
+            rates[2][i] = warmed * gas.inverse_p * inverse;
         }
+        let [energy_rates, pressure_rates, temperature_rates] = rates;
+        Chambers { energy_rates, pressure_rates, temperature_rates }
     }
 
     /// Under which opening the force of the gas changes at a rate, N/s: its way, and the share of it, as flow is linear

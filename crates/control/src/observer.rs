@@ -49,63 +49,62 @@ impl<S: Over<f64>> State<S> {
         h: f64,
         measured: Option<[S; 2]>,
     ) -> S {
-        let openings = openings.edges();
         let (piece, old) = (h / f64::from(PIECES), model.gas_force(self.pressures));
-        let begin = self.pushed(model, old, piece.min(FOLLOWED));
+        let begin = self.pushed(model, old, piece.min(FOLLOWED), [self.velocity, self.friction]);
         let speed = self.velocity + begin[1].times(0.5 * h);
-        let halfway = self.flow(model, openings, 0.5 * h, &State { velocity: speed, ..*self });
-        let end = self.flow(model, openings, h, &State { velocity: speed, ..halfway });
-        (self.pressures, self.temperatures) = (measured.unwrap_or(end.pressures), end.temperatures);
+        let [pressures, temperatures] = self.flow(model, openings, h, speed);
+        (self.pressures, self.temperatures) = (measured.unwrap_or(pressures), temperatures);
         let grown = (model.gas_force(self.pressures) - old).times(1.0 / f64::from(PIECES));
         for k in 0..PIECES {
             // By the rates halfway; the force of the gas goes from the old one to the new one.
             let force = old + grown.times(f64::from(k) + 0.5);
             let [f_dot, a] = match k {
                 0 => [begin[0], begin[1] + grown.times(0.5 / model.mass)],
-                _ => self.pushed(model, force, piece),
+                _ => self.pushed(model, force, piece, [self.velocity, self.friction]),
             };
-            let mut middle = *self;
-            middle.friction += f_dot.times(0.5 * piece);
-            middle.velocity += a.times(0.5 * piece);
-            let [f_dot, a] = middle.pushed(model, force, piece);
+            let velocity = self.velocity + a.times(0.5 * piece);
+            let friction = self.friction + f_dot.times(0.5 * piece);
+            let [f_dot, a] = self.pushed(model, force, piece, [velocity, friction]);
             self.friction += f_dot.times(piece);
             self.velocity += a.times(piece);
-            self.position += middle.velocity.times(piece);
+            self.position += velocity.times(piece);
         }
         begin[1]
     }
 
-    /// The gas after `h` s at the rates that it has in another state; the piston goes on at its speed.
-    pub(crate) fn flow(&self, model: &Model, openings: impl Openings<S>, h: f64, at: &State<S>) -> State<S> {
-        let chambers = model.chambers([at.position, at.velocity], at.gas(), openings);
-        let mut next = *self;
-        for side in 0..2 {
-            next.temperatures[side] += chambers.temperature_rates[side].times(h);
-            next.temperatures[side] =
-                next.temperatures[side].max(S::c(TEMPERATURES[0])).min(S::c(TEMPERATURES[1]));
-            next.pressures[side] += chambers.pressure_rates[side].times(h);
-            next.pressures[side] = next.pressures[side].max(S::c(LEAST_PRESSURE));
+    /// Pressures, Pa, and temperatures, K, after `h` s by the rates halfway; what the gas does is by a speed of its own, m/s.
+    pub(crate) fn flow(&self, model: &Model, openings: impl Openings<S>, h: f64, speed: S) -> [[S; 2]; 2] {
+        let (openings, mut gas) = (openings.edges(), [self.pressures, self.temperatures]);
+        for (from, to) in [(0.0, 0.5 * h), (0.5 * h, h)] {
+            let place = [self.position + self.velocity.times(from), speed];
+            let chambers = model.chambers(place, gas_at(&gas), openings);
+            for side in 0..2 {
+                let p = self.pressures[side] + chambers.pressure_rates[side].times(to);
+                let t = self.temperatures[side] + chambers.temperature_rates[side].times(to);
+                gas[0][side] = p.max(S::c(LEAST_PRESSURE));
+                gas[1][side] = t.max(S::c(TEMPERATURES[0])).min(S::c(TEMPERATURES[1]));
+            }
         }
-        next.position += self.velocity.times(h);
-        next
+        gas
     }
 
-    /// Rate of the friction, N/s, which a step of `h` s can follow, and acceleration, m/s2, under a force of the gas.
-    fn pushed(&self, model: &Model, force: S, h: f64) -> [S; 2] {
-        let [level, viscous] = model.friction_levels([self.position, self.velocity], self.pressures);
-        let rate = model.stick_rate(self.velocity, self.friction, level, h);
-        let friction = self.friction + rate.times(model.stick_damping_time);
-        [rate, model.acceleration(force, self.velocity, viscous, friction, self.disturbance)]
+    /// Rate of the friction, N/s, which a step of `h` s can follow, and acceleration, m/s2, under a force of the gas, at a
+    /// velocity and friction of their own.
+    fn pushed(&self, model: &Model, force: S, h: f64, [velocity, friction]: [S; 2]) -> [S; 2] {
+        let [level, viscous] = model.friction_levels([self.position, velocity], self.pressures);
+        let rate = model.stick_rate(velocity, friction, level, h);
+        let friction = friction + rate.times(model.stick_damping_time);
+        [rate, model.acceleration(force, velocity, viscous, friction, self.disturbance)]
     }
 
     /// Acceleration by the model, m/s2.
     pub fn acceleration(&self, model: &Model) -> S {
-        self.pushed(model, model.gas_force(self.pressures), FOLLOWED)[1]
+        self.pushed(model, model.gas_force(self.pressures), FOLLOWED, [self.velocity, self.friction])[1]
     }
 
     /// The gas of both chambers.
     pub fn gas(&self) -> [GasState<S>; 2] {
-        [0, 1].map(|side| GasState::at(self.pressures[side], self.temperatures[side]))
+        gas_at(&[self.pressures, self.temperatures])
     }
 
     /// The same in other numbers.
@@ -119,6 +118,12 @@ impl<S: Over<f64>> State<S> {
             temperatures: self.temperatures.map(&f),
         }
     }
+}
+
+/// The gas of both chambers at their pressures, Pa, and temperatures, K.
+#[inline(always)]
+fn gas_at<S: Over<f64>>([p, t]: &[[S; 2]; 2]) -> [GasState<S>; 2] {
+    [0, 1].map(|side| GasState::at(p[side], t[side]))
 }
 
 /// Speed below which a contact rests, for what of a missing force is friction, m/s (assumed).
