@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Circuit } from "./circuit";
 import type { Editor } from "./editor";
-import { change, drawing, opened, problems, said, save, set, valid, type Field } from "./opened";
+import { change, drawing, onDisk, opened, problems, said, save, set, setNumber, takeFromDisk, valid, type Field } from "./opened";
 import { KINDS, Problems } from "./parts";
 
 const chosen = signal("");
@@ -55,6 +55,12 @@ export function DriveView() {
           )}
           <span role="status">{said.value || (now.text !== now.saved ? "Not saved." : "")}</span>
         </p>
+        {onDisk.value && (
+          <p class="row">
+            <span role="status">Another text stands on disk than the one that this began with.</span>
+            <button type="button" onClick={takeFromDisk}>Drop these changes and show the file</button>
+          </p>
+        )}
         <Problems of={problems.value} onLine={(line) => editor.current?.go(line)} />
         {!problems.value.length && <p class="note">No problems.</p>}
       </section>
@@ -96,7 +102,7 @@ function Fields() {
                 <input
                   aria-label={one.key}
                   value={one.text}
-                  onChange={(event) => void set(one.key, one.unit === "" ? Number(event.currentTarget.value) : event.currentTarget.value)}
+                  onChange={({ currentTarget: { value } }) => void (one.unit === "" ? setNumber(one.key, value) : set(one.key, value))}
                 />
               </td>
               <td>{one.units && one.units.length > 1 && <Units field={one} />}</td>

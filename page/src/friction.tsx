@@ -108,7 +108,10 @@ const besideOf = (path: string): string => `${path.slice(0, path.lastIndexOf("/"
 /** The fit that is shown: the file itself, the one that was chosen, or the one beside the map. */
 const pathOfFit = (path: string): string => (path.endsWith(".toml") ? path : drawn.value || besideOf(path));
 
+let generation = 0;
+
 async function open(path: string): Promise<void> {
+  const mine = ++generation;
   forget();
   only.value = drawn.value = "";
   slice.value = difference.value = null;
@@ -117,10 +120,14 @@ async function open(path: string): Promise<void> {
   wrong.value = [];
   const isFit = path.endsWith(".toml");
   try {
-    if (!isFit) map.value = await read<FrictionMap>("/api/map", { path });
-    if (isFit || !map.value?.fit) fit.value = await read<Fit>("/api/fit", { path: isFit ? path : besideOf(path) });
+    const found = isFit ? null : await read<FrictionMap>("/api/map", { path });
+    if (mine !== generation) return;
+    map.value = found;
+    if (found?.fit) return;
+    const own = await read<Fit>("/api/fit", { path: isFit ? path : besideOf(path) });
+    if (mine === generation) fit.value = own;
   } catch (error) {
-    if (error instanceof Refused) wrong.value = error.problems;
+    if (mine === generation && error instanceof Refused) wrong.value = error.problems;
   }
 }
 

@@ -54,8 +54,13 @@ export function HandoverView() {
   const at = view === "handover" && path.endsWith(".fmu") ? path : "";
   useEffect(() => {
     [found.value, copied.value, wrong.value] = [null, null, []];
-    if (at) void attempt(async () => void (found.value = await read<Fmu>("/api/fmu", { path: at })));
-    else void follow();
+    let gone = false;
+    const show = async () => {
+      const one = await read<Fmu>("/api/fmu", { path: at });
+      if (!gone) found.value = one;
+    };
+    void (at ? attempt(show) : follow());
+    return () => void (gone = true);
   }, [at]);
   if (!at) return <Start />;
   return (

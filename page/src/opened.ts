@@ -1,6 +1,6 @@
 /** The description that is open: its text is the truth, and what the server says of it. */
 import { signal } from "@preact/signals";
-import { ask, newest, read, Refused, write, type Problem } from "./server";
+import { ask, newest, plain, read, Refused, write, type Problem } from "./server";
 import type { Drawing } from "./circuit";
 
 export interface Field {
@@ -39,25 +39,66 @@ export const problems = signal<Problem[]>([]);
 export const valid = signal<Checked | null>(null);
 export const drawing = signal<Drawing | null>(null);
 export const said = signal("");
+/** What stands on disk, where that is another text than the page began with and the page's own is not saved. */
+export const onDisk = signal<Found | null>(null);
+
+interface Found {
+  text: string;
+  sha256: string | null;
+  checked: Checked;
+}
+
+/** Descriptions that were left with a text that is not saved. */
+const drafts = new Map<string, Opened>();
+const isSaved = (one: Opened | null): boolean => !one || one.text === one.saved;
+addEventListener("beforeunload", (event) => {
+  if (!isSaved(opened.value) || drafts.size) event.preventDefault();
+});
 
 let asked = 0;
 
+/** Open a description, or look whether the one that is open is still what stands on disk. */
 export async function open(path: string): Promise<void> {
-  if (opened.value?.path === path) return;
-  said.value = "";
-  valid.value = null;
-  drawing.value = null;
-  const mine = ++asked;
-  try {
-    const found = await read<{ text: string; sha256: string | null; checked: Checked }>("/api/file", { path, checked: "1" });
-    if (mine !== asked) return;
-    opened.value = { path, text: found.text, saved: found.text, sha256: found.sha256 ?? "" };
-    take(found.checked, mine, opened.value);
-  } catch (error) {
-    if (mine !== asked) return;
-    opened.value = null;
-    problems.value = error instanceof Refused ? error.problems : [];
+  const before = opened.value;
+  const isOpen = before?.path === path;
+  if (before && !isOpen) {
+    if (isSaved(before)) drafts.delete(before.path);
+    else drafts.set(before.path, before);
   }
+  const draft = isOpen ? before : drafts.get(path);
+  if (!isOpen) {
+    said.value = "";
+    onDisk.value = valid.value = drawing.value = null;
+  }
+  const mine = isOpen ? asked : ++asked;
+  try {
+    const found = await read<Found>("/api/file", { path, checked: "1" });
+    if (mine !== asked) return;
+    const own = draft && (isSaved(draft) ? null : draft);
+    if (isOpen && (found.sha256 ?? "") === before.sha256) return;
+    onDisk.value = own && own.sha256 !== (found.sha256 ?? "") ? found : null;
+    if (!own) return show(path, found, mine);
+    if (isOpen) return;
+    drafts.delete(path);
+    opened.value = own;
+    await check();
+  } catch (error) {
+    if (mine !== asked || !(error instanceof Refused)) return;
+    if (isOpen) said.value = `${path} cannot be read any more: ${error.message}.`;
+    else [opened.value, problems.value] = [null, error.problems];
+  }
+}
+
+/** Take the text that stands on disk in place of the page's own. */
+export function takeFromDisk(): void {
+  if (opened.value && onDisk.value) show(opened.value.path, onDisk.value, ++asked);
+}
+
+function show(path: string, found: Found, mine: number): void {
+  said.value = "";
+  onDisk.value = null;
+  opened.value = { path, text: found.text, saved: found.text, sha256: found.sha256 ?? "" };
+  take(found.checked, mine, opened.value);
 }
 
 /** Take another text for the open file and have it checked; only the newest answer counts. */
@@ -104,15 +145,34 @@ const draw = newest(async () => {
   }
 });
 
-/** Set one value in the text, written in a unit if one is given; the server keeps comments and order. */
-export async function set(key: string, value: string | number, unit?: string): Promise<void> {
-  if (!opened.value) return;
-  try {
-    const { text } = await ask<{ text: string }>("/api/edit", { text: opened.value.text, key, value, unit });
-    await change(text);
-  } catch (error) {
-    if (error instanceof Refused) problems.value = error.problems;
+let edits = Promise.resolve();
+
+/** Set one value in the text, written in a unit if one is given; the server keeps comments and order. One edit goes after
+ * the other, each into the text that stands there by then. */
+export function set(key: string, value: string | number, unit?: string): Promise<void> {
+  const into = opened.value?.path;
+  return (edits = edits.then(() => edit(into, { key, value, unit })));
+}
+
+async function edit(into: string | undefined, what: { key: string; value: string | number; unit?: string }): Promise<void> {
+  for (let now = opened.value; now && now.path === into; now = opened.value) {
+    try {
+      const { text } = await ask<{ text: string }>("/api/edit", { text: now.text, ...what });
+      if (opened.value?.path === into && opened.value.text !== now.text) continue; // it was typed in meanwhile
+      if (opened.value?.path === into) await change(text);
+    } catch (error) {
+      if (error instanceof Refused) problems.value = error.problems;
+    }
+    return;
   }
+}
+
+/** Set a value that has no unit. */
+export function setNumber(key: string, text: string): Promise<void> {
+  const value = text.trim() === "" ? Number.NaN : Number(text);
+  if (Number.isFinite(value)) return set(key, value);
+  problems.value = [{ ...plain(`${key} is no number`), value: text, rule: "digits, with a point before decimals: 0.4" }];
+  return Promise.resolve();
 }
 
 /** Save; a file that changed on disk meanwhile is not overwritten. */
@@ -122,12 +182,17 @@ export async function save(path: string): Promise<void> {
   try {
     const { sha256 } = await write(path, now.text, path === now.path ? now.sha256 : "");
     opened.value = { ...opened.value!, path, saved: now.text, sha256 };
+    onDisk.value = null;
     said.value = `Saved ${path}.`;
     if (path !== now.path) location.hash = location.hash.replace(encodeURIComponent(now.path), encodeURIComponent(path));
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
-    if (error.status === 412)
-      said.value = `${path} changed on disk: nothing was written. Save under another name, or open the file again.`;
-    else problems.value = error.problems;
+    said.value = "";
+    if (error.status !== 412) problems.value = error.problems;
+    else if (path !== now.path) said.value = `${path} is there already: nothing was written. Choose another name.`;
+    else {
+      said.value = `${path} changed on disk: nothing was written.`;
+      await open(path); // shows what stands there
+    }
   }
 }

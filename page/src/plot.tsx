@@ -60,6 +60,15 @@ function scaled(values: ArrayLike<number>, size: number): ArrayLike<number> {
   return out;
 }
 
+/** Numbers of an axis as the page writes all others, whatever the language of the browser. */
+const written = (_: uPlot, splits: (number | null)[]): string[] => splits.map((one) => (one === null ? "" : digits(one, 12)));
+
+/** Room of a number of an axis, pixels: those of a short span far from zero are long. */
+function space(_: uPlot, _axis: number, low: number, high: number): number {
+  const decimals = Math.max(0, Math.ceil(-Math.log10((high - low) / 10)));
+  return Math.max(70, 20 + 7 * Math.max(Math.abs(low), Math.abs(high)).toFixed(Math.min(decimals, 12)).length);
+}
+
 /** Values with null for what is no number: over NaN uPlot draws a line. */
 function withGaps(values: ArrayLike<number>): ArrayLike<number | null> {
   for (let i = 0; i < values.length; i++) if (Number.isNaN(values[i])) return Array.from(values, (one) => (Number.isNaN(one) ? null : one));
@@ -101,7 +110,7 @@ export function Plot(props: PlotProps) {
   useLayoutEffect(() => {
     const at = place.current!;
     const ink = isDark() ? "#d8d8d8" : "#333333";
-    const axis = { stroke: ink, grid: { stroke: isDark() ? "#3a3a3a" : "#e2e2e2", width: 1 }, ticks: { show: false }, font: "12px system-ui" };
+    const axis = { values: written, stroke: ink, grid: { stroke: isDark() ? "#3a3a3a" : "#e2e2e2", width: 1 }, ticks: { show: false }, font: "12px system-ui" };
     const made = new uPlot(
       {
         width: at.clientWidth || 400,
@@ -113,7 +122,7 @@ export function Plot(props: PlotProps) {
         },
         legend: { live: true },
         axes: [
-          { ...axis, size: 34, space: 70, label: props.xUnit ?? "s", labelSize: 16, labelFont: "12px system-ui" },
+          { ...axis, size: 34, space, label: props.xUnit ?? "s", labelSize: 16, labelFont: "12px system-ui" },
           { ...axis, size: 64, label: props.unit, labelSize: 16, labelFont: "12px system-ui" },
         ],
         series: [
@@ -438,7 +447,7 @@ export function Scatter(props: { title: string; x: string; y: string; groups: Gr
   useEffect(() => {
     const at = place.current!;
     const ink = isDark() ? "#d8d8d8" : "#333333";
-    const axis = { stroke: ink, grid: { stroke: isDark() ? "#3a3a3a" : "#e2e2e2", width: 1 }, ticks: { show: false }, font: "12px system-ui" };
+    const axis = { values: written, stroke: ink, grid: { stroke: isDark() ? "#3a3a3a" : "#e2e2e2", width: 1 }, ticks: { show: false }, font: "12px system-ui" };
     const tables: uPlot.AlignedData[] = [];
     const series: uPlot.Series[] = [{ label: props.x, value: (_, v) => digits(v) }];
     const bands: uPlot.Band[] = [];

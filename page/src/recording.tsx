@@ -18,6 +18,7 @@ interface Channel {
 
 interface Opened {
   share?: number;
+  key?: string;
   channels?: Channel[];
   span?: [number, number];
   samples?: number;
@@ -30,6 +31,7 @@ interface Head {
   number: number;
   problems?: Problem[];
   path: string;
+  key: string;
   missing: number;
   samples: number;
   raw: boolean;
@@ -86,8 +88,9 @@ async function open(path: string): Promise<void> {
       if (found.channels) break;
       await pause(150);
     }
-    if (about.value!.layout !== null || about.value!.time)
-      ({ strokes: strokes.value, faults: faults.value } = await read<{ strokes: Stroke[]; faults: Faults }>("/api/strokes", { path }));
+    if (about.value!.layout === null && !about.value!.time) return;
+    const found = await read<{ strokes: Stroke[]; faults: Faults }>("/api/strokes", { path });
+    if (mine === generation) [strokes.value, faults.value] = [found.strokes, found.faults];
   } catch (error) {
     if (mine === generation && error instanceof Refused) wrong.value = error.problems;
   }
@@ -113,7 +116,10 @@ const asked = computed(() => {
 
 function take({ head, arrays }: Frame<Head>): void {
   if (head.problems) wrong.value = head.problems;
-  else if (head.path === asked.value?.path) {
+  else if (head.path !== asked.value?.path) return;
+  else if (head.key !== about.value?.key) void open(head.path); // another file has its name by now
+  else {
+    wrong.value = [];
     const time = arrays.get("time")!;
     arrays.delete("time");
     views.value = { head, time, channels: arrays };
@@ -121,6 +127,10 @@ function take({ head, arrays }: Frame<Head>): void {
     requestAnimationFrame(() => (pixels.value = pixelsOfPlots(pixels.value))); // the first view comes before its plots
   }
 }
+
+/** Digits that tell the ends of a span apart. */
+const enough = (from: number, to: number): number =>
+  Math.min(Math.max(Math.ceil(Math.log10(Math.max(Math.abs(from), Math.abs(to)) / (to - from))) + 4, 7), 16);
 
 function zoom(factor: number): void {
   const [from, to] = span.value;
@@ -169,8 +179,7 @@ export function RecordingView() {
           <Spectrum found={found} path={path} />
         </>
       )}
-      {!wrong.value.length || proposal.value ? null : <Wizard path={path} />}
-      {found?.channels && <Wizard path={path} />}
+      {(found?.channels || wrong.value.length > 0) && <Wizard path={path} />}
       {found?.layout === "rig" && <Characterise path={path} />}
     </div>
   );
@@ -188,10 +197,10 @@ function Controls({ found }: { found: Opened }) {
         <button type="button" onClick={() => pan(-0.5)}>Earlier</button>
         <button type="button" onClick={() => pan(0.5)}>Later</button>
         <span role="status" data-from={from} data-to={to}>
-          {found.time ? `${digits(from, 7)} s to ${digits(to, 7)} s` : `sample ${Math.round(from)} to ${Math.round(to)}`}
+          {found.time ? `${digits(from, enough(from, to))} s to ${digits(to, enough(from, to))} s` : `sample ${Math.round(from)} to ${Math.round(to)}`}
           {head && `, ${head.samples.toLocaleString("en")} of ${found.samples!.toLocaleString("en")} samples`}
           {head && !head.raw && ", lowest and highest of each pixel"}
-          {head && head.missing > 0 && `, ${head.missing} values are no number`}
+          {head && head.missing > 0 && `, ${head.missing} values are no number, or beyond 3e38`}
           {strokes.value.length > 0 && `, ${strokes.value.length} strokes (darker: towards +x)`}
         </span>
       </p>

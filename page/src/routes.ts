@@ -10,7 +10,16 @@ export const link = (view: View, path = ""): string => `#/${view}/${encodeURICom
 export function follow(): void {
   const [, view, path] = /^#\/(\w+)\/?(.*)$/.exec(location.hash) ?? [];
   const known: View[] = ["studies", "drive", "simulate", "recording", "friction", "campaign", "validation", "sizing", "control", "handover"];
-  route.value = { view: known.find((one) => one === view) ?? "studies", path: decodeURIComponent(path ?? "") };
+  route.value = { view: known.find((one) => one === view) ?? "studies", path: decoded(path ?? "") };
+}
+
+/** A part of an address; one that was cut off stays as it is. */
+function decoded(part: string): string {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part;
+  }
 }
 
 /** The view that shows a file of a kind. */

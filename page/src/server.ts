@@ -24,6 +24,7 @@ export interface Studies {
   build: string;
   protocols: string[];
   control: boolean;
+  left_out: number;
   files: Listed[];
   catalogue: { path: string; title: string }[];
 }
@@ -127,7 +128,7 @@ export const attempting =
     }
   };
 
-async function answered<T>(path: string, options: RequestInit = {}): Promise<T> {
+async function fetched(path: string, options: RequestInit = {}): Promise<Response> {
   let answer: Response;
   try {
     answer = await fetch(path, { ...options, headers: { ...options.headers, Authorization: `Bearer ${token}` } });
@@ -137,11 +138,13 @@ async function answered<T>(path: string, options: RequestInit = {}): Promise<T> 
   }
   if (answer.status === 401) connection.value = "locked";
   else connection.value = "open";
+  if (answer.ok) return answer;
   const isJson = answer.headers.get("content-type")?.startsWith("application/json");
   const body = isJson ? await answer.json() : { problems: [plain(await answer.text())] };
-  if (!answer.ok) throw new Refused(answer.status, body.problems ?? [], body);
-  return body as T;
+  throw new Refused(answer.status, body.problems ?? [], body);
 }
+
+const answered = async <T>(path: string, options: RequestInit = {}): Promise<T> => (await fetched(path, options)).json();
 
 export function plain(what: string): Problem {
   return { line: null, key: null, what, value: null, rule: null, remedy: null };
@@ -167,9 +170,7 @@ export const drop = (file: File): Promise<{ size: number }> =>
 
 /** The bytes of a frame behind an address. */
 export async function frame<Head>(path: string, given: Record<string, string>): Promise<Frame<Head>> {
-  const answer = await fetch(`${path}?${new URLSearchParams(given)}`, { headers: { Authorization: `Bearer ${token}` } });
-  if (!answer.ok) throw new Refused(answer.status, (await answer.json()).problems, {});
-  return unpack<Head>(await answer.arrayBuffer());
+  return unpack<Head>(await (await fetched(`${path}?${new URLSearchParams(given)}`)).arrayBuffer());
 }
 
 const ROOM_MS = 11; // of a frame of 60 Hz in which a drawing may begin

@@ -21,6 +21,7 @@ interface Panel {
 
 interface Head extends BesideHead {
   number: number;
+  path: string;
   problems?: Problem[];
   panels?: Panel[];
   warnings?: string[];
@@ -60,11 +61,10 @@ const changes = computed(() => {
 function request(pixels = 1000): Record<string, unknown> | null {
   const now = opened.value;
   if (!now || !valid.value) return null;
-  const isChanged = now.text !== now.saved || !now.sha256;
   const lines = command.value.split("\n");
   return {
     path: now.path,
-    text: isChanged && now.text !== now.saved ? now.text : null,
+    text: now.sha256 || now.text !== now.saved ? now.text : null, // what is shown, whatever stands on disk by now
     changes: changes.value,
     command: valid.value.kind === "circuit" ? lines : command.value,
     duration: duration.value,
@@ -81,6 +81,8 @@ effect(() => {
   const path = opened.value?.path;
   if (!now || !path || begun === path) return;
   begun = path;
+  answer.value = null;
+  wrong.value = [];
   shown.value = now.sliders ?? [];
   numbers.value = {};
   ranges.value = {};
@@ -119,6 +121,7 @@ function freeze(): void {
 export function SimulateView() {
   useEffect(() => {
     const live = new Live<Head>((frame) => {
+      if (frame.head.path !== opened.value?.path) return;
       wrong.value = frame.head.problems ?? [];
       if (!frame.head.problems) answer.value = frame;
       const page = document.documentElement.dataset;

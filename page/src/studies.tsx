@@ -28,6 +28,7 @@ async function readFolder(): Promise<void> {
     lookForStale();
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
+    if (error.status) refused.value = error.problems; // a server that is gone has a line of its own
   }
 }
 
@@ -92,7 +93,7 @@ function size(bytes: number): string {
 export function StudiesView() {
   useEffect(() => void (listing ?? list()), [connection.value === "open"]); // what the page reads as it begins is read once
   const found = studies.value;
-  if (!found) return <p>Reading the folder.</p>;
+  if (!found) return refused.value.length ? <Problems of={refused.value} /> : <p>Reading the folder.</p>;
   const word = filter.value.toLowerCase();
   const files = found.files.filter((one) => one.path.toLowerCase().includes(word));
   const drives = found.catalogue.filter((one) => `${one.path} ${one.title}`.toLowerCase().includes(word));
@@ -103,7 +104,10 @@ export function StudiesView() {
           Show only <input type="search" value={filter.value} onInput={(event) => (filter.value = event.currentTarget.value)} />
         </label>
         <button type="button" onClick={() => void list()}>Read the folder again</button>
-        <span>{found.files.length} files in {found.folder}</span>
+        <span>
+          {found.files.length} files in {found.folder}
+          {found.left_out > 0 && `; ${found.left_out} names are no UTF-8 and left out`}
+        </span>
       </p>
       <p class="row">
         <label>

@@ -81,7 +81,8 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
     page.wait_for_selector("h2:has-text('Along R6')")
     held: list = []
     page.route("**/api/comparison?*measure=rest_error_m*", lambda route: held.append(route))  # noqa: PLW0108 - it takes no builtin
-    page.select_option("label:has-text('Measure') select", "rest_error_m")
+    with page.expect_request("**/api/comparison?*measure=rest_error_m*"):
+        page.select_option("label:has-text('Measure') select", "rest_error_m")
     with page.expect_response("**/api/comparison?*measure=max_error_m*"):
         page.select_option("label:has-text('Measure') select", "max_error_m")
     with page.expect_response("**/api/comparison?*measure=rest_error_m*"):

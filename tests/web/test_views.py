@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 import pneudrive as pn
 from pneudrive.cli.main import run as run_command
+from pneudrive.errors import CommandError
 from pneudrive.web.app import make_app
 from pneudrive.web.asked_run import RunLimit
 from pneudrive.web.live import answer
@@ -21,6 +22,7 @@ from pneudrive.web.messages import pack, unpack
 from pneudrive.web.workspace import Workspace
 from web.conftest import DRIVE, PORT, TOKEN, Served, TestClient
 
+LAWS = Path(__file__).parents[2] / "examples" / "laws"
 CHANGED = {"friction.coulomb": "31 N", "valve.critical_pressure_ratio": 0.35}
 ASKED = {
     "path": "axis.toml",
@@ -411,3 +413,31 @@ def test_a_browser_keeps_what_has_a_hash_in_its_name_alone(served: Served, tmp_p
     assert "script-src 'self'" in kept["content-security-policy"]
     for path in ("/", "/index.html", "/api/studies"):
         assert client.get(path, headers=served.headers).headers["cache-control"] == "no-store"
+
+
+def test_a_law_in_a_file_is_read_as_it_is_now(served: Served) -> None:
+    law = served.folder / "own.toml"
+    law.write_text((LAWS / "lugre.toml").read_text())
+    text = DRIVE.replace(
+        "[friction]",
+        '[friction]\nlaw = "file:own.toml"\nbreakaway = "40 N"\nviscous = "40 N s/m"\n'
+        'stribeck_velocity = "20 mm/s"\nbristle_stiffness = "1e5 N/m"\nbristle_damping = "20 N s/m"',
+    )
+    (served.folder / "with-law.toml").write_text(text)
+    asked = json.dumps({**ASKED, "path": "with-law.toml", "changes": {}, "number": 1})
+    before = unpack(answer(Workspace.at(served.folder), asked))[0]
+    law.write_text(law.read_text().replace("+ viscous*v", "+ 5*viscous*v"))
+    after = unpack(answer(Workspace.at(served.folder), asked))[0]
+    assert after["ends"]["position_m"] != before["ends"]["position_m"]
+
+
+def test_texts_and_names_that_cannot_be_are_refused_in_words(served: Served) -> None:
+    half = b'{"path": "axis.toml", "text": "\\ud800"}'
+    answered = served.client.post("/api/check", content=half, headers=served.headers)
+    assert answered.status_code == 400
+    with pytest.raises(CommandError, match="cannot be written"):
+        Workspace.at(served.folder).write("é" * 200 + ".toml", "schema = 1\n", None)
+    (served.folder / "-axis.toml").write_text(DRIVE)
+    command = post(served, "/api/copy", {**ASKED, "path": "-axis.toml"})["command"]
+    assert " ./-axis.toml " in command
+    assert command.endswith("--out axis.parquet")

@@ -206,11 +206,11 @@ class _Views:
         from pneudrive.describe.catalogue import PREFIX, entries
 
         drives = [{"path": f"{PREFIX}{name}", "title": one.title} for name, one in entries().items() if one.is_drive]
-        files = [vars(one) for one in self.workspace.files()]
+        files, left_out = self.workspace.listed()
         folder = self.workspace.root
         about: dict[str, Any] = {"folder": folder.name or str(folder), "version": __version__, "build": self.build}
-        about |= {"protocols": READY, "control": self.control}
-        return {**about, "files": files, "catalogue": drives}
+        about |= {"protocols": READY, "control": self.control, "left_out": left_out}
+        return {**about, "files": [vars(one) for one in files], "catalogue": drives}
 
     def lineage(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return what a file was made from, and what was made from it."""
@@ -261,6 +261,7 @@ class _Views:
         """Return a run as a line of a shell and as Python."""
         given = _table(body, "path")
         asked = AskedRun.of(given)
+        asked.check_saved(self.workspace)
         described = described_at(self.workspace, asked.path, asked.text)
         beside = AskedBeside.of(given)
         columns = [one for one in given.get("columns", []) if isinstance(one, str)]
@@ -278,6 +279,7 @@ class _Views:
         found = self.recordings.need(name)
         layout = layout_in(self.workspace, self.workspace.path(name, TABLES))
         return {
+            "key": found.key,
             "channels": [{"column": one.column, "label": one.label, "unit": one.unit} for one in found.channels],
             "span": found.span,
             "samples": found.pyramid.count,
@@ -291,6 +293,7 @@ class _Views:
         found, columns, span, pixels = self._view(given)
         view = found.window(span, pixels, columns)
         head = {"number": given.get("number"), "path": given.get("path"), "from": span[0], "to": span[1]}
+        head["key"] = found.key
         head |= {"missing": view.missing, "samples": view.samples, "raw": view.raw}
         arrays = {"time": view.time_s, **view.channels}
         if other := given.get("beside"):
@@ -545,6 +548,7 @@ def _table(body: bytes, *texts: str) -> dict[str, Any]:
     """Read a body of JSON that is a table with these texts in it."""
     try:
         table = json.loads(body)
+        json.dumps(table, ensure_ascii=False).encode()  # half of a pair of UTF-16 is no text
     except (ValueError, RecursionError):
         table = None
     if not isinstance(table, dict) or not all(isinstance(table.get(key), str) for key in texts):

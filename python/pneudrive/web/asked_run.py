@@ -18,7 +18,7 @@ from pneudrive.errors import CommandError
 from pneudrive.simulate import positive, run
 from pneudrive.start import is_circuit
 from pneudrive.watch import Watch
-from pneudrive.web.workspace import COMMANDS, is_in_catalogue
+from pneudrive.web.workspace import COMMANDS, is_in_catalogue, safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -170,9 +170,21 @@ class AskedRun:
             return lines and [_placed(one, workspace) for one in lines]
         return _placed(self.command if isinstance(self.command, str) else ", ".join(self.command), workspace)
 
+    def check_saved(self, workspace: Workspace) -> None:
+        """Check that a command, which reads the file, would read the text of the page.
+
+        Raises
+        ------
+        CommandError
+            Another text stands there.
+        """
+        if self.text is not None and (is_in_catalogue(self.path) or workspace.read(self.path)[0] != self.text):
+            remedy = "Save it under Drive first: a command and Python read the file."
+            raise CommandError(f"{self.path} is not saved as it stands in the page", remedy=remedy)
+
     def as_command(self) -> str:
         """Return the line of a shell that makes the same run in the folder of the workspace."""
-        words = ["pneudrive", "simulate", self.path, *self.command_words()]
+        words = ["pneudrive", "simulate", safe(self.path), *self.command_words()]
         words += ["--duration", self.duration, "--sample-rate", self.rate]
         words += ["--initial", self.initial] if self.initial else []
         for key, value in self.changes.items():
@@ -201,7 +213,7 @@ class AskedRun:
 
     def stem(self) -> str:
         """Return the name of files that are made of its description."""
-        return re.sub(r"[^\w.-]+", "-", Path(self.path.rpartition(":")[2]).stem) or "run"
+        return re.sub(r"[^\w.-]+", "-", Path(self.path.rpartition(":")[2]).stem).lstrip("-") or "run"
 
 
 def _placed(command: str, workspace: Workspace) -> str:
@@ -211,7 +223,9 @@ def _placed(command: str, workspace: Workspace) -> str:
 
 
 def described_at(workspace: Workspace, path: str, text: str | None = None) -> Drive | Circuit:
-    """Read a drive or a circuit of the workspace or of the catalogue, or a text in its place; each once.
+    """Read a drive or a circuit of the workspace or of the catalogue, or a text in its place.
+
+    Each is read once, but for those that name files.
 
     Raises
     ------
@@ -232,6 +246,8 @@ def described_at(workspace: Workspace, path: str, text: str | None = None) -> Dr
         place = workspace.root / "unnamed.toml" if is_in_catalogue(path) else workspace.path(path)
         name = place.relative_to(workspace.root).as_posix()
         found = described_in(text, place, lambda tables: workspace.check_named(name, tables))
+    if text is not None and FILE_PREFIX in text:
+        return found
     with _reading:
         while len(_read) >= _KEPT:
             _read.pop(next(iter(_read)))

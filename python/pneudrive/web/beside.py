@@ -17,9 +17,8 @@ from pneudrive.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse
 from pneudrive.watch import Watch
 from pneudrive.web.asked_run import WRONG_REQUEST, described_at
-from pneudrive.web.jobs import safe
 from pneudrive.web.tiles import per_pixel
-from pneudrive.web.workspace import DESCRIPTIONS, is_in_catalogue
+from pneudrive.web.workspace import DESCRIPTIONS, is_in_catalogue, safe
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

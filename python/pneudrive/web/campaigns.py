@@ -16,9 +16,9 @@ from pneudrive.campaign.live_files import read_live
 from pneudrive.campaign.lock import holder
 from pneudrive.campaign.status import status_of
 from pneudrive.errors import CommandError
-from pneudrive.web.jobs import READY, RIG, protocol_named, safe
+from pneudrive.web.jobs import READY, RIG, protocol_named
 from pneudrive.web.messages import pack
-from pneudrive.web.workspace import DESCRIPTIONS
+from pneudrive.web.workspace import DESCRIPTIONS, safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

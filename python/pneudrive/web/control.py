@@ -26,10 +26,10 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.start import is_circuit
 from pneudrive.watch import Watch
 from pneudrive.web.asked_run import MOST_PIXELS, MOST_SAMPLES, WRONG_REQUEST, RunLimit, described_at
-from pneudrive.web.jobs import RESULTS, AskedJob, folder_name, safe
+from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
 from pneudrive.web.messages import pack
 from pneudrive.web.tiles import per_pixel
-from pneudrive.web.workspace import DESCRIPTIONS, is_in_catalogue
+from pneudrive.web.workspace import DESCRIPTIONS, is_in_catalogue, safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -21,8 +21,9 @@ from pneudrive.identify.result import FrictionFit
 from pneudrive.identify.sliding_fit import SlidingFit
 from pneudrive.identify.with_map import PROBABILITIES, ellipses, profiles, with_map
 from pneudrive.rig.loading import load_rig
-from pneudrive.web.jobs import RIG, AskedJob, folder_name, safe
+from pneudrive.web.jobs import RIG, AskedJob, folder_name
 from pneudrive.web.lineage import MOST_TRACED, SAME, Lineage
+from pneudrive.web.workspace import safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

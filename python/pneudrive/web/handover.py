@@ -11,8 +11,8 @@ from pneudrive.files.content import read_bytes
 from pneudrive.fmu.package import VERSIONS
 from pneudrive.fmu.reading import read_fmu
 from pneudrive.web.asked_run import described_at
-from pneudrive.web.jobs import RESULTS, AskedJob, folder_name, safe
-from pneudrive.web.workspace import FMUS
+from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
+from pneudrive.web.workspace import FMUS, safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

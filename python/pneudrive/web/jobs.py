@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.errors import CommandError
 from pneudrive.files import child
 from pneudrive.trajectory import SUFFIXES
-from pneudrive.web.workspace import CACHE, DESCRIPTIONS, TABLES
+from pneudrive.web.workspace import CACHE, DESCRIPTIONS, TABLES, safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -123,11 +123,6 @@ def folder_name(given: object) -> str:
     if not isinstance(given, str) or not _NAME.fullmatch(given):
         raise CommandError(f"{str(given)[:80]!r} is no name of a folder", rule="letters, digits, spaces, -, _ and .")
     return given
-
-
-def safe(name: str) -> str:
-    """Return a name that no command takes for an option."""
-    return f"./{name}" if name.startswith("-") else name
 
 
 @dataclass

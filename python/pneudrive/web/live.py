@@ -96,12 +96,12 @@ def answer(
     window: Callable[[Any], bytes] | None = None,
 ) -> bytes:
     """Run what a message asks for, and return the frame of the answer, which carries its number."""
-    number = None
+    number = path = None
     try:
         asked = _read(message)
         if not isinstance(asked, dict):
             raise CommandError("the request is not a table", remedy="Reload the page.")
-        number = asked.get("number")
+        number, path = asked.get("number"), asked.get("path")
         if window and asked.get("what") == "window":
             return window(asked)
         if asked.get("what") == "control":
@@ -117,7 +117,7 @@ def answer(
         described = request.described(workspace)
         run = request.run_of(described, workspace, limit)
         head, arrays = beside.answer(workspace, request, described, run, shown_columns(run), limit)
-        return frame_of(run, request.pixels, {"number": number, **head}, arrays)
+        return frame_of(run, request.pixels, {"number": number, "path": path, **head}, arrays)
     except Cancelled:
         error: PneudriveError = CommandError(
             f"the run took longer than {(limit or RunLimit()).seconds:g} s on the clock",
@@ -129,7 +129,7 @@ def answer(
         print_exc()
         what = f"a fault of pneudrive: {type(fault).__name__}: {fault}"
         error = CommandError(what, remedy="Report it with the files of this run; the terminal says more.")
-    return pack({"number": number, "problems": problems_of(error)}, {})
+    return pack({"number": number, "path": path, "problems": problems_of(error)}, {})
 
 
 def _read(message: str) -> Any:  # noqa: ANN401 - plain data

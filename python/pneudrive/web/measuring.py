@@ -13,8 +13,8 @@ from pneudrive.errors import CommandError
 from pneudrive.signals.channels import pairs
 from pneudrive.signals.measuring import measured
 from pneudrive.web.asked_run import WRONG_REQUEST
-from pneudrive.web.jobs import safe
 from pneudrive.web.messages import plain
+from pneudrive.web.workspace import safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -49,6 +49,7 @@ class OpenRecording:
     file: ChannelFile
     pyramid: Pyramid
     notes: tuple[str, ...] = ()
+    key: str = ""  # another file of its name, or another layout, has another one
 
     @property
     def time(self) -> tuple[str, float] | None:
@@ -138,16 +139,17 @@ class Recordings:
                 while len(self._open) >= MOST_OPEN:
                     self._open.pop(next(iter(self._open)))
                 found = self._open[key] = Reading()
-                threading.Thread(target=self._read, args=(path, layout, key[0], found), daemon=True).start()
+                threading.Thread(target=self._read, args=(path, layout, key, found), daemon=True).start()
         found.ended.wait(0.2)
         return found
 
-    def _read(self, path: Path, layout: Layout | None, key: str, reading: Reading) -> None:
+    def _read(self, path: Path, layout: Layout | None, key: tuple[str, str], reading: Reading) -> None:
         def tell(done: float, total: float, _: str) -> None:
             reading.share = done / total if total else 0.0
 
         try:
-            reading.done = _opened(path, layout, self.workspace.root / CACHE / key, Watch(tell))
+            found = _opened(path, layout, self.workspace.root / CACHE / key[0], Watch(tell))
+            reading.done = replace(found, key="-".join(key))
         except PneudriveError as error:
             reading.error = error
         finally:

@@ -13,9 +13,9 @@ from pneudrive.sizing.folder import ABOUT, LINES, read_choice
 from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, SizedDrive, set_to
 from pneudrive.sizing.search import DRAWS_BEST_OF, is_of_command
 from pneudrive.sizing.task import SizingTask, follows_from, values_of
-from pneudrive.web.jobs import RESULTS, AskedJob, folder_name, safe
+from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
 from pneudrive.web.messages import plain, problems_of
-from pneudrive.web.workspace import DESCRIPTIONS
+from pneudrive.web.workspace import DESCRIPTIONS, safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError
-from pneudrive.files.content import read_text
+from pneudrive.files.content import exists, read_text
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
@@ -132,17 +132,25 @@ class Workspace:
                 self.path(posixpath.normpath(beside), DESCRIPTIONS)
 
     def files(self) -> list[Listed]:
-        """Return the files that the page knows, by name; not what begins with a dot."""
+        """Return the files that the page knows, by name."""
+        return self.listed()[0]
+
+    def listed(self) -> tuple[list[Listed], int]:
+        """Return the files that the page knows, by name, and how many names it leaves out, as they are no UTF-8.
+
+        What begins with a dot is not looked at.
+        """
         found: list[Listed] = []
-        for entry, path in self._walk(self.root, ""):
+        left_out: list[str] = []
+        for entry, path in self._walk(self.root, "", left_out):
             status = entry.stat()
             kind = _folder_kind(entry.path) if entry.is_dir() else _kind(entry.path, status.st_mtime_ns, status.st_size)
             found.append(Listed(path, kind, status.st_size, status.st_mtime))
             if len(found) == MOST_FILES:
                 break
-        return sorted(found, key=lambda one: one.path)
+        return sorted(found, key=lambda one: one.path), len(left_out)
 
-    def _walk(self, folder: Path, before: str) -> Iterator[tuple[os.DirEntry[str], str]]:
+    def _walk(self, folder: Path, before: str, left_out: list[str]) -> Iterator[tuple[os.DirEntry[str], str]]:
         try:
             entries = list(os.scandir(folder))
         except OSError:
@@ -150,10 +158,12 @@ class Workspace:
         for entry in entries:
             if entry.name.startswith("."):
                 continue
-            if entry.is_dir(follow_symlinks=False) and _folder_kind(entry.path):
+            if not _is_utf8(entry.name):
+                left_out.append(entry.name)
+            elif entry.is_dir(follow_symlinks=False) and _folder_kind(entry.path):
                 yield entry, f"{before}{entry.name}"
             elif entry.is_dir(follow_symlinks=False):
-                yield from self._walk(Path(entry.path), f"{before}{entry.name}/")
+                yield from self._walk(Path(entry.path), f"{before}{entry.name}/", left_out)
             elif entry.name.lower().endswith(SUFFIXES) and entry.is_file(follow_symlinks=False):
                 yield entry, f"{before}{entry.name}"
 
@@ -180,7 +190,7 @@ class Workspace:
             The file cannot be written.
         """
         path = self.path(name, DESCRIPTIONS)
-        if path.exists():
+        if exists(path):
             there = read_text(path, CommandError)
             if fingerprint(there) != known:
                 raise ChangedError(there)
@@ -188,8 +198,11 @@ class Workspace:
             raise ChangedError("")
         elif not path.parent.is_dir():
             raise CommandError(f"there is no folder {path.parent.name}", remedy="Make it first.")
-        with whole(path) as temporary:
-            temporary.write_bytes(text.encode())
+        try:
+            with whole(path) as temporary:
+                temporary.write_bytes(text.encode())
+        except OSError as error:
+            raise CommandError(f"{name[:80]} cannot be written", rule=error.strerror or str(error)) from None
         return fingerprint(text)
 
 
@@ -220,6 +233,20 @@ def is_in_catalogue(name: str) -> bool:
     from pneudrive.describe.catalogue import PREFIX
 
     return name.startswith(PREFIX)
+
+
+def safe(name: str) -> str:
+    """Return a name that no command takes for an option."""
+    return f"./{name}" if name.startswith("-") else name
+
+
+def _is_utf8(name: str) -> bool:
+    """Return whether a name of the system's is one that the page can be told."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _refused(name: object) -> CommandError:

@@ -1,0 +1,118 @@
+"""Files that change while they are shown, texts that are not saved, answers that come late."""
+
+from __future__ import annotations
+
+import os
+from urllib.parse import quote
+
+import polars as pl
+
+from page.conftest import DRIVE, Server
+from page.test_journeys import Open, at_end, settled
+from pneudrive.characterise import write_map
+from web.maps import WIDE, friction_map, stribeck
+
+
+def test_a_text_is_kept_and_the_disk_is_told(server: Server, open_tab: Open) -> None:
+    (server.folder / "other.toml").write_text(DRIVE.replace("28 N", "20 N"))
+    tab = open_tab(server.address)
+    page = tab.page
+
+    def go(name: str) -> None:
+        page.click("nav >> text=Studies")
+        page.click(f"ul.files >> text={name}")
+        page.wait_for_selector("[data-end=position_m]")
+        settled(tab)
+
+    go("other.toml")
+    with_20 = at_end(tab, "position_m")
+    go("axis.toml")
+    saved = at_end(tab, "position_m")
+    # Two values in quick succession, each by an answer that takes its time: both are in the text.
+    page.click("nav >> text=Drive")
+    page.wait_for_selector(".fields")
+    page.route("**/api/edit", lambda route: (page.wait_for_timeout(150), route.continue_()))
+    page.fill("input[aria-label='friction.coulomb']", "20 N")
+    page.keyboard.press("Tab")
+    page.fill("input[aria-label='load.mass']", "2 kg")
+    page.keyboard.press("Tab")
+    page.wait_for_selector(".cm-content >> text=2 kg")
+    page.unroute("**/api/edit")
+    assert "20 N" in page.inner_text(".cm-content")
+    page.fill("input[aria-label='valve.critical_pressure_ratio']", "0,4")
+    page.keyboard.press("Tab")
+    page.wait_for_selector(".problem >> text=valve.critical_pressure_ratio is no number")
+    page.fill("input[aria-label='valve.critical_pressure_ratio']", "0.4")
+    page.keyboard.press("Tab")
+    page.wait_for_selector("text=No problems.")
+    # The curves are those of the text; a command, which reads the file, would give others and is refused.
+    page.click("nav >> text=Simulate")
+    page.wait_for_selector("[data-end=position_m]")
+    settled(tab)
+    unsaved = at_end(tab, "position_m")
+    assert len({saved, unsaved, with_20}) == 3
+    page.click("text=Copy as command or Python")
+    page.wait_for_selector(".problem >> text=not saved")
+    assert page.locator("[data-copy=python]").count() == 0
+    # Another file in between, and the file on disk another one by now: what was not saved is there again, and is told.
+    go("other.toml")
+    (server.folder / "axis.toml").write_text(DRIVE.replace("28 N", "44 N"))
+    go("axis.toml")
+    assert at_end(tab, "position_m") == unsaved
+    page.click("nav >> text=Drive")
+    page.click("text=Drop these changes and show the file")
+    page.wait_for_selector(".cm-content >> text=44 N")
+    # A text that is as it was read follows the disk.
+    (server.folder / "axis.toml").write_text(DRIVE)
+    go("axis.toml")
+    page.wait_for_function(f"() => document.querySelector('[data-end=position_m]')?.dataset.si === '{saved!r}'")
+    # The curves of one drive never stand under the name of another.
+    page.fill("label:has-text('Duration') input", "2,5 s")
+    page.wait_for_selector(".problem")
+    page.click("nav >> text=Studies")
+    page.click("ul.files >> text=other.toml")
+    page.wait_for_selector(".problem")
+    assert page.locator("[data-end=position_m]").count() == 0
+    tab.complaints.clear()  # the refused copy
+    tab.check()
+
+
+def test_late_and_other_answers(server: Server, open_tab: Open) -> None:
+    for name, more in (("new", 0.0), ("worn", 4.0)):
+        (server.folder / name).mkdir()
+        curves = friction_map(lambda v, g, more=more: stribeck(v, g) + more, WIDE, (0.0, 2e5), 0.2)
+        write_map(curves, server.folder / name / "map.parquet")
+    span = pl.Series([0.001 * i for i in range(3000)])
+    pl.DataFrame({"time": span, "level": span}).write_csv(server.folder / "log.csv")
+    (server.folder / os.fsdecode(b"bad\xffname.csv")).write_text("a\n1\n")
+    tab = open_tab(server.address)
+    page = tab.page
+    page.wait_for_selector("text=1 names are no UTF-8 and left out")
+
+    def show(path: str, view: str) -> None:
+        page.evaluate(f"location.hash = '#/{view}/{quote(path, safe='')}'")
+        page.wait_for_selector(f"h2:has-text('{path}')")
+
+    held: list = []
+    page.route("**/api/map?path=worn*", lambda route: held.append(route))  # noqa: PLW0108 - it takes no builtin
+    with page.expect_request("**/api/map?path=worn*"):
+        show("worn/map.parquet", "friction")
+    show("new/map.parquet", "friction")
+    page.wait_for_selector(".heat svg")
+    before = page.inner_text("main")
+    with page.expect_response("**/api/map?path=worn*"):
+        held[0].continue_()
+    page.wait_for_timeout(100)
+    assert page.inner_text("main") == before
+    # A recording that is another one by now is shown whole.
+    show("log.csv", "recording")
+    page.wait_for_selector("[role=status][data-to='2.999']")
+    long = pl.Series([0.001 * i for i in range(20_000)])
+    pl.DataFrame({"time": long, "level": long}).write_csv(server.folder / "log.csv")
+    page.click("text=Closer")
+    page.wait_for_selector("[role=status][data-to='19.999']")
+    # An address that was cut within a letter is one without such a file.
+    page.evaluate("location.hash = '#/simulate/100%'")
+    page.wait_for_selector(".problem")
+    tab.complaints.clear()  # what was refused
+    tab.check()
