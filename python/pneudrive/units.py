@@ -598,6 +598,12 @@ def _converter_pint(unit: str, si_unit: str) -> tuple[float, float]:
     registry = _registry()
     wanted = si_unit.removesuffix(" ANR")
     target, parsed = (_pint_unit(registry, one, si_unit) for one in (wanted, unit.removesuffix(" ANR")))
+    if si_unit == "rad/s" and "hertz" in str(parsed):
+        remedy = "Write the frequency times 2 pi: 62.8 rad/s for 10 Hz."
+        raise DescriptionError(f'unit "{unit}" counts cycles', rule="an angular rate in rad/s is needed", remedy=remedy)
+    if si_unit == "1/s" and "radian" in str(registry.get_base_units(parsed)[1]):
+        remedy = "Divide the angular rate by 2 pi: 10 Hz for 62.8 rad/s."
+        raise DescriptionError(f'unit "{unit}" is an angle per time', rule=needed(si_unit), remedy=remedy)
     try:
         zero = registry.Quantity(0.0, parsed).to(target).magnitude
         one = registry.Quantity(1.0, parsed).to(target).magnitude

@@ -112,6 +112,8 @@ FILES = {
     "gain of no number": ('law = "nmpc"\n[gains]\nmove_penalty = nan', "out of bounds", ":4"),
     "unit of a gain": ('law = "nmpc"\n[gains]\nbandwidth = "90 mm"', '"mm"', ":4"),
     "hold": ('law = "nmpc"\nhold = true', "True is not a table", "hold = false"),
+    "no boolean": ('law = "nmpc"\nadaptation = "no"', "must be true or false", ":3"),
+    "a gain in cycles": ('law = "nmpc"\n[gains]\nbandwidth = "10 Hz"', "counts cycles", "rad/s", ":4"),
     "own code": ('law = "mine.py:Law"', "was not told to run", "--law mine.py:Law"),
     "another drive": ('law = "nmpc"\ndrive = "nowhere.toml"', "nowhere.toml", "no file"),
 }
@@ -120,6 +122,16 @@ RECORDS = {
     "back.csv": ((0, 0.2), (1, 0.2), (2, 0.2), (1, 0.2), (4, 0.2)),
 }
 FALLING = '[[disturbances]]\nat = "2 s"\nforce = "1 N"\n[[disturbances]]\nat = "1 s"\nforce = "1 N"'
+PRESSURES = """
+[sensors.pressure_a]
+range = "10 bar"
+[sensors.pressure_b]
+range = "10 bar"
+[[faults]]
+kind = "offset"
+channel = "pressure_a"
+at = "1 s"
+"""
 SETUPS = {
     "one pressure": ('[sensors.pressure_a]\nrange = "10 bar"', "without sensors.pressure_b", "Give both"),
     "bits": ("[converter]\nbits = 64", "64 is out of bounds", "4 to 32"),
@@ -127,6 +139,12 @@ SETUPS = {
     "fault": ('[[faults]]\nkind = "stuck"\nat = "1 s"', "needs a channel", "pressure_a"),
     "unit of a fault": ('[[faults]]\nkind = "clock"\nat = "1 s"\nvalue = "3 mm"', "faults", "a time"),
     "times fall": (FALLING, "1 s follows 2 s", "times rise"),
+    "switches": ('[switches]\nlow = "300 mm"\nhigh = "100 mm"', "switches.high = 100 mm", "above low = 300 mm"),
+    "jitter of a sensor": ('[sensors.position]\njitter = "2 ms"', "sensors.position.jitter = 2 ms", "the period, 1 ms"),
+    "jitter of the computer": ('[computer]\njitter = "1 ms"', "computer.jitter = 1 ms", "shorter than the period"),
+    "no sensor": ('[[faults]]\nkind = "stuck"\nchannel = "pressure_a"\nat = "1 s"', "no sensor pressure_a", ":4"),
+    "gauge": ('[[faults]]\nkind = "supply-fallen"\nat = "1 s"\nvalue = "3 bar gauge"', "is gauge", "3 bar abs"),
+    "no difference": (f"{PRESSURES}value = '1 bar abs'", "is an absolute pressure", "0.2 bar"),
 }
 
 
@@ -216,6 +234,12 @@ channel = "position"
 at = "0.3 s"
 value = "20 mm"
 """
+
+
+@pytest.mark.parametrize("value", ["3 bar", "3 bar abs"])
+def test_a_supply_falls_to_an_absolute_pressure(value):
+    fault = pn.control.Setup(faults=[{"kind": "supply-fallen", "at": "1 s", "value": value}]).faults[0]
+    assert fault.core()["value"] == 3e5
 
 
 def test_a_supervisor_tells_what_it_does_about_a_fault(tmp_path, capsys, axis):

@@ -181,6 +181,42 @@ def test_a_comparison_keeps_a_law_that_fails_as_lost(folder, axis, capsys, monke
     assert "1 run of mine.py:Raises ended early: the law mine.py:Raises fails at t = 0.05 s" in capsys.readouterr().err
 
 
+def test_two_laws_of_one_file_are_not_taken_for_each_other(tmp_path, axis):
+    """By a comparison that is resumed: one law falls over at once, the other one stands still."""
+    file = tmp_path / "two.py"
+    step = "    inputs = ()\n    def step(self, t, sample, preview):\n        return {}\n"
+    file.write_text(f"class A:\n{step.format(0.0)}class B:\n{step.format(1.0)}")
+    told = {"references": [STEP], "seeds": 2, "out": tmp_path / "compared"}
+    found = [pn.control.compare(axis, f"{file}:{name}", **told) for name in "AB"]
+    both = pn.control.compare(axis, [f"{file}:A", f"{file}:B"], **told)
+    largest = [[run.score and run.score.max_error_m for run in one.runs] for one in (*found, both)]
+    assert largest[0] + largest[1] == largest[2]
+    assert not set(largest[0]) & set(largest[1])
+
+
+class NoInputs:
+    @property
+    def inputs(self):
+        raise RuntimeError("no sensors")
+
+    def step(self, t, sample, preview):
+        return 0.0
+
+
+class NoStep:
+    inputs = ()
+
+    @property
+    def step(self):
+        raise RuntimeError("no sensors")
+
+
+@pytest.mark.parametrize("law", [NoInputs, NoStep])
+def test_a_law_whose_properties_fail_gives_one_message(law, axis):
+    with pytest.raises(CommandError, match=rf"{law.__name__} fails: RuntimeError: no sensors"):
+        pn.control.run(axis, law(), reference=STEP)
+
+
 def test_ctrl_c_within_a_law_ends_the_run(axis):
     law = types.SimpleNamespace(inputs=(), step=lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
@@ -248,6 +284,11 @@ def _check_structured_text(folder, samples):
         found = block.run(**dict(zip(block.inputs[: len(given)], given, strict=True)))
         assert found["command"] == pytest.approx(out[0], abs=1e-10)  # its tanh is made of exponentials
         assert found["velocity"] == pytest.approx(out[1], abs=1e-10)
+
+
+def test_an_fmu_follows_a_standard_reference(tmp_path):
+    told = ["--drive", str(AXIS), "--to", "fmu", "--out", str(tmp_path / "law.fmu"), "--reference", "R1"]
+    assert run(["control", "export", "pva", *told]) == 0
 
 
 def test_what_cannot_be_exported_is_said(tmp_path, capsys):

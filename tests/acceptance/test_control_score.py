@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
 import shutil
 from pathlib import Path
 
@@ -13,6 +15,8 @@ import pneudrive as pn
 from pneudrive.cli.main import run
 from pneudrive.control.measures import SCORED, score_of
 from pneudrive.control.mismatch import Mismatch, ready_mismatches
+from pneudrive.errors import PneudriveWarning
+from pneudrive.report.control import boxes
 
 AXIS = Path(__file__).parents[2] / "examples" / "controlled_axis.toml"
 STEP = "220 mm; 0.1 s: 280 mm in 0.3 s"
@@ -197,6 +201,14 @@ WRONG = {
     "g.toml": (POINTS.format("fly"), "'fly' is not known"),
     "h.toml": (POINTS.format("pass") + '[[points]]\nat = "1 s"\nto = "1 mm"\n', "times rise"),
     "i.gcode": ("G91 X10", "begins is not said"),
+    "j.gcode": (f"G0 X{'9' * 400}", "the number of X is out of bounds"),
+    "k.gcode": ("G0 X100\nX280 X290", "X stands twice"),
+    "l.gcode": ("G0 X100\nG0 G1 X290 F100", "G0 and G1 stand in one block"),
+    "m.gcode": ("G0 X100\nG4 P2000000", "takes 2e+06 s"),
+    "n.csv": (
+        "time_s,position_m\n0,0.2\n0.1,0.25\n0.2,0.2\n0.3,0.25\n3,0.2\n3.1,0.25\n3.2,0.2\n",
+        "no sample from 0.3 s to 3 s",
+    ),
 }
 
 
@@ -210,6 +222,52 @@ def test_wrong_references_give_one_message(name, tmp_path, capsys, monkeypatch):
     assert error.count("Error:") == 1
     assert said in error
     assert "Traceback" not in error
+
+
+def test_a_record_that_its_curve_misses_is_told(tmp_path, capsys, axis):
+    """A gap of 1 s makes knots 2 s apart: the curve goes nowhere near a sine of 1 s. Names of files in any case."""
+    time = np.concatenate([np.arange(0.0, 2.0, 0.01), np.arange(3.0, 5.0, 0.01)])
+    path = tmp_path / "REC.CSV"
+    pl.DataFrame({"time_s": time, "position_m": 0.25 + 0.02 * np.sin(2.0 * np.pi * time)}).write_csv(path)
+    missed = pn.control.reference(path).points_missed_m
+    assert 0.01 < missed < 0.04
+    words = f"misses its points by up to {1e3 * missed:.3g} mm"
+    assert (
+        run(["control", "run", str(AXIS), "--reference", str(path), "--controller", "pva", "--duration", "50 ms"]) == 0
+    )
+    assert words in capsys.readouterr().err
+    out = tmp_path / "compared"
+    with pytest.warns(PneudriveWarning, match=words):
+        pn.control.compare(axis, "pva", {"record": path}, seeds=1, out=out)
+    assert pn.control.read_comparison(out).about["points_missed_m"] == {"record": missed}
+
+
+def test_overshoot_is_that_of_each_way(axis):
+    """Of two moves back to back: as moves, as polynomials, and of a path that turns around within a polynomial."""
+    moves = "220 mm; 1 s: 280 mm in 0.3 s; 1.3 s: 220 mm in 0.3 s"
+    found = [
+        pn.control.run(axis, "nmpc", reference=one, duration="2.5 s").attrs["score"]["overshoot_m"]
+        for one in (moves, f"order 9; {moves}")
+    ]
+    assert max(found) < 5e-4
+    assert found[1] == pytest.approx(found[0], abs=1e-4)
+    hand = pn.control.standard(axis)["R8"]
+    time = np.arange(0.0, hand.duration_s, 1e-3)
+    wanted = hand.at(time)[:, 0]
+    named = dict.fromkeys(SCORED, 0.0 * time) | {"reference": wanted}
+    assert score_of(time, named | {"position": wanted}, hand.core()).overshoot_m < 1e-5
+    named["position"] = wanted + 2e-3 * np.sign(hand.at(time)[:, 1])
+    assert score_of(time, named, hand.core()).overshoot_m == pytest.approx(2e-3, abs=1e-4)
+
+
+def test_a_reference_that_leaves_the_stroke_is_not_feasible(axis, capsys):
+    beyond = "220 mm; 1 s: 560 mm in 1 s"
+    found = pn.control.feasibility(pn.control.tune(axis), pn.control.reference(beyond))
+    assert (found.is_feasible, found.factor, found.slowed) == (False, None, None)
+    assert run(["control", "reference", beyond, "--drive", str(AXIS)]) == 2
+    said = capsys.readouterr()
+    assert "no: it leads to 560 mm; within the stroke, 0 mm to 500 mm" in said.out
+    assert "it leads to 560 mm" in said.err
 
 
 def test_a_reference_is_checked_against_the_valve_and_slowed(axis, capsys):
@@ -264,6 +322,40 @@ OBJECTS = {
 def test_an_object_of_another_kind_gives_one_message(message, axis):
     with pytest.raises(pn.errors.PneudriveError, match=message):
         pn.control.run(axis, reference="R6", **OBJECTS[message])
+
+
+WRONG_CALLS = {
+    "drive is a NoneType": lambda _: pn.control.tune(None),
+    "out is a NoneType": lambda axis: pn.control.compare(axis, "pva", [STEP], out=None),
+    "give no repeatability": lambda _: pn.control.iso230([]),
+    "seed = '3' is not a whole number": lambda axis: pn.control.run(axis, "pva", reference=STEP, seed="3"),
+    "seed = -1 is out of bounds": lambda axis: pn.control.run(axis, "pva", reference=STEP, seed=-1),
+    "seeds = 2.0 is not a whole number": lambda axis: pn.control.compare(axis, "pva", [STEP], out=".", seeds=2.0),
+    "R1 is a standard reference": lambda _: pn.control.reference("R1"),
+}
+
+
+@pytest.mark.parametrize("message", WRONG_CALLS)
+def test_a_wrong_call_gives_one_message(message, axis):
+    with pytest.raises(pn.errors.PneudriveError, match=re.escape(message)):
+        WRONG_CALLS[message](axis)
+
+
+def test_whole_numbers_may_be_those_of_numpy(axis):
+    found = pn.control.run(axis, "pva", reference=STEP, duration="20 ms", seed=np.int64(3))
+    assert found.attrs["seed"] == 3
+
+
+def test_what_is_damaged_is_run_again_and_a_lost_law_is_drawn_as_nothing(axis, tmp_path):
+    told = {"references": [STEP], "spread": "standard", "members": 3, "out": tmp_path}
+    made = pn.control.compare(axis, ["pid", "pva"], **told)
+    kept = tmp_path / "scores.jsonl"
+    kept.write_bytes(b"\xff\xfe" + kept.read_bytes() + b'{"key": "1", "reason": ""}\n')
+    again = pn.control.compare(axis, ["pid", "pva"], **told)
+    assert [one.score.max_error_m for one in again.runs] == [one.score.max_error_m for one in made.runs]
+    lost = tuple(one._replace(score=None) if one.law == "pid" else one for one in made.runs)
+    for runs in (lost, tuple(one._replace(score=None) for one in made.runs)):
+        boxes(dataclasses.replace(made, runs=runs), pn.control.reference(STEP).text).savefig(tmp_path / "boxes.png")
 
 
 def test_a_comparison_of_no_reference_is_refused(axis, tmp_path):

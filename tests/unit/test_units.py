@@ -33,6 +33,16 @@ def test_values(text, si_unit, value):
     assert units.parse(text, si_unit) == pytest.approx(value, rel=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("text", "si_unit"), [("10 Hz", "rad/s"), ("1 kHz", "rad/s"), ("10 rad/s", "1/s"), ("60 rpm", "1/s")]
+)
+def test_cycles_and_angles_are_not_mixed(text, si_unit):
+    with pytest.raises(DescriptionError, match="2 pi"):
+        units.parse(text, si_unit)
+    assert units.parse("360 deg/s", "rad/s") == pytest.approx(units.parse("60 rpm", "rad/s"))
+    assert units.parse("90 1/s", "rad/s") == 90.0
+
+
 def test_decimal_units_round_once():
     # a product of floats gives 101299.99999999999
     assert units.parse_pressure("1.013 bar abs") == units.Pressure(101300.0, gauge=False)

@@ -278,7 +278,7 @@ def export(
     out: Annotated[Path, typer.Option(help="Folder of the files, or an .fmu file.")],
     reference: Annotated[
         str | None,
-        typer.Option(help='What an FMU follows: "220 mm; 1 s: 280 mm in 0.3 s", or a TOML file.', metavar="REF"),
+        typer.Option(help='What an FMU follows: "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file.', metavar="REF"),
     ] = None,
     fmi: Annotated[str, typer.Option(help="Version of an FMU: 2.0 or 3.0.")] = "2.0",
     drive: Annotated[

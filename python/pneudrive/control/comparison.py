@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +28,7 @@ from pneudrive.control.card import (
     tell,
     told,
 )
-from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
+from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared, whole_number
 from pneudrive.control.measures import Score, written
 from pneudrive.control.mismatch import mismatched, read_mismatch
 from pneudrive.control.own_law import is_own
@@ -38,6 +39,7 @@ from pneudrive.control.tuning import Tuning, laws, tune
 from pneudrive.ensemble.engine import processors
 from pneudrive.errors import CommandError, RecordingError, SimulationError
 from pneudrive.files.tables import open_table
+from pneudrive.own_code import split
 from pneudrive.show import Card, Shown
 from pneudrive.trajectory import save_columns, write_frame
 from pneudrive.watch import UNWATCHED, Watch
@@ -220,6 +222,8 @@ def compare_watched(
 
     `named` is the word by which a command line has the drive: it is kept in the folder, so that it can be repeated.
     """
+    if not isinstance(out, str | PathLike):
+        raise CommandError(f"out is a {type(out).__name__}", rule="a folder for scores and runs", remedy='out="laws"')
     own = read_mismatch(spread) if spread is not None else None
     if own is not None and mismatch is not None:
         raise CommandError(
@@ -228,9 +232,9 @@ def compare_watched(
     if members is not None and own is None:
         raise CommandError(f"members = {members} without a spread", remedy='Give a spread, for instance "standard".')
     count = seeds if own is None else MEMBERS if members is None else members
-    _check_count("seeds" if own is None else "members", count)
+    count = whole_number("seeds" if own is None else "members", count, 1, MOST_SEEDS)
     if threads is not None:
-        _check_count("threads", threads)
+        threads = whole_number("threads", threads, 1, MOST_SEEDS)
     read, name = read_setup(setup)
     tunings = _tunings(drive, asked_laws, {"setup": read, "believes": believes, "allow_code": allow_code})
     to_follow = _references(drive if believes is None else believes, references)
@@ -251,6 +255,8 @@ def compare_watched(
     about |= {"references": {along: one.text for along, one in to_follow.items()}, **told(tunings)}
     asked = {"drive": named, "laws": asked_laws, "references": references, "setup": setup, "mismatch": mismatch}
     asked |= {"spread": spread, "count": count}
+    missed = {along: one.points_missed_m for along, one in to_follow.items() if one.points_missed_m is not None}
+    about |= {"points_missed_m": missed} if missed else {}
     begin(Path(out), about | {"asked": json.loads(json.dumps(asked, default=lambda _: None)) if named else None})
 
     def one_of(asked: tuple[str, str, int]) -> ControlledRun:
@@ -272,11 +278,6 @@ def compare_watched(
         made.save(Path(out) / table)
     (Path(out) / SO_FAR).unlink(missing_ok=True)
     return made
-
-
-def _check_count(name: str, count: object) -> None:
-    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_SEEDS:
-        raise CommandError(f"{name} = {count} is out of bounds", rule=f"a whole number, 1 to {MOST_SEEDS}")
 
 
 def _truths(first: Prepared, spread: tuple[Mismatch, str] | None) -> Callable[[int], Truth]:
@@ -370,7 +371,8 @@ def _key(prepared: Prepared, seed: int) -> str:
         "rtol": prepared.rtol,
     }
     if prepared.tuning.own is not None:
-        decides["code"] = prepared.tuning.own.digest
+        own = prepared.tuning.own
+        decides["code"] = [own.digest, (split(own.name) or ("", own.name))[1]]  # a file may hold several laws
     return hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()
 
 
@@ -389,16 +391,17 @@ class _Store:
         folder, lines = out / RUNS, out / KEPT
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            text = lines.read_text("utf-8") if lines.exists() else ""
+            text = lines.read_bytes() if lines.exists() else b""
         except OSError as error:
             remedy = "Name another folder as out."
             raise CommandError(f"the folder {folder} cannot be made", value=error.strerror, remedy=remedy) from None
         known: dict[str, dict[str, Any]] = {}
         for line in text.splitlines():
-            with suppress(ValueError, KeyError, TypeError):  # a line that a kill has cut
-                one = json.loads(line)
-                known[one["key"]] = one
-        if text and not text.endswith("\n"):
+            with suppress(ValueError, LookupError, TypeError):  # a line that a kill has cut, or that is damaged
+                one = json.loads(line.decode("utf-8"))
+                score = None if one["score"] is None else Score(**one["score"])
+                known[one["key"]] = {"score": score, "reason": str(one["reason"])}
+        if text and not text.endswith(b"\n"):
             with lines.open("a", encoding="utf-8") as file:
                 file.write("\n")
         return cls(folder, lines, keeps, known, threading.Lock())
@@ -413,7 +416,7 @@ class _Store:
         said = self.known.get(key)
         if said is not None and said["score"] is None:
             return ControlledRun(law, along, seed, None, said["reason"], file, truth)
-        score = _score_in(file, key) if is_kept else None if said is None else Score(**said["score"])
+        score = _score_in(file, key) if is_kept else None if said is None else said["score"]
         if score is not None:
             return ControlledRun(law, along, seed, score, "", file, truth)
         try:

@@ -134,7 +134,9 @@ class Controller(Described):
         default=PERIOD_S, description="time between two samples"
     )
     drive: str | None = Field(default=None, description="what the law believes; absent: the drive it is run on")
-    adaptation: bool = Field(default=True, description="it learns friction, mass and valve of its drive while it runs")
+    adaptation: bool = Field(
+        default=True, strict=True, description="it learns friction, mass and valve of its drive while it runs"
+    )
     factors: Factors = USUAL_FACTORS
     gains: Annotated[dict[str, Any], _numbers("gains")] = Field(default_factory=dict)
     nmpc: NmpcChoices | None = None

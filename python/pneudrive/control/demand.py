@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import _core
+from pneudrive.control.references import beyond_stroke
 from pneudrive.show import Card, Shown
 from pneudrive.simulate import require
 
@@ -57,7 +58,8 @@ class Feasibility(Shown):
     demand : Demand
         What it takes as it is.
     factor : float or None
-        Least factor in time with which it takes at most 85 % of valve, force and speed; 1: as it is. None: none helps.
+        Least factor in time with which it takes at most 85 % of valve, force and speed; 1: as it is. None: none helps,
+        for instance because it leaves the stroke.
     slowed : Demand or None
         What it takes then.
     stroke_m, speed_m_s : float
@@ -73,7 +75,7 @@ class Feasibility(Shown):
 
     @property
     def is_feasible(self) -> bool:
-        """Whether it takes at most 85 % of each limit as it is."""
+        """Whether it stays within the stroke and takes at most 85 % of each limit as it is."""
         return self.factor == 1.0
 
     def rows(self) -> list[tuple[str, str]]:
@@ -97,6 +99,9 @@ class Feasibility(Shown):
         limit = f"{100.0 * SHARE:.0f} % of each limit"
         if self.is_feasible:
             return f"yes: it takes at most {limit}"
+        beyond = beyond_stroke(self.reference, self.stroke_m)
+        if beyond is not None:
+            return f"no: {beyond[0]}; {beyond[1]}"
         if self.factor is None:
             return f"no, however slow: it never takes less than {limit}"
         slower = self.reference.stretched(self.factor).text
@@ -136,8 +141,10 @@ def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
     )
     motion, form = json.dumps(reference.core()), json.dumps(tuning.core())
     told, slowed = _core.control_feasibility(form, motion, seen_s, SHARE)
-    factor: Any = None if slowed is None else slowed[0]
     plant = tuning.plant
+    if beyond_stroke(reference, plant.stroke_m) is not None:
+        slowed = None
+    factor: Any = None if slowed is None else slowed[0]
     return Feasibility(
         reference,
         Demand(**told),

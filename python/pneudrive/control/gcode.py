@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive.control.paths import PEAK, along_line, blended
 from pneudrive.errors import CommandError
+from pneudrive.units import LARGEST
 
 if TYPE_CHECKING:
     from pneudrive.control.paths import Row
@@ -17,6 +18,8 @@ AXES = "XYZABCUVW"
 _INCH_M, _MM_M, _MINUTE_S = 0.0254, 1e-3, 60.0
 _WORD = re.compile(r"([A-Z])\s*([-+]?(?:\d+\.?\d*|\.\d+))")
 _KNOWN = {0, 1, 4, 20, 21, 90, 91}
+_GROUPS = ((0, 1), (4,), (20, 21), (90, 91))  # of each at most one in a block
+LONGEST_S = 1e6  # of a reference
 RULE = "G0, G1 with F, G4 P, G90, G91, G20, G21, and axes of " + ", ".join(AXES)
 
 
@@ -83,6 +86,7 @@ def _block(plain: str, state: _Modal) -> None:
         raise CommandError(f'"{rest}" is no word of a letter and a number')
     words = [(letter, float(value)) for letter, value in _WORD.findall(plain)]
     codes = [value for letter, value in words if letter == "G"]
+    _check(words, codes)
     for code in codes:
         _code(code, state)
     named = {letter: value for letter, value in words if letter not in "GN"}
@@ -100,6 +104,22 @@ def _block(plain: str, state: _Modal) -> None:
         raise CommandError(f"{strange} is not known")
     if named:
         _move({axis: value * state.scale_m for axis, value in named.items()}, state)
+    if not state.time_s <= LONGEST_S:
+        raise CommandError(f"the program takes {state.time_s:.3g} s, and at most {LONGEST_S:g} s are possible")
+
+
+def _check(words: list[tuple[str, float]], codes: list[float]) -> None:
+    """Refuse numbers out of bounds, and words of which a block can have only one."""
+    letters = [letter for letter, _ in words if letter != "G"]
+    for letter, value in words:
+        if not abs(value) <= LARGEST:
+            raise CommandError(f"the number of {letter} is out of bounds: beyond {LARGEST:g}")
+        if letters.count(letter) > 1:
+            raise CommandError(f"{letter} stands twice in a block")
+    for group in _GROUPS:
+        both = [f"G{code:g}" for code in codes if code in group]
+        if len(both) > 1:
+            raise CommandError(f"{' and '.join(both)} stand in one block, of which only one can hold")
 
 
 def _code(code: float, state: _Modal) -> None:

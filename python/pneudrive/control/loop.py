@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import json
+import operator
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from pneudrive import __version__, _core
 from pneudrive.control.measures import air_of, score_of
 from pneudrive.control.mismatch import Truth, mismatched, one_value, read_mismatch
 from pneudrive.control.references import check_reach
-from pneudrive.control.setup import Setup, read_setup, ready_setups
+from pneudrive.control.setup import CHANNEL_UNITS, Setup, read_setup, ready_setups
 from pneudrive.control.standard_references import named_or_read
 from pneudrive.control.supervision import told
 from pneudrive.control.tuning import Tuning, tune
 from pneudrive.describe.circuit import compiled
-from pneudrive.errors import CommandError, SimulationError
+from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.simulate import SOLVER, Run, positive, require
 from pneudrive.start import check_tolerance, circuit_of, is_circuit, read_initial, start_table
 from pneudrive.trajectory import meaning
@@ -38,6 +41,8 @@ if TYPE_CHECKING:
 MOST_SAMPLES = 20_000_000
 MOST_SEED = 2**63 - 1
 RTOL = 1e-5
+#: Distance of a reference from its points that is told, where the setup has no coarser resolution (assumed).
+LEAST_MISSED_M = 1e-5
 #: Meaning of the columns that are not those of a trajectory.
 MEANINGS = {
     "reference_m": "where the drive is to be",
@@ -127,7 +132,8 @@ def run(
         ``long_name``. Its ``attrs`` hold score (a dict, see `pneudrive.control.Score`), events (what the supervisor
         told: time_s, kind, value, unit, text), law_failure (where a law of one's own failed and another one took
         over), law, gains, choices, factors, period_s, setup, mismatch, deviations, seed, reference, motion, air,
-        belief_hash, and what `pneudrive.simulate` tells of a description.
+        belief_hash, points_missed_m (of a reference that was made of points), and what `pneudrive.simulate` tells of a
+        description.
 
     Raises
     ------
@@ -178,6 +184,7 @@ def prepare(
         tuning = controller
     else:
         tuning = tune(drive, law, setup=read, controller=controller, believes=believes, allow_code=allow_code)
+    _check_jitter(read, tuning.period_s)
     circuit = circuit_of(drive)
     to_follow = named_or_read(along, tuning.plant.stroke_m, tuning.plant.speed_m_s)
     is_another = tuning.belief.core_json() != circuit.core_json()
@@ -188,6 +195,7 @@ def prepare(
     if not 1.0 <= round(samples) <= MOST_SAMPLES:
         what = f"duration = {seconds:g} s at a period of {1e3 * tuning.period_s:g} ms makes {samples:.3g} samples"
         raise CommandError(what, rule=f"1 to {MOST_SAMPLES:.0e} samples")
+    _tell_missed(to_follow, read)
     start = _start(drive, tuning.plant, float(to_follow.at([0.0])[0, 0]), initial)
     truth, called = Truth(circuit.core_json(), {}, read, {}), ""
     if mismatch is not None:
@@ -198,8 +206,7 @@ def prepare(
 
 def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run:
     """Run and return unlabelled columns with their provenance and score."""
-    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed <= MOST_SEED:
-        raise CommandError(f"seed = {seed} is out of bounds", rule=f"a whole number, 0 to {MOST_SEED}")
+    seed = whole_number("seed", seed, 0, MOST_SEED)
     circuit, tuning, motion = prepared.circuit, prepared.tuning, prepared.reference.core()
     ambient_pa, seconds = circuit.ambient.pressure_pa, prepared.duration_s
     truth = prepared.truth
@@ -237,6 +244,49 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     return Run(columns, _provenance(prepared, seed) | said, MEANINGS)
 
 
+def whole_number(name: str, given: object, low: int, high: int) -> int:
+    """Return a whole number, also one of numpy, within bounds.
+
+    Raises
+    ------
+    CommandError
+        It is none, or out of bounds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> whole_number("seed", np.int64(3), 0, 9)
+    3
+    """
+    rule = f"a whole number, {low} to {high}"
+    try:
+        number = operator.index(given)  # type: ignore[arg-type]
+    except TypeError:
+        number = None
+    if number is None or isinstance(given, bool | np.bool_):
+        raise CommandError(f"{name} = {given!r} is not a whole number", rule=rule)
+    if not low <= number <= high:
+        raise CommandError(f"{name} = {given} is out of bounds", rule=rule)
+    return number
+
+
+def _check_jitter(setup: Setup, period_s: float) -> None:
+    """Refuse times of samples that vary by a period or more: samples could change their order."""
+    parts = {f"sensors.{name}": getattr(setup.sensors, name) for name in CHANNEL_UNITS} | {"computer": setup.computer}
+    for name, part in parts.items():
+        if part is not None and not part.jitter_s < period_s:
+            rule = f"shorter than the period, {1e3 * period_s:g} ms"
+            raise CommandError(f"setup: {name}.jitter = {1e3 * part.jitter_s:g} ms", rule=rule)
+
+
+def _tell_missed(along: Reference, setup: Setup) -> None:
+    """Warn where a reference misses the points that it was made of by more than a sensor would show."""
+    least = max(setup.sensors.position.resolution_m or 0.0, LEAST_MISSED_M)
+    if along.points_missed_m is not None and along.points_missed_m > least:
+        missed = f"the curve of the reference misses its points by up to {1e3 * along.points_missed_m:.3g} mm"
+        warn(f"{along.text}: {missed}; errors are those from the curve")
+
+
 def _supply(truth: Truth) -> tuple[float, float]:
     """Return absolute pressure, Pa, and temperature, K, of the supply."""
     form = json.loads(truth.core_json)
@@ -248,7 +298,8 @@ def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:
     circuit, tuning, name = prepared.circuit, prepared.tuning, prepared.setup_name
     assumed = [f"setup {name}: {prepared.setup.about}"] if name in ready_setups() else []
     assumed.append("supervisor: its thresholds and times")
-    return {
+    missed = prepared.reference.points_missed_m
+    return ({} if missed is None else {"points_missed_m": missed}) | {
         "title": circuit.name,
         "description_hash": circuit.description_hash,
         "version": __version__,

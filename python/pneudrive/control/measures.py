@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, AIR_HEAT_CAPACITY_RATIO, ANR_DENSITY_KG_M3
-from pneudrive.control.motion import ReferenceMove, moves_of
+from pneudrive.control.motion import ReferenceMove, moves_of, ways_of
 from pneudrive.errors import CommandError
 from pneudrive.show import Card, Shown
 
@@ -51,7 +52,7 @@ class Score(Shown):
     slips : int or None
         Times in these spans at which the speed rose above 1 mm/s.
     overshoot_m : float or None
-        Beyond the end of a move, the largest.
+        Beyond the end of a move, or beyond where it turns around, the largest.
     iae_m_s, itae_m_s2 : float
         Integrals of the size of the error, and of time times it.
     valve_travel_per_s : float
@@ -130,7 +131,7 @@ SHOWN: dict[str, tuple[str, float, str]] = {
     "iso_reversal_m": ("reversal B", 1e6, "um"),
     "step_median_s": ("step, median", 1e6, "us"),
     "step_999_s": ("step, 99.9 %", 1e6, "us"),
-    "step_undisturbed_s": ("step, worst", 1e6, "us"),
+    "step_undisturbed_s": ("step, worst undisturbed", 1e6, "us"),
 }
 
 #: Measures that are told of a spread.
@@ -206,13 +207,14 @@ def score_of(
     span = max(float(time[-1]), step)
     took = of["step_time"]
     jumps = [np.abs(np.diff(of[name])).max(initial=0.0) for name in ("pressure_a", "pressure_b")]
-    each = moves_of(motion)
+    start, each = motion.get("start_m", 0.0), moves_of(motion)
     return Score(
         rmse_m=_rms(scored),
         max_error_m=float(np.abs(scored).max()),
         first_rmse_m=_rms(first),
         first_max_error_m=float(np.abs(first).max()),
-        **_of_moves(time, x, of["velocity"], error, (motion.get("start_m", 0.0), each)),
+        **_of_moves(time, x, of["velocity"], error, (start, each)),
+        overshoot_m=_overshoot(time, x, (start, ways_of(motion))),
         iae_m_s=float(np.sum(np.abs(error))) * step,
         itae_m_s2=float(np.sum(time * np.abs(error))) * step,
         valve_travel_per_s=float(np.abs(np.diff(command)).sum()) / span if span else 0.0,
@@ -220,7 +222,7 @@ def score_of(
         air_anr_m3_s=air["anr_m3"] / span if air else None,
         exergy_w=air["exergy_j"] / span if air else None,
         peak_pressure_rate_pa_s=float(max(jumps)) / step if step else 0.0,
-        **_of_targets(time, x, (motion.get("start_m", 0.0), each)),
+        **_of_targets(time, x, (start, each)),
         step_median_s=float(np.median(took)),
         step_999_s=float(np.quantile(took, 0.999)),
         step_worst_s=float(took.max()),
@@ -300,11 +302,19 @@ def iso230(deviations: Sequence[tuple[Sequence[float], Sequence[float]]]) -> tup
     deviations : sequence of pairs
         For each target the deviations reached from below and from above, m; at least two of each.
 
+    Raises
+    ------
+    CommandError
+        There is no target, or one with fewer deviations.
+
     Examples
     --------
     >>> iso230([([1.0, 3.0], [-1.0, -1.0])])[2]
     3.0
     """
+    if not len(deviations) or any(len(pair) != 2 or min(map(len, pair)) < LEAST_APPROACHES for pair in deviations):
+        rule = f"one target or more, each with {LEAST_APPROACHES} deviations or more from either side"
+        raise CommandError("these deviations give no repeatability", value=reprlib.repr(deviations), rule=rule)
     ends, reversals, repeatabilities = [], [], []
     for pair in deviations:
         means, spreads = zip(*((float(np.mean(one)), float(np.std(one, ddof=1))) for one in pair), strict=True)
@@ -315,16 +325,21 @@ def iso230(deviations: Sequence[tuple[Sequence[float], Sequence[float]]]) -> tup
     return max(repeatabilities), max(high for _, high in ends) - min(low for low, _ in ends), max(reversals)
 
 
-def _of_moves(time: Array, x: Array, v: Array, error: Array, of: _Moves) -> dict[str, Any]:
-    """Measure what follows each move: settling, rest, hunting, overshoot."""
-    found: dict[str, list[float]] = {name: [] for name in ("rest_error_m", "hunting_m", "slips", "overshoot_m")}
-    settling: dict[float, list[float]] = {band: [] for band in BANDS_M}
+def _overshoot(time: Array, x: Array, of: _Moves) -> float | None:
+    """Return how far the drive comes beyond the end of a move until the next one begins, the largest."""
+    found = []
     for move, start, until in _spans(of, float(time[-1])):
-        way = math.copysign(1.0, move.to_m - start)
-        moving = (time >= move.begin_s) & (time <= until)
-        if not moving.any():
-            continue
-        found["overshoot_m"].append(max(0.0, float((way * (x[moving] - move.to_m)).max())))
+        beyond = math.copysign(1.0, move.to_m - start) * (x[(time >= move.begin_s) & (time <= until)] - move.to_m)
+        if beyond.size:
+            found.append(max(0.0, float(beyond.max())))
+    return max(found, default=None)
+
+
+def _of_moves(time: Array, x: Array, v: Array, error: Array, of: _Moves) -> dict[str, Any]:
+    """Measure what follows each move: settling, rest, hunting."""
+    found: dict[str, list[float]] = {name: [] for name in ("rest_error_m", "hunting_m", "slips")}
+    settling: dict[float, list[float]] = {band: [] for band in BANDS_M}
+    for move, _, until in _spans(of, float(time[-1])):
         dwell = (time >= move.end_s) & (time <= until)
         if not dwell.any():
             continue

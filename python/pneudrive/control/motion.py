@@ -25,6 +25,8 @@ SINE_S, SINE_PERIODS, REST_S = 16.0, 4.0, 2.0
 _TOGETHER_S = 1e-9  # between pieces of one move
 _EVERY, _PERIODS = 400, 2.0  # samples of a move or a period of a sine in which the fastest moment is looked for
 _EVERY_PIECE = 24  # the same of a polynomial
+TURN_M = 1e-4  # a shorter way back is none (assumed)
+_REAL = 1e-6  # imaginary part of a root that is taken for real
 
 
 class ReferenceMove(NamedTuple):
@@ -172,6 +174,47 @@ def moves_of(motion: Mapping[str, Any]) -> list[ReferenceMove]:
         from_s = found.pop().begin_s if goes_on else begin_s
         found.append(ReferenceMove(from_s, end_s - from_s, to_m))
     return found
+
+
+def ways_of(motion: Mapping[str, Any]) -> list[ReferenceMove]:
+    """Return the moves of a motion in the core's form, parted where they turn around."""
+    moves = moves_of(motion)
+    if motion["kind"] != "pieces":
+        return moves
+    found, before = [], (0.0, float(motion["start_m"]))
+    for move in moves:
+        begin = before = (move.begin_s, before[1])
+        parts = [one for one in motion["pieces"] if move.begin_s <= one[0] < move.end_s]
+        for at_s, to_m in _turns([begin, *(point for one in parts for point in _extremes(one))]):
+            found.append(ReferenceMove(before[0], at_s - before[0], to_m))
+            before = (at_s, to_m)
+    return found
+
+
+def _extremes(piece: Row) -> list[tuple[float, float]]:
+    """Return times and positions at which a piece may turn around, and its end."""
+    begin_s, duration_s, *numbers = piece
+    path = np.polynomial.Polynomial(numbers)
+    roots = path.deriv().roots()
+    real = roots[np.abs(roots.imag) < _REAL].real
+    shares = [*np.sort(real[(real > 0.0) & (real < 1.0)]), 1.0]
+    return [(begin_s + duration_s * float(share), float(path(share))) for share in shares]
+
+
+def _turns(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the points at which a path turns around by more than `TURN_M`, and how far it comes last."""
+    found, far, way = [], points[0], 0.0
+    for point in points[1:]:
+        ahead = point[1] - far[1]
+        if way == 0.0:
+            if abs(ahead) > TURN_M:
+                far, way = point, float(np.sign(ahead))
+        elif way * ahead >= 0.0:
+            far = point
+        elif abs(ahead) > TURN_M:
+            found.append(far)
+            far, way = point, -way
+    return [*found, far if way else points[-1]]
 
 
 def sine(amplitude_m: float, frequency_hz: float, centre_m: float) -> Reference:

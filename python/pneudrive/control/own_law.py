@@ -120,7 +120,7 @@ def is_own(given: object) -> bool:
     """Return whether a law is one of one's own: an object, a class, or the name of code."""
     if isinstance(given, str):
         return given not in _core.control_laws() and own_code.split(given) is not None
-    return hasattr(given, "step")
+    return own_code.guarded(type(given).__name__, CommandError, lambda: hasattr(given, "step"))
 
 
 def own_law(given: object, *, allow_code: str | None = None, found_in: str = "") -> OwnLaw:
@@ -160,8 +160,10 @@ def own_law(given: object, *, allow_code: str | None = None, found_in: str = "")
 
 def _inputs(name: str, law: object) -> list[str]:
     known = list(signals())
-    inputs = getattr(law, "inputs", None)
-    if not isinstance(inputs, (tuple, list)) or not callable(getattr(law, "step", None)):
+    inputs, step = own_code.guarded(
+        name, CommandError, lambda: (getattr(law, "inputs", None), getattr(law, "step", None))
+    )
+    if not isinstance(inputs, (tuple, list)) or not callable(step):
         lacks = "step" if isinstance(inputs, (tuple, list)) else "inputs"
         remedy = f"The names of inputs: {', '.join(known)}."
         raise CommandError(f"{name} has no {lacks}: it is no law", rule=_RULE, remedy=remedy)
@@ -172,7 +174,7 @@ def _inputs(name: str, law: object) -> list[str]:
             raise CommandError(f"{name}: the input {one!r} stands twice", rule="each input once")
     with suppress(ValueError):  # code that does not tell what it takes
         try:
-            inspect.signature(law.step).bind(0.0, None, None)  # type: ignore[attr-defined]
+            inspect.signature(step).bind(0.0, None, None)
         except TypeError as error:
             raise CommandError(f"{name}: step cannot be called: {error}", rule=_RULE) from None
     return list(inputs)
@@ -184,8 +186,7 @@ def _python(name: str, given: object) -> Callable[..., RunningLaw]:
     def begin(model: object, motion: Mapping[str, Any], period_s: float, _duration_s: float) -> RunningLaw:
         law: Any = own_code.guarded(name, CommandError, given) if callable(given) else given
         inputs = _inputs(name, law)
-        if hasattr(law, "start"):
-            own_code.guarded(name, CommandError, lambda: law.start(model, period_s))
+        own_code.guarded(name, CommandError, lambda: law.start(model, period_s) if hasattr(law, "start") else None)
         make = namedtuple("Sample", inputs)._make
         step, preview = law.step, preview_of(motion)
 

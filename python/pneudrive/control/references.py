@@ -12,19 +12,21 @@ from pydantic import Field, model_validator
 
 from pneudrive import units
 from pneudrive.control import gcode, paths
-from pneudrive.control.motion import Reference, ReferenceMove, polynomials
+from pneudrive.control.motion import Reach, Reference, ReferenceMove, polynomials
 from pneudrive.describe import toml
 from pneudrive.describe.base import Bounds, Described, Position, Quantity, wrong
 from pneudrive.describe.marks import Choice
-from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.errors import CommandError, DescriptionError, RecordingError
 from pneudrive.files.bounds import bound
-from pneudrive.trajectory import columns_in, read_columns
+from pneudrive.trajectory import read_columns
 
-LONGEST_S = 1e6
+LONGEST_S = gcode.LONGEST_S
 LONGEST_REMEDY = 200  # characters of a slower reference in a message
 KNOT_S = 0.05  # distance of the knots of the spline through a record (assumed)
+BEYOND_SHARE, BEYOND_M = 0.5, 1e-3  # of the span of a record's samples, and m, that its curve may leave it by (assumed)
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*[A-Za-zµ]+"
 _SINE = re.compile(rf"sine\s+({_NUMBER})\s+({_NUMBER})\s+around\s+({_NUMBER})", re.IGNORECASE)
+_STANDARD = re.compile(r"R[1-8]")
 _ORDER = re.compile(r"order\s+(\d+)\s*;", re.IGNORECASE)
 FORMS = (
     '"sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s; 3 s: 220 mm in 0.3 s", a TOML file, a record '
@@ -121,12 +123,13 @@ def reference(given: Reference | str | Path) -> Reference:
     if isinstance(given, Reference):
         return given
     text = str(given).strip()
-    if text.endswith(".toml"):
+    lower = text.lower()
+    if lower.endswith(".toml"):
         return _from_file(Path(text))
-    if text.endswith(RECORDS):
+    if lower.endswith(RECORDS):
         return _of_record(Path(text))
     program, axis = _axis_of(text)
-    if program.endswith(PROGRAMS):
+    if program.lower().endswith(PROGRAMS):
         return _of_program(Path(program), axis)
     if not text:
         raise CommandError("the reference is empty", remedy=f"Give {FORMS}.")
@@ -136,6 +139,9 @@ def reference(given: Reference | str | Path) -> Reference:
     order = int(ordered[1]) if ordered else 7
     if order not in paths.BLENDS:
         raise CommandError(f"reference: there is no blend of order {order}", value=text, rule="7 or 9")
+    if _STANDARD.fullmatch(text):
+        remedy = f'Take it from those of the drive: pn.control.standard(drive)["{text}"].'
+        raise CommandError(f"{text} is a standard reference, which is made for a drive", remedy=remedy)
     if text.isidentifier():
         raise CommandError(f'there is no reference "{text}"', remedy=f"Give R1 to R8, the standard ones, {FORMS}.")
     first, *rest = (entry.strip() for entry in text[ordered.end() if ordered else 0 :].split(";"))
@@ -217,10 +223,21 @@ def _missing(made: Reference, times: Any, points: Any) -> Reference:  # noqa: AN
 
 
 def _of_record(path: Path) -> Reference:
-    names = ("time_s", "position_m")
-    if columns_in(path, names) != list(names):
+    import polars as pl
+
+    from pneudrive.files.csv_tables import csv_names, read_csv
+    from pneudrive.files.tables import open_table
+
+    names = ["time_s", "position_m"]
+    table = None if path.suffix.lower() == ".csv" else open_table(path, "parquet")
+    there = csv_names(path, RecordingError) if table is None else table.names
+    if not set(names) <= set(there):
         raise CommandError(f"the record {path} lacks a column", rule="columns time_s and position_m")
-    time, position = read_columns(path, names).values()
+    if table is None:
+        frame = read_csv(path, dict.fromkeys(names, pl.Float64), RecordingError, names)
+        time, position = (frame[name].to_numpy() for name in names)
+    else:
+        time, position = read_columns(path, names, table=table).values()
     if len(time) <= paths.REST:
         rule = f"more than {paths.REST} samples"
         raise CommandError(f"the record {path} is too short", value=f"{len(time)} samples", rule=rule)
@@ -235,13 +252,32 @@ def _of_record(path: Path) -> Reference:
             raise CommandError(f"the record {path}: sample {first + 1} is not valid", value=value, rule=rule)
     sparse = float(np.diff(time).max())
     made = polynomials(str(path), float(position[0]), paths.near(time, position, max(KNOT_S, 2.0 * sparse)))
+    _check_span(made, time, position)
     return _missing(made, time, position)
+
+
+def _check_span(made: Reference, time: Any, position: Any) -> None:  # noqa: ANN401 - arrays
+    """Refuse a record between whose samples the curve goes elsewhere."""
+    low, high = float(position.min()), float(position.max())
+    within = max(BEYOND_SHARE * (high - low), BEYOND_M)
+    reach = made.reach() if np.isfinite(made.pieces).all() else Reach(-np.inf, np.inf, np.inf, 0.0)
+    if low - within <= reach.lowest_m and reach.highest_m <= high + within:
+        return
+    gap = int(np.argmax(np.diff(time)))
+    end = reach.lowest_m if low - reach.lowest_m > reach.highest_m - high else reach.highest_m
+    to = f"leads to {1e3 * end:.4g} mm" if np.isfinite(end) else "is not determined"
+    raise CommandError(
+        f"the record {made.text}: the curve through its samples {to} where they say nothing",
+        value=f"no sample from {time[gap]:g} s to {time[gap + 1]:g} s, a gap of {time[gap + 1] - time[gap]:.4g} s",
+        rule=f"the curve stays by its samples, here {1e3 * low:.4g} mm to {1e3 * high:.4g} mm",
+        remedy="Fill the gap with samples, or cut the record there.",
+    )
 
 
 def _axis_of(text: str) -> tuple[str, str]:
     """Return the file of a program and the axis that is asked for."""
     program, colon, axis = text.rpartition(":")
-    return (program, axis.strip().upper()) if colon and program.endswith(PROGRAMS) else (text, "")
+    return (program, axis.strip().upper()) if colon and program.lower().endswith(PROGRAMS) else (text, "")
 
 
 def _of_program(path: Path, axis: str) -> Reference:
@@ -298,6 +334,15 @@ def _checked(text: str, start_m: float, moves: list[ReferenceMove], order: int =
     return polynomials(text, start_m, rows)
 
 
+def beyond_stroke(of: Reference, stroke_m: float) -> tuple[str, str] | None:
+    """Return to where a reference leads beyond the stroke, and the rule that it breaks; None: it stays within."""
+    reach = of.reach()
+    for end in (reach.lowest_m, reach.highest_m):
+        if not 0.0 <= end <= stroke_m:
+            return f"it leads to {1e3 * end:g} mm", f"within the stroke, 0 mm to {1e3 * stroke_m:g} mm"
+    return None
+
+
 def check_reach(of: Reference, stroke_m: float, speed_m_s: float) -> None:
     """Raise an error for a reference that a drive cannot follow.
 
@@ -313,11 +358,9 @@ def check_reach(of: Reference, stroke_m: float, speed_m_s: float) -> None:
     CommandError
         It leaves the stroke, or is faster than the drive.
     """
-    reach = of.reach()
-    for end in (reach.lowest_m, reach.highest_m):
-        if not 0.0 <= end <= stroke_m:
-            rule = f"within the stroke, 0 mm to {1e3 * stroke_m:g} mm"
-            raise CommandError(f"reference: it leads to {1e3 * end:g} mm", value=of.text, rule=rule)
+    beyond, reach = beyond_stroke(of, stroke_m), of.reach()
+    if beyond is not None:
+        raise CommandError(f"reference: {beyond[0]}", value=of.text, rule=beyond[1])
     if reach.fastest_m_s > speed_m_s:
         factor = reach.fastest_m_s / speed_m_s
         slower = of.stretched(factor).text

@@ -107,6 +107,13 @@ class LimitSwitches(Described):
     low_m: Position
     high_m: Position
 
+    @model_validator(mode="after")
+    def _ordered(self) -> LimitSwitches:
+        if not self.low_m < self.high_m:
+            what = f"switches.high = {1e3 * self.high_m:g} mm"
+            raise wrong("switches.high", what, rule=f"above low = {1e3 * self.low_m:g} mm")
+        return self
+
 
 #: Kind of fault -> what goes wrong, and the unit of its value; a dash: it has none.
 FAULTS = {
@@ -126,6 +133,7 @@ FAULTS = {
 }
 CHANNEL_UNITS = {"position": "m", "pressure_a": "Pa", "pressure_b": "Pa"}
 MAY_LACK_A_VALUE = ("reference",)
+ABSOLUTE = ("supply-fallen", "saturated")  # kinds whose pressure is no difference
 
 
 class ControlFault(Described):
@@ -157,7 +165,10 @@ class ControlFault(Described):
         """Return it in the core's form, SI."""
         unit = FAULTS[self.kind][1]
         si_unit = CHANNEL_UNITS[self.channel] if self.channel is not None and unit == "channel" else unit
-        value = None if self.value is None else units.parse(self.value, si_unit)
+        given = self.value
+        if given is not None and si_unit == "Pa":
+            given = self._plain_pressure(given.strip())
+        value = None if given is None else units.parse(given, si_unit)
         return {
             "kind": self.kind,
             "channel": self.channel,
@@ -165,6 +176,15 @@ class ControlFault(Described):
             "end_s": self.until_s,
             "value": value,
         }
+
+    def _plain_pressure(self, value: str) -> str:
+        """Return a pressure without abs; refuse one above ambient, and an absolute one where a difference is needed."""
+        is_absolute = self.kind in ABSOLUTE
+        if value.endswith(" gauge") or (value.endswith(" abs") and not is_absolute):
+            what = f'"{value}" is {"gauge" if value.endswith(" gauge") else "an absolute pressure"}'
+            rule, example = ("an absolute pressure", "3 bar abs") if is_absolute else ("a difference", "0.2 bar")
+            raise wrong("value", f"value: {what}", rule=f'a fault of kind {self.kind} has {rule}, e.g. "{example}"')
+        return value.removesuffix(" abs")
 
 
 class Disturbance(Described):
@@ -208,6 +228,15 @@ class Setup(Described):
                 if not after > before:
                     what = f"{table}: {after:g} s follows {before:g} s"
                     raise wrong(f"{table}.{number}.at", what, rule="times rise")
+        return self
+
+    @model_validator(mode="after")
+    def _faults_of_its_sensors(self) -> Setup:
+        for number, fault in enumerate(self.faults):
+            if fault.channel is not None and getattr(self.sensors, fault.channel) is None:
+                what = f"faults: the setup has no sensor {fault.channel} that could fail"
+                remedy = f"Give [sensors.{fault.channel}], or leave the fault out."
+                raise wrong(f"faults.{number}.channel", what, remedy=remedy)
         return self
 
     def core(self, seed: int, ambient_pa: float) -> dict[str, Any]:

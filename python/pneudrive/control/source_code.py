@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from pneudrive import __version__, _core
-from pneudrive.control.references import check_reach, reference
+from pneudrive.control.references import check_reach
 from pneudrive.control.setup import Setup, read_setup
+from pneudrive.control.standard_references import named_or_read
 from pneudrive.errors import CommandError, nearest
 from pneudrive.trajectory import whole
 
@@ -50,7 +51,7 @@ def export(
     setup : Setup, str or path-like
         Its position sensor decides the gain of the observer; without pressure sensors the code asks for none.
     along : Reference, str or path-like, optional
-        What an FMU follows from its start on, as `pneudrive.control.reference` reads it.
+        What an FMU follows from its start on, as for `pneudrive.control.run`.
     version : str
         ``"2.0"`` or ``"3.0"``, of the Functional Mock-up Interface.
 
@@ -105,6 +106,7 @@ def _unit(tuning: Tuning, along: Reference | str | Path, setup: Setup, path: Pat
     from pneudrive.control.unit import law_plan
     from pneudrive.fmu.package import check_fmu, write_fmu
 
-    target, to_follow = check_fmu(path, version), reference(along)
-    check_reach(to_follow, tuning.plant.stroke_m, tuning.plant.speed_m_s)
+    target, reach = check_fmu(path, version), (tuning.plant.stroke_m, tuning.plant.speed_m_s)
+    to_follow = named_or_read(along, *reach)
+    check_reach(to_follow, *reach)
     return write_fmu(law_plan(tuning, to_follow, setup), target, version).path

@@ -28,6 +28,7 @@ from pneudrive.describe.base import wrong
 from pneudrive.errors import CommandError, DescriptionError, nearest, warn
 from pneudrive.own_code import COMPILED, split
 from pneudrive.show import Card, Shown
+from pneudrive.simulate import require
 from pneudrive.start import circuit_of
 from pneudrive.trajectory import whole
 
@@ -425,6 +426,7 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
     source = ""
     if table.drive is not None and not is_told:
         drive, source = _believed(table.drive, folder)
+    require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     belief = circuit_of(drive)
 
     kind, of_observer = _observer(table.observer)

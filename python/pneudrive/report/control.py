@@ -169,16 +169,19 @@ def boxes(found: ControlComparison, along: str) -> Figure:
     axis = figure.subplots()
     each = [[run.score.max_error_m for run in found.of(law, along) if run.score is not None] for law in found.tunings]
     factor, unit = _error_unit([np.asarray(one) for one in each if one])
-    axis.boxplot(
-        [factor * np.asarray(one) for one in each],
-        orientation="horizontal",
-        whis=(5, 95),
-        tick_labels=list(found.tunings),
-        medianprops={"color": style.ORANGE},
-        flierprops={"marker": ".", "markersize": 3},
-    )
-    axis.invert_yaxis()
-    axis.set_xscale("log")
+    there = [place for place, one in enumerate(each, start=1) if one]  # a law whose runs are all lost has no box
+    if there:
+        axis.boxplot(
+            [factor * np.asarray(one) for one in each if one],
+            positions=there,
+            orientation="horizontal",
+            whis=(5, 95),
+            medianprops={"color": style.ORANGE},
+            flierprops={"marker": ".", "markersize": 3},
+        )
+        axis.set_xscale("log")
+    axis.set_yticks(range(1, len(each) + 1), list(found.tunings))
+    axis.set_ylim(len(each) + 0.5, 0.5)
     axis.set_xlabel(f"largest error / {unit}")
     return figure
 
