@@ -366,6 +366,12 @@ impl Model {
         S::select((left * v).lt(S::zero()), rate * left, elastic)
     }
 
+    /// Damping of the contact over its stiffness, s, in a step of `h` s: no more than brings the mass to rest within it, as
+    /// more would throw it back.
+    pub fn damping_time(&self, h: f64) -> f64 {
+        self.stick_damping_time.min(self.mass / (self.stick_stiffness * h))
+    }
+
     /// Acceleration under the force of the gas, the friction force f and a disturbance d, N in +x.
     #[inline(always)]
     pub fn acceleration<S: Over<f64>>(&self, gas: S, v: S, viscous: S, f: S, d: S) -> S {

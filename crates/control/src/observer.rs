@@ -93,7 +93,7 @@ impl<S: Over<f64>> State<S> {
     fn pushed(&self, model: &Model, force: S, h: f64, [velocity, friction]: [S; 2]) -> [S; 2] {
         let [level, viscous] = model.friction_levels([self.position, velocity], self.pressures);
         let rate = model.stick_rate(velocity, friction, level, h);
-        let friction = friction + rate.times(model.stick_damping_time);
+        let friction = friction + rate.times(model.damping_time(h));
         [rate, model.acceleration(force, velocity, viscous, friction, self.disturbance)]
     }
 

@@ -199,3 +199,16 @@ fn a_plan_by_the_circuit_leads_a_drive() {
     let [model, circuit] = ["model", "circuit"].map(|own| largest(&behind_tubes(), own, &fast, (0.2, 1.9)));
     assert!(circuit < 0.7 * model, "{circuit} mm; by the model {model} mm");
 }
+
+/// Damping of the contact that would stop the mass within a fraction of a step of the model.
+#[test]
+fn a_stiff_damper_leads_no_law_astray() {
+    let mut plant = axis();
+    for friction in plant.components.iter_mut().filter_map(|own| own.friction.as_mut()) {
+        friction.parameters.insert("bristle_damping".into(), 8000.0);
+    }
+    let moves = [(0.2, 0.4), (1.2, 0.1)].map(|(begin, to)| Move { begin, duration: 0.5, to });
+    let fast = Reference::Moves { start: 0.25, moves: moves.into() };
+    let error = largest(&plant, "model", &fast, (0.2, 1.9));
+    assert!(error < 10.0, "{error} mm");
+}
