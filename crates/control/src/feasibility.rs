@@ -29,19 +29,53 @@ impl Demand {
     }
 }
 
-/// Step along the reference, s.
+/// Step along the reference, s, and the least one; a move has at least so many (assumed).
 const STEP: f64 = 1e-3;
+const LEAST_STEP: f64 = 1e-5;
+const PIECES: f64 = 20.0;
+/// Steps after which the user is asked whether to stop.
+const LOOKS: u64 = 4096;
+/// Speed below which friction is followed by the way alone, m/s: well above the one at which its direction is smoothed.
+const SLOW: f64 = 2e-3;
+/// Moments at which a reference is looked at for its directions.
+const MOMENTS: u32 = 2000;
 /// Rate at which the force of the gas is drawn to the wanted one, 1/s (assumed: well above a law's bandwidth).
 const FOLLOWS: f64 = 300.0;
 /// Slowest that a reference is tried, as a factor in time, and relative width at which the search ends.
 const SLOWEST: f64 = 1e4;
 const FOUND: f64 = 1e-3;
 
-/// What a reference slowed by a factor in time takes of a drive during `duration` s of the reference's own time. The
-/// piston is where the reference is; the gas runs by the model under the opening that gives the force for that motion.
-pub fn demand(model: &Model, plant: &Plant, reference: &Reference, duration: f64, factor: f64) -> Demand {
+/// Force that the supply has in +x and against it, N.
+fn highest_forces(model: &Model) -> [f64; 2] {
     let gauge = model.supply.pressure - model.ambient.pressure;
-    let highest = model.sides.each_ref().map(|side| side.area * gauge);
+    model.sides.each_ref().map(|side| side.area * gauge)
+}
+
+/// The share of the force that friction and weight take however slow a reference is.
+fn least_force(model: &Model, reference: &Reference, duration: f64) -> f64 {
+    let (highest, pressures) = (highest_forces(model), model.rest_pressures());
+    let moments = (0..=MOMENTS).map(|i| reference.at(duration * f64::from(i) / f64::from(MOMENTS)));
+    let shares = moments.filter(|wanted| wanted.velocity != 0.0).map(|wanted| {
+        let [level, _] = model.friction_levels([wanted.position, 0.0], pressures);
+        let force = wanted.velocity.signum() * level - model.load;
+        force.abs() / if force > 0.0 { highest[0] } else { highest[1] }
+    });
+    shares.fold(0.0, f64::max)
+}
+
+/// What a reference slowed by a factor in time takes of a drive during `duration` s of the reference's own time. The
+/// piston is where the reference is; the gas runs by the model under the opening that gives the force for that motion. Where
+/// `stop` says so, no more than what was found by then.
+pub fn demand(
+    model: &Model,
+    plant: &Plant,
+    reference: &Reference,
+    duration: f64,
+    factor: f64,
+    stop: &mut dyn FnMut(f64) -> bool,
+) -> Demand {
+    let step = (factor * reference.shortest() / PIECES).clamp(LEAST_STEP, STEP);
+    let highest = highest_forces(model);
     let first = reference.slowed(0.0, factor);
     let mut state = State {
         position: first.position,
@@ -63,25 +97,32 @@ pub fn demand(model: &Model, plant: &Plant, reference: &Reference, duration: f64
         let wanted = reference.slowed(t, factor);
         (state.position, state.velocity) = (wanted.position, wanted.velocity);
         let [level, viscous] = model.friction_levels([wanted.position, wanted.velocity], state.pressures);
-        let rate = model.stick_rate(wanted.velocity, state.friction, level, STEP);
-        state.friction += STEP * rate;
+        // Friction follows the way, however slow that is gone.
+        let speed = wanted.velocity.abs();
+        let share = (speed / SLOW).min(1.0);
+        let rate =
+            share * model.stick_rate(wanted.velocity.signum() * speed.max(SLOW), state.friction, level, step);
+        state.friction += step * rate;
         let friction = state.friction + model.stick_damping_time * rate + viscous * wanted.velocity;
         model.mass * wanted.acceleration + friction - model.load
     };
     let mut force = wanted_force(&mut state, 0.0);
     let mut before = None;
-    for step in 0..(factor * duration / STEP).ceil() as u64 {
-        let t = STEP * step as f64;
+    for k in 0..(factor * duration / step).ceil() as u64 {
+        let t = step * k as f64;
+        if k % LOOKS == 0 && stop(t) {
+            break;
+        }
         let now = state;
-        let next = wanted_force(&mut state, t + STEP);
-        let rate = (next - force) / STEP + FOLLOWS * (force - model.gas_force(now.pressures));
+        let next = wanted_force(&mut state, t + step);
+        let rate = (next - force) / step + FOLLOWS * (force - model.gas_force(now.pressures));
         let (way, share) = model.opening_for(&now, rate);
         let share = if share >= 0.0 { share } else { f64::INFINITY };
         if share > found.opening {
             (found.opening, found.opening_time) = (share, t);
         }
         let given = way * share.min(1.0);
-        found.spool_rate = found.spool_rate.max((given - before.unwrap_or(given)).abs() / STEP);
+        found.spool_rate = found.spool_rate.max((given - before.unwrap_or(given)).abs() / step);
         before = Some(given);
         let high = if force > 0.0 { highest[0] } else { highest[1] };
         found.force = found.force.max(force.abs() / high);
@@ -89,25 +130,31 @@ pub fn demand(model: &Model, plant: &Plant, reference: &Reference, duration: f64
         let [a, b] = now.pressures;
         found.pressures = [found.pressures[0].min(a).min(b), found.pressures[1].max(a).max(b)];
         let open = model.opened_by(given);
-        [state.pressures, state.temperatures] = now.flow(model, open, STEP, now.velocity);
+        [state.pressures, state.temperatures] = now.flow(model, open, step, now.velocity);
         force = next;
     }
     found
 }
 
 /// The least factor in time, from 1 on, by which a reference is to be slowed so that it takes at most a share of each
-/// limit, by bisection, with what it takes then; none where slowing does not help.
+/// limit, by bisection, with what it takes then; none where slowing does not help. Once `stop` has said so, it says so always.
 pub fn least_factor(
     model: &Model,
     plant: &Plant,
     reference: &Reference,
     duration: f64,
     share: f64,
+    stop: &mut dyn FnMut(f64) -> bool,
 ) -> Option<(f64, Demand)> {
-    let of = |factor| demand(model, plant, reference, duration, factor);
-    let fits = |factor| Some((factor, of(factor))).filter(|(_, demand)| demand.most() <= share);
+    let mut fits = |factor| {
+        let found = demand(model, plant, reference, duration, factor, stop);
+        Some((factor, found)).filter(|(_, demand)| demand.most() <= share)
+    };
     if let Some(found) = fits(1.0) {
         return Some(found);
+    }
+    if least_force(model, reference, duration) > share {
+        return None;
     }
     let (mut low, mut high) = (1.0, 2.0);
     let mut found = fits(high);

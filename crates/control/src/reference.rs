@@ -194,6 +194,20 @@ impl Reference {
         }
     }
 
+    /// The shortest time of a move, of a polynomial or of a period, s.
+    pub fn shortest(&self) -> f64 {
+        match self {
+            Reference::Moves { moves, .. } => {
+                moves.iter().map(|own| own.duration).fold(f64::INFINITY, f64::min)
+            }
+            Reference::Sine { frequency, .. } => 1.0 / frequency,
+            Reference::Pieces { pieces, .. } => {
+                let moving = pieces.iter().filter(|own| !own.stands());
+                moving.map(|own| own.duration).fold(f64::INFINITY, f64::min)
+            }
+        }
+    }
+
     /// The largest jerk of these moments, m/s3.
     pub fn most_jerk(&self) -> f64 {
         let mut most = 0.0_f64;

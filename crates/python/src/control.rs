@@ -1,8 +1,8 @@
 //! Circuits under controllers.
 
-use crate::convert::{Table, Teller, parse, to_python, watched};
+use crate::convert::{Table, Teller, detached, parse, to_python, watched};
 use crate::network::PyCircuit;
-use circuit::Look;
+use circuit::{Error, Look};
 use control::export::program;
 use control::{
     AnyLaw, CHOICES, Demand, EventKind, FACTORED, Gain, LAWS, OBSERVERS, Own, OwnLaw, Reference, SIGNALS,
@@ -140,10 +140,16 @@ pub fn control_feasibility<'py>(
     let reference = Reference::from(&parse::<Motion>(motion)?);
     let (own, _) = controller(&spec, 0.0).map_err(to_python)?;
     let (model, plant) = (&own.model, &own.plant);
-    let (is, found) = py.detach(|| {
-        let is = control::demand(model, plant, &reference, duration, 1.0);
-        (is, control::least_factor(model, plant, &reference, duration, share))
-    });
+    let (is, found) = detached(py, |stop| {
+        let mut stopped = None;
+        let mut ask = |t| {
+            stopped = stopped.or_else(|| stop(t).then_some(t));
+            stopped.is_some()
+        };
+        let is = control::demand(model, plant, &reference, duration, 1.0, &mut ask);
+        let found = control::least_factor(model, plant, &reference, duration, share, &mut ask);
+        stopped.map_or(Ok((is, found)), |t| Err(Error::Interrupted { t }))
+    })?;
     let told = |demand: &Demand| -> PyResult<_> {
         let out = PyDict::new(py);
         let Demand { opening, opening_time, force, speed, spool_rate, pressures: [low, high] } = *demand;
