@@ -51,15 +51,22 @@ fn highest_forces(model: &Model) -> [f64; 2] {
     model.sides.each_ref().map(|side| side.area * gauge)
 }
 
+/// The shares of the force of the supply that weight and friction at rest take in +x and against it, at a position, m.
+pub fn least_forces(model: &Model, x: f64) -> [f64; 2] {
+    let [level, _] = model.friction_levels([x, 0.0], model.rest_pressures());
+    let highest = highest_forces(model);
+    [level, -level].map(|friction| {
+        let force = friction - model.load;
+        force.abs() / if force > 0.0 { highest[0] } else { highest[1] }
+    })
+}
+
 /// The share of the force that friction and weight take however slow a reference is.
 fn least_force(model: &Model, reference: &Reference, duration: f64) -> f64 {
-    let (highest, pressures) = (highest_forces(model), model.rest_pressures());
     let moments = (0..=MOMENTS).map(|i| reference.at(duration * f64::from(i) / f64::from(MOMENTS)));
-    let shares = moments.filter(|wanted| wanted.velocity != 0.0).map(|wanted| {
-        let [level, _] = model.friction_levels([wanted.position, 0.0], pressures);
-        let force = wanted.velocity.signum() * level - model.load;
-        force.abs() / if force > 0.0 { highest[0] } else { highest[1] }
-    });
+    let moving = moments.filter(|wanted| wanted.velocity != 0.0);
+    let shares =
+        moving.map(|wanted| least_forces(model, wanted.position)[usize::from(wanted.velocity < 0.0)]);
     shares.fold(0.0, f64::max)
 }
 

@@ -23,7 +23,7 @@ pub mod valves;
 pub use adaptation::Adaptation;
 pub use controller::{Answer, AnyLaw, Controller, Hold, LAWS};
 pub use course::{Course, Fade, Slowed};
-pub use feasibility::{Demand, demand, least_factor};
+pub use feasibility::{Demand, demand, least_factor, least_forces};
 pub use gains::{Choice, FACTOR_BOUNDS, FACTORS, Factor, Gain, Gains};
 pub use law::{
     CHOICES, FACTORED, Inference, Law, Nmpc, Plant, Predicting, Predictor, Tick, Tuned, mamdani, nmpc, sugeno,

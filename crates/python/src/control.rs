@@ -80,6 +80,8 @@ pub fn control_tune<'py>(
     plant.set_item("valves", axis.valves)?;
     plant.set_item("left_out", axis.left_out)?;
     plant.set_item("pressure_decay_1_s", controller.model.pressure_decay())?;
+    let model = &controller.model;
+    plant.set_item("least_force_shares", control::least_forces(model, 0.5 * model.stroke))?;
     let of_law = ruled(controller.law.gains());
     Ok((plant, [of_law, ruled(controller.valves.gains()), ruled(controller.observing.gains())]))
 }

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 DEFAULT_LAW = "nmpc"
 #: Samples of a law in a period of the mass on its air, below which it is told to be slow (assumed).
 LEAST_SAMPLES = 40
+MOST_OF_FORCE = 0.85  # of the supply that weight and friction may take, beyond which it is said (assumed)
 USUAL_OBSERVER = "kalman"
 #: Rates that differ by a smaller share are equal.
 EQUAL_DECAY = 0.01
@@ -109,6 +110,8 @@ class Plant(Shown):
         Components of which the law knows nothing but the volume of tubes at the chambers.
     pressure_decay_1_s : list of float
         Rates at which the pressures of both shut chambers return by leakage and heat, mid stroke.
+    least_force_shares : list of float
+        Shares of the supply's force that weight and friction at rest take in +x and against it, mid stroke.
     """
 
     natural_frequency_rad_s: float
@@ -123,6 +126,7 @@ class Plant(Shown):
     valves: list[str]
     left_out: list[str]
     pressure_decay_1_s: list[float]
+    least_force_shares: list[float]
 
     def rows(self) -> list[tuple[str, str]]:
         """Return name and value with unit of each number."""
@@ -528,6 +532,12 @@ def _limited(tuning: Tuning, setup: Setup) -> Tuning:
     )
     of_valve = plant.lag_s - 0.5 * tuning.period_s
     longest = max(of_valve, 2.0 * math.pi / plant.natural_frequency_rad_s / LEAST_SAMPLES)
+    needs = max(plant.least_force_shares)
+    if needs > MOST_OF_FORCE:
+        warn(
+            f"weight and friction take {100.0 * needs:.0f} % of the force of the supply: "
+            f"{'the drive cannot move' if needs > 1.0 else 'little is left to move it'} at least one way"
+        )
     if tuning.period_s > longest:
         slow = f"period = {1e3 * tuning.period_s:g} ms: a law follows badly or loses the drive"
         of = f"the lag of its valve or 1/{LEAST_SAMPLES} (assumed) of a period of its mass on the air"
