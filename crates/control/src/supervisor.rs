@@ -353,7 +353,8 @@ impl Supervisor {
         self.measures_gas = sample.pressures.is_some();
         let by_gas = self.measures_gas && !own.observing.differentiates();
         let seen = (&foreseen, self.is_held, by_gas);
-        sample.position = self.position.checked(reading, seen, scale, &mut self.log);
+        let model = (&own.model, &before, edges);
+        sample.position = self.position.checked(reading, seen, scale, model, &mut self.log);
         let mut reactions = [(self.position.is_lost() && !was_lost).then_some(self.rules.on_position), None];
         if let Some(pressures) = &mut sample.pressures {
             let states = (&before, &foreseen);

@@ -1,6 +1,7 @@
 //! Readings of a position against what the model foresees.
 
 use super::event::{EventKind, Log};
+use crate::model::{Edges, Model};
 use crate::observer::State;
 
 /// Grains by which a reading may leave the model beside what the speed allows, and grains that the model moves while a
@@ -12,6 +13,14 @@ const STUCK: f64 = 20.0;
 const CREEPS: f64 = 5e-3;
 /// Share of the highest speed by which the speed of the model may be wrong (assumed).
 const SPEED_SHARE: f64 = 0.1;
+/// A twin that goes on without readings while a reading rests: the friction that it has of the model's, with measured
+/// pressures and without, as that may be wrong and breaks away higher behind a rest; the time in which it comes back to the
+/// observer, s, so that flows that are not known do not add up; its way from which on the reading is stuck, or the drive is
+/// jammed, m; and the distance from an end within which a drive may stand at its end stop, m (assumed).
+const RUBS: [f64; 2] = [2.0, 1.75];
+const COMES_BACK: f64 = 0.3;
+const GONE: f64 = 2e-3;
+const AT_END: f64 = 2e-3;
 /// Readings in a row that are not credible until the sensor is lost (assumed).
 const LOST: u32 = 3;
 
@@ -22,8 +31,29 @@ pub struct Position {
     last: Option<f64>,
     /// Way of the model since the reading changed, m.
     moved: f64,
+    /// Where the model would be without readings since the reading changed: the observer's own is held by them, as what moves
+    /// it is taken for a force that is missing.
+    twin: Option<Twin>,
     /// Readings in a row that are not credible.
     bad: u32,
+}
+
+/// The model with so much friction, and a state that goes on by it alone.
+type Twin = (Model, State);
+
+/// A twin goes on for a period; on the way it comes back to `seen`.
+fn go_on((model, own): &mut Twin, seen: &State, edges: Edges<f64>, period: f64) {
+    let share = period / (period + COMES_BACK);
+    let back = |own: &mut f64, seen: f64| *own += share * (seen - *own);
+    back(&mut own.position, seen.position);
+    back(&mut own.velocity, seen.velocity);
+    back(&mut own.disturbance, seen.disturbance);
+    back(&mut own.friction, seen.friction);
+    for i in 0..2 {
+        back(&mut own.pressures[i], seen.pressures[i]);
+        back(&mut own.temperatures[i], seen.temperatures[i]);
+    }
+    own.advance(model, edges, period, None);
 }
 
 impl Position {
@@ -34,24 +64,43 @@ impl Position {
 
     /// A reading, or what the model foresees where that is not credible. `grain` is how finely the model can know a
     /// position, m, `fastest` the highest speed, m/s; `is_held`: the law held at the last sample; `by_gas`: the model
-    /// follows measured pressures.
+    /// follows measured pressures; `seen` is the state at the last sample, `edges` how far edges were open since.
     pub fn checked(
         &mut self,
         (time, reading): (f64, f64),
         (foreseen, is_held, by_gas): (&State, bool, bool),
         (grain, fastest, period): (f64, f64, f64),
+        (model, seen, edges): (&Model, &State, Edges<f64>),
         log: &mut Log,
     ) -> f64 {
         if self.is_lost() {
             return foreseen.position;
         }
-        let miss = reading - foreseen.position;
+        let mut miss = reading - foreseen.position;
         // A contact that is held may creep in the model and stick in truth: each reading puts the model back.
         let creeps = is_held || !by_gas && foreseen.velocity.abs() < CREEPS;
         let way = if creeps { 0.0 } else { foreseen.velocity * period };
         self.moved = if self.last == Some(reading) { self.moved + way } else { 0.0 };
         let jumps = miss.abs() > JUMP * grain + SPEED_SHARE * fastest * period * f64::from(1 + self.bad);
-        let is_stuck = self.moved.abs() > STUCK * grain;
+        // Without measured pressures a law that holds drives its gas by the model alone, for as long as it rests.
+        let rests = self.last == Some(reading) && (by_gas || !is_held);
+        if !rests {
+            self.twin = None;
+        } else {
+            let twin = self.twin.get_or_insert_with(|| {
+                let mut rubbing = model.clone();
+                rubbing.friction_shares[0] *= RUBS[usize::from(!by_gas)];
+                (rubbing, *seen)
+            });
+            go_on(twin, seen, edges, period);
+        }
+        let gone = self.twin.as_ref().map_or(0.0, |(_, own)| own.position - reading);
+        let room = if gone > 0.0 { model.stroke - reading } else { reading };
+        let is_gone = gone.abs() > GONE.max(STUCK * grain) && room > AT_END;
+        if is_gone {
+            miss = -gone;
+        }
+        let is_stuck = is_gone || self.moved.abs() > STUCK * grain;
         if !jumps && !is_stuck && reading.is_finite() {
             self.bad = 0;
             self.last = Some(reading);
