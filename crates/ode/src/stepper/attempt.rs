@@ -113,7 +113,9 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 let (stage, y, done) = (stage.as_flattened_mut(), y.as_flattened(), done.as_flattened());
                 let alone = (done.as_chunks().0, BLOCK * blocks);
                 let (stage, b) = (stage.as_chunks_mut().0, b.as_flattened_mut().as_chunks_mut().0);
-                combine::<R, M, S, I, 1>(stage, b, y[..n].as_chunks().0, inverse_h, alone);
+                combine::<R, M, S, I, 1>(stage, &mut b[..n], y[..n].as_chunks().0, inverse_h, alone);
+                // What fills the last block takes part in products, and could hold what a rejected attempt left.
+                b[n..].fill([R::zero()]);
             } else {
                 combine::<R, M, S, I, BLOCK>(stage, b, y, inverse_h, (done, blocks));
             }
