@@ -1,5 +1,6 @@
 """What a law chooses, factors of its gains, the answer to a fallen supply: from files to runs, and what is refused."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -102,3 +103,17 @@ def test_factors_of_a_run_are_checked_before_it(axis):
     changed = pn.control.Setup(factors=[{"at": "0.1 s", "filter": 2.0}])
     with pytest.raises(pn.errors.CommandError, match=r"means nothing to the law nmpc"):
         pn.control.run(axis, "nmpc", reference=MOVE, setup=changed, duration="0.3 s")
+
+
+@pytest.mark.parametrize(("mass_kg", "told"), [(3.0, None), (42.0, "little is left"), (55.0, "cannot move")])
+def test_tune_says_where_the_supply_hardly_lifts_a_mass(mass_kg, told):
+    upright = pn.Circuit.load(AXIS.parent / "axes/upright.toml")
+    heavy = upright.replace({"components.cylinder.moving_mass": f"{mass_kg} kg"})
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        pn.control.tune(heavy, "pid")
+    said = " ".join(str(one.message) for one in caught)
+    # Weight and breakaway friction beside 7 bar abs under a bore of 32 mm; the rod points upwards.
+    share = (mass_kg * 9.80665 + 40.0) / ((7e5 - 101325.0) * np.pi / 4 * 0.032**2)
+    assert (f"take {100 * share:.0f} % of the force" in said) == (told is not None)
+    assert told is None or told in said
