@@ -73,3 +73,14 @@ def test_tune_says_what_no_observer_tells_apart():
     assert "friction that differs between the directions" in said["real"]
     assert "not both pressures" not in said["real"]
     assert "At rest the position tells the force of the gas, not both pressures" in said["cheap"]
+
+
+@pytest.mark.parametrize("at", [[], ["2 s"]])
+def test_switching_valves_tell_of_a_fallen_supply_and_of_no_other(at):
+    """What a sensor tells late of a chamber that has just been shut is the flow before, no filling that fails."""
+    told = pn.control.Setup(faults=[{"kind": "supply-fallen", "at": one, "value": "3 bar"} for one in at]).faults
+    setup = pn.control.read_setup("real")[0].model_copy(update={"faults": told})
+    run = pn.control.run(pn.Circuit.load(SWITCHING), "inversion", reference="R3", setup=setup, duration="7 s", seed=1)
+    supplies = [one for one in run.attrs["events"] if one["kind"] == "supply"]
+    assert len(supplies) == len(at)
+    assert all(2.0 < one["time_s"] < 4.5 and one["value"] < 4.5e5 for one in supplies)

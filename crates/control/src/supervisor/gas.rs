@@ -42,6 +42,8 @@ struct Chamber {
     /// Readings in a row that are no number or jump.
     bad: u32,
     is_lost: bool,
+    /// The valve opened it to the supply when it opened it last.
+    fills: bool,
 }
 
 impl Chamber {
@@ -154,10 +156,12 @@ impl Gas {
             let is_good = own.bad == 0 && !own.is_lost;
             own.pressure = twin.pressures[i] + if is_good { share * off } else { 0.0 };
             own.temperature = twin.temperatures[i];
+            let [supplied, vented] = edges[i];
+            own.fills = if supplied == vented { own.fills } else { supplied > vented };
             // A reading that rests says nothing of a flow.
             if is_good && before.is_finite() && f64::from(own.rests) * period < 0.25 * FOR {
-                let is_first = [edges[0][0] > edges[0][1], edges[1][1] > edges[1][0]][i];
-                let side = usize::from(is_first != (i == 0));
+                // What comes late, behind a valve that has shut, is of the flow before.
+                let side = usize::from(!own.fills);
                 let changes = [measured, by_flow, (weak[i] - shut[i]) * period];
                 let lately = period / (period + FALLEN_FOR);
                 for (own, change) in self.flown[side].iter_mut().zip(changes) {
