@@ -20,10 +20,13 @@ from fmpy.model_description import ModelDescription
 from fmpy.validation import validate_fmu
 
 import pneudrive as pn
-from oracle import fmu_calls
+from oracle import fmu_calls, random_circuits
 from pneudrive.cli.main import run as command_line
+from pneudrive.describe.circuit import compiled
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.fmu import binary
+from pneudrive.fmu import binary, dimensions
+from pneudrive.fmu.variables import plan_of
+from pneudrive.trajectory import meaning
 
 SMOOTH = pn.Drive.load("catalogue:reference")  # bristles, no event
 STICKY = SMOOTH.replace({"friction": {"law": "coulomb", "coulomb": "30 N", "viscous": "40 N s/m"}})
@@ -135,6 +138,25 @@ def test_rollbacks_across_stick_and_slip_give_the_same_bits(made):
     assert np.count_nonzero(np.diff(moved)) > 5, "the piston sticks and slips on the way"
 
 
+def test_pulses_begin_with_the_command_that_is_set_on_their_edge(tmp_path):
+    """Two valves of other widths, whose pulses begin at one instant: a master sets both there, and CVode goes on."""
+    circuit = pn.Circuit.load(Path(__file__).parents[2] / "examples/pwm_axis.toml")
+    given = {"in_a": [(0.0, 0.63), (0.02, 0.3)], "out_b": [(0.0, 0.47), (0.02, 0.6)]}
+    truth = float(pn.simulate(circuit, given, "0.12 s", rtol=1e-9)["cylinder.position"][-1])
+    path = str(pn.export_fmu(circuit, tmp_path / "pulses.fmu").path)
+    tool = Tool(path).begin(in_a__command=0.63, out_b__command=0.47)
+    tool.fmu.doStep(0.0, 0.02)
+    tool.set(in_a__command=0.3, out_b__command=0.6)
+    tool.fmu.doStep(0.02, 0.1)
+    assert abs(tool.get("cylinder.position")[0] - truth) < 0.02e-6
+    rows = [(0.0, 0.63, 0.47), (0.02, 0.63, 0.47), (0.02, 0.3, 0.6), (0.12, 0.3, 0.6)]
+    seen = simulate_fmu(
+        path, fmi_type="ModelExchange", stop_time=0.12, output_interval=1e-3, relative_tolerance=1e-6,
+        input=np.array(rows, dtype=[("time", float), ("in_a.command", float), ("out_b.command", float)]),
+    )  # fmt: skip
+    assert abs(seen["cylinder.position"][-1] - truth) < 1e-6
+
+
 def test_a_saved_state_goes_on_in_another_instance(made):
     first, second = Tool(made("sticky")).begin(command=0.03), Tool(made("sticky")).begin(command=-0.4)
     first.fmu.doStep(0.0, 0.05)
@@ -175,6 +197,71 @@ def test_a_contact_that_has_stood_before_the_start_is_as_old_in_the_fmu(tmp_path
     assert seen[1] > seen[0], "a younger contact breaks away earlier"
 
 
+def test_tubes_begin_in_the_fmu_as_in_a_session(tmp_path):
+    """Their gas follows the pressure of its chamber, not the temperature; the contact's age acts in the FMU alone."""
+    control = {"needle_conductance": "0.07 dm3/(s bar)", "throttles": "out"}
+    tubes = {"a": {"length": "1 m", "diameter": "4 mm"}, "b": {"length": "0.5 m", "diameter": "4 mm"}}
+    drive = pn.Drive.load("catalogue:starter").replace({"tubing": tubes, "flow_control": {"b": control}})
+    values = {"start__pressure_a": 3e5, "start__temperature_a": 333.15, "start__position": 0.1}
+    tool = Tool(str(pn.export_fmu(drive, tmp_path / "tubes.fmu").path)).begin(command=0.05, **values)
+    start = {"position": "100 mm", "pressure_a": "3 bar abs", "temperature_a": "60 degC"}
+    session = drive.start(start, rtol=1e-7)
+    session.set("command", 0.05)
+    outputs = {one.name: one for one in tool.about.modelVariables if one.causality == "output"}
+    columns = {meaning(one.name)[0]: one.name for one in session.variables if one.kind == "output"}
+    assert {"valve.4.temperature", "tube_a.mass_flow", "pressure_b"} <= outputs.keys() <= columns.keys()
+    for until in (0.0, 0.2):
+        tool.fmu.doStep(0.0, until)
+        session.advance(until)
+        assert list(tool.get(*outputs)) == [session.read(columns[name]) for name in outputs]
+    old = Tool(str(tmp_path / "tubes.fmu")).begin(command=0.05, start__contact_age=1000.0, **values)
+    old.fmu.doStep(0.0, 0.2)
+    assert old.get("position")[0] < tool.get("position")[0], "an older contact breaks away later"
+    with pytest.raises(DescriptionError, match="contact_age = 1000 s cannot act here"):
+        pn.simulate(drive, 0.05, 0.2, initial=start | {"contact_age": "1000 s"})
+
+
+def test_variables_of_circuits_of_all_kinds_have_one_name_and_the_unit_of_the_core():
+    seen = set()
+    for number in range(50):
+        _, circuit, _ = random_circuits.case(20_000, number)
+        plan = plan_of(circuit)  # two variables of one name end it
+        units = dict(compiled(circuit.core_json()).start(plan.start, 1e-6).states)
+        for name, one in circuit.components.items():
+            units |= {f"{name}.{own['name']}": own["unit"] for own in one.entry["outputs"]}
+            seen.add(one.entry["kind"])
+        for own in plan.variables:
+            core = units.get(str(own.role.get("of")))
+            if core is not None:
+                rate = {"s": -1} if own.rate_of else {}
+                powers = dimensions.exponents(core)
+                wanted = {base: powers.get(base, 0) + rate.get(base, 0) for base in {*powers, *rate}}
+                assert dimensions.exponents(own.unit) == {base: p for base, p in wanted.items() if p}, own.name
+    assert {"reservoir/pulsating", "regulator/electro-pneumatic", "valve/proportional-5/3", "carriage"} <= seen
+    columns = ("valve.speed_1_s", "reg.acting_set_pressure_rate_pa_s", "axis.jerk_m_s3")
+    assert [meaning(one)[:2] for one in columns] == [
+        ("valve.speed", "1/s"),
+        ("reg.acting_set_pressure_rate", "Pa/s"),
+        ("axis.jerk", "m/s^3"),
+    ]
+
+
+def test_a_number_whose_name_is_an_output_is_given_under_another_one(tmp_path):
+    drive = SMOOTH.circuit.replace(
+        {
+            "components.supply": {
+                "kind": "reservoir/pulsating",
+                "pressure": "7 bar abs",
+                "amplitude": "0.3 bar",
+                "frequency": "5 Hz",
+            }
+        }
+    )
+    tool = Tool(str(pn.export_fmu(drive, tmp_path / "mains.fmu").path)).begin(given__supply__pressure=6e5)
+    tool.fmu.doStep(0.0, 0.05)
+    assert tool.get("supply.pressure")[0] == pytest.approx(6.3e5, rel=1e-6), "a quarter of a period"
+
+
 def test_directional_derivatives_are_those_of_differences(made):
     tool = Tool(made("smooth")).begin(command=0.5)
     tool.fmu.doStep(0.0, 0.02)
@@ -213,8 +300,16 @@ def test_wrong_wishes_are_refused_with_a_message_in_every_phase(made):
     tool.refuses(lambda: tool.set(command=float("nan")), "command = NaN is not a number")
     tool.refuses(lambda: tool.fmu.doStep(0.0, 1e-3), "not allowed in phase Instantiated")
     tool.refuses(lambda: tool.fmu.getReal([9999]), "no variable with value reference 9999")
+    tool.refuses(
+        lambda: tool.fmu.setupExperiment(startTime=1.0, stopTime=0.5), "must not be before the start time, 1 s"
+    )
     tool.refuses(lambda: tool.begin(cylinder__bore=-1.0), "cylinder.bore = -1 m is out of bounds")
     tool.set(cylinder__bore=0.025)
+    tool.set(cylinder__incline=62.0)
+    tool.refuses(tool.fmu.exitInitializationMode, "cylinder.incline = 62 rad is out of bounds")
+    tool.set(cylinder__incline=0.0, ambient__pressure=0.0)
+    tool.refuses(tool.fmu.exitInitializationMode, "ambient.pressure = 0 Pa is out of bounds")
+    tool.set(ambient__pressure=101325.0)
     tool.fmu.exitInitializationMode()
     tool.refuses(lambda: tool.set(command=2.0), "valve.command = 2 is out of bounds")
     tool.refuses(lambda: tool.set(cylinder__bore=0.03), "cylinder.bore is fixed")
@@ -285,6 +380,11 @@ def test_an_actuator_gives_the_force_of_the_drive_on_what_moves_it(tmp_path):
     force = 2.0 * run.acceleration.values[at]  # the mass is 2 kg
     assert np.abs(seen["force"] - force)[2:].max() < 0.02 * np.abs(force).max()
     assert np.abs(seen["pressure_a"] - run.pressure_a.values[at]).max() < 100.0
+    loaded = drive.replace({"load": {"force": "50 N", "spring": {"stiffness": "800 N/m", "rest_position": "20 mm"}}})
+    other = str(pn.export_fmu(loaded, tmp_path / "loaded.fmu", actuator=True, initial=start).path)
+    told = {"start_values": {"command": 0.1, "position": 0.1, "velocity": 0.1}, "stop_time": 1e-3}
+    alone, without = simulate_fmu(other, **told), simulate_fmu(path, **told)
+    assert alone["force"].tobytes() == without["force"].tobytes(), "the load is the tool's"
     with pytest.raises(DescriptionError, match="the law coulomb sticks"):
         pn.export_fmu(STICKY, tmp_path / "no.fmu", actuator=True)
 

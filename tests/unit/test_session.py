@@ -7,6 +7,7 @@ import itertools
 import math
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ STICKS = REFERENCE.replace(
     }
 )
 START = {"position": "0.25 m", "pressure_a": "3 bar abs", "pressure_b": "3 bar abs"}
+PULSES = Path(__file__).parents[2] / "examples/pwm_axis.toml"
 COLUMNS = ("position_m", "velocity_m_s", "pressure_a_pa", "temperature_b_k", "friction_force_n", "mass_flow_a_kg_s")
 
 
@@ -117,6 +119,25 @@ def test_a_schedule_is_the_same_as_setting_at_each_time():
         by_hand.set("command", u)
     by_hand.advance(0.3)
     assert planned.save() == by_hand.save()
+
+
+def test_a_command_on_the_edge_of_a_pulse_is_that_pulse_s():
+    """However it comes there: from a simulation, set between two ways, or planned when the edge is due already."""
+    circuit = pn.Circuit.load(PULSES)
+    shares = [(k / 100.0, 0.1 + 0.06 * ((7 * k) % 11)) for k in range(20)]
+    run = pn.simulate(circuit, {"in_a": shares, "out_b": 0.47}, 0.22)
+    by_hand, late = circuit.start(), circuit.start()
+    for session in (by_hand, late):
+        session.set("out_b.command", 0.47)
+    for at, share in shares:
+        by_hand.advance(at)
+        by_hand.set("in_a.command", share)
+        late.advance(max(0.0, at - 0.004))
+        late.schedule("in_a.command", [(at, share)])
+    for session in (by_hand, late):
+        session.advance(0.22)
+        assert session.read("cylinder.position_m") == pytest.approx(float(run["cylinder.position"][-1]), abs=1e-9)
+    assert np.ptp(run["cylinder.position"].to_numpy()) > 5e-3
 
 
 def test_edges_by_themselves_are_the_valve():

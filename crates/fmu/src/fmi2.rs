@@ -100,8 +100,12 @@ pub unsafe extern "C" fn fmi2FreeInstance(component: Component) {
 
 functions! {
     fmi2SetDebugLogging(_instance, _on: c_int, _n: usize, _categories: *const *const c_char) in ANY => Ok(());
-    fmi2SetupExperiment(instance, has_tolerance: c_int, tolerance: f64, start: f64, _has_stop: c_int, _stop: f64)
-        in &[Phase::Instantiated] => instance.kept.model.set_up(start, (has_tolerance != 0).then_some(tolerance));
+    fmi2SetupExperiment(instance, has_tolerance: c_int, tolerance: f64, start: f64, has_stop: c_int, stop: f64)
+        in &[Phase::Instantiated] => {
+            let [stop, tolerance] =
+                [(has_stop, stop), (has_tolerance, tolerance)].map(|(has, value)| (has != 0).then_some(value));
+            instance.kept.model.set_up(start, stop, tolerance)
+        };
     fmi2EnterInitializationMode(instance) in &[Phase::Instantiated] => {
         instance.kept.phase = Phase::Initialisation;
         Ok(())

@@ -112,8 +112,9 @@ pub unsafe extern "C" fn fmi3FreeInstance(instance: Component) {
 
 functions! {
     fmi3SetDebugLogging(_instance, _on: bool, _n: usize, _categories: *const *const c_char) in ANY => Ok(());
-    fmi3EnterInitializationMode(instance, has_tolerance: bool, tolerance: f64, start: f64, _has_stop: bool, _stop: f64)
-        in &[Phase::Instantiated] => instance.initialise(start, has_tolerance.then_some(tolerance));
+    fmi3EnterInitializationMode(instance, has_tolerance: bool, tolerance: f64, start: f64, has_stop: bool, stop: f64)
+        in &[Phase::Instantiated] =>
+            instance.initialise(start, has_stop.then_some(stop), has_tolerance.then_some(tolerance));
     fmi3ExitInitializationMode(instance) in &[Phase::Initialisation] => instance.begin();
     fmi3EnterEventMode(instance) in &[Phase::Event, Phase::Continuous] => instance.pass_to(Phase::Event);
     fmi3Terminate(instance) in RUNNING => {

@@ -153,8 +153,8 @@ impl Instance {
     }
 
     /// Before the run, with a time and where asked for a tolerance.
-    pub fn initialise(&mut self, t0: f64, rtol: Option<f64>) -> Result<(), Refusal> {
-        self.kept.model.set_up(t0, rtol)?;
+    pub fn initialise(&mut self, t0: f64, stop: Option<f64>, rtol: Option<f64>) -> Result<(), Refusal> {
+        self.kept.model.set_up(t0, stop, rtol)?;
         self.kept.phase = Phase::Initialisation;
         Ok(())
     }

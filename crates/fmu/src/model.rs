@@ -3,7 +3,7 @@
 use crate::law::Law;
 use crate::plan::{Plan, Role};
 use circuit::{AxisId, Error, Look, Network, Session, specification};
-use ode::Options;
+use ode::{Options, same_time};
 use std::sync::Arc;
 
 /// Tolerances that the solver keeps.
@@ -122,9 +122,14 @@ impl Model {
     }
 
     /// The time and, where one is asked for, the tolerance with which it begins.
-    pub fn set_up(&mut self, t0: f64, rtol: Option<f64>) -> Result<(), Refusal> {
+    pub fn set_up(&mut self, t0: f64, stop: Option<f64>, rtol: Option<f64>) -> Result<(), Refusal> {
         if !t0.is_finite() {
             return refuse(format!("start time = {t0} s is not a time"));
+        }
+        if let Some(stop) = stop
+            && (stop.is_nan() || stop < t0)
+        {
+            return refuse(format!("stop time = {stop} s: it must not be before the start time, {t0} s"));
         }
         if let Some(rtol) = rtol {
             if !TOLERANCES.contains(&rtol) {
@@ -196,13 +201,8 @@ impl Model {
             return refuse(format!("{} is fixed: it can be set before the run only", own.name));
         }
         if self.values[at].to_bits() != value.to_bits() {
-            let (places, outside) = (self.running()?.places.clone(), self.outside);
-            if let Place::Input(input) = places[at] {
-                let session = &mut self.running()?.session;
-                session.set(input, value)?;
-                if !outside {
-                    session.settle_schedule();
-                }
+            if let Place::Input(input) = self.running()?.places[at] {
+                self.running()?.session.set(input, value)?;
             }
             self.values[at] = value;
             self.follow()?;
@@ -292,6 +292,15 @@ impl Model {
                 }
                 _ => {}
             }
+        }
+        let names = network.start_names();
+        let mut other = names.iter().copied().filter(|name| !start.contains_key(*name));
+        let mut gone = start.keys().map(String::as_str).filter(|name| !names.contains(name));
+        if let Some(name) = other.next().or_else(|| gone.next()) {
+            return refuse(format!(
+                "with these values the circuit has other states, as {name}: cells are laid out where it is exported. \
+                 Export the drive with them"
+            ));
         }
         let options = Options { rtol: self.rtol, ..Options::default() };
         let session = network.session_at(self.t0, &inputs, &start, age, options)?.of_description(&json);
@@ -439,7 +448,7 @@ impl Model {
         let session = &mut self.running()?.session;
         let now = session.time();
         Ok(session.events().iter().any(|value| *value <= 0.0)
-            || session.next_due().is_some_and(|due| due <= now))
+            || session.next_due().is_some_and(|due| due <= now || same_time(due, now)))
     }
 
     /// Applies what is due and changes modes that hold no longer.

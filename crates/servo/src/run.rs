@@ -331,6 +331,8 @@ impl Loop {
     ) -> Result<Turn, Error> {
         let period = controller.period;
         self.session.go_on(tick as f64 * period, look)?;
+        // A command comes behind what a valve samples at this instant.
+        self.session.settle_schedule();
         let truth = self.columns.map(|column| self.session.now(column));
         let sample = self.sample(tick, period, truth);
         let t = sample.time;

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.components import STATED, component_kinds, parameter_quantity
@@ -143,28 +143,32 @@ def plan_of(
         The start does not fit; or the description cannot be an actuator.
     """
     from pneudrive.describe.circuit import compiled
+    from pneudrive.describe.parts import Initial
 
-    circuit = circuit_of(described)
-    form = json.loads(circuit.core_json())
     if actuator:
-        _check_actuator(described, form)
+        described = _as_actuator(described)
+    form = json.loads(circuit_of(described).core_json())
+    if actuator:
+        next(one for one in form["components"] if one["name"] == "cylinder")["numbers"].pop("incline", None)
     age_s = 0.0
     if is_circuit(described):
         start = described.core_initial(start_values(initial))
     else:
-        given = read_initial(initial)
-        start, age_s = described.circuit_initial(given), 0.0 if given is None else given.contact_age_s
+        given = read_initial(initial) or Initial()
+        start, age_s = described.circuit_initial(given.model_copy(update={"contact_age_s": 0.0})), given.contact_age_s
     session = compiled(json.dumps(form, sort_keys=True)).start(start, rtol)
     is_short = not is_circuit(described)
     variables = [FmuVariable("time", "s", "time", "independent", {"role": "time"})]
     variables += _inputs(session, form, is_short, actuator)
-    named = {one.name for one in variables}
-    variables += [one for one in _parameters(described, form) if one.name not in named]
+    named, results = {one.name for one in variables}, list(_results(session, described, actuator))
+    taken = {one.name for one in results}
+    own = (one for one in _parameters(described, form) if one.name not in named)
+    variables += [replace(one, name=f"given.{one.name}") if one.name in taken else one for one in own]
     variables += _starts(start, is_short, actuator)
     if is_short and "cylinder.contact_age_s" in session.columns:
         what = "At the start: time for which the contact has stood"
         variables.append(FmuVariable("start.contact_age", "s", what, "parameter", {"role": "age"}, age_s))
-    variables += _results(session, described, actuator)
+    variables += results
     names = [one.name for one in variables]
     assert len(set(names)) == len(names), "names of variables are unique"
     notes = (*session_notes(described), *described.assumed())
@@ -178,12 +182,12 @@ def session_notes(described: Drive | Circuit) -> list[str]:
     return list(compiled(circuit_of(described).core_json()).warnings)
 
 
-def _check_actuator(described: Drive | Circuit, form: dict[str, Any]) -> None:
-    """Check that a description is a drive, and take off what the other tool has itself."""
-    cylinder = next((one for one in form["components"] if one["name"] == "cylinder"), None)
-    if is_circuit(described) or cylinder is None:
+def _as_actuator(described: Drive | Circuit) -> Drive:
+    """Check that a description is a drive, and take off the load's force and spring, which the other tool has."""
+    if is_circuit(described):
         raise DescriptionError("an actuator is made of a drive", remedy="Export a drive file.")
-    cylinder["numbers"].pop("incline", None)
+    load = described.carried.model_copy(update={"force_n": 0.0, "spring": None})
+    return described.model_copy(update={"carried": load})
 
 
 def _named(core: str, is_short: bool) -> tuple[str, str, str]:
@@ -268,11 +272,11 @@ def _friction(entry: dict[str, Any], own: dict[str, Any], prefix: str, path: str
 
 
 def _starts(start: dict[str, float], is_short: bool, actuator: bool) -> Iterator[FmuVariable]:
-    """Yield the numbers of the start; gas of a drive's tubes begins as that of their chamber."""
+    """Yield the numbers of the start; gas of a drive's tubes begins at the pressure of their chamber."""
     followers: dict[str, list[str]] = {}
     for core in start:
         last = core.rpartition(".")[2]
-        if is_short and not core.startswith("cylinder.") and last in ("pressure_pa", "temperature_k"):
+        if is_short and not core.startswith("cylinder.") and last == "pressure_pa":
             followers.setdefault(f"cylinder.{beside(core)}.{last}", []).append(core)
     follow = {core for each in followers.values() for core in each}
     for core, value in start.items():
@@ -317,10 +321,11 @@ def _per_second(unit: str) -> str:
 
     Examples
     --------
-    >>> [_per_second(unit) for unit in ("m", "m/s", "1", "J/(kg K)")]
-    ['m/s', 'm/s^2', '1/s', 'J/(s kg K)']
+    >>> [_per_second(unit) for unit in ("m", "m/s", "m/s^2", "1", "J/(kg K)")]
+    ['m/s', 'm/s^2', 'm/s^3', '1/s', 'J/(s kg K)']
     """
     above, slash, below = unit.partition("/")
     if not slash:
         return f"{unit}/s"
-    return f"{above}/s^2" if below == "s" else f"{above}/(s {below.strip('()')})"
+    power = {"s": 2, "s^2": 3}.get(below)
+    return f"{above}/s^{power}" if power else f"{above}/(s {below.strip('()')})"

@@ -15,6 +15,7 @@ use crate::part::Given;
 use crate::run::{Error, Look, Recorder, Run, sample_times, with_unit};
 use crate::specification;
 use ode::Options;
+use physics::above;
 use physics::mechanics::EndStop;
 use std::collections::BTreeMap;
 
@@ -167,6 +168,19 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joint
     Ok(Joints { each: joints, junctions: spec.junctions })
 }
 
+/// Pressure and temperature of the ambient, Pa and K.
+fn ambient(spec: &specification::GasState) -> Result<[f64; 2], Error> {
+    let each = [("pressure", spec.pressure_pa, "Pa"), ("temperature", spec.temperature_k, "K")];
+    match each.iter().find(|(_, value, _)| !above(0.0).contain(*value)) {
+        Some((name, value, unit)) => refuse(format!(
+            "ambient.{name} = {} is out of bounds: it must be {}",
+            with_unit(*value, unit),
+            above(0.0)
+        )),
+        None => Ok([spec.pressure_pa, spec.temperature_k]),
+    }
+}
+
 impl Network {
     /// Assembles the circuit; with `ledger`, its accounts are integrated along.
     pub fn assemble(spec: &specification::Circuit, ledger: bool) -> Result<Self, Error> {
@@ -178,7 +192,7 @@ impl Network {
         }
         let joints = joints(spec, &each)?;
         let gas = gas(&Lifted::plain(&spec.gas));
-        let ambient = [spec.ambient.pressure_pa, spec.ambient.temperature_k];
+        let ambient = ambient(&spec.ambient)?;
         if let Some(own) = each.iter().find(|own| own.chosen("chamber_law") == Some("as-printed")) {
             if ledger {
                 return refuse(format!("{}: chamber law \"as-printed\" has no ledger", own.name));
@@ -237,7 +251,7 @@ impl Network {
     /// named again.
     pub fn renewed(&self, spec: &specification::Circuit) -> Result<Assembly, Error> {
         let each = spec.components.iter().map(instance).collect::<Result<Vec<_>, _>>()?;
-        let ambient = [spec.ambient.pressure_pa, spec.ambient.temperature_k];
+        let ambient = ambient(&spec.ambient)?;
         let (like, gas) = (&self.assembly, gas(&Lifted::plain(&spec.gas)));
         let ledger = !like.circuit.channels().is_empty();
         let wired = wire(&gas, gas.is_air(), ambient, (&each, &self.joints), ledger, Some(&like.circuit))?;

@@ -181,6 +181,22 @@ impl<R: Lane> Session<R> {
         self.schedule.sort_by(|one, other| other.0.total_cmp(&one.0));
     }
 
+    /// The place of the entry that happens next until a time, s, if any. A valve that samples its command does so behind
+    /// inputs that are set at that time, and where the way ends there it waits for those that may still be set.
+    fn next(&self, until: f64) -> Option<usize> {
+        let is_at = |time: f64| move |entry: &(f64, What, f64)| entry.0 <= time || same_time(entry.0, time);
+        let place = self.schedule.len().checked_sub(1)?;
+        let first = &self.schedule[place];
+        if !is_at(until)(first) {
+            return None;
+        }
+        if !first.1.waits() {
+            return Some(place);
+        }
+        let other = self.schedule.iter().rposition(|entry| is_at(first.0)(entry) && !entry.1.waits());
+        other.or((!same_time(first.0, until)).then_some(place))
+    }
+
     fn happen(&mut self, what: What, value: f64) {
         match what {
             What::Input(input) => self.put(input, value),
@@ -188,10 +204,12 @@ impl<R: Lane> Session<R> {
         }
     }
 
-    /// Applies the entries that are due now.
+    /// Applies the entries that are due now: no input is set any more.
     pub fn settle_schedule(&mut self) {
         let now = self.time();
-        while let Some((_, what, value)) = self.schedule.pop_if(|entry| entry.0 <= now) {
+        while let Some((_, what, value)) =
+            self.schedule.pop_if(|entry| entry.0 <= now || same_time(entry.0, now))
+        {
             self.happen(what, value);
         }
     }
@@ -208,8 +226,8 @@ impl<R: Lane> Session<R> {
         self.stepper.allow(budget(until - self.time(), due + 1, states));
     }
 
-    /// Goes on until a time, s. An entry of the schedule that the clock cannot tell from it happens there, and one that it
-    /// cannot tell from the present happens now.
+    /// Goes on until a time, s. An entry of the schedule that the clock cannot tell from it happens there, unless a valve
+    /// samples its command by it, and one that it cannot tell from the present happens now.
     pub fn advance(
         &mut self,
         until: f64,
@@ -220,12 +238,11 @@ impl<R: Lane> Session<R> {
         self.not_before("until", until)?;
         self.is_read = false;
         loop {
-            let is_due = |entry: &(f64, What, f64)| entry.0 <= until || same_time(entry.0, until);
-            let next = self.schedule.last().copied().filter(is_due);
+            let next = self.next(until);
             let now = self.time();
-            let target = match next {
-                Some((t, ..)) if same_time(t, now) => now,
-                Some((t, ..)) if !same_time(t, until) => t,
+            let target = match next.map(|place| self.schedule[place].0) {
+                Some(t) if same_time(t, now) => now,
+                Some(t) if !same_time(t, until) => t,
                 _ => until,
             };
             match advance(&mut self.stepper, target, output, look) {
@@ -235,8 +252,8 @@ impl<R: Lane> Session<R> {
                 }
                 other => other?,
             }
-            let Some((_, what, value)) = next else { return Ok(()) };
-            self.schedule.pop();
+            let Some(place) = next else { return Ok(()) };
+            let (_, what, value) = self.schedule.remove(place);
             self.happen(what, value);
         }
     }

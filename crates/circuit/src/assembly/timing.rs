@@ -140,6 +140,11 @@ pub(super) enum What {
 }
 
 impl What {
+    /// Whether it depends on the command at its time.
+    pub fn waits(self) -> bool {
+        matches!(self, What::Timing(_, Due::Start | Due::Rise | Due::Fall))
+    }
+
     /// As a number, where there are so many inputs.
     pub fn code(self, n_inputs: usize) -> u64 {
         let code = match self {

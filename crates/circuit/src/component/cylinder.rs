@@ -10,7 +10,7 @@ use crate::part::{ChamberLaw, Cushion};
 use crate::run::Error;
 use math::Lane;
 use physics::flow::{BORE_CONDUCTANCE, Iso6358};
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Cylinders with two chambers. The port of a chamber has no volume of its own: the dead volume includes it.
 const PORTS: &[Port] = &[chamber("a"), chamber("b"), axis("rod", true)];
@@ -23,7 +23,7 @@ const PARAMETERS: &[Row] = table! {
     dead_volume_a: "m3", physics::above(0.0), "Volume of chamber a at x = 0, port and line included";
     dead_volume_b: "m3", physics::above(0.0), "Volume of chamber b at the end of the stroke, port and line included";
     moving_mass: "kg", physics::above(0.0), "Mass of piston, rod and carriage";
-    incline: "rad", physics::any(), default 0.0, "Incline of the axis; positive: x points up";
+    incline: "rad", physics::within(-FRAC_PI_2, FRAC_PI_2), default 0.0, "Incline of the axis; positive: x points up";
     heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, assumed "of air in a cylinder of this size",
         "Heat-transfer coefficient to the wall";
     wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", only "heat_transfer",

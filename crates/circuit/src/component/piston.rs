@@ -4,6 +4,7 @@ use super::{
 use crate::assembly::Quantity;
 use crate::circuit::PistonSide;
 use math::Lane;
+use std::f64::consts::FRAC_PI_2;
 
 /// A piston whose motion is limited by other components.
 pub struct Bare;
@@ -24,7 +25,7 @@ impl Component for Bare {
             perimeter_b: "m", physics::at_least(0.0), default 0.0, "Perimeter of barrel and rod in chamber b that exchanges heat";
             stroke: "m", physics::above(0.0), "Stroke";
             moving_mass: "kg", physics::above(0.0), "Mass of piston, rod and carriage";
-            incline: "rad", physics::any(), default 0.0, "Incline of the axis; positive: x points up";
+            incline: "rad", physics::within(-FRAC_PI_2, FRAC_PI_2), default 0.0, "Incline of the axis; positive: x points up";
         },
         friction: true,
         inputs: &[("load_force_n", "N", "external force in +x")],

@@ -1,5 +1,6 @@
 use super::{Acts, Brings, Build, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table};
 use math::Lane;
+use std::f64::consts::FRAC_PI_2;
 
 /// A mass on a line of its own.
 pub struct Slide;
@@ -12,7 +13,7 @@ impl Component for Slide {
         ports: &[axis("1", false)],
         parameters: table! {
             mass: "kg", physics::above(0.0), "Mass";
-            incline: "rad", physics::any(), default 0.0, "Incline of the axis; positive: x points up";
+            incline: "rad", physics::within(-FRAC_PI_2, FRAC_PI_2), default 0.0, "Incline of the axis; positive: x points up";
         },
         friction: true,
         inputs: &[("load_force_n", "N", "external force in +x")],
