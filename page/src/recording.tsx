@@ -56,6 +56,7 @@ const pixels = signal(1000);
 const views = signal<{ head: Head; time: Numbers; channels: Map<string, Numbers> } | null>(null);
 const strokes = signal<Stroke[]>([]);
 const faults = signal<Faults>({});
+const without = signal(""); // why neither is shown
 const wrong = signal<Problem[]>([]);
 const proposal = signal<Proposal | null>(null);
 const said = signal("");
@@ -74,6 +75,7 @@ async function open(path: string): Promise<void> {
   about.value = views.value = proposal.value = null;
   strokes.value = [];
   faults.value = {};
+  without.value = "";
   wrong.value = [];
   forgetBeside();
   try {
@@ -89,8 +91,8 @@ async function open(path: string): Promise<void> {
       await pause(150);
     }
     if (about.value!.layout === null && !about.value!.time) return;
-    const found = await read<{ strokes: Stroke[]; faults: Faults }>("/api/strokes", { path });
-    if (mine === generation) [strokes.value, faults.value] = [found.strokes, found.faults];
+    const found = await read<{ strokes: Stroke[]; faults: Faults; note?: string }>("/api/strokes", { path });
+    if (mine === generation) [strokes.value, faults.value, without.value] = [found.strokes, found.faults, found.note ?? ""];
   } catch (error) {
     if (mine === generation && error instanceof Refused) wrong.value = error.problems;
   }
@@ -204,7 +206,7 @@ function Controls({ found }: { found: Opened }) {
           {strokes.value.length > 0 && `, ${strokes.value.length} strokes (darker: towards +x)`}
         </span>
       </p>
-      {found.notes?.map((note) => <p class="note" key={note}>{note}</p>)}
+      {[...found.notes!, ...(without.value ? [without.value] : [])].map((note) => <p class="note" key={note}>{note}</p>)}
       <fieldset class="row">
         <legend>Channels</legend>
         {found.channels!.map((one) => (
@@ -279,7 +281,7 @@ function Plots({ found }: { found: Opened }) {
       {found.channels!.filter((one) => now.channels.has(one.column) && shown.value.includes(one.column)).map((one) => {
         const curves: Curve[] = [{ label: one.label, x: now.time, y: now.channels.get(one.column)! }];
         const there = now.channels.get(`beside/${one.column}`);
-        if (there) curves.push({ label: `${one.label} (${beside.value!.path})`, x: now.channels.get("beside/time")!, y: there });
+        if (there && beside.value) curves.push({ label: `${one.label} (${beside.value.path})`, x: now.channels.get("beside/time")!, y: there });
         return (
           <Plot
             key={one.column}
@@ -307,7 +309,7 @@ function Plots({ found }: { found: Opened }) {
 function Wizard({ path }: { path: string }) {
   const place = path.includes("/") ? `${path.slice(0, path.lastIndexOf("/"))}/layout.toml` : "layout.toml";
   const now = proposal.value;
-  if (about.value?.layout) return <p class="note">Read by {about.value.layout === "rig" ? "the" : `the ${about.value.layout}`} layout beside it.</p>;
+  if (about.value?.layout) return <p class="note">There is a layout of a {about.value.layout.replace("-", " ")} for it.</p>;
   const propose = async () => {
     try {
       proposal.value = await read<Proposal>("/api/propose", { path });

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 import shutil
 import time
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 import pneudrive as pn
@@ -231,3 +233,190 @@ def test_what_has_its_clock_set_back_is_measured_by_samples(tmp_path: Path) -> N
     assert found.faults == {}
     assert "time runs backwards" in found.unknown
     assert "time runs backwards" in repr(found)
+
+
+RIG = """
+[geometry]
+kind = "rodless"
+bore = "32 mm"
+[chamber_a]
+open_to_ambient = true
+[chamber_b]
+pressure = "3 bar gauge"
+"""
+TO_AND_FRO = {"time": (time_s := np.arange(0.0, 6.0, 5e-3)), "way": 50.0 - 40.0 * np.cos(np.pi * time_s)}
+TO_AND_FRO["force"] = 120.0 + 20.0 * np.sign(np.sin(np.pi * time_s)) + np.random.default_rng(8).normal(0.0, 0.2, 1200)
+
+
+def rig_file(path: Path) -> None:
+    """Write a logger's text: decimal comma, points in thousands, a preamble, samples and a column that do not count."""
+    times = [f"{1e3 * one:.1f}".replace(".", ",") for one in TO_AND_FRO["time"]]
+    columns = (TO_AND_FRO["way"] / 2.5 - 2.0, -100.0 * TO_AND_FRO["force"], np.arange(1200.0))
+    form = [[f"{one:,.3f}".translate(str.maketrans(",.", ".,")) for one in values] for values in columns]
+    form[2][::2] = ["ok"] * 600
+    rows = [f"1,5;0;{1 + k}.000;9;" for k in range(3)] + [";".join(row) + ";" for row in zip(times, *form, strict=True)]
+    path.write_text("Rig 7; run 3\nZeit;Weg;Kraft;Zahl;\n" + "\n".join(rows) + "\n")
+
+
+IN_SI = """
+format = "parquet"
+[columns]
+time = { column = "time_s", unit = "s" }
+position = { column = "x", unit = "m" }
+force = { column = 2, unit = "N" }
+"""
+
+
+def in_si(path: Path) -> None:
+    table = {"time_s": TO_AND_FRO["time"], "x": 1e-3 * TO_AND_FRO["way"], "f": TO_AND_FRO["force"]}
+    pl.DataFrame(table).write_parquet(path)
+
+
+LOGGED = """
+delimiter = "semicolon"
+decimal = ","
+thousands = "."
+skip_lines = 1
+skip_samples = 3
+header = true
+[columns]
+time = { column = "Zeit", unit = "ms" }
+position = { column = "Weg", unit = "cm", scale = 25.0, offset = 50.0 }
+force = { column = "Kraft", unit = "kN", positive = "-x", scale = 1e-5 }
+"""
+
+
+def test_a_layout_is_applied_to_what_is_shown(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its form, scale, offset, sign, calibration, units for this file, and lines and samples that it skips."""
+    curve = '[force_calibration]\nreference = ["0 N", "110 N", "200 N"]\nshown = ["2 N", "115 N", "203 N"]\n'
+    rig_file(served.folder / "run.csv")
+    other = '[[for]]\nmatch = "run*"\ncolumns.position = {column = "Weg", unit = "mm", scale = 2.5, offset = 5.0}\n'
+    (served.folder / "layout.toml").write_text(LOGGED + RIG + curve + other)
+    truth = load_recordings([served.folder / "run.csv"])[0]
+    shown = read(served, "run.csv")
+    assert shown["samples"] == len(truth) == 1200
+    channels = {one["label"].partition(" (")[0]: one for one in shown["channels"]}
+    assert {name: one["unit"] for name, one in channels.items()} == {"position": "mm", "force": "kN", "Zahl": ""}
+    names = [channels[one]["column"] for one in ("position", "force", "Zahl")]
+    query = {"path": "run.csv", "from": -1.0, "to": 9.0, "columns": "\n".join(names)}
+    _, drawn = unpack(window(served, query | {"pixels": 2000}))
+    assert np.allclose(drawn["time"], truth.time_s, atol=1e-6)
+    assert np.allclose(drawn["Weg"], 1e3 * truth.position_m, atol=1e-5)
+    assert np.allclose(drawn["Kraft"], 1e-3 * truth.force_n, atol=1e-7)
+    assert np.array_equal(np.isnan(drawn["Zahl"]), np.arange(1200) % 2 == 0)
+    head, drawn = unpack(window(served, query | {"pixels": 3}))  # of blocks: the sign swaps lowest and highest
+    assert not head["raw"]
+    assert (drawn["Kraft"].min(), drawn["Kraft"].max()) == pytest.approx(
+        (1e-3 * truth.force_n.min(), 1e-3 * truth.force_n.max())
+    )
+
+    asked = {"path": "run.csv", "at": [1.0, 2.5], "columns": names[:2], "beside": "", "strokes": [1, 1], "shift": 0.0}
+    rows = served.client.post("/api/measure", json=asked, headers=served.headers).json()["rows"]
+    assert rows[0]["values"] == pytest.approx([1e3 * truth.position_m[200], 1e3 * truth.position_m[500]])
+    assert rows[1]["values"] == pytest.approx([1e-3 * truth.force_n[200], 1e-3 * truth.force_n[500]])
+    monkeypatch.chdir(served.folder)
+    assert [list(one.values) for one in pn.measure("run.csv", 1.0, 2.5).channels[:2]] == [row["values"] for row in rows]
+
+    (served.folder / "si").mkdir()
+    same = {"time_s": truth.time_s, "x": truth.position_m, "f": truth.force_n}
+    pl.DataFrame(same).write_parquet(served.folder / "si" / "same.parquet")
+    (served.folder / "si" / "layout.toml").write_text(IN_SI + RIG)
+    read(served, "si/same.parquet")
+    _, drawn = unpack(window(served, query | {"pixels": 2000, "beside": "si/same.parquet", "shift": 0.0}))
+    assert np.allclose(drawn["beside/Weg"], drawn["Weg"], atol=1e-5)
+    assert np.allclose(drawn["beside/Kraft"], drawn["Kraft"], atol=1e-7)
+
+
+def test_a_layout_that_does_not_fit_is_said_and_the_file_is_shown(served: Served) -> None:
+    in_si(served.folder / "run.parquet")
+    rig_file(served.folder / "run.csv")
+    (served.folder / "layout.toml").write_text(IN_SI.replace('"x"', '"Strecke"') + RIG)
+    found = read(served, "run.parquet")
+    assert "the layout does not fit this file: there is no column 'Strecke'" in found["notes"][0]
+    assert [one["column"] for one in found["channels"]] == ["x", "f"]
+    assert "there is no column 'Strecke'" in get(served, "/api/strokes", 400, path="run.parquet")["problems"][0]["what"]
+    (served.folder / "layout.toml").write_text(LOGGED.replace('"Weg"', '"Strecke"') + RIG)
+    told = get(served, "/api/recording", 400, path="run.csv")["problems"]  # without a layout nobody can read it
+    assert "there is no column 'Strecke'" in told[0]["what"]
+
+
+def test_the_file_states_the_unit_of_its_time(served: Served) -> None:
+    rows = "".join(f"{10 * k};{k};{k}\n" for k in range(100))
+    (served.folder / "logged.csv").write_text("time;way;t\nms;mm;mm\n" + rows)
+    (served.folder / "thick.csv").write_text("t;way;force\nmm;mm;N\n" + rows)
+    found = read(served, "logged.csv")
+    assert (found["span"], found["time"]) == ([0.0, 0.99], True)
+    found = read(served, "thick.csv")  # a thickness is no time
+    assert (found["span"], found["time"]) == ([0.0, 99.0], False)
+    assert {one["column"]: one["unit"] for one in found["channels"]} == {"t": "mm", "way": "mm", "force": "N"}
+
+
+@pytest.mark.parametrize("kind", ["dates", "texts", "nanoseconds"])
+def test_dates_of_a_parquet_file_are_seconds(served: Served, kind: str) -> None:
+    day = np.datetime64("2026-03-01T08:00:00", "ns") + (1e9 * TO_AND_FRO["time"]).round().astype("timedelta64[ns]")
+    times = {"dates": day.astype("datetime64[ms]"), "texts": day.astype(str), "nanoseconds": day}[kind]
+    table = {"time_s": times, "x": 1e-3 * TO_AND_FRO["way"], "f": TO_AND_FRO["force"]}
+    pl.DataFrame(table).write_parquet(served.folder / "run.parquet")
+    skips = "skip_samples = 5\n" + IN_SI.replace('unit = "s"', 'unit = "date-time"')
+    (served.folder / "layout.toml").write_text(skips + RIG)
+    found = read(served, "run.parquet")
+    assert (found["time"], found["notes"], found["samples"]) == (True, [], 1195)
+    assert found["span"] == [0.025, 5.995]
+    truth = load_recordings([served.folder / "run.parquet"])[0]
+    query = {"path": "run.parquet", "from": 1.0, "to": 2.0, "pixels": 2000, "columns": "x"}
+    _, drawn = unpack(window(served, query))
+    rows = slice(194, 397)  # one sample beyond each end
+    assert np.allclose(drawn["time"], truth.time_s[rows], atol=1e-7)
+    assert np.allclose(drawn["x"], truth.position_m[rows])
+    assert get(served, "/api/strokes", path="run.parquet")["strokes"][-1]["to"] == pytest.approx(6.0, abs=0.1)
+
+
+@pytest.mark.parametrize("fault", [TO_AND_FRO["time"][300] - 0.2, np.nan])
+def test_times_that_fall_within_a_block_are_said_by_page_and_command(served: Served, fault: float) -> None:
+    times = TO_AND_FRO["time"].copy()
+    times[300] = fault
+    table = {"time_s": times, "x": 1e-3 * TO_AND_FRO["way"], "f": TO_AND_FRO["force"]}
+    for name in ("run", "same", "other"):
+        pl.DataFrame(table).write_parquet(served.folder / f"{name}.parquet")
+        table["time_s"] = times if name == "run" else TO_AND_FRO["time"]
+    (served.folder / "layout.toml").write_text(IN_SI + RIG)
+    found = read(served, "run.parquet")
+    assert (found["time"], found["span"]) == (False, [0.0, 1199.0])
+    said = "the times do not rise at sample 300: samples are counted"
+    assert found["notes"] == [said]
+    asked = {"path": "run.parquet", "at": [400.0, 500.0], "columns": ["x"], "beside": "", "strokes": [1, 1], "shift": 0}
+    row = served.client.post("/api/measure", json=asked, headers=served.headers).json()["rows"][0]
+    by_command = pn.measure(served.folder / "run.parquet", 400, 500)
+    assert row["values"] == list(by_command.channels[0].values) == list(table["x"][[400, 500]])
+    assert by_command.notes == (f"run.parquet: {said}",)
+    assert said in repr(by_command)
+    shown = get(served, "/api/strokes", path="run.parquet")
+    assert (shown["strokes"], shown["faults"]) == ([], {})
+    assert "samples are counted" in shown["note"]
+
+    (served.folder / "deep" / "er").mkdir(parents=True)
+    pl.DataFrame(table | {"time": times}).drop("time_s").write_csv(served.folder / "deep" / "er" / "run.csv")
+    read(served, "other.parquet")
+    for name in ("run.parquet", "deep/er/run.csv"):
+        read(served, name)
+        query = {"path": name, "from": 0, "to": 9, "pixels": 99, "columns": "x", "beside": "other.parquet"}
+        head, _ = unpack(window(served, query | {"shift": 0.0}))
+        assert f"{Path(name).name} counts samples, other.parquet seconds" in head["problems"][0]["what"]
+    for other in ("same", "other"):
+        with pytest.raises(pn.PneudriveError, match=r"time runs backwards|count.*samples|samples are counted"):
+            pn.measure(served.folder / "run.parquet", 1, 2, beside=served.folder / f"{other}.parquet")
+
+
+def test_a_recording_too_long_for_strokes_says_so(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pneudrive.web.recordings.MOST_SAMPLES_OF_STROKES", 1199)
+    in_si(served.folder / "run.parquet")
+    read(served, "run.parquet")
+    assert get(served, "/api/strokes", path="run.parquet") == {"strokes": [], "faults": {}}  # nobody says what moves
+    (served.folder / "layout.toml").write_text(IN_SI + RIG)
+    read(served, "run.parquet")
+    found = get(served, "/api/strokes", path="run.parquet")
+    assert (found["strokes"], found["faults"]) == ([], {})
+    assert "1,200 samples, here at most 1,199" in found["note"]
+    monkeypatch.chdir(served.folder)
+    commands = re.findall(r"pneudrive .*?(?= counts| finds)", found["note"])
+    assert [run_command(shlex.split(one)[1:]) for one in commands] == [0, 0]

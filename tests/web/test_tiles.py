@@ -135,8 +135,7 @@ def test_rounding_is_outward() -> None:
     made = Pyramid.build(
         ["x"],
         len(values),
-        lambda rows: np.arange(*rows, dtype=float),
-        lambda _, rows: {"x": values[slice(*rows)]},
+        lambda _, rows: (np.arange(*rows, dtype=float), {"x": values[slice(*rows)]}),
         UNWATCHED,
     )
     blocks = values.reshape(-1, BLOCK)

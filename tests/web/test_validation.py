@@ -27,6 +27,7 @@ WRITTEN = "results/friday/validation.toml"
 LAW = Path(__file__).parents[2] / "examples/laws/lugre.toml"
 ASKED = {"kind": "validate", "drive": "axis.toml", "recordings": ["friday.parquet"], "name": "friday"}
 LONG_S = 15.0
+BEGIN_S = 512.0  # of the clock of the logger
 TRUE_C = "1.6 dm3/(s bar)"
 
 
@@ -35,7 +36,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bench")
     (folder / "axis.toml").write_text(drive().to_toml())
     own = record(drive(valve__conductance=TRUE_C), 3, duration_s=2.0)
-    pl.DataFrame(own.columns).write_parquet(folder / "friday.parquet")
+    pl.DataFrame({**own.columns, "time_s": own.time_s + BEGIN_S}).write_parquet(folder / "friday.parquet")
     return folder
 
 
@@ -83,7 +84,7 @@ def test_page_command_and_python_find_the_same(served: Served, bench: Path, monk
     assert cause["amount"] < -0.15  # the valve passes less than the model
     assert cause["free"] == ["valve.conductance"]
     (one,) = shown["record"]
-    assert one["file"] == "friday.parquet"
+    assert (one["file"], one["start_s"], one["span"][0]) == ("friday.parquet", BEGIN_S, 0.0)
     assert one["position_m"]["free"]["fit_percent"] == found.records[0].channels["position_m"].free.fit_percent
     _, drawn = asked_frame(served)
     for channel in ("position_m", "pressure_a_pa", "pressure_b_pa"):

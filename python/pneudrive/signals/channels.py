@@ -1,28 +1,32 @@
-"""The columns of a recording as they stand in its file, each with what it is: for views of any length of any file."""
+"""The columns of a recording, in the units of its layout or its file: for views of any length of any file."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.errors import RecordingError
+from pneudrive.errors import CommandError, DescriptionError, RecordingError
 from pneudrive.files.tables import open_table
-from pneudrive.signals.load import convert
+from pneudrive.signals.load import read_table
+from pneudrive.signals.tables.formats import TEXT_KINDS, names_of
 from pneudrive.signals.tables.raw_table import read_raw_table
 from pneudrive.signals.tables.sniff import sniff_format
 from pneudrive.trajectory import meaning, save_columns
+from pneudrive.units import converter, is_unit
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
     from pneudrive.files.tables import Table
-    from pneudrive.signals.layout import Layout, SampledLayout
+    from pneudrive.signals.layout import Column, Layout, SampledLayout
 
     Array = NDArray[Any]
 
@@ -41,11 +45,13 @@ class FileChannel:
     label : str
         What it is, for people.
     unit : str
-        Of its numbers.
+        Of the numbers that are shown.
     quantity : str
         Name by which the columns of two files are the same: that of the layout, or of the column without its unit.
     slope, zero : float
-        SI value = slope * number + zero; pressures absolute. NaN: no such line is known.
+        SI value = slope * shown number + zero; pressures absolute. NaN: no such line is known.
+    said : Column or None
+        How the layout brings the numbers of the file to the unit; None: they are in it.
     """
 
     column: str
@@ -54,29 +60,84 @@ class FileChannel:
     quantity: str
     slope: float = math.nan
     zero: float = math.nan
+    said: Column | None = None
+
+    def of(self, raw: Array) -> Array:
+        """Return numbers of the file in the unit; those that are in it are not copied."""
+        if self.said is None:
+            return raw
+        value = self.said.in_unit(raw)
+        return value if self.said.curve is None else self.said.corrected(self.slope * value) / self.slope
+
+    def si(self, shown: Array) -> Array:
+        """Return shown numbers in SI; those that are in it are not copied."""
+        return shown if (self.slope, self.zero) == (1.0, 0.0) else self.slope * shown + self.zero
 
 
 @dataclass(frozen=True)
 class ChannelFile:
-    """A recording, open: its columns by name.
+    """A recording, open: its columns by name, without the samples that its layout skips.
 
     Attributes
     ----------
+    name : str
+        Of the file.
     table : Table
-    time : (str, float) or None
-        Column of the time, and what one of its units is in s; None: samples are counted.
+        Its columns, or those of the file that it was converted to.
+    time : FileChannel or None
+        Column of the time; None: samples are counted.
     channels : tuple of FileChannel
+    first : int
+        Row of the table with the first sample.
+    origin : datetime64 or None
+        Time 0 of dates and times.
+    notes : tuple of str
+        What is to be said of how it is read.
     """
 
+    name: str
     table: Table
-    time: tuple[str, float] | None
+    time: FileChannel | None
     channels: tuple[FileChannel, ...]
+    first: int = 0
+    origin: np.datetime64 | None = None
+    notes: tuple[str, ...] = ()
 
-    def times(self, rows: tuple[int, int]) -> Array:
-        """Return the times of rows, s; without a column of times their numbers."""
+    def count(self) -> int:
+        """Return the number of samples."""
+        return max((self.table.count() or 0) - self.first, 0)
+
+    def read(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, dict[str, Array]]:
+        """Return the times of samples, s, or their numbers without a column of times; and columns in their units."""
+        wanted = [*names, *([] if self.time is None else [self.time.column])]
+        raw = self.table.get(wanted, (self.first + rows[0], self.first + rows[1]))
+        by_name = {one.column: one for one in self.channels}
+        values = {name: by_name[name].of(np.asarray(raw[name], float)) for name in names}
         if self.time is None:
-            return np.arange(*rows, dtype=float)
-        return np.asarray(self.table.get([self.time[0]], rows)[self.time[0]], float) * self.time[1]
+            return np.arange(*rows, dtype=float), values
+        time = raw[self.time.column]
+        if self.origin is not None:
+            time = (time.astype("datetime64[ns]") - self.origin) / np.timedelta64(1, "ns") / 1e9
+        return self.time.si(self.time.of(np.asarray(time, float))), values
+
+    def counted(self, fall: int) -> ChannelFile:
+        """Return the file without its column of times, which do not rise at a sample."""
+        return replace(
+            self, time=None, notes=(*self.notes, f"the times do not rise at sample {fall}: samples are counted")
+        )
+
+
+def first_fall(seconds: Array, before: float) -> int | None:
+    """Return the first of some times that is no number, or less than the one before it; None if all rise.
+
+    Parameters
+    ----------
+    seconds : ndarray, shape (n,)
+    before : float
+        Time before the first one, or that itself.
+    """
+    falls = ~(np.diff(seconds, prepend=before) >= 0.0)
+    return int(np.argmax(falls)) if falls.any() else None
 
 
 @dataclass(frozen=True)
@@ -93,8 +154,17 @@ class SharedChannel:
         return values if (self.slope, self.zero) == (1.0, 0.0) else self.slope * values + self.zero
 
 
+@dataclass(frozen=True)
+class _OpenTable:
+    """A table with the units that its file states, by column, and what its layout calls its columns."""
+
+    table: Table
+    units: dict[str, str] = field(default_factory=dict)
+    roles: dict[str, str] = field(default_factory=dict)
+
+
 def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile:
-    """Open a recording of any format.
+    """Open a recording of any format, as `load_recording` reads it; a file that the layout does not fit as it stands.
 
     Parameters
     ----------
@@ -108,30 +178,60 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
     ------
     RecordingError
         The file cannot be read, or has no column of numbers.
+    LayoutError
+        A value of the layout is wrong for this file.
     """
-    table, units = _table(path, cache)
     said = None if layout is None else _for_file(layout, path)
-    numbers = _numbers(table)
-    if not numbers:
+    notes: tuple[str, ...] = ()
+    try:
+        opened = _open(path, said, cache)
+    except RecordingError as error:
+        if said is None:
+            raise
+        try:
+            said, opened = None, _open(path, None, cache)
+        except RecordingError:
+            raise error from None
+        notes = (f"the layout does not fit this file: {error.what}; its columns are shown as they stand",)
+    kinds = _kinds(opened.table)
+    if not any(kind in "iuf" for kind in kinds.values()):
         raise RecordingError("the file has no column of numbers", where=path.name)
-    time, roles = _roles(said, table.names, numbers)
-    units |= {} if layout is None else _stated(layout, table.names)
+    time = _time(said, opened, kinds)
+    first = 0 if said is None else said.skip_samples
+    origin = None
+    if time is not None and kinds[time.column] == "M":
+        begin = opened.table.get([time.column], (0, first + 1))[time.column].astype("datetime64[ns]")
+        origin = next((one for one in begin if not np.isnat(one)), begin[0])
     found = [
-        _channel(name, roles.get(name), said, units.get(name, "") or _unit(name))
-        for name in sorted(numbers, key=lambda one: one not in roles)
-        if time is None or name != time[0]
+        _channel(name, opened.roles.get(name), said, opened.units.get(name, "") or _unit(name))
+        for name in sorted(kinds, key=lambda one: one not in opened.roles)
+        if kinds[name] in "iuf" and (time is None or name != time.column)
     ]
-    return ChannelFile(table, time, tuple(found[:MOST_CHANNELS]))
+    notes += () if time is not None else ("no column of times: samples are counted",)
+    notes += _delays(said)
+    return ChannelFile(path.name, opened.table, time, tuple(found[:MOST_CHANNELS]), first, origin, notes)
 
 
-def pairs(own: tuple[FileChannel, ...], other: tuple[FileChannel, ...]) -> list[SharedChannel]:
+def pairs(own: ChannelFile, other: ChannelFile) -> list[SharedChannel]:
     """Return the columns that two recordings have in common.
 
     Of the same quantity: through SI where both are known in SI, else only those of the same unit.
+
+    Raises
+    ------
+    CommandError
+        One has times, of the other samples are counted.
     """
+    if (own.time is None) != (other.time is None):
+        counted, timed = sorted((own, other), key=lambda one: one.time is not None)
+        raise CommandError(
+            f"{counted.name} counts samples, {timed.name} seconds",
+            rule="two recordings on one axis have both times, or neither",
+            remedy="Correct the times of the former, or name their column in layout.toml.",
+        )
     out = []
-    for one in own:
-        same = next((it for it in other if it.quantity == one.quantity), None)
+    for one in own.channels:
+        same = next((it for it in other.channels if it.quantity == one.quantity), None)
         if same is None:
             continue
         if (one.slope, one.zero, one.unit) == (same.slope, same.zero, same.unit):
@@ -145,35 +245,55 @@ def pairs(own: tuple[FileChannel, ...], other: tuple[FileChannel, ...]) -> list[
 
 def _channel(name: str, role: str | None, said: SampledLayout | None, unit: str) -> FileChannel:
     if role is not None and said is not None:
-        slope, zero = _line(said, role)
-        return FileChannel(name, f"{role.replace('_', ' ')} ({name})", unit, role, slope, zero)
+        column = said.columns[role]
+        zero = column.unit.shift + (said.ambient_pressure_pa if column.unit.gauge else 0.0)
+        label = f"{role.replace('_', ' ')} ({name})"
+        return FileChannel(name, label, column.unit.text, role, column.unit.factor, zero, column)
     quantity, si_unit, _ = meaning(name)
-    known = unit == si_unit and si_unit != "1"
-    return FileChannel(name, quantity.replace("_", " "), unit, quantity, *((1.0, 0.0) if known else ()))
+    slope, zero = (1.0, 0.0) if unit == si_unit != "1" else (math.nan, math.nan)
+    return FileChannel(name, quantity.replace("_", " "), unit, quantity, slope, zero)
 
 
-def _line(said: SampledLayout, role: str) -> tuple[float, float]:
-    """Return slope and value at 0 of what a layout makes of a number; of a force sensor with a curve NaN."""
-    if said.columns[role].curve is not None:
-        return math.nan, math.nan
-    column = said.columns[role]
-    zero = float(convert(said, role, np.zeros(1))[0])
-    return column.sign * column.scale * column.unit.factor, zero
+def _open(path: Path, said: SampledLayout | None, cache: Path) -> _OpenTable:
+    """Open a file as a table that can be read in parts; one that is not Parquet, or has dates as texts, is converted.
 
-
-def _table(path: Path, cache: Path) -> tuple[Table, dict[str, str]]:
-    """Open a file as a table that can be read in parts, and the units that it states."""
-    if sniff_format(path) == "parquet":
-        return open_table(path, "parquet"), {}
-    converted = cache / "table.parquet"
+    Raises
+    ------
+    RecordingError
+        The file cannot be read, by the layout if there is one.
+    """
+    if (sniff_format(path) if said is None else said.format) == "parquet":
+        table = open_table(path, "parquet")
+        if said is None:
+            return _OpenTable(table)
+        names = names_of([one.column for one in said.columns.values()], table.names, path)
+        kinds = [table.get([name], (0, 16))[name].dtype.kind for name in names]
+        if not any(one in TEXT_KINDS for one in kinds):
+            return _OpenTable(table, roles=dict(zip(names, said.columns, strict=True)))
+    how = (said.format, said.text, said.columns) if said is not None else ()
+    converted = cache / f"table-{hashlib.sha256(repr(how).encode()).hexdigest()[:16]}.parquet"
     if not converted.is_file():
-        form, columns = read_raw_table(path)
-        names = form.names if len(set(form.names)) == len(columns) else [f"column {at}" for at in range(len(columns))]
+        columns, units, roles = _converted(path, said)
         cache.mkdir(parents=True, exist_ok=True)
-        units = dict(zip(names, form.units, strict=False))
-        save_columns(dict(zip(names, columns, strict=True)), {"units": units}, converted)
+        save_columns(columns, {"units": units, "roles": roles}, converted)
     table = open_table(converted, "parquet")
-    return table, json.loads(table.metadata["pneudrive"])["units"]
+    about = json.loads(table.metadata["pneudrive"])
+    return _OpenTable(table, about["units"], about["roles"])
+
+
+def _converted(path: Path, said: SampledLayout | None) -> tuple[dict[str, Array], dict[str, str], dict[str, str]]:
+    """Read every column of numbers: by name, with the units that the file states, and what the layout calls them."""
+    if said is not None:
+        found = read_table(path, said, others=True)
+        roles = dict(zip(found.names, said.columns, strict=False))
+        return (
+            dict(zip(found.names, found.columns, strict=True)),
+            dict(zip(found.names, found.units, strict=True)),
+            roles,
+        )
+    form, columns = read_raw_table(path)
+    names = form.names if len(set(form.names)) == len(columns) else [f"column {at}" for at in range(len(columns))]
+    return dict(zip(names, columns, strict=True)), dict(zip(names, form.units, strict=False)), {}
 
 
 def _for_file(layout: Layout, path: Path) -> SampledLayout:
@@ -182,41 +302,34 @@ def _for_file(layout: Layout, path: Path) -> SampledLayout:
     return layout.for_drive_file(path) if layout.kind == "drive" else layout.for_volume_file(path)
 
 
-def _numbers(table: Table) -> list[str]:
-    """Return the columns that hold numbers, by their first rows."""
-    out = []
+def _kinds(table: Table) -> dict[str, str]:
+    """Return the kind of each column that holds numbers, or dates and times, by their first rows."""
+    out = {}
     for name in table.names[:MOST_COLUMNS]:
         first = table.get([name], (0, 16)).get(name)
-        if first is not None and first.ndim == 1 and first.dtype.kind in "iuf":
-            out.append(name)
+        if first is not None and first.ndim == 1 and first.dtype.kind in "iufM":
+            out[name] = first.dtype.kind
     return out
 
 
-def _roles(
-    said: SampledLayout | None, names: list[str], numbers: list[str]
-) -> tuple[tuple[str, float] | None, dict[str, str]]:
-    """Return the column of the time with its unit in s, and what the layout calls the other columns."""
-    roles, time = {}, None
-    for role, column in said.columns.items() if said is not None else ():
-        place = column.column
-        name = names[place] if isinstance(place, int) and place < len(names) else str(place)
-        if name in numbers and role == "time":
-            time = (name, column.unit.factor * column.scale)
-        elif name in numbers:
-            roles[name] = role
-    if time is None:
-        found = next((name for name in numbers if name.lower() in _TIME_NAMES), None)
-        time = None if found is None else (found, 1.0)
-    return time, roles
+def _time(said: SampledLayout | None, opened: _OpenTable, kinds: dict[str, str]) -> FileChannel | None:
+    """Return the column of the time, in s: that of the layout, or one of such a name whose unit is none of others."""
+    for name, role in opened.roles.items():
+        if role == "time" and said is not None and name in kinds:
+            return _channel(name, role, said, "s")
+    for name in kinds:
+        unit = opened.units.get(name, "").strip("[]() ")
+        if name.lower() in _TIME_NAMES and name not in opened.roles:
+            try:
+                return FileChannel(name, "time", "s", "time", converter(unit, "s")[0] if is_unit(unit) else 1.0, 0.0)
+            except DescriptionError:
+                continue
+    return None
 
 
-def _stated(layout: Layout, names: list[str]) -> dict[str, str]:
-    """Return the units that a layout states, by column."""
-    out = {}
-    for given in layout.tree.get("columns", {}).values():
-        column = given.get("column")
-        out[names[column] if isinstance(column, int) and column < len(names) else str(column)] = given.get("unit", "")
-    return out
+def _delays(said: SampledLayout | None) -> tuple[str, ...]:
+    late = [] if said is None else [role for role, one in said.columns.items() if one.delay_s]
+    return (f"shown as recorded, without the layout's delay_s: {', '.join(late)}",) if late else ()
 
 
 def _unit(name: str) -> str:

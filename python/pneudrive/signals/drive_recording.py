@@ -80,6 +80,8 @@ class DriveRecording(Shown):
         Of the columns.
     synthetic : bool
         It comes from a simulation.
+    start_s : float
+        Time 0 on the clock of the file, s.
     """
 
     name: str
@@ -88,6 +90,7 @@ class DriveRecording(Shown):
     source: Path | None = None
     sha256: str = ""
     synthetic: bool = False
+    start_s: float = 0.0
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -182,7 +185,8 @@ def drive_recording(
     _check(used, where, gaps=gaps)
     time = used["time_s"]
     kept = {**used, "time_s": time - time[0]}
-    return DriveRecording(name, kept, dict(labels or {}), source, _digest(used.values()), set(columns) >= _SIMULATED)
+    digest, synthetic = _digest(used.values()), set(columns) >= _SIMULATED
+    return DriveRecording(name, kept, dict(labels or {}), source, digest, synthetic, float(time[0]))
 
 
 def volume_recording(

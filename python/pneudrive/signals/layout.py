@@ -19,6 +19,9 @@ from pneudrive.signals.layout_tables import CHANNELS, GeometryTable, LayoutTable
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from pneudrive.signals.force_calibration import ForceCalibration
     from pneudrive.signals.tables.column_units import ColumnUnit
     from pneudrive.signals.tables.text_table import TextForm
@@ -45,6 +48,16 @@ class Column:
     calibration: str = ""
     curve: ForceCalibration | None = None
     date_form: str | None = None
+
+    def in_unit(self, raw: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return raw numbers in the column's unit, towards +x, before a curve; unchanged ones are not copied."""
+        value = raw if self.scale == 1.0 else raw * self.scale
+        value = value if self.offset == 0.0 else value + self.offset
+        return value if self.sign == 1 else self.sign * value
+
+    def corrected(self, si: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return SI values through the curve of the sensor, if there is one."""
+        return si if self.curve is None else self.sign * self.curve.force_n(self.sign * si)
 
 
 @dataclass(frozen=True)

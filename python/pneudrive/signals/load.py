@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.files.tables import Table
+    from pneudrive.signals.tables.text_table import NumberTable
 
 SIGNAL_NOISE = 0.02  # of full opening: largest excess of a measured signal over its range (assumed)
 HASHED_ROWS, HASHED_BYTES = 1 << 18, 1 << 20  # of a long file at a time
@@ -250,12 +251,8 @@ def read_raw(
         If the file cannot be read so, or no sample is left.
     """
     data = read_bytes(path)
-    wanted = {channel: column.column for channel, column in said.columns.items()}
-    if said.format == "csv":
-        table = read_text(path, data, said.text, list(wanted.values()), said.dates)
-    else:
-        table = read_columns(said.format, path, list(wanted.values()), said.dates)
-    raw = {channel: values[said.skip_samples :] for channel, values in zip(wanted, table.columns, strict=True)}
+    table = read_table(path, said, data)
+    raw = {channel: values[said.skip_samples :] for channel, values in zip(said.columns, table.columns, strict=True)}
     if raw["time"].size == 0:
         raise RecordingError(
             "no sample is left",
@@ -264,6 +261,31 @@ def read_raw(
             remedy="lower skip_samples in the layout",
         )
     return raw, table.flags, hashlib.sha256(data).hexdigest()
+
+
+def read_table(
+    path: Path, said: FileLayout | SampledLayout, data: bytes | None = None, *, others: bool = False
+) -> NumberTable:
+    """Read the raw columns that a layout names, in its order, of all rows.
+
+    Parameters
+    ----------
+    path : Path
+    said : FileLayout or SampledLayout
+    data : bytes, optional
+        Content of the file, if it is known.
+    others : bool
+        Every other column of numbers too, behind them.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read so.
+    """
+    wanted = [column.column for column in said.columns.values()]
+    if said.format == "csv":
+        return read_text(path, data or read_bytes(path), said.text, wanted, said.dates, others=others)
+    return read_columns(said.format, path, wanted, said.dates, others=others)
 
 
 def to_recording(
@@ -333,13 +355,10 @@ def to_recording(
 def convert(said: FileLayout | SampledLayout, channel: str, raw: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the raw values of one channel in SI, pressures absolute."""
     column = said.columns[channel]
-    value = raw if column.scale == 1.0 else raw * column.scale
-    value = value if column.offset == 0.0 else value + column.offset
-    for factor in (column.sign, column.unit.factor):
-        value = value if factor == 1.0 else factor * value
+    value = column.in_unit(raw)
+    value = value if column.unit.factor == 1.0 else column.unit.factor * value
     value = value + column.unit.shift  # always: what is returned is never the raw column, and has no zero with a sign
-    if column.curve is not None:
-        value = column.sign * column.curve.force_n(column.sign * value)
+    value = column.corrected(value)
     if channel == "command" and column.range_si is not None:  # noise of the measured signal at full opening
         value = np.where(np.abs(value) < 1.0 + SIGNAL_NOISE, np.clip(value, -1.0, 1.0), value)
     return value + said.ambient_pressure_pa if column.unit.gauge else value

@@ -12,7 +12,7 @@ import numpy as np
 from pneudrive.errors import CommandError, RecordingError
 from pneudrive.files.content import exists
 from pneudrive.show import Card, Shown
-from pneudrive.signals.channels import open_channels, pairs
+from pneudrive.signals.channels import first_fall, open_channels, pairs
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import find_layout, load_drive_motion, load_recording
 from pneudrive.signals.motion import find_strokes
@@ -80,12 +80,15 @@ class Measurement(Shown):
         say which column is the position.
     unknown : str
         Why no faults are known, for instance as time runs backwards; empty where nothing hinders.
+    notes : tuple of str
+        What is to be said of how the recordings are read, for instance that samples are counted.
     """
 
     channels: tuple[MeasuredChannel, ...]
     shift_s: float
     faults: dict[str, SampleFault]
     unknown: str = ""
+    notes: tuple[str, ...] = ()
 
     def _card(self) -> Card:
         head = ("channel", "at", "to", "value", "value there", "difference", "per s")
@@ -98,7 +101,7 @@ class Measurement(Shown):
         ]
         notes = [f"{kind.replace('_', ' ')}: {one.count}" for kind, one in self.faults.items()]
         notes += [f"faults are not known: {self.unknown}"] if self.unknown else []
-        return Card("Measurement", head, rows, notes)
+        return Card("Measurement", head, rows, [*notes, *self.notes])
 
 
 def measure(
@@ -125,7 +128,7 @@ def measure(
     Returns
     -------
     Measurement
-        Numbers as in the file, in its units: nothing is smoothed.
+        Numbers of the file in the units of its layout, or in its own without one: nothing is smoothed.
 
     Raises
     ------
@@ -154,17 +157,22 @@ def measure(
             raise
         moved, unknown = None, error.what
     with TemporaryDirectory() as folder:
-        opened = open_channels(path, layout, Path(folder) / "own")
-        found = measured(path.name, opened.channels, *_at(opened, times))
+        opened, clock = _opened(path, layout, Path(folder) / "own")
+        notes = [f"{path.name}: {one}" for one in opened.notes]
+        found = measured(path.name, opened.channels, *_at(opened, clock, times))
         if other is not None:
+            second, others_clock = _opened(other, others_layout, Path(folder) / "beside")
+            notes += [f"{other.name}: {one}" for one in second.notes]
+            both = pairs(opened, second)
+            if opened.time is None:
+                what = f"{path.name} and {other.name} cannot be aligned on a stroke: samples are counted"
+                raise CommandError(what, remedy="Correct their times: each must be at least the one before it.")
             there = strokes_in(motion_of(other, others_layout))
             shift = shift_between((path.name, strokes_in(moved)), (other.name, there), strokes)
-            second = open_channels(other, others_layout, Path(folder) / "beside")
-            both = pairs(opened.channels, second.channels)
-            seconds, values = _at(second, (times[0] - shift, times[1] - shift))
+            seconds, values = _at(second, others_clock, (times[0] - shift, times[1] - shift))
             values = {pair.own.column: pair.of(values[pair.other.column]) for pair in both}
             found += measured(other.name, [pair.own for pair in both], seconds + shift, values)
-    return Measurement(tuple(found), shift, {} if moved is None else find_faults(moved), unknown)
+    return Measurement(tuple(found), shift, {} if moved is None else find_faults(moved), unknown, tuple(notes))
 
 
 def measured(
@@ -253,13 +261,19 @@ def _layout(path: Path) -> Layout | None:
     return None if path.suffix in SUFFIXES and is_trajectory(path) else find_layout(path)
 
 
-def _at(file: ChannelFile, times: tuple[float, float]) -> tuple[Array, dict[str, Array]]:
+def _opened(path: Path, layout: Layout | None, cache: Path) -> tuple[ChannelFile, Array]:
+    """Open a recording, and return its times; samples are counted where these do not rise."""
+    file = open_channels(path, layout, cache)
+    seconds, _ = file.read([], (0, file.count()))
+    if not len(seconds):
+        raise RecordingError("the file holds no samples", where=path.name)
+    fall = first_fall(seconds, seconds[0])
+    return (file, seconds) if fall is None else (file.counted(fall), np.arange(len(seconds), dtype=float))
+
+
+def _at(file: ChannelFile, seconds: Array, times: tuple[float, float]) -> tuple[Array, dict[str, Array]]:
     """Return times and values of the samples nearest to two times."""
-    count = file.table.count() or 0
-    seconds = file.times((0, count))
-    if not (np.diff(seconds) >= 0.0).all():  # the clock was set back: samples are counted
-        seconds = np.arange(count, dtype=float)
     rows = [nearest_sample(seconds, one) for one in times]
     names = [one.column for one in file.channels]
-    each = [file.table.get(names, (row, row + 1)) for row in rows]
+    each = [file.read(names, (row, row + 1))[1] for row in rows]
     return seconds[rows], {name: np.array([float(one[name][0]) for one in each]) for name in names}

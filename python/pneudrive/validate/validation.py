@@ -438,6 +438,7 @@ def _record_table(record: RecordResult) -> dict[str, Any]:
         "source": str(recording.source or ""),
         "sha256": recording.sha256,
         "samples": len(recording),
+        "start_s": recording.start_s,
         "duration_s": recording.duration_s,
         "labels": recording.labels,
     }

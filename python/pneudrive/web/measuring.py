@@ -85,7 +85,7 @@ class AskedMeasure:
         rows = measured(self.path, channels, *_ends([own.sample_at(at, names) for at in self.at]))
         if self.beside:
             other = recordings.need(self.beside)
-            both = [one for one in pairs(own.channels, other.channels) if one.own.column in names]
+            both = [one for one in pairs(own.file, other.file) if one.own.column in names]
             wanted = [one.other.column for one in both]
             there, values = _ends([other.sample_at(at - self.shift, wanted) for at in self.at])
             shown = {one.own.column: one.of(values[one.other.column]) for one in both}

@@ -21,7 +21,7 @@ from pneudrive.trajectory import SUFFIXES
 from pneudrive.watch import Watch
 from pneudrive.web.samples import KeptSamples
 from pneudrive.web.tiles import BLOCK, Pyramid, TileWindow
-from pneudrive.web.workspace import CACHE, TABLES
+from pneudrive.web.workspace import CACHE, TABLES, safe
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,13 +48,17 @@ class OpenRecording:
 
     file: ChannelFile
     pyramid: Pyramid
-    notes: tuple[str, ...] = ()
     key: str = ""  # another file of its name, or another layout, has another one
 
     @property
-    def time(self) -> tuple[str, float] | None:
-        """Column of the time, and what one of its units is in s; None: samples are counted."""
+    def time(self) -> FileChannel | None:
+        """Column of the time; None: samples are counted."""
         return self.file.time
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be said of how it is read."""
+        return self.file.notes
 
     @property
     def channels(self) -> tuple[FileChannel, ...]:
@@ -102,7 +106,7 @@ class OpenRecording:
     @cached_property
     def samples(self) -> KeptSamples:
         """Its samples, of which those near the last view are kept."""
-        return KeptSamples(self.file.table, self.time)
+        return KeptSamples(self.file)
 
     @cached_property
     def span(self) -> tuple[float, float]:
@@ -176,12 +180,15 @@ class Recordings:
         """Return strokes and faults of a recording of a rig or a drive that has a layout, or of a trajectory.
 
         Of each stroke begin, end, direction and speed; of each kind of fault the count, and places as first and last
-        time.
+        time. None of both, and why, where samples are counted, or there are too many of them.
         """
         path = self.workspace.path(name, TABLES)
-        if self.need(name).pyramid.count > MOST_SAMPLES_OF_STROKES:
-            return {"strokes": [], "faults": {}}
-        recording = motion_of(path, layout_in(self.workspace, path))
+        opened, layout = self.need(name), layout_in(self.workspace, path)
+        moves = layout is not None or (path.suffix in SUFFIXES and is_trajectory(path))
+        note = _hindrance(name, opened, layout) if moves else ""
+        if note:
+            return {"strokes": [], "faults": {}, "note": note}
+        recording = motion_of(path, layout)
         if recording is None:
             return {"strokes": [], "faults": {}}
         strokes = [
@@ -205,7 +212,7 @@ class Recordings:
     ) -> dict[str, Array]:
         """Return a view of another recording with the columns, the units and the clock of one."""
         other = self.need(name)
-        both = [one for one in pairs(own.channels, other.channels) if one.own.column in columns]
+        both = [one for one in pairs(own.file, other.file) if one.own.column in columns]
         low, high = other.span
         first, last = span[0] - shift, span[1] - shift
         if not both or last < low or first > high:
@@ -213,6 +220,22 @@ class Recordings:
         found = other.window((first, last), pixels, [one.other.column for one in both])
         values = {f"beside/{one.own.column}": one.of(found.channels[one.other.column]) for one in both}
         return {"beside/time": found.time_s + shift, **values}
+
+
+def _hindrance(name: str, opened: OpenRecording, layout: Layout | None) -> str:
+    """Return why no strokes and faults of a recording are shown; empty if nothing hinders."""
+    count = opened.pyramid.count
+    if count > MOST_SAMPLES_OF_STROKES:
+        strokes = (
+            ""
+            if layout is not None and layout.kind != "rig"
+            else f"; pneudrive characterise {safe(name)} finds strokes"
+        )
+        return (
+            f"Strokes and faults are not looked for: {count:,} samples, here at most {MOST_SAMPLES_OF_STROKES:,}. "
+            f"In a terminal: pneudrive measure {safe(name)} --at 0 --to 1 counts faults{strokes}."
+        )
+    return "Strokes and faults are not shown: they have times, but samples are counted." if opened.time is None else ""
 
 
 def layout_in(workspace: Workspace, path: Path) -> Layout | None:
@@ -253,21 +276,25 @@ def _key(path: Path) -> str:
 def _opened(path: Path, layout: Layout | None, cache: Path, watch: Watch) -> OpenRecording:
     """Open a recording: a file that is not Parquet is converted once, its blocks are made once."""
     file = open_channels(path, layout, cache)
-    names = [one.column for one in file.channels]
-    place = cache / hashlib.sha256(repr((file.time, names)).encode()).hexdigest()[:16]
+    pyramid = _blocks(path, file, cache, watch)
+    if pyramid.fall is not None:
+        file = file.counted(pyramid.fall)
+        pyramid = _blocks(path, file, cache, watch)
+    return OpenRecording(file, pyramid)
+
+
+def _blocks(path: Path, file: ChannelFile, cache: Path, watch: Watch) -> Pyramid:
+    """Return the blocks of a recording, which are made once for each way to read it."""
+    how = (file.table.path.name, file.first, file.time, file.channels)
+    place = cache / hashlib.sha256(repr(how).encode()).hexdigest()[:16]
     pyramid = Pyramid.open(place)
     if pyramid is None:
-        count = file.table.count()
+        count = file.count()
         if not count:
             raise RecordingError("the file holds no samples", where=path.name)
-        pyramid = Pyramid.build(names, count, file.times, file.table.get, watch)
-        if file.time is not None and not pyramid.rises:  # the clock was set back: samples are counted
-            file = replace(file, time=None)
-            pyramid = Pyramid.build(names, count, file.times, file.table.get, watch)
-        else:
-            pyramid.save(place)
-    notes = () if file.time is not None else ("no column of rising times: samples are counted",)
-    return OpenRecording(file, pyramid, notes)
+        pyramid = Pyramid.build([one.column for one in file.channels], count, file.read, watch)
+        pyramid.save(place)
+    return pyramid
 
 
 def proposed(path: Path) -> dict[str, Any]:

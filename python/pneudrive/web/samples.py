@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.files.tables import Table
+    from pneudrive.signals.channels import ChannelFile
 
     Array = NDArray[Any]
 
@@ -47,15 +47,13 @@ class KeptSamples:
 
     Parameters
     ----------
-    table : Table
-    time : (str, float) or None
-        Column of the time and what one of its units is in s; None: samples are counted.
+    file : ChannelFile
     """
 
     _last: ClassVar[KeptSamples | None] = None
 
-    def __init__(self, table: Table, time: tuple[str, float] | None) -> None:
-        self.table, self.time = table, time
+    def __init__(self, file: ChannelFile) -> None:
+        self.file = file
         self.reads = 0
         self._kept: KeptRows | None = None
         self._reading = threading.Lock()
@@ -105,14 +103,7 @@ class KeptSamples:
 
     def _read(self, names: Sequence[str], rows: tuple[int, int]) -> KeptRows:
         self.reads += 1
-        wanted = [*names, *([] if self.time is None else [self.time[0]])]
-        found = {name: np.asarray(own, float) for name, own in self.table.get(wanted, rows).items()}
-        if self.time is None:
-            seconds = np.arange(*rows, dtype=float)
-        else:
-            column, unit_s = self.time
-            seconds = found[column] if unit_s == 1.0 else found[column] * unit_s  # seconds are not copied
-        values = {name: found[name] for name in names}
+        seconds, values = self.file.read(names, rows)
         for name, own in values.items():
             if not np.isfinite(own).all():
                 values[name] = np.where(np.isfinite(own), own, np.nan)

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive.signals.channels import first_fall
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
@@ -23,8 +25,8 @@ if TYPE_CHECKING:
     from pneudrive.web.samples import KeptSamples
 
     Array = NDArray[Any]
-    #: Values of columns between two rows, by name.
-    Reader = Callable[[Sequence[str], tuple[int, int]], dict[str, Array]]
+    #: Times of samples between two rows, s, and values of columns, by name.
+    Reader = Callable[[Sequence[str], tuple[int, int]], tuple[Array, dict[str, Array]]]
 
 BLOCK = 256  # samples
 READ = BLOCK << 11  # samples of one pass: half a million, 4 MB a channel
@@ -99,6 +101,8 @@ class Pyramid:
         32-bit, rounded outward; NaN where no value is a number.
     missing : ndarray, shape (channels, blocks)
         Values that are no number.
+    fall : int or None
+        First sample whose time is no number, or less than the one before it: the clock was set back.
     """
 
     names: tuple[str, ...]
@@ -107,11 +111,10 @@ class Pyramid:
     low: Array
     high: Array
     missing: Array
+    fall: int | None = None
 
     @classmethod
-    def build(
-        cls, names: Sequence[str], count: int, times: Callable[[tuple[int, int]], Array], read: Reader, watch: Watch
-    ) -> Pyramid:
+    def build(cls, names: Sequence[str], count: int, read: Reader, watch: Watch) -> Pyramid:
         """Make the blocks in one pass over the samples.
 
         Parameters
@@ -120,10 +123,8 @@ class Pyramid:
             Channels.
         count : int
             Samples.
-        times : callable
-            Times between two rows, s.
         read : callable
-            Values of channels between two rows.
+            Times and values of channels between two rows.
         watch : Watch
             Progress, in samples.
         """
@@ -131,15 +132,20 @@ class Pyramid:
         time = np.empty((blocks, 2))
         low, high = (np.empty((len(names), blocks), "f4") for _ in range(2))
         missing = np.zeros((len(names), blocks), "u2")
+        fall: int | None = None
         for begin in range(0, count, READ):
             watch.tell(begin, count, "samples")
             rows = (begin, min(begin + READ, count))
             starts = np.arange(0, rows[1] - begin, BLOCK)
             at = slice(begin // BLOCK, begin // BLOCK + len(starts))
-            seconds = times(rows)
+            seconds, values = read(names, rows)
+            if (
+                fall is None
+                and (found := first_fall(seconds, time[at.start - 1, 1] if begin else seconds[0])) is not None
+            ):
+                fall = begin + found
             time[at, 0] = seconds[starts]
             time[at, 1] = seconds[np.minimum(starts + BLOCK, len(seconds)) - 1]
-            values = read(names, rows)
             for channel, name in enumerate(names):
                 own = np.asarray(values[name], np.float64)
                 is_none = ~np.isfinite(own)
@@ -149,7 +155,7 @@ class Pyramid:
                 low[channel, at] = _outward(np.fmin.reduceat(own, starts), -np.inf)
                 high[channel, at] = _outward(np.fmax.reduceat(own, starts), np.inf)
         watch.tell(count, count, "samples")
-        return cls(tuple(names), count, time, low, high, missing)
+        return cls(tuple(names), count, time, low, high, missing, fall)
 
     def save(self, folder: Path) -> None:
         """Write the blocks into a folder; its last file makes it valid."""
@@ -157,7 +163,7 @@ class Pyramid:
         for name in _FILES:
             np.save(folder / f"{name}.npy", getattr(self, name))
         about = folder / "pyramid.json.part"
-        about.write_text(json.dumps({"names": self.names, "count": self.count}), encoding="utf-8")
+        about.write_text(json.dumps({"names": self.names, "count": self.count, "fall": self.fall}), encoding="utf-8")
         about.replace(folder / "pyramid.json")
 
     @classmethod
@@ -165,15 +171,10 @@ class Pyramid:
         """Open what `save` wrote, without reading it; None if it is not there or not whole."""
         try:
             about = json.loads((folder / "pyramid.json").read_text(encoding="utf-8"))
-            arrays = [np.load(folder / f"{name}.npy", mmap_mode="r") for name in _FILES]
-            return cls(tuple(about["names"]), int(about["count"]), *arrays)
+            arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in _FILES}
+            return cls(tuple(about["names"]), int(about["count"]), **arrays, fall=about["fall"])
         except (OSError, EOFError, ValueError, KeyError):
             return None
-
-    @property
-    def rises(self) -> bool:
-        """Whether the times of the blocks rise; else the clock was set back, or a time is no number."""
-        return bool(np.all(np.diff(np.asarray(self.time).ravel()) >= 0.0))
 
     def window(
         self,

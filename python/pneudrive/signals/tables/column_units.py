@@ -10,11 +10,15 @@ from pneudrive.units import converter, parse
 
 @dataclass(frozen=True)
 class ColumnUnit:
-    """SI value = number * factor + shift; ``gauge`` is True or False for pressures, None otherwise."""
+    """SI value = number * factor + shift; ``gauge`` is True or False for pressures, None otherwise.
+
+    ``text`` is the unit as written.
+    """
 
     factor: float
     gauge: bool | None = None
     shift: float = 0.0
+    text: str = ""
 
 
 def column_unit(text: str, si_unit: str) -> ColumnUnit:
@@ -35,13 +39,13 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
     Examples
     --------
     >>> column_unit("bar gauge", "Pa")
-    ColumnUnit(factor=100000.0, gauge=True, shift=0.0)
+    ColumnUnit(factor=100000.0, gauge=True, shift=0.0, text='bar gauge')
     """
     if not isinstance(text, str):
         raise DescriptionError(f"{text!r} is not a unit")
     if si_unit != "Pa":
         factor, shift = converter(text, si_unit)
-        return ColumnUnit(factor, shift=shift)
+        return ColumnUnit(factor, shift=shift, text=text)
     words = text.split()
     if not words or words[-1] not in ("gauge", "abs"):
         converter(text, si_unit)  # a wrong dimension is the greater mistake: report it first
@@ -50,7 +54,7 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
             rule="a pressure is absolute (abs) or above ambient (gauge)",
             remedy=f'Write "{text} gauge" or "{text} abs".',
         )
-    return ColumnUnit(converter(" ".join(words[:-1]), "Pa")[0], words[-1] == "gauge")
+    return ColumnUnit(converter(" ".join(words[:-1]), "Pa")[0], words[-1] == "gauge", text=text)
 
 
 def uncertainty(text: str, si_unit: str) -> float:

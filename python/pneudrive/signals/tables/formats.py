@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +28,8 @@ def read_columns(
     wanted: list[int | str],
     dates: dict[int | str, str] | None = None,
     rows: tuple[int, int] | None = None,
+    *,
+    others: bool = False,
 ) -> NumberTable:
     """Read the wanted columns of a file that is not text.
 
@@ -41,6 +44,8 @@ def read_columns(
         Columns of dates and times, with the format of texts; they become seconds since the first one.
     rows : tuple of int, optional
         First row and the one after the last, for Parquet; None: all.
+    others : bool
+        Every other column of numbers of the same length too, behind the wanted ones.
 
     Raises
     ------
@@ -48,19 +53,37 @@ def read_columns(
         If a column is missing or does not hold numbers, or the file has another format.
     """
     opened = open_table(path, form)
-    short: dict[str, list[str]] = {}
-    for name in opened.names:  # a TDMS channel may omit its group if unique
-        short.setdefault(name.rpartition("/")[2], []).append(name)
-    full = [short[w][0] if isinstance(w, str) and len(short.get(w, [])) == 1 else w for w in wanted]
-    names = [opened.names[column_number(column, opened.names, len(opened.names), path)] for column in full]
+    names = names_of(wanted, opened.names, path)
     forms = {name: dates[column] for name, column in zip(names, wanted, strict=True) if dates and column in dates}
-    values = opened.get(names, rows, dates=frozenset(forms))
+    more = [name for name in opened.names if name not in names] if others else []
+    values = opened.get([*names, *more], rows, dates=frozenset(forms))
     columns = [as_numbers(np.asarray(values[name]), name, path, forms.get(name)) for name in names]
     if len({column.size for column in columns}) > 1:
         sizes = ", ".join(f"{n}: {c.size}" for n, c in zip(names, columns, strict=True))
         rule = "all channels must have one rate; resample others before"
         raise RecordingError("the columns differ in length", where=str(path), value=sizes, rule=rule)
-    return NumberTable(names=[str(w) for w in wanted], columns=columns)
+    for name in more:
+        with suppress(RecordingError):  # texts, tables
+            column = as_numbers(np.asarray(values[name]), name, path)
+            if column.size == columns[0].size:
+                names.append(name)
+                columns.append(column)
+    return NumberTable(names, columns, units=[opened.metadata.get(UNIT_OF + name, "") for name in names])
+
+
+def names_of(wanted: list[int | str], names: list[str], path: Path) -> list[str]:
+    """Return the names of columns given by name or number; a TDMS channel may omit its group if unique.
+
+    Raises
+    ------
+    RecordingError
+        If a column is missing.
+    """
+    short: dict[str, list[str]] = {}
+    for name in names:
+        short.setdefault(name.rpartition("/")[2], []).append(name)
+    full = [short[w][0] if isinstance(w, str) and len(short.get(w, [])) == 1 else w for w in wanted]
+    return [names[column_number(column, names, len(names), path)] for column in full]
 
 
 def read_all(form: str, path: Path) -> tuple[list[str], list[NDArray[np.float64]], dict[int, str], list[str]]:

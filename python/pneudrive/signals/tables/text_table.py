@@ -40,11 +40,12 @@ class TextForm:
 
 @dataclass
 class NumberTable:
-    """Columns by name and by number; ``flags`` counts rows that could not be read."""
+    """Columns with their names, and units if the file states them; ``flags`` counts rows that could not be read."""
 
     names: list[str]
     columns: list[NDArray[np.float64]]
     flags: dict[str, int] = field(default_factory=dict)
+    units: list[str] = field(default_factory=list)
 
 
 def read_bytes(path: Path) -> bytes:
@@ -121,7 +122,13 @@ def is_words(fields: list[str], form: TextForm) -> bool:
 
 
 def read_text(
-    path: Path, data: bytes, form: TextForm, wanted: list[int | str], dates: dict[int | str, str] | None = None
+    path: Path,
+    data: bytes,
+    form: TextForm,
+    wanted: list[int | str],
+    dates: dict[int | str, str] | None = None,
+    *,
+    others: bool = False,
 ) -> NumberTable:
     """Read the wanted columns of a text table.
 
@@ -135,6 +142,8 @@ def read_text(
         Numbers or names of columns.
     dates : dict, optional
         Columns of dates and times, with their format; they become seconds since the first one.
+    others : bool
+        Every other column of numbers too, behind the wanted ones, in the same rows; NaN where it holds none.
 
     Raises
     ------
@@ -145,6 +154,7 @@ def read_text(
     lines = text.splitlines()
     start = form.skip_lines
     names: list[str] = []
+    units: list[str] = []
     if form.header:
         while start < len(lines) and not lines[start].strip(form.comment + " \t"):
             start += 1
@@ -152,8 +162,8 @@ def read_text(
             raise RecordingError("there is no header line", where=str(path))
         names = split_row(lines[start].lstrip(form.comment), form.delimiter)
         start += 1
-        if start < len(lines) and is_words(split_row(lines[start], form.delimiter), form):
-            start += 1  # a row of units
+        if start < len(lines) and is_words(words := split_row(lines[start], form.delimiter), form):
+            units, start = words, start + 1
     first = next((line for line in lines[start:] if line.strip() and not line.startswith(form.comment)), None)
     if first is None:
         raise RecordingError(
@@ -165,8 +175,16 @@ def read_text(
     width = len(split_row(first, form.delimiter))
     use = [column_number(column, names, width, path) for column in wanted]
     forms = {at: dates[column] for at, column in enumerate(wanted) if dates and column in dates}
-    columns, flags = _parse(lines, start, form, use, forms, path)
-    return NumberTable(names=[str(w) for w in wanted], columns=columns, flags=flags)
+    more = [at for at in range(width) if at not in use] if others else []
+    columns, flags = _parse(lines, start, form, (use, more), forms, path)
+    known = names if len(names) >= width and len(set(names)) == len(names) else [f"column {at}" for at in range(width)]
+    found = [(at, one) for at, one in zip([*use, *more], columns, strict=True) if at in use or np.isfinite(one).any()]
+    return NumberTable(
+        [known[at] for at, _ in found],
+        [one for _, one in found],
+        flags,
+        [units[at] if at < len(units) else "" for at, _ in found],
+    )
 
 
 def column_number(column: int | str, names: list[str], width: int, path: Path) -> int:
@@ -200,11 +218,17 @@ def column_number(column: int | str, names: list[str], width: int, path: Path) -
 
 
 def _parse(
-    lines: list[str], start: int, form: TextForm, use: list[int], dates: dict[int, str], path: Path
+    lines: list[str],
+    start: int,
+    form: TextForm,
+    places: tuple[list[int], list[int]],
+    dates: dict[int, str],
+    path: Path,
 ) -> tuple[list[NDArray[np.float64]], dict[str, int]]:
     """Parse the used columns; count single broken rows, refuse many with the first one in the message.
 
-    `dates` gives the format of columns of dates and times, by their place in `use`.
+    `places` are the numbers of the used columns, and of others, which break no row. `dates` gives the format of columns
+    of dates and times, by their place among the used ones.
     """
     import polars as pl
 
@@ -213,10 +237,12 @@ def _parse(
     if form.delimiter is None:
         rows = rows.str.strip_chars().str.replace_all(r"\s+", " ")
     fields = rows.str.split(form.delimiter or " ")
-    texts = [fields.list.get(i, null_on_oob=True).str.strip_chars().str.strip_chars('"') for i in use]
-    values = {at: _numbers(text, form) for at, text in enumerate(texts) if at not in dates}
+    use, more = (
+        [fields.list.get(i, null_on_oob=True).str.strip_chars().str.strip_chars('"') for i in part] for part in places
+    )
+    values = {at: _numbers(text, form) for at, text in enumerate(use) if at not in dates}
     good = np.ones(len(rows), dtype=bool)
-    for text in texts:
+    for text in use:
         good &= text.is_not_null().to_numpy()
     for column in values.values():
         good &= column.is_not_null().to_numpy()
@@ -232,8 +258,9 @@ def _parse(
         seconds(text.filter(good).to_list(), dates[at], path)
         if at in dates
         else measurable(values[at].filter(good).to_numpy())
-        for at, text in enumerate(texts)
+        for at, text in enumerate(use)
     ]
+    columns += [measurable(_numbers(text, form).filter(good).to_numpy()) for text in more]
     return columns, ({"unreadable_row": bad.size} if bad.size else {})
 
 
