@@ -3,9 +3,9 @@ import { computed, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Circuit, type Drawing } from "./circuit";
 import type { Frame, Numbers } from "./frame";
-import { digits } from "./looks";
+import { digits, instant } from "./looks";
 import { opened, type Field } from "./opened";
-import type { Curve } from "./plot";
+import { curveOf, indexAt, type Curve } from "./plot";
 import { Strip } from "./strip";
 import { studies } from "./studies";
 
@@ -14,7 +14,7 @@ export interface BesideHead {
   cylinders?: { name: string; stroke_m: number; position: string; pressures: [string, string] }[];
   loops?: string[];
   energy?: { accounts_j: Record<string, number>; open_share: number; lost_j: Record<string, number>; air_litres_anr: Record<string, number> };
-  band?: { members: number; failed: number; share: [number, number]; ends: Record<string, [number, number]> };
+  band?: { members: number; failed: number; why: string; refused: boolean; share: [number, number]; ends: Record<string, [number, number]> };
 }
 
 const others = signal<string[]>([]);
@@ -78,7 +78,7 @@ export function BesideChoices() {
       <p class="row">
         <label><input type="checkbox" checked={band.value} onChange={(event) => (band.value = event.currentTarget.checked)} /> band of 200 members</label>
         <label>
-          within ± <input type="number" min={0.1} max={90} step="any" aria-label="Half width of the spreads, per cent" value={width.value} onChange={(event) => (width.value = Math.min(90, Math.max(0.1, event.currentTarget.valueAsNumber || 10)))} /> % of each slider
+          within ± <input type="number" min={0.1} max={90} step="any" aria-label="Half width of the spreads, per cent" value={width.value} onChange={({ currentTarget: { valueAsNumber: per } }) => Number.isFinite(per) && (width.value = Math.min(90, Math.max(0.1, per)))} /> % of each slider
         </label>
       </p>
       <p class="row">
@@ -96,8 +96,8 @@ const short = (path: string): string => path.replace("catalogue:", "").replace(/
 export function otherCurves(now: Frame<BesideHead>, column: string, label: string): Curve[] {
   const out: Curve[] = [];
   now.head.others?.forEach((one, index) => {
-    const y = now.arrays.get(`${index + 1}/${column}`);
-    if (y) out.push({ label: `${label} (${short(one.path)})`, x: now.arrays.get(`${index + 1}/time_s`)!, y });
+    const name = `${index + 1}/${column}`;
+    if (now.arrays.has(name)) out.push(curveOf(now.arrays, now.arrays.get(`${index + 1}/time_s`)!, name, `${label} (${short(one.path)})`));
   });
   return out;
 }
@@ -122,7 +122,7 @@ export function Differences({ head, panels, ends }: { head: BesideHead; panels: 
     <section aria-label="Beside the run" class="differences">
       {head.band && (
         <p class="note">
-          Band: from 5 to 95 % of {head.band.members} members, which lie evenly in the spreads{head.band.failed > 0 && `; ${head.band.failed} of them could not be simulated`}.
+          Band: from 5 to 95 % of {head.band.members} members, which lie evenly in the spreads{head.band.failed > 0 && `; ${head.band.failed} of them could not be simulated, as in ${head.band.why}${head.band.refused ? ". The command and Python refuse such a member: narrow the spreads" : ""}`}.
         </p>
       )}
       <div class="scroll" tabIndex={0} role="region" aria-label="Differences">
@@ -237,10 +237,11 @@ export function MovingCircuit({ now, drawing }: { now: Frame<BesideHead>; drawin
   }, [isPlaying.value, end]);
   if (!cylinders.length) return <Circuit drawing={drawing} />;
   const row = indexAt(time, at);
+  const valueOf = (name: string) => (now.arrays.get(`${name}/at`) ?? now.arrays.get(name)!)[row]!;
   const moved = Object.fromEntries(
     cylinders.map((one) => {
-      const position = now.arrays.get(one.position)![row]!;
-      const values = one.pressures.map((name) => now.arrays.get(name)![row]!) as [number, number];
+      const position = valueOf(one.position);
+      const values = one.pressures.map(valueOf) as [number, number];
       const most = Math.max(...one.pressures.map((name) => largest(now.arrays.get(name)!)));
       const pressures = values.map((value) => `${digits(value / BAR, 3)} bar`) as [string, string];
       const said = `${one.name}: position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}, absolute`;
@@ -255,24 +256,14 @@ export function MovingCircuit({ now, drawing }: { now: Frame<BesideHead>; drawin
         {!isCalm && <button type="button" onClick={() => (isPlaying.value = !isPlaying.value)}>{isPlaying.value ? "Stop" : "Play"}</button>}
         <label>
           Time{" "}
-          <input type="range" min={0} max={1000} value={Math.round((1000 * at) / end)} aria-valuetext={`${digits(at)} s`} onInput={(event) => ((isPlaying.value = false), (timeAt.value = (event.currentTarget.valueAsNumber / 1000) * end))} />
+          <input type="range" min={0} max={1000} value={Math.round((1000 * at) / end)} aria-valuetext={`${instant(time[row], end / time.length)} s`} onInput={(event) => ((isPlaying.value = false), (timeAt.value = (event.currentTarget.valueAsNumber / 1000) * end))} />
         </label>
         <output>
-          {digits(time[row]!)} s{cylinders.map((one) => `, ${one.name} at ${digits(1000 * now.arrays.get(one.position)![row]!)} mm`)}; pressures absolute
+          {instant(time[row], end / time.length)} s{cylinders.map((one) => `, ${one.name} at ${digits(1000 * valueOf(one.position))} mm`)}; pressures absolute
         </output>
       </p>
     </figure>
   );
-}
-
-function indexAt(time: Numbers, at: number): number {
-  let [low, high] = [0, time.length - 1];
-  while (low < high) {
-    const middle = (low + high + 1) >> 1;
-    if (time[middle]! <= at) low = middle;
-    else high = middle - 1;
-  }
-  return low;
 }
 
 function largest(values: Numbers): number {

@@ -6,7 +6,7 @@ import { digits } from "./looks";
 import { Copied, InFolder, Problems, ReportOf } from "./parts";
 import { Scatter } from "./plot";
 import { link, route } from "./routes";
-import { ask, attempting, frame, read, Refused, type Problem } from "./server";
+import { ask, attempting, frame, read, Refused, typed, type Problem } from "./server";
 import { Behind, Strip } from "./strip";
 import { studies } from "./studies";
 
@@ -29,10 +29,11 @@ interface Campaign {
 
 const found = signal<Campaign | null>(null);
 const wrong = signal<Problem[]>([]);
+export const unread = signal<Problem[]>([]); // why the campaign could not be read, at the last look
 const attempt = attempting(wrong);
 const protocol = signal("quick-look");
 const name = signal("first");
-const pace = signal("");
+export const pace = signal("");
 const LOOK_MS = 500;
 const HOLD_MS = 1000; // abort is held down this long
 const MM = 1000;
@@ -62,26 +63,34 @@ function duration(seconds: number): string {
   return seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${digits(seconds / 3600, 3)} h`;
 }
 
+/** Look at a campaign once; what comes after `isGone` counts no more. */
+export async function look(path: string, isGone: () => boolean): Promise<void> {
+  try {
+    const now = await read<Campaign>("/api/campaign", { path });
+    if (isGone()) return;
+    // The map is drawn again only where it grew.
+    const grew = JSON.stringify(now.groups) !== JSON.stringify(found.value?.groups);
+    found.value = grew || !found.value ? now : { ...now, groups: found.value.groups };
+    unread.value = [];
+  } catch (error) {
+    if (error instanceof Refused && error.status && !isGone()) unread.value = error.problems;
+  }
+}
+
 export function CampaignView() {
   const { path } = route.value;
   useEffect(() => {
     found.value = null;
+    wrong.value = unread.value = [];
     if (!path) return;
     let gone = false;
-    const look = async () => {
+    const watch = async () => {
       while (!gone) {
-        try {
-          const now = await read<Campaign>("/api/campaign", { path });
-          // The map is drawn again only where it grew.
-          const grew = JSON.stringify(now.groups) !== JSON.stringify(found.value?.groups);
-          found.value = grew || !found.value ? now : { ...now, groups: found.value.groups };
-        } catch (error) {
-          if (error instanceof Refused && error.status) wrong.value = error.problems;
-        }
+        await look(path, () => gone);
         await new Promise((resolve) => setTimeout(resolve, LOOK_MS));
       }
     };
-    void look();
+    void watch();
     return () => {
       gone = true;
     };
@@ -112,7 +121,7 @@ export function CampaignView() {
   return (
     <div class="campaign">
       <h2>{path || "Campaigns"}</h2>
-      <Problems of={wrong.value} />
+      <Problems of={[...unread.value, ...wrong.value]} />
       {path && <p><a href={link("campaign")}>All campaigns, and a new one</a></p>}
       {path ? found.value && <Watched now={found.value} path={path} /> : <Start />}
     </div>
@@ -207,7 +216,7 @@ function Requests({ now, path }: { now: Campaign; path: string }) {
   );
 }
 
-const paced = () => (pace.value ? { pace: Number(pace.value) } : {});
+export const paced = () => (pace.value.trim() ? { pace: typed("Times real time", pace.value) } : {});
 
 function Start() {
   const files = studies.value?.files ?? [];

@@ -6,7 +6,7 @@ import { follow, JobList } from "./jobs";
 import { digits } from "./looks";
 import { opened } from "./opened";
 import { Copied, InFolder, Problems } from "./parts";
-import { pixelsOfPlots, Plot } from "./plot";
+import { curveOf, pixelsOfPlots, Plot } from "./plot";
 import { route } from "./routes";
 import { ask, attempting, Live, read, type Problem } from "./server";
 import { list, studies } from "./studies";
@@ -153,7 +153,7 @@ function Start() {
         <Choice label="True drive" value={mismatch.value} put={(one) => (mismatch.value = one)} of={choices.value?.mismatches ?? []} none="as described" />
         <p class="row">
           <label>
-            Seed <input type="number" min={0} value={seed.value} onChange={(event) => (seed.value = Math.max(0, Math.round(event.currentTarget.valueAsNumber) || 0))} />
+            Seed <input type="number" min={0} value={seed.value} onChange={({ currentTarget: { valueAsNumber: of } }) => Number.isFinite(of) && (seed.value = Math.max(0, Math.round(of)))} />
           </label>
           <label>
             Duration <input size={8} value={duration.value} placeholder="reference's" onChange={(event) => (duration.value = event.currentTarget.value)} />
@@ -249,7 +249,7 @@ function Shown() {
       {head.lost && <p class="banner">Lost: the error exceeded 20 mm.</p>}
       <section class="plots" aria-label="Curves" data-samples={head.samples}>
         {head.panels.map((panel) => (
-          <Plot key={panel.title} title={panel.title} unit={panel.unit} size={panel.size} curves={panel.curves.map((one) => ({ label: one.label, x: time, y: arrays.get(one.column)! }))} />
+          <Plot key={panel.title} title={panel.title} unit={panel.unit} size={panel.size} curves={panel.curves.map((one) => curveOf(arrays, time, one.column, one.label))} />
         ))}
       </section>
       <div class="below">
@@ -338,7 +338,7 @@ function Compare() {
       <Choice label="Spread of drives" value={spread.value} put={(one) => (spread.value = one)} of={found.spreads} none="none: seeds of noise" />
       <p class="row">
         <label>
-          {spread.value ? "Members" : "Seeds"} <input type="number" min={1} value={count.value} onChange={(event) => (count.value = Math.max(1, Math.round(event.currentTarget.valueAsNumber) || 1))} />
+          {spread.value ? "Members" : "Seeds"} <input type="number" min={1} value={count.value} onChange={({ currentTarget: { valueAsNumber: of } }) => Number.isFinite(of) && (count.value = Math.max(1, Math.round(of)))} />
         </label>
         <label>
           Into results/ <input size={12} value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />

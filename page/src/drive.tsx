@@ -108,6 +108,7 @@ function Fields() {
               <td>{one.units && one.units.length > 1 && <Units field={one} />}</td>
               <td>
                 <span class={`kind ${one.kind}`}>{KINDS[one.kind]}</span> {one.origin.replace(/^assumed: /, "")}
+                {one.copies && <span class="note"> one value for {one.copies.join(", ")}</span>}
               </td>
             </tr>
           ))}

@@ -4,7 +4,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 import "./explore.css";
 import { unpack, type Frame } from "./frame";
 import { digits } from "./looks";
-import { Plot } from "./plot";
+import { curveOf, Plot } from "./plot";
 
 interface Field {
   key: string;
@@ -123,7 +123,7 @@ function Explore({ model }: { model: Model }) {
             title={panel.title}
             unit={panel.unit}
             size={panel.size}
-            curves={panel.curves.map((one) => ({ label: one.label, x: answer!.arrays.get("time_s")!, y: answer!.arrays.get(one.column)! }))}
+            curves={panel.curves.map((one) => curveOf(answer!.arrays, answer!.arrays.get("time_s")!, one.column, one.label))}
           />
         ))}
       </div>

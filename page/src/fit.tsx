@@ -5,7 +5,7 @@ import { digits } from "./looks";
 import { Copied, Problems } from "./parts";
 import { Scatter } from "./plot";
 import { link } from "./routes";
-import { ask, attempting, read, type Problem } from "./server";
+import { ask, attempting, read, typed, type Problem } from "./server";
 import { Strip } from "./strip";
 
 export interface Fit {
@@ -126,11 +126,15 @@ export function Behind({ path }: { path: string }) {
 }
 
 function NextPoints({ path }: { path: string }) {
-  const count = Number(points.value) || null;
-  const propose = () => attempt(async () => void (next.value = await read<Next>("/api/next", { path, ...(count && { points: String(count) }) })));
+  const count = () => (points.value.trim() ? typed("Points", points.value) : null);
+  const propose = () =>
+    attempt(async () => {
+      const many = count();
+      next.value = await read<Next>("/api/next", { path, ...(many !== null && { points: String(many) }) });
+    });
   const write = () =>
     attempt(async () => {
-      await ask("/api/jobs", { kind: "design", fit: path, points: count, name: name.value });
+      await ask("/api/jobs", { kind: "design", fit: path, points: count(), name: name.value });
       await follow();
     });
   const found = next.value;
@@ -139,7 +143,7 @@ function NextPoints({ path }: { path: string }) {
       <h2>Next points to measure</h2>
       <p class="row">
         <label>
-          Points, repeats included <input type="number" min="1" max="200" value={points.value} placeholder="auto" title="Without a number: twice the values" onInput={(event) => ((points.value = event.currentTarget.value), (next.value = null))} />
+          Points, repeats included <input inputMode="numeric" size={6} value={points.value} placeholder="auto" title="Without a number: twice the values" onInput={(event) => ((points.value = event.currentTarget.value), (next.value = null))} />
         </label>
         <button type="button" onClick={() => void propose()}>Propose on the simulated rig</button>
       </p>

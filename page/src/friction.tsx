@@ -226,7 +226,7 @@ function Cuts({ path, found }: { path: string; found: FrictionMap }) {
           <p class="note">
             Bars: U (k = 2) of both points together. Bands: 95 % of the difference of both fits, by Welch; errors that the sensors of both share are not in them, and may cancel. {apart.fit}
           </p>
-          <Copied of="the difference" command={apart.command} python={apart.python} />
+          {apart.python && <Copied of="the difference" command={apart.command} python={apart.python} />}
         </>
       )}
     </>

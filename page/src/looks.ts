@@ -26,6 +26,13 @@ export function look(index: number): { color: string; dash: number[] } {
   return { color: isDark() ? found.dark : found.light, dash: found.dash };
 }
 
+/** A time with the digits that tell it from one a hundredth of a step away: a recording of clock times has ten before the point. */
+export function instant(time: number | undefined, step: number): string {
+  if (time === undefined || Number.isNaN(time)) return "–";
+  const count = time && step > 0 ? Math.ceil(Math.log10(Math.abs(time) / step)) + 3 : 15;
+  return digits(time, Math.min(Math.max(count, 4), 15));
+}
+
 /** A number for people: four digits, no trailing zeros. */
 export function digits(value: number | null | undefined, count = 4): string {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";

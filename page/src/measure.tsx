@@ -1,7 +1,7 @@
 /** What a recording is measured with: two cursors, another recording aligned on a stroke, the faults that were found. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { digits } from "./looks";
+import { digits, instant } from "./looks";
 import { Copied, Problems } from "./parts";
 import type { Mark } from "./plot";
 import { ask, newest, read, Refused, type Problem } from "./server";
@@ -154,7 +154,7 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow
         )}
         {now && (
           <span role="status" data-shift={now.shift}>
-            {now.strokes.length && strokes.length ? `moved by ${digits(now.shift, 6)} s` : "not aligned: strokes are known where a layout says what moves"}
+            {now.strokes.length && strokes.length ? `moved by ${digits(now.shift, 12)} s` : "not aligned: strokes are known where a layout says what moves"}
           </span>
         )}
       </p>
@@ -195,6 +195,9 @@ export function pick(time: number): void {
 
 const STEPS = 1000;
 
+/** A time as it is read and typed: to a millionth of the view. */
+export const told = (time: number, [from, to]: [number, number]): string => instant(time, (to - from) / 1e6);
+
 /** Two cursors, and between them time, difference and slope of each channel that is shown. */
 export function Measuring({ path, columns, span, isTimed }: { path: string; columns: string[]; span: [number, number]; isTimed: boolean }) {
   const now = cursors.value;
@@ -218,9 +221,9 @@ export function Measuring({ path, columns, span, isTimed }: { path: string; colu
     <span class="row">
       <label>
         Cursor {which + 1}{" "}
-        <input type="range" min={0} max={STEPS} value={Math.round((STEPS * (now![which] - span[0])) / (span[1] - span[0]))} aria-valuetext={`${digits(now![which], 7)} ${unit}`} onInput={(event) => put(which, span[0] + ((span[1] - span[0]) * event.currentTarget.valueAsNumber) / STEPS)} />
+        <input type="range" min={0} max={STEPS} value={Math.round((STEPS * (now![which] - span[0])) / (span[1] - span[0]))} aria-valuetext={`${told(now![which], span)} ${unit}`} onInput={(event) => put(which, span[0] + ((span[1] - span[0]) * event.currentTarget.valueAsNumber) / STEPS)} />
       </label>
-      <input type="number" step="any" aria-label={`Cursor ${which + 1}, ${unit}`} value={Number(now![which].toPrecision(10))} onChange={(event) => put(which, event.currentTarget.valueAsNumber)} /> {unit}
+      <input type="number" step="any" aria-label={`Cursor ${which + 1}, ${unit}`} value={told(now![which], span)} onChange={(event) => put(which, event.currentTarget.valueAsNumber)} /> {unit}
     </span>
   );
   return (
@@ -233,13 +236,13 @@ export function Measuring({ path, columns, span, isTimed }: { path: string; colu
         {now && cursor(1)}
         {now && <span class="note">A click in a plot puts the nearer one there.</span>}
       </p>
-      {now && <MeasuredTable path={path} wanted={wanted} isTimed={isTimed} />}
+      {now && <MeasuredTable path={path} wanted={wanted} span={span} isTimed={isTimed} />}
     </section>
   );
 }
 
 /** What was measured; apart from the cursors, whose fields would else lose what is being typed when an answer comes. */
-function MeasuredTable({ path, wanted, isTimed }: { path: string; wanted: string; isTimed: boolean }) {
+function MeasuredTable({ path, wanted, span, isTimed }: { path: string; wanted: string; span: [number, number]; isTimed: boolean }) {
   const found = measured.value;
   const of = (value: number | null, of: string) => (value === null ? "–" : `${digits(value, 6)}${of && ` ${of}`}`);
   const step = (unit: string) => unit.replace(/ (gauge|abs)$/, ""); // of a difference
@@ -266,8 +269,8 @@ function MeasuredTable({ path, wanted, isTimed }: { path: string; wanted: string
                 {isFirst && (
                   <tr key={`time ${one.recording}`}>
                     <th scope="row">time{name}</th>
-                    <td>{of(one.time_s[0], unit)}</td>
-                    <td>{of(one.time_s[1], unit)}</td>
+                    <td>{told(one.time_s[0], span)} {unit}</td>
+                    <td>{told(one.time_s[1], span)} {unit}</td>
                     <td>{of(one.time_s[1] - one.time_s[0], unit)}</td>
                     <td />
                   </tr>

@@ -1,6 +1,6 @@
 /** The description that is open: its text is the truth, and what the server says of it. */
 import { signal } from "@preact/signals";
-import { ask, newest, plain, read, Refused, write, type Problem } from "./server";
+import { ask, newest, read, Refused, typed, write, type Problem } from "./server";
 import type { Drawing } from "./circuit";
 
 export interface Field {
@@ -12,6 +12,7 @@ export interface Field {
   unit?: string;
   units?: string[]; // of the same quantity
   component: string; // of the drawing
+  copies?: string[]; // components that its table describes together
   low?: number;
   high?: number;
 }
@@ -20,7 +21,7 @@ export interface Checked {
   problems: Problem[];
   name?: string;
   kind?: "drive" | "circuit";
-  valves?: string[];
+  valves?: Record<string, number>; // of a circuit, with their lowest commands
   values?: Field[];
   notes?: string[];
   sliders?: string[];
@@ -169,10 +170,12 @@ async function edit(into: string | undefined, what: { key: string; value: string
 
 /** Set a value that has no unit. */
 export function setNumber(key: string, text: string): Promise<void> {
-  const value = text.trim() === "" ? Number.NaN : Number(text);
-  if (Number.isFinite(value)) return set(key, value);
-  problems.value = [{ ...plain(`${key} is no number`), value: text, rule: "digits, with a point before decimals: 0.4" }];
-  return Promise.resolve();
+  try {
+    return set(key, typed(key, text));
+  } catch (error) {
+    refused(error, asked);
+    return Promise.resolve();
+  }
 }
 
 /** Save; a file that changed on disk meanwhile is not overwritten. */

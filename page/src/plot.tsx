@@ -2,14 +2,43 @@
 import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { digits, isDark, look } from "./looks";
+import type { Numbers } from "./frame";
+import { digits, instant, isDark, look } from "./looks";
 
 export interface Curve {
   label: string;
   x: ArrayLike<number>;
   y: ArrayLike<number>;
+  at?: ArrayLike<number>; // values at the times, where those of y are the lowest and the highest of each pixel
   look?: number; // its look; absent: its place
 }
+
+/** A column of an answer as a curve. */
+export function curveOf(arrays: Map<string, Numbers>, x: Numbers, column: string, label: string): Curve {
+  return { label, x, y: arrays.get(column)!, at: arrays.get(`${column}/at`) };
+}
+
+/** The last place at or before a time; before the first one that. */
+export function indexAt(times: ArrayLike<number>, at: number): number {
+  let [low, high] = [0, times.length - 1];
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (times[middle]! <= at) low = middle;
+    else high = middle - 1;
+  }
+  return low;
+}
+
+/** The value of a curve at a time, between two samples on the line that joins them; beyond its ends no number. */
+export function valueAt({ x, y, at = y }: Curve, time: number): number {
+  const below = indexAt(x, time);
+  if (x[below] === time) return at[below]!;
+  const share = (time - x[below]!) / (x[below + 1]! - x[below]!);
+  return share > 0 ? at[below]! + share * (at[below + 1]! - at[below]!) : Number.NaN;
+}
+
+/** The time between two samples of a curve, on average. */
+const stepOf = (x: ArrayLike<number> | undefined): number => (x ? (x[x.length - 1]! - x[0]!) / (x.length - 1) : 0);
 
 /** A part of the time that is shaded: a stroke. */
 export interface Shade {
@@ -126,10 +155,10 @@ export function Plot(props: PlotProps) {
           { ...axis, size: 64, label: props.unit, labelSize: 16, labelFont: "12px system-ui" },
         ],
         series: [
-          { label: `${props.log ? "frequency" : "time"}, ${props.xUnit ?? "s"}`, value: (_, v) => digits(v) },
+          { label: `${props.log ? "frequency" : "time"}, ${props.xUnit ?? "s"}`, value: (_, v) => instant(v ?? undefined, stepOf(latest.current.curves[0]?.x)) },
           ...props.curves.map((one, index) => {
             const { color, dash } = look(one.look ?? index);
-            return { label: one.label, stroke: color, dash, width: 1.4, spanGaps: !props.gaps && props.curves.length > 1, points: { show: false }, paths: path, value: (_: uPlot, v: number | null) => digits(v) };
+            return { label: one.label, stroke: color, dash, width: 1.4, spanGaps: !props.gaps && props.curves.length > 1, points: { show: false }, paths: path, value: (u: uPlot, v: number | null, _: number, row: number | null) => digits(read(latest.current, u, index, row) ?? v) };
           }),
         ],
         hooks: {
@@ -179,6 +208,12 @@ export function Plot(props: PlotProps) {
       </details>
     </figure>
   );
+}
+
+/** The value of a curve at the time that is pointed at, where what is drawn there is the lowest or the highest of a pixel. */
+function read({ curves, size }: PlotProps, u: uPlot, index: number, row: number | null): number | undefined {
+  const one = curves[index];
+  return one?.at && row !== null ? valueAt(one, u.data[0][row]!) / size : undefined;
 }
 
 /** Whether a curve turns up and down more often than every fourth pixel, and is drawn as `columns`: a stroke is smoother, but slow there. */
@@ -418,9 +453,9 @@ function Values({ curves, size, unit, xUnit, title }: PlotProps) {
         <tbody>
           {at.map((index) => (
             <tr key={index}>
-              <th scope="row">{digits(first.x[index])}</th>
+              <th scope="row">{instant(first.x[index], stepOf(first.x))}</th>
               {curves.map((one) => (
-                <td key={one.label}>{digits((one.y[index] ?? Number.NaN) / size, 6)}</td>
+                <td key={one.label}>{digits((one.x === first.x ? (one.at ?? one.y)[index]! : valueAt(one, first.x[index]!)) / size, 6)}</td>
               ))}
             </tr>
           ))}

@@ -5,7 +5,7 @@ import type { Frame } from "./frame";
 import { follow, JobList, jobs } from "./jobs";
 import { digits, look } from "./looks";
 import { Copied, Problems, ReportOf } from "./parts";
-import { Plot } from "./plot";
+import { curveOf, Plot } from "./plot";
 import { link } from "./routes";
 import { ask, frame, read, Refused, type Problem } from "./server";
 
@@ -264,11 +264,7 @@ function Along({ found }: { found: Card }) {
   );
 }
 
-const curve = (of: Frame<Tracks>, law: string, column: string, label: string) => ({
-  label,
-  x: of.arrays.get(`${law}/time_s`)!,
-  y: of.arrays.get(`${law}/${column}`)!,
-});
+const curve = (of: Frame<Tracks>, law: string, column: string, label: string) => curveOf(of.arrays, of.arrays.get(`${law}/time_s`)!, `${law}/${column}`, label);
 
 const WIDTH = 700;
 const ROW = 26;

@@ -150,6 +150,13 @@ export function plain(what: string): Problem {
   return { line: null, key: null, what, value: null, rule: null, remedy: null };
 }
 
+/** The number that a field has; a text that is no number is refused, never taken for an empty field. */
+export function typed(name: string, text: string): number {
+  const value = text.trim() === "" ? Number.NaN : Number(text);
+  if (Number.isFinite(value)) return value;
+  throw new Refused(0, [{ ...plain(`${name} is no number`), value: text, rule: "digits, with a point before decimals: 0.4" }], {});
+}
+
 export const read = <T>(path: string, given: Record<string, string> = {}): Promise<T> =>
   answered<T>(`${path}?${new URLSearchParams(given)}`);
 

@@ -8,7 +8,7 @@ import { withFile } from "./command";
 import { digits } from "./looks";
 import { drawing, opened, problems as textProblems, set, valid, type Field } from "./opened";
 import { Copied, KINDS, Problems } from "./parts";
-import { Plot, type Curve } from "./plot";
+import { curveOf, Plot, type Curve } from "./plot";
 import { ask, Live, Refused, type Problem } from "./server";
 import { studies } from "./studies";
 
@@ -89,7 +89,7 @@ effect(() => {
   frozen.value = [];
   forget();
   initial.value = "";
-  command.value = now.kind === "circuit" ? (now.valves ?? []).map((one) => `${one}: 0 s: 1, 1 s: -1`).join("\n") : "0 s: 1, 1 s: -1";
+  command.value = now.kind === "circuit" ? Object.entries(now.valves ?? {}).map(([one, lowest]) => `${one}: 0 s: 1, 1 s: ${lowest}`).join("\n") : "0 s: 1, 1 s: -1";
 });
 
 const copied = signal<{ command: string; python: string } | null>(null);
@@ -226,13 +226,10 @@ function Drawn() {
 function PanelPlot({ panel }: { panel: Panel }) {
   const now = answer.value!;
   const time = now.arrays.get("time_s")!;
-  const curves: Curve[] = panel.curves.map((one) => ({ label: one.label, x: time, y: now.arrays.get(one.column)! }));
+  const curves: Curve[] = panel.curves.map((one) => curveOf(now.arrays, time, one.column, one.label));
   for (const one of panel.curves) curves.push(...otherCurves(now, one.column, one.label));
   for (const trace of frozen.value)
-    for (const one of panel.curves) {
-      const y = trace.columns.get(one.column);
-      if (y) curves.push({ label: `${one.label} (${trace.label})`, x: trace.time, y });
-    }
+    for (const one of panel.curves) if (trace.columns.has(one.column)) curves.push(curveOf(trace.columns, trace.time, one.column, `${one.label} (${trace.label})`));
   const bands = panel.curves.flatMap((one, index) => {
     const band = bandOf(now, one.column);
     return band ? [{ ...band, look: index }] : [];
@@ -345,7 +342,7 @@ function Slider({ field }: { field: Field }) {
               class="link"
               onClick={() => void set(field.key, unit ? `${value} ${unit}` : value)}
             >
-              put into the text
+              put into the text{field.copies && `, of ${field.copies.join(", ")} together`}
             </button>
           </>
         )}
@@ -388,17 +385,19 @@ function FileCommand({ valve }: { valve: string }) {
 
 function Run() {
   const isCircuit = valid.value?.kind === "circuit";
+  const valves = valid.value?.valves ?? {};
+  const oneWay = Object.keys(valves).filter((one) => valves[one] === 0);
   return (
     <div class="run">
       <label>
-        Command, -1 to 1{isCircuit ? ", a line for each valve" : ""}
+        Command, -1 to 1{isCircuit ? ", a line for each valve" : ""}{oneWay.length > 0 && `; 0 to 1 for ${oneWay.join(", ")}`}
         {isCircuit ? (
           <textarea rows={3} value={command.value} onInput={(event) => (command.value = event.currentTarget.value)} />
         ) : (
           <input value={command.value} onInput={(event) => (command.value = event.currentTarget.value)} />
         )}
       </label>
-      {(isCircuit ? (valid.value?.valves ?? []) : [""]).map((valve) => <FileCommand key={valve} valve={valve} />)}
+      {(isCircuit ? Object.keys(valves) : [""]).map((valve) => <FileCommand key={valve} valve={valve} />)}
       <label>
         Duration
         <input value={duration.value} onInput={(event) => (duration.value = event.currentTarget.value)} />

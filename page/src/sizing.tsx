@@ -54,6 +54,7 @@ interface Sizing {
   candidates: Candidate[];
   short: number;
   done: boolean;
+  searched: boolean; // by a process, of this server or not
   feasible: boolean | null;
   miss: { limit: string; gives: string } | null;
   said: string[];
@@ -170,10 +171,10 @@ export function SizingView() {
     const folder = path.value;
     if (!folder || isFile.value) return;
     void look(folder);
-    if (state !== "running") return;
+    if (state !== "running" && !found.value?.searched) return;
     const timer = setInterval(() => void look(folder), LOOK_MS);
     return () => clearInterval(timer);
-  }, [path.value, state]);
+  }, [path.value, state, found.value?.searched]);
   if (path.value && !isFile.value)
     return (
       <div class="sizing">
@@ -283,7 +284,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
   return (
     <>
       <p class="banner">Simulated drives. Values that no sheet gives are assumed; each file says which.</p>
-      <p data-state={running ? "running" : now.done ? "done" : "stopped"} data-simulated={now.candidates.length}>
+      <p data-state={running || now.searched ? "running" : now.done ? "done" : "stopped"} data-simulated={now.candidates.length}>
         {now.candidates.length} candidates simulated, {meets} meet the task; {now.short} choices are short of it even in the nominal case.{" "}
         {now.task ? <a href={link("sizing", now.task)}>{now.task}</a> : "No task of this folder is this one any more."}
       </p>
@@ -295,7 +296,8 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
           <button type="button" onClick={() => void ask("/api/cancel", { number: running.number }).then(follow)}>Cancel the search</button>
         </p>
       )}
-      {!running && !now.done && (
+      {!running && now.searched && <p class="note">A process that this server did not start searches in this folder.</p>}
+      {!running && !now.searched && !now.done && (
         <p class="row">
           The search was ended before its end.
           {now.task && (

@@ -4,10 +4,10 @@ import { useEffect } from "preact/hooks";
 import { Differences, type Compared } from "./differences";
 import type { Frame } from "./frame";
 import { follow, JobList, jobs } from "./jobs";
-import { digits } from "./looks";
+import { digits, instant } from "./looks";
 import { open as openDrive, valid, type Field } from "./opened";
 import { Copied, DriveChoice, folderOf, InFolder, KINDS, Problems, ReportOf } from "./parts";
-import { Plot } from "./plot";
+import { curveOf, Plot } from "./plot";
 import { link, route } from "./routes";
 import { ask, attempting, Live, read, Refused, type Problem } from "./server";
 import { list, studies } from "./studies";
@@ -31,6 +31,7 @@ interface Recorded {
   sha256: string;
   samples: number;
   span: [number, number];
+  start_s?: number; // time 0 on the clock of the file
   breakaway: { start_s: number; onset_s: number; measured_n: number; model_n: number; error: number }[];
   [column: string]: unknown;
 }
@@ -288,13 +289,15 @@ function Runs({ now, one }: { now: Validation; one: Recorded }) {
           </select>
         </label>
         <button type="button" onClick={() => (span.value = one.span)}>Whole recording</button>
-        <span class="note">Drag in a plot to zoom.</span>
+        <span class="note">
+          Drag in a plot to zoom.{one.start_s ? ` Times count from the begin of the recording: 0 s here is ${digits(one.start_s, 12)} s there.` : ""}
+        </span>
       </p>
       <div class="plots">
         {shown &&
           now.channels.map(({ column, label, size, unit }) => {
             const x = shown.arrays.get("time_s")!;
-            const curve = (words: string, run: string) => ({ label: words, x, y: shown.arrays.get(`${column}.${run}`)! });
+            const curve = (words: string, run: string) => curveOf(shown.arrays, x, `${column}.${run}`, words);
             const runs = [curve("measured", "measured"), curve("free run", "free"), ...(isChanged ? [curve("changed", "changed")] : [])];
             const off = [curve(`from states, ${digits(now.window_s)} s`, "restarted.residual"), curve("free run", "free.residual"), ...(isChanged ? [curve("changed", "changed.residual")] : [])];
             const plot = { unit, size, onZoom: zoom, range: span.value };
@@ -325,8 +328,8 @@ function Runs({ now, one }: { now: Validation; one: Recorded }) {
                 <td>{digits(restarted.fit_percent)}</td>
                 <td>
                   {off === undefined ? "–" : (
-                    <button type="button" class="link" aria-label={`Zoom to ${digits(off)} s, where ${label} deviates`} onClick={() => zoom(Math.max(off - now.window_s, one.span[0]), Math.min(off + now.window_s, one.span[1]))}>
-                      {digits(off)} s
+                    <button type="button" class="link" aria-label={`Zoom to ${instant(off, now.window_s / 100)} s, where ${label} deviates`} onClick={() => zoom(Math.max(off - now.window_s, one.span[0]), Math.min(off + now.window_s, one.span[1]))}>
+                      {instant(off, now.window_s / 100)} s
                     </button>
                   )}
                 </td>

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { alike, marksOf, nextPlace, shiftOf, type Stroke } from "../src/measure";
+import { alike, marksOf, nextPlace, shiftOf, told, type Stroke } from "../src/measure";
 import { newest } from "../src/server";
 
 const stroke = (from: number, direction: number): Stroke => ({ from, to: from + 1, direction, speed: 0.1 * direction });
@@ -12,6 +12,13 @@ describe("two recordings", () => {
   });
   it("are moved so that a time of the other one becomes one of this", () => {
     expect(13 + shiftOf(own, other, [1, 2])).toBe(2);
+  });
+});
+
+describe("the time of a cursor", () => {
+  it("is told to the sample, on the clock of a computer too", () => {
+    expect(told(1772000001.234, [1772000000, 1772000060])).toBe("1772000001.234");
+    expect(told(12.3456, [0, 60])).toBe("12.3456");
   });
 });
 

@@ -1,6 +1,7 @@
 import { describe, expect, it, vi } from "vitest";
 import type uPlot from "uplot";
-import { isInDash, lines } from "../src/plot";
+import { instant } from "../src/looks";
+import { curveOf, isInDash, lines, valueAt } from "../src/plot";
 
 describe("a dense curve", () => {
   it("is pale in the gaps of its dash", () => {
@@ -37,5 +38,30 @@ describe("the lines of a curve", () => {
     const [x, y] = [[1, 2, 3, 4, 5], [1, undefined, 2, null, 3]];
     expect(drawn(x, y, [0, 4])).toEqual(["to 1 9", "line 3 8", "to 5 7"]);
     expect(drawn(x, y, [0, 4], true)).toEqual(["to 1 9", "line 3 8", "line 5 7"]);
+  });
+});
+
+describe("a value that is read at a time", () => {
+  const of = (...values: number[]) => new Float64Array(values);
+  const x = of(0, 1, 3);
+  it("is the run's, not the lowest or the highest of a pixel", () => {
+    const one = curveOf(new Map([["x", of(-9, 9, -9)], ["x/at", of(0, 2, 4)]]), x, "x", "x");
+    expect([0, 1, 2, 3].map((time) => valueAt(one, time))).toEqual([0, 2, 3, 4]);
+  });
+  it("is of that time also for a curve with other times, and none beyond its ends", () => {
+    expect([-1, 0, 0.5, 3, 4].map((time) => valueAt({ label: "", x, y: of(0, 2, 4) }, time))).toEqual([Number.NaN, 0, 1, 4, Number.NaN]);
+  });
+});
+
+describe("a time", () => {
+  it("differs from its neighbours", () => {
+    for (const [begin, step] of [[0, 0.03], [1772000000, 1e-3], [8.5, 1e-5]] as const) {
+      const times = Array.from({ length: 50 }, (_, k) => begin + k * step);
+      const told = times.map((time) => instant(time, step));
+      expect(new Set(told).size).toBe(50);
+      told.forEach((one, k) => expect(Math.abs(Number(one) - times[k]!)).toBeLessThan(0.01 * step));
+    }
+    expect(instant(0.09, 0.03)).toBe("0.09");
+    expect(instant(1772000000.123, 0.001)).toBe("1772000000.123");
   });
 });

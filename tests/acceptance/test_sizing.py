@@ -160,6 +160,15 @@ def test_a_task_is_written_and_read_again_with_its_energy():
     assert SizingTask(**task.to_dict()) == task
 
 
+def test_a_search_of_less_than_one_choice_is_refused(tmp_path, capsys):
+    (tmp_path / "task.toml").write_text(
+        'mass = "2 kg"\nstroke = "100 mm"\ntime = "0.35 s"\nsupply.pressure = "6 bar gauge"\n'
+    )
+    for least in ("0", "-3"):
+        assert command(["size", str(tmp_path / "task.toml"), "--least", least]) == 2
+        assert f"least = {least} is out of bounds" in capsys.readouterr().err
+
+
 @dataclass
 class ReadReport(HTMLParser):
     """A report as its reader has it: rows of each table by its caption, blocks of code, all text."""

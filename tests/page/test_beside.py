@@ -90,6 +90,42 @@ def test_a_run_beside_others(server: Server, open_tab: Open, monkeypatch: pytest
     assert pn.Drive.load("axis.toml").load.mass_kg == 0.0  # nothing was written
 
 
+def test_what_a_long_run_shows_at_a_time_is_of_that_time(server: Server, open_tab: Open) -> None:
+    """Its curves are lowest and highest values of pixels; numbers beside a time are not."""
+    tab = open_tab(server.address)
+    page = tab.page
+    page.click("text=axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    command = ", ".join(f"{0.25 * k:g} s: {(-1) ** k}" for k in range(80))
+    page.fill("label:has-text('Command') input", command)
+    page.fill("label:has-text('Duration') input", "20 s")
+    page.check("text=the piston as it moves")
+    page.wait_for_selector("[data-samples='20001']")
+    page.wait_for_selector(".motion")
+    settled(tab)
+    run = pn.simulate(pn.Drive.load(server.folder / "axis.toml"), command, "20 s")
+    time, position = run.time.to_numpy(), run.position.to_numpy()
+    page.focus(".motion input[type=range]")
+    page.keyboard.press("Home")
+    for _ in range(20):
+        page.keyboard.press("ArrowRight")
+        page.wait_for_timeout(30)
+        told = float(page.inner_text(".motion output").split(" s")[0])
+        row = int(np.abs(time - told).argmin())
+        assert told == pytest.approx(time[row], abs=1e-9)
+        assert float(page.get_attribute("[data-piston]", "data-position")) == position[row]
+    page.locator("figure.plot[data-plot=Position] summary").click()
+    page.wait_for_selector("[aria-label='Table of Position'] tbody tr")
+    for line in page.locator("[aria-label='Table of Position'] tbody tr").all():
+        told, shown = (float(one) for one in line.locator("th,td").all_inner_texts())
+        assert shown == pytest.approx(1e3 * position[int(np.abs(time - told).argmin())], rel=1e-5, abs=1e-5)
+    page.hover("figure.plot[data-plot=Position] .u-over", position={"x": 150, "y": 60})
+    told, shown = page.locator("figure.plot[data-plot=Position] .u-legend .u-value").all_inner_texts()[:2]
+    row = int(np.abs(time - float(told)).argmin())
+    assert float(shown) == pytest.approx(1e3 * position[row], rel=1e-3, abs=1e-4)
+    tab.check()
+
+
 def test_the_spectrum_of_a_view(server: Server, open_tab: Open) -> None:
     time = np.arange(60_000) * 1e-3
     force = 0.1 * np.random.default_rng(2).standard_normal(len(time)) + np.sin(2.0 * np.pi * 40.0 * time)

@@ -143,6 +143,31 @@ def test_a_band_is_that_of_many_members(served: Served, monkeypatch: pytest.Monk
     assert np.array_equal(np.stack(table["position_m"].to_numpy()), many["position"].to_numpy())
 
 
+def test_a_member_that_cannot_be_is_counted_and_the_run_is_shown(served: Served) -> None:
+    message = ASKED | {"changes": {"friction.coulomb": "30 N", "friction.breakaway": "30 N"}}
+
+    def band(low: float, high: float, key: str = "friction.coulomb", unit: str = "N") -> tuple[dict, dict]:
+        given = message | {"spreads": {key: [low, high, unit]}}
+        head, arrays = unpack(answer(Workspace.at(served.folder), json.dumps(given)))
+        assert "problems" not in head, head
+        assert len(arrays["position_m"]) == len(arrays["time_s"]) == 401
+        return head["band"], arrays
+
+    told, arrays = band(27.0, 33.0)
+    assert told["failed"] == 100  # those above the breakaway force: the members lie evenly
+    assert told["refused"]
+    assert "must not be below friction.coulomb" in told["why"]
+    _, below = band(27.0, 30.0)
+    for end in ("low", "high"):  # the band is that of the members that there are
+        shown, expected = arrays[f"band/velocity_m_s/{end}"], below[f"band/velocity_m_s/{end}"]
+        assert np.abs(shown - expected).max() < 0.02 * np.abs(expected).max()
+    none, arrays = band(31.0, 33.0)
+    assert none["failed"] == 200
+    assert not any(name.startswith("band/") for name in arrays)
+    ratio, _ = band(0.9, 1.1, "valve.critical_pressure_ratio", "")
+    assert ratio["failed"] == 100
+
+
 @pytest.mark.parametrize(
     "beside",
     [

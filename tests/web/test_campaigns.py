@@ -81,6 +81,10 @@ def test_the_plan_on_the_page_is_that_of_command_and_python(served: Served, caps
     assert capsys.readouterr().out == f"{shown['text']}\n"
     exec(shown["python"], {})
     assert capsys.readouterr().out == f"{shown['text']}\n"
+    pressures = PROTOCOL.replace('["0 bar gauge"]', '["0 bar gauge", "29 psi gauge"]')
+    (served.folder / "psi.toml").write_text(pressures)
+    text = post(served, "/api/plan", {"protocol": "psi.toml"})["text"]
+    assert "pressure 2 levels in both chambers, 0 bar gauge to 1.99948 bar gauge" in text
     (served.folder / "fast.toml").write_text(PROTOCOL.replace("300 mm/s", "30 m/s"))
     refused = post(served, "/api/plan", {"protocol": "fast.toml"}, 400)["problems"][0]
     assert "speed" in refused["what"] + str(refused["value"])

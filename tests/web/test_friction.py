@@ -143,6 +143,24 @@ def test_a_job_is_cancelled_as_by_ctrl_c(measured: Served) -> None:
     assert finished(measured)["state"] == "cancelled"
 
 
+def test_what_is_cancelled_leaves_nothing_and_keeps_its_name(measured: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    def ended(*_: object) -> str:
+        assert Path("results/two/map.parquet").is_file()
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(measured.folder)
+    monkeypatch.setattr("pneudrive.report.write_report", ended, raising=False)
+    Path("results").mkdir()
+    asked = {"recordings": NAMES[:1], "name": "two"}
+    words = shlex.split(post(measured, "/api/work", asked)["command"].splitlines()[-1])[1:]
+    assert run_command(words) != 0
+    assert not Path("results/two").exists()
+    Path("results/two").mkdir()  # of the user: it stays
+    Path("results/two/notes.txt").write_text("mine")
+    assert run_command(words) != 0
+    assert Path("results/two/notes.txt").read_text() == "mine"
+
+
 @pytest.mark.parametrize(
     "work",
     [

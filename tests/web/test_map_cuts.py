@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import pneudrive as pn
 from pneudrive.characterise import write_map
@@ -48,7 +49,8 @@ def test_a_map_at_one_speed_is_friction_over_pressure(maps: Served, monkeypatch:
     monkeypatch.chdir(maps.folder)
     names: dict = {}
     exec(found["python"], names)
-    assert np.array_equal(names["found"].friction_n, friction)
+    (said,) = names["found"]
+    assert np.array_equal(said.friction_n, friction)
     for speed in ("0", "-1", "nan", "x", ""):
         assert get(maps, "/api/slice", status=400, path=NEW, speed=speed)["problems"]
 
@@ -75,12 +77,38 @@ def test_what_a_worn_seal_adds_is_found_with_its_band(
     monkeypatch.chdir(maps.folder)
     names: dict = {}
     exec(found["python"], names)
-    assert [one.value for one in names["found"]] == pytest.approx(found["groups"][0]["curve"]["friction"], rel=1e-9)
+    for group, said in zip(found["groups"], names["found"], strict=True):
+        assert [one.value for one in said] == group["curve"]["friction"]
     assert run_command(shlex.split(found["command"])[1:]) == 0
     printed = capsys.readouterr().out
     first = found["groups"][0]["curve"]
     assert f"{first['friction'][0]:+.3g}" in printed
     assert f"{first['low'][0]:+.3g} .. {first['high'][0]:+.3g}" in printed
+
+
+def test_the_python_gives_every_curve_that_is_shown(maps: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Maps of which one lacks the first pressure of the other; a map with two pressures of both chambers."""
+    other = maps.folder / "results" / "part" / "map.parquet"
+    other.parent.mkdir()
+    curves = friction_map(lambda v, g: stribeck(v, g) + wear(v), WIDE, GAUGES[1:], 0.2)
+    write_map(curves, other)
+    pn.fit_friction(curves, pressure_dependence=True).to_toml(other.with_name("fit.toml"))
+    many = maps.folder / "results" / "many" / "map.parquet"
+    many.parent.mkdir()
+    both = [friction_map(stribeck, WIDE, GAUGES, 0.2), friction_map(stribeck, WIDE, GAUGES, 0.2)]
+    both[1]["pressure_a_pa"] = both[1]["pressure_a_pa"] + 1e5
+    both[1]["recording"] = both[1]["recording"] + "h"
+    write_map(xr.concat(both, "row", combine_attrs="override"), many)
+    pn.fit_friction(both[0], pressure_dependence=True).to_toml(many.with_name("fit.toml"))
+    monkeypatch.chdir(maps.folder)
+    difference = get(maps, "/api/map-difference", path=NEW, other="results/part/map.parquet")
+    cut = get(maps, "/api/slice", path="results/many/map.parquet", speed="0.03")
+    for shown, values in ((difference, lambda said: [one.value for one in said]), (cut, lambda said: said.friction_n)):
+        assert len(shown["groups"]) == 2
+        names: dict = {}
+        exec(shown["python"], names)
+        for group, said in zip(shown["groups"], names["found"], strict=True):
+            assert list(values(said)) == group["curve"]["friction"]
 
 
 def test_maps_without_a_common_condition_or_fit_are_answered_in_words(maps: Served) -> None:
@@ -93,4 +121,5 @@ def test_maps_without_a_common_condition_or_fit_are_answered_in_words(maps: Serv
     found = get(maps, "/api/map-difference", path=NEW, other=WORN)
     assert "no fit.toml" in found["fit"]
     assert "curve" not in found["groups"][0]
+    assert not found["python"]
     assert get(maps, "/api/map-difference", status=400, path=NEW, other="../map.parquet")["problems"]

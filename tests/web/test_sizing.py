@@ -11,7 +11,10 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run as run_command
+from pneudrive.errors import CommandError
+from pneudrive.sizing.folder import SizingFolder
 from pneudrive.sizing.result import SizingResult
+from pneudrive.sizing.task import SizingTask
 from pneudrive.web.sizing import FIRST
 from web.conftest import Served
 from web.test_friction import finished, post
@@ -103,6 +106,26 @@ def test_a_search_that_is_ended_goes_on_where_it_was(served: Served) -> None:
     assert get(served, "/api/sizing", path="results/push")["done"]
 
 
+def test_a_search_of_another_process_is_seen_and_not_begun_again(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The process of a search outlives its server: the next server knows no job of it."""
+    (served.folder / "push.toml").write_text(TASK)
+    folder = served.folder / "results" / "push"
+    task = SizingTask.load(served.folder / "push.toml")
+    with SizingFolder(folder, task, (16, 64)):
+        assert get(served, "/api/sizing", path="results/push")["searched"]
+        refused = post(served, "/api/jobs", ASKED | {"resume": "results/push"}, 400)
+        assert "a process searches in results/push already" in refused["problems"][0]["what"]
+        monkeypatch.chdir(served.folder)
+        assert run_command(["size", "push.toml", "--draws", "16", "--out", "results/push"]) != 0
+        with pytest.raises(CommandError, match="another process searches in"):
+            SizingFolder(folder, task, (16, 64))
+    assert not get(served, "/api/sizing", path="results/push")["searched"]
+    with SizingFolder(folder, task, (16, 64)):
+        pass
+
+
 def test_a_task_says_what_it_holds_and_what_is_wrong_with_it(served: Served) -> None:
     first = FIRST.read_text()
     found = post(served, "/api/task", {"text": first})
@@ -113,6 +136,10 @@ def test_a_task_says_what_it_holds_and_what_is_wrong_with_it(served: Served) -> 
     assert values["spread.friction"]["text"] == "0.7 .. 1.5"
     weight = found["follows"][0]
     assert weight["value"] == pytest.approx(8.0 * 9.80665 * 0.5)
+    imperial = first.replace('"8 kg"', '"6 lb"').replace('"6 bar gauge"', '"87 psi gauge"')
+    values = {one["key"]: one["text"] for one in post(served, "/api/task", {"text": imperial})["values"]}
+    assert values["mass"] == "2.72155422 kg"
+    assert values["supply.pressure"] == "5.998438845 bar gauge"
     assert post(served, "/api/task", {})["text"] == first
     wrong = first.replace('"8 kg"', '"8 bar"').replace("ckd-*", "cdk-*")
     problems = post(served, "/api/task", {"text": wrong})["problems"]

@@ -22,7 +22,8 @@ from pneudrive.web.messages import pack, unpack
 from pneudrive.web.workspace import Workspace
 from web.conftest import DRIVE, PORT, TOKEN, Served, TestClient
 
-LAWS = Path(__file__).parents[2] / "examples" / "laws"
+EXAMPLES = Path(__file__).parents[2] / "examples"
+LAWS = EXAMPLES / "laws"
 CHANGED = {"friction.coulomb": "31 N", "valve.critical_pressure_ratio": 0.35}
 ASKED = {
     "path": "axis.toml",
@@ -177,7 +178,10 @@ def test_a_long_run_is_drawn_without_losing_an_extreme(served: Served) -> None:
     run = pn.simulate(drive, asked["command"], "3 s", initial=asked["initial"], sample_rate="10 kHz")
     assert head["samples"] == 30001
     assert all(len(values) == 600 for values in drawn.values())  # at most 4 x pixels
+    rows = np.searchsorted(run["time"], drawn["time_s"])
+    assert np.array_equal(run["time"][rows], drawn["time_s"])
     for column, name in COLUMNS.items():
+        assert np.array_equal(drawn[f"{column}/at"], run[name][rows])  # what the page says of a time is of that time
         assert drawn[column].max() == run[name].max()
         assert drawn[column].min() == run[name].min()
         assert head["ends"][column] == run[name][-1]
@@ -211,6 +215,9 @@ def test_values_say_where_they_come_from(served: Served) -> None:
     assert values["friction.breakaway"]["kind"] == "assumed"
     assert values["load.force"]["kind"] == "default"
     assert "friction.coulomb" in found["sliders"]
+    circuit = pn.Drive.load(served.folder / "axis.toml").circuit.to_toml()
+    sliders = post(served, "/api/check", {"path": "axis.toml", "text": circuit})["sliders"]
+    assert len(sliders) == len(set(sliders))
 
 
 def test_an_edit_keeps_comments_and_order(served: Served) -> None:
@@ -222,6 +229,97 @@ def test_an_edit_keeps_comments_and_order(served: Served) -> None:
     assert text.startswith('drive = "catalogue:reference"   # made up\n')
     refused = post(served, "/api/edit", {"text": DRIVE, "key": "name.first", "value": "x"}, 400)
     assert "not a table" in refused["problems"][0]["what"]
+
+
+SHORT = """\
+name = "short tables"   # and a component
+connections = ["valve.4 -> quick -> cylinder.a"]
+[supply]
+pressure = "6 bar gauge"
+[valve]
+kind = "proportional-5/3"
+conductance = "2 dm3/(s bar)"
+critical_pressure_ratio = 0.3
+[cylinder]
+kind = "single-rod"
+bore = "32 mm"
+rod_diameter = "12 mm"
+stroke = "200 mm"
+dead_volume = { a = "10 cm3", b = "10 cm3" }
+moving_mass = "1.5 kg"
+[friction]
+law = "stribeck"
+coulomb = "20 N"
+breakaway = "30 N"
+stribeck_velocity = "20 mm/s"
+viscous = "40 N s/m"
+[load]
+mass = "2 kg"
+[load.spring]
+stiffness = "300 N/m"
+rest_position = "100 mm"
+[tubing]
+b = { length = "1 m", diameter = "4 mm", model = "lumped" }
+[flow_control]
+b = { conductance = "0.5 dm3/(s bar)", critical_pressure_ratio = 0.3 }
+[components.quick]
+kind = "quick-exhaust"
+conductance = "1 dm3/(s bar)"
+exhaust_conductance = "2 dm3/(s bar)"
+"""
+
+
+def circuits() -> dict[str, str]:
+    """Texts of circuits: those of the examples, and one with the tables of a drive."""
+    files = [*EXAMPLES.glob("*.toml"), *(EXAMPLES / "axes").glob("*.toml")]
+    return {"short": SHORT} | {path.stem: path.read_text() for path in files}
+
+
+@pytest.mark.parametrize("name", sorted(circuits()))
+def test_each_value_of_a_circuit_is_written_where_it_stands(served: Served, name: str) -> None:
+    text = circuits()[name]
+    path = str(served.folder / "circuit.toml")
+    Path(path).write_text(text)
+    circuit = pn.Circuit.load(path)
+    found = post(served, "/api/check", {"path": "circuit.toml", "text": text})
+    assert found["kind"] == "circuit"
+    for one in found["values"]:
+        asked = {"text": text, "key": one["key"], "value": one.get("number", 0.0)}
+        if one.get("unit") != "":
+            others = [unit for unit in one.get("units", []) if unit != one["unit"]]
+            asked |= {"value": one["text"], **({"unit": others[-1]} if others else {})}
+        edited = post(served, "/api/edit", asked)["text"]
+        Path(path).write_text(edited)
+        assert pn.Circuit.load(path).core_json() == circuit.core_json(), (one["key"], edited)
+        kept = [line for line in text.splitlines() if line not in edited.splitlines()]
+        assert len(kept) <= 1, (one["key"], kept)  # comments, order and all other values
+
+
+def test_a_value_of_copies_is_that_of_all_and_says_so(served: Served) -> None:
+    text = (EXAMPLES / "two_cylinders.toml").read_text()
+    values = post(served, "/api/check", {"path": "pair.toml", "text": text})["values"]
+    copies = {one["key"]: one.get("copies") for one in values}
+    assert copies["components.left.bore"] == copies["components.right.bore"] == ["left", "right"]
+    assert copies["components.tank.volume"] is None
+    asked = {"text": text, "key": "components.left.dead_volume_a", "value": "9 cm3"}
+    edited = post(served, "/api/edit", asked)["text"]
+    assert edited == text.replace('dead_volume = { a = "8 cm3"', 'dead_volume = { a = "9 cm3"')
+    for wrong in ("components = 3", "[components]\nleft = 3", "[components]\nleft_and_right = 3\nleft = [4]"):
+        refused = post(served, "/api/edit", asked | {"text": wrong}, 400)
+        assert "is not a table" in refused["problems"][0]["what"]
+
+
+@pytest.mark.parametrize("name", ["pwm_axis", "axes/switching", "two_cylinders", "cushioned_axis"])
+def test_the_first_command_of_a_circuit_draws_a_curve(served: Served, name: str) -> None:
+    text = (EXAMPLES / f"{name}.toml").read_text()
+    (served.folder / "circuit.toml").write_text(text)
+    found = post(served, "/api/check", {"path": "circuit.toml", "text": text})
+    lines = [f"{valve}: 0 s: 1, 1 s: {lowest}" for valve, lowest in found["valves"].items()]
+    asked = {"path": "circuit.toml", "command": lines, "duration": "1.2 s", "rate": "100 Hz"}
+    head, drawn = unpack(answer(Workspace.at(served.folder), json.dumps(asked)))
+    assert "problems" not in head, head
+    assert all(np.isfinite(values).all() for values in drawn.values())
+    assert set(found["valves"].values()) == ({0} if "pwm" in name or "switching" in name else {-1})
 
 
 def test_another_unit_converts_the_value(served: Served) -> None:

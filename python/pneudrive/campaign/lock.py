@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import getpass
 import json
 import os
 import socket
-import time
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
@@ -17,12 +15,12 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.campaign.storage import clear_errors, no_links
 from pneudrive.errors import CampaignError
 from pneudrive.files.content import read_json
+from pneudrive.files.lock import is_held, take
 
 if TYPE_CHECKING:
     from types import TracebackType
 
 NAME = "campaign.lock"
-TRIES, TRY_AGAIN_S = 5, 0.05
 #: States of a process that holds the lock.
 STATES = ("starting", "running", "pausing", "paused", "waiting", "operator", "stopping")
 
@@ -83,7 +81,7 @@ class FolderLock:
         with clear_errors("the campaign folder cannot be locked", path):
             self._file: int | None = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         try:
-            taken = _take(self._file)
+            taken = take(self._file)
         except OSError as error:
             os.close(self._file)
             raise CampaignError(
@@ -129,44 +127,10 @@ class FolderLock:
         self.release()
 
 
-def _take(file: int) -> bool:
-    """Take the lock; try a few times, because `holder` takes it for a moment."""
-    import fcntl
-
-    def attempt() -> bool:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            if error.errno in (errno.EAGAIN, errno.EACCES):
-                return False
-            raise
-        return True
-
-    for _ in range(TRIES - 1):
-        if attempt():
-            return True
-        time.sleep(TRY_AGAIN_S)
-    return attempt()
-
-
 def holder(folder: Path) -> Holder | None:
     """Return the process that works in a folder; None if there is none. The lock does not change."""
-    import fcntl
-
     path = folder / NAME
-    try:
-        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)  # opening it does not block, whatever it is
-    except OSError:
-        return None
-    try:
-        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError as error:
-        held = error.errno in (errno.EAGAIN, errno.EACCES)
-        return (_read(path) or Holder(0, "?", "?", "?")) if held else None
-    else:
-        return None
-    finally:
-        os.close(file)
+    return (_read(path) or Holder(0, "?", "?", "?")) if is_held(path) else None
 
 
 def _read(path: Path) -> Holder | None:

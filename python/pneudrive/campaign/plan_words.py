@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from pneudrive.campaign.plan import Plan, Planned
     from pneudrive.campaign.protocol_tables import Pair
+    from pneudrive.units import Pressure
 
 
 def show(plan: Plan) -> str:
@@ -101,15 +102,17 @@ def _factors(plan: Plan) -> list[str]:
 
 def _pressures(levels: Sequence[Pair]) -> str:
     """Return the pressures as text, absolute or gauge as stated."""
-    from pneudrive.describe.base import StatedPressure
-
-    show, (a, b) = StatedPressure().show, levels[0]
+    (a, b) = levels[0]
     if len(levels) == 1:
-        return f"{show(a)} in both chambers" if a == b else f"{show(a)} in chamber a, {show(b)} in chamber b"
+        return f"{_bar(a)} in both chambers" if a == b else f"{_bar(a)} in chamber a, {_bar(b)} in chamber b"
     if all(a == b for a, b in levels):
-        return f"{len(levels)} levels in both chambers, {show(a)} to {show(levels[-1][0])}"
+        return f"{len(levels)} levels in both chambers, {_bar(a)} to {_bar(levels[-1][0])}"
     last = levels[-1]
-    return f"{len(levels)} pairs, a {show(a)} and b {show(b)} to a {show(last[0])} and b {show(last[1])}"
+    return f"{len(levels)} pairs, a {_bar(a)} and b {_bar(b)} to a {_bar(last[0])} and b {_bar(last[1])}"
+
+
+def _bar(pressure: Pressure) -> str:
+    return f"{pressure.to('bar'):.6g} bar {'gauge' if pressure.gauge else 'abs'}"
 
 
 def _range(levels: Sequence[float], factor: float, unit: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,7 @@ import typer
 from pneudrive.cli.options import Results, Samples, one_of
 from pneudrive.cli.output import MOST_ROWS, file_name, show_lines, show_statements, show_table, tell, writable_folder
 from pneudrive.cli.progress import on_terminal
+from pneudrive.errors import Cancelled
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -94,11 +96,16 @@ def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: Sa
 
 @contextmanager
 def _output(out: Path) -> Iterator[Path]:
-    """Make the output folder before any work is done; remove a new one that stays empty."""
+    """Make the output folder before any work is done; remove a new one that stays empty, or whose work is cancelled."""
     is_new = not out.exists()
     writable_folder(out)
     try:
         yield out
+    except (KeyboardInterrupt, Cancelled):  # a map without its fit and report is no result
+        if is_new:
+            shutil.rmtree(out)
+            is_new = False
+        raise
     finally:
         if is_new and not any(out.iterdir()):
             out.rmdir()

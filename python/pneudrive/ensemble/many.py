@@ -206,8 +206,12 @@ def study_of(
     rtol: float = 1e-6,
     seed: int | None = None,
     threads: int | None = None,
+    refuse: bool = True,
 ) -> EnsembleStudy:
-    """Read and check all that a study is, before anything runs. Arguments and errors are those of `simulate_many`."""
+    """Read and check all that a study is, before anything runs.
+
+    Arguments and errors are those of `simulate_many`; without `refuse` the caller checks the rows of the design.
+    """
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     check_tolerance(rtol)
     plans = _plans(drive, command, duration)
@@ -228,7 +232,7 @@ def study_of(
     if len(plans.durations) > 1 and any(one.word in ("samples", "own") for one in kept):
         rule = "samples, settling and functions of yours need one duration for all members"
         raise CommandError("outputs: members of different durations are sampled", rule=rule)
-    for first, last in _blocks(rows.size):
+    for first, last in _blocks(rows.size) if refuse else ():
         variation.check(rows.take(first, last), first)
     return EnsembleStudy(variation, rows, plans, rtol, kept, threads)
 

@@ -4,25 +4,30 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import __version__
 from pneudrive.describe.catalogue import entries
 from pneudrive.errors import CommandError
+from pneudrive.files.lock import take
 from pneudrive.sizing.result import SizedDrive
 from pneudrive.sizing.strokes import Setting
 from pneudrive.sizing.tune import Tuned
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
+    from types import TracebackType
+
     from pneudrive.sizing.task import SizingTask
 
-ABOUT, LINES = "sizing.json", "choices.jsonl"
+ABOUT, LINES, LOCK = "sizing.json", "choices.jsonl", "sizing.lock"
 
 
 class SizingFolder:
-    """Finished choices of one task.
+    """Finished choices of one task, in a folder that is locked until the search ends: ``with SizingFolder(...)``.
 
     Parameters
     ----------
@@ -34,19 +39,21 @@ class SizingFolder:
     Raises
     ------
     CommandError
-        The folder holds another task or something else, or cannot be written to.
+        The folder holds another task or something else, or cannot be written to; or another process searches there.
     """
 
     def __init__(self, folder: Path, task: SizingTask, draws: tuple[int, int]) -> None:
         self.folder = folder
         self._of: dict[tuple[str, int], SizedDrive] = {}
         self._short: dict[str, Tuned] = {}
+        self._file: int | None = None
         said = {"version": __version__, "task": task.to_dict(), "draws": draws, "catalogue": _catalogue()}
         about = json.loads(json.dumps(said))
         path = folder / ABOUT
         if path.exists():
+            self._lock()
             self._resume(path, about)
-        elif folder.is_dir() and any(folder.iterdir()):
+        elif folder.is_dir() and any(one.name != LOCK for one in folder.iterdir()):
             raise CommandError(f"{folder} is not empty and holds no sizing", remedy="Choose a new folder.")
         else:
             self._begin(path, about)
@@ -56,8 +63,34 @@ class SizingFolder:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise CommandError(f"the folder {self.folder} cannot be made: {error.strerror}") from None
+        self._lock()
         with whole(path) as temporary:
             temporary.write_text(json.dumps(about, indent=1), encoding="utf-8")
+
+    def _lock(self) -> None:
+        """Take the folder; where files have no locks, go on without."""
+        with suppress(OSError):
+            self._file = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            if take(self._file):
+                return
+            self.release()
+            raise CommandError(
+                f"another process searches in {self.folder}",
+                rule="two processes must not write to one sizing",
+                remedy="Wait until it ends, or choose another folder.",
+            )
+
+    def release(self) -> None:
+        """Let other processes work in the folder."""
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+    def __enter__(self) -> SizingFolder:
+        return self
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.release()
 
     def _resume(self, path: Path, about: dict[str, Any]) -> None:
         try:

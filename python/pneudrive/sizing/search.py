@@ -7,6 +7,7 @@ fills both sides.
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -121,12 +122,12 @@ def watched(
     threads: int | None = None,
 ) -> SizingResult:
     """Run `size` under a watch."""
-    for name, value in (("draws", draws), ("draws_best", draws_best), ("most", most)):
+    for name, value in (("least", least), ("draws", draws), ("draws_best", draws_best), ("most", most)):
         if value < 1:
             raise CommandError(f"{name} = {value} is out of bounds", rule="at least 1")
     read = _read(task)
-    folder = None if out is None else SizingFolder(Path(out), read, (draws, draws_best))
-    return Search(read, least, most, (draws, draws_best), threads, watch, folder).result()
+    with nullcontext() if out is None else SizingFolder(Path(out), read, (draws, draws_best)) as folder:
+        return Search(read, least, most, (draws, draws_best), threads, watch, folder).result()
 
 
 def _read(task: SizingTask | Mapping[str, Any] | str | Path) -> SizingTask:

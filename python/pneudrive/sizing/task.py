@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
 #: Coefficient of friction of a guide for the load (assumed: usual values; ball guides with seals).
 GUIDES = {"none": 0.0, "ball": 0.02, "plain": 0.15}
+_LONG = re.compile(r"(?<![\w.])\d*\.\d{10,}(?:[eE][-+]?\d+)?(?![\w.])")
 _POSITIVE, _NOT_NEGATIVE = Bounds(above=0.0), Bounds(at_least=0.0)
 Seconds = Annotated[float | None, Quantity("s", "s", _POSITIVE)]
 Speed = Annotated[float | None, Quantity("m/s", "m/s", _POSITIVE)]
@@ -227,10 +229,15 @@ def values_of(task: SizingTask) -> list[TaskValue]:
     given = dict(leaves(task.to_dict()))
     meanings = dict(_meanings(task))
     return [
-        TaskValue(key, value if isinstance(value, str) else inline(value), key in given, meanings.get(key, ""))
+        TaskValue(key, _brief(value) if isinstance(value, str) else inline(value), key in given, meanings.get(key, ""))
         for key, value in leaves(task.with_defaults())
         if key != "schema"
     ]
+
+
+def _brief(text: str) -> str:
+    """Return a text with its numbers in ten digits: those behind them are noise of a conversion, as of 6 lb to kg."""
+    return _LONG.sub(lambda found: f"{float(found[0]):.10g}", text)
 
 
 def follows_from(task: SizingTask) -> list[tuple[str, float, str]]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import re
 import shlex
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.describe.geometry import chamber_sizes
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.start import circuit_of, is_circuit
 from pneudrive.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
+    from pneudrive.ensemble.study import EnsembleStudy
     from pneudrive.simulate import Run
     from pneudrive.web.asked_run import AskedRun, RunLimit
     from pneudrive.web.workspace import Workspace
@@ -103,7 +105,7 @@ class AskedBeside:
         others = []
         for number, path in enumerate(self.others, start=1):
             columns = _other(workspace, asked, path, ["time_s", *shown], limit)
-            arrays |= {f"{number}/{name}": values for name, values in per_pixel(columns, asked.pixels).items()}
+            arrays |= {f"{number}/{name}": values for name, values in drawn_columns(columns, asked.pixels).items()}
             others.append({"path": path, **_differences(run.columns, columns)})
         head: dict[str, Any] = {"others": others}
         if self.motion:
@@ -126,6 +128,7 @@ class AskedBeside:
     ) -> tuple[dict[str, Any], dict[str, Array]]:
         from pneudrive.ensemble.engine import DONE
         from pneudrive.ensemble.many import Gathered, results, study_of
+        from pneudrive.ensemble.rows import TableRows
 
         names = [meaning(column)[0] for column in shown]
         study = study_of(
@@ -137,13 +140,20 @@ class AskedBeside:
             outputs=[self._output(asked, name) for name in names],
             initial=asked.initial or None,
             rtol=BAND_RTOL,
+            refuse=False,
         )
+        rows, why = _valid(study, limit)
+        head = {"members": MEMBERS, "share": BAND, "ends": {}, "failed": MEMBERS, "why": why, "refused": bool(why)}
+        if not len(rows):
+            return head, {}
+        study = replace(study, rows=TableRows(tuple(study.variation.names), rows))
         many = Gathered(study)
         for result in results(study, None, None, None, Watch(cancel=limit)):
             many.take(result)
         whole = many.status == DONE
+        head["why"] = why or next(filter(None, many.reason), "")
         if not whole.any():
-            raise CommandError(f"none of the {MEMBERS} members of the band could be simulated", remedy="Narrow it.")
+            return head, {}
         arrays = {"band/time_s": study.sample_times(study.outputs[0].rate_hz)}
         ends = {}
         for column, values in zip(shown, many.values, strict=True):
@@ -151,7 +161,7 @@ class AskedBeside:
             low, high = (_quantile(ordered, share) for share in BAND)
             arrays |= {f"band/{column}/low": low, f"band/{column}/high": high}
             ends[column] = [float(low[-1]), float(high[-1])]
-        return {"members": MEMBERS, "failed": int((~whole).sum()), "share": BAND, "ends": ends}, arrays
+        return head | {"failed": MEMBERS - int(whole.sum()), "ends": ends}, arrays
 
     def _vary(self) -> dict[str, str]:
         return {key.removeprefix("components."): f"uniform({low}, {high})" for key, (low, high) in self.spreads.items()}
@@ -202,6 +212,36 @@ class AskedBeside:
             each = f'name: many[name].quantile({list(BAND)!r}, "member")'
             lines.append(f"band = {{{each} for name in many.data_vars if many[name].dims == ('member', 'time')}}")
         return "\n".join([*lines, ""]) if lines else ""
+
+
+def _valid(study: EnsembleStudy, limit: RunLimit) -> tuple[Array, str]:
+    """Return the rows of a study that a member can have, and why the first one of the others cannot."""
+    rows = study.rows.take(0, study.rows.size)
+    try:
+        study.variation.check(rows)
+    except CommandError as error:
+        watch, kept = Watch(cancel=limit), []
+        for row in rows:
+            watch.tell(len(kept), len(rows), "members read")
+            with suppress(PneudriveError):
+                study.variation.try_row(row)
+                kept.append(row)
+        return np.array(kept), error.what
+    return rows, ""
+
+
+def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
+    """Return columns as `per_pixel` does; where it thins them, also ``NAME/at``: each as it is at the times sent.
+
+    Lowest and highest values of pixels are for a drawing; a number that is read at a time is the run's at that time.
+    """
+    drawn = per_pixel(columns, pixels)
+    time, sent = np.asarray(columns["time_s"]), drawn["time_s"]
+    if len(sent) == len(time):
+        return drawn
+    rows = np.searchsorted(time, sent)
+    at = {f"{name}/at": np.asarray(values)[rows] for name, values in columns.items() if name != "time_s"}
+    return {**drawn, **at}
 
 
 def _reading(name: str, path: str) -> list[str]:

@@ -26,9 +26,9 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.start import is_circuit
 from pneudrive.watch import Watch
 from pneudrive.web.asked_run import MOST_PIXELS, MOST_SAMPLES, WRONG_REQUEST, RunLimit, described_at
+from pneudrive.web.beside import drawn_columns
 from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
 from pneudrive.web.messages import pack
-from pneudrive.web.tiles import per_pixel
 from pneudrive.web.workspace import DESCRIPTIONS, is_in_catalogue, safe
 
 if TYPE_CHECKING:
@@ -245,7 +245,7 @@ def answer(workspace: Workspace, asked: Mapping[str, Any], limit: RunLimit | Non
     circuit = is_circuit(described_at(workspace, request.path))
     head = {"number": asked.get("number"), "panels": panels, "samples": len(columns["time_s"]), "took_s": took}
     head |= {"command": request.as_command(), "python": request.as_python(circuit=circuit)}
-    return pack({**head, **_about(prepared, run)}, per_pixel(columns, request.pixels))
+    return pack({**head, **_about(prepared, run)}, drawn_columns(columns, request.pixels))
 
 
 def _error_unit(errors_m: list[Any]) -> dict[str, Any]:
@@ -489,7 +489,7 @@ def shown_tracks(workspace: Workspace, name: str, along: str, pixels: int) -> by
             tracks[law]["error_m"] = tracks[law]["reference_m"] - tracks[law]["position_m"]
     arrays: dict[str, Any] = {}
     for law, one in tracks.items():
-        thin = per_pixel({key: one[key] for key in ("time_s", "position_m", "reference_m", "error_m")}, pixels)
+        thin = drawn_columns({key: one[key] for key in ("time_s", "position_m", "reference_m", "error_m")}, pixels)
         arrays |= {f"{law}/{key}": values for key, values in thin.items()}
     head = {"reference": along, "laws": list(tracks), "seeds": [one["seed"] for one in tracks.values()]}
     return pack(head | {"error": _error_unit([one["error_m"] for one in tracks.values()])}, arrays)

@@ -7,18 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import InlineTable
 
-from pneudrive.describe.all_values import values_of
+from pneudrive.describe import toml
+from pneudrive.describe.all_values import leaves, values_of
+from pneudrive.describe.components import COMMAND
 from pneudrive.describe.short import expanded
 from pneudrive.errors import CommandError, PneudriveError, Problems
-from pneudrive.start import is_circuit
+from pneudrive.start import is_circuit, start
 from pneudrive.units import like
 from pneudrive.web.asked_run import described_at
 from pneudrive.web.messages import problems_of
 from pneudrive.web.workspace import is_in_catalogue
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from pneudrive.describe.all_values import DescribedValue
     from pneudrive.describe.circuit import Circuit
@@ -26,6 +29,8 @@ if TYPE_CHECKING:
     from pneudrive.web.workspace import Workspace
 
 _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s+(\S.*)")
+#: Values of chambers a and b that are given both or not at all.
+_PAIR = re.compile(r"dwell\.pressure\.[ab]$")
 #: Range of a slider about a value, as multiples of it; a value of 0 gets the range of its unit.
 LOW, HIGH = 0.2, 3.0
 _FROM_ZERO = {"deg": (-90.0, 90.0), "N": (-200.0, 200.0), "kg": (0.0, 20.0)}
@@ -40,23 +45,63 @@ def checked(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
         described = described_at(workspace, path, text)
     except PneudriveError as error:
         return {"problems": problems_of(error)}
-    return {"problems": [], **fields_of(described)}
+    found = fields_of(described)
+    copies = _copies(text)
+    for one in found["values"]:
+        _, _, rest = one["key"].partition("components.")
+        if names := copies.get(rest.partition(".")[0]):
+            one["copies"] = names
+    return {"problems": [], **found}
+
+
+def _copies(text: str) -> dict[str, list[str]]:
+    """Return, of each component that one table describes with others, the names of them all."""
+    try:
+        tables = toml.parse(text, "").get("components", {}).values()
+    except PneudriveError:  # another format
+        return {}
+    lists = [one["copies"] for one in tables if isinstance(one, dict) and len(one.get("copies", ())) > 1]
+    return {name: names for names in lists for name in names}
 
 
 def fields_of(described: Drive | Circuit) -> dict[str, Any]:
     """Return the name, values, assumptions and commands of a description, and the sliders to begin with."""
     owner = _owners(described)
-    values = [field_of(one) | {"component": owner(one.key)} for one in values_of(described)]
+    every = values_of(described)
+    absent = _absent(described, every)
+    values = [field_of(one) | {"component": owner(one.key)} for one in every if one.key not in absent]
     slides = [one["key"] for end in FIRST_SLIDERS for one in values if "low" in one and _ends(one["key"], end)]
     return {
         "name": described.name,
         "kind": "circuit" if is_circuit(described) else "drive",
-        "valves": list(described.commandable) if is_circuit(described) else [],
+        "valves": _lowest_commands(described) if is_circuit(described) else {},
         "values": values,
         "notes": described.notes,
-        "sliders": slides[:MOST_SLIDERS],
+        "sliders": list(dict.fromkeys(slides))[:MOST_SLIDERS],
         "hash": described.description_hash,
     }
+
+
+def _absent(described: Drive | Circuit, every: Sequence[DescribedValue]) -> set[str]:
+    """Return the keys of defaults that are not valid alone: of a table or a pair that is not given, as of a cushion."""
+    logs = [one.key for one in every if one.key.endswith("dwell.growth") and one.value != "saturating"]
+    out = {f"{key.removesuffix('growth')}exponent" for key in logs}
+    given = {key for key, _ in leaves(described.to_dict())}
+    out |= {one.key for one in every if _PAIR.search(one.key) and one.key not in given}
+    for name, one in described.components.items() if is_circuit(described) else ():
+        known = one.numbers(described.ambient.pressure_pa)
+        keys = (each["key"] for each in one.entry["parameters"] if each["within"])
+        out |= {f"components.{name}.{key}" for key in keys if key not in known}
+    return out
+
+
+def _lowest_commands(circuit: Circuit) -> dict[str, int]:
+    """Return the lowest command of each component that has one: -1, or 0 of one that is on or off."""
+    try:
+        bounds = {one.name: one.bounds for one in start(circuit, None).variables if one.kind == "input"}
+    except PneudriveError:  # Simulate says why it cannot run
+        bounds = {}
+    return {name: 0 if "not less than 0" in bounds.get(f"{name}.{COMMAND}", "") else -1 for name in circuit.commandable}
 
 
 def _owners(described: Drive | Circuit) -> Callable[[str], str]:
@@ -127,20 +172,48 @@ def edited(text: str, key: str, value: str | float) -> str:
         document = tomlkit.parse(text)
     except TOMLKitError:
         raise CommandError("the text is not TOML", remedy="Correct the lines that are marked first.") from None
-    *tables, last = key.split(".")
     at: Any = document
-    for name in tables:
-        if name not in at:
-            at[name] = tomlkit.table()
+    *tables, last = _written_as(document, key)
+    while tables or last not in at:
+        name = tables[0] if tables else last
+        # dead_volume_a, of a file with dead_volume = { a = ..., b = ... }
+        outer = next((one for one, own in at.items() if hasattr(own, "keys") and name.startswith(f"{one}_")), None)
+        if name not in at and outer is not None:
+            name, inner = outer, name.removeprefix(f"{outer}_")
+            tables, last = ([inner, *tables[1:]], last) if tables else ([], inner)
+        elif tables:
+            tables.pop(0)
+            if name not in at:
+                at[name] = tomlkit.inline_table() if isinstance(at, InlineTable) else tomlkit.table()
+        else:
+            break
         at = at[name]
-        if not hasattr(at, "keys"):
-            raise CommandError(f"{key}: {name} is not a table in this file", remedy="Change it in the text.")
+        if not hasattr(at, "keys") or hasattr(at.get("value"), "keys"):
+            raise CommandError(f"{key}: {name} is not a table of values in this file", remedy="Change it in the text.")
+    if last == "kind":
+        at.pop("model", None)  # of a tube of a drive: the same in other words
     old = at.get(last)
     if hasattr(old, "keys") and "value" in old:  # a value with its origin: what it said holds no longer
         old["value"] = value
     else:
         at[last] = value
     return tomlkit.dumps(document)
+
+
+def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
+    """Return the parts of the key under which a text has a value: in a table of copies, or in a table of a drive."""
+    names = key.split(".")
+    if names[0] != "components" or len(names) < 3:
+        return names
+    tables = document.unwrap()
+    own = tables.get("components", {})
+    if not isinstance(own, dict):
+        raise CommandError("components is not a table in this file", remedy="Change it in the text.")
+    if names[1] in own:
+        return names
+    lists = {name: table.get("copies") for name, table in own.items() if isinstance(table, dict)}
+    many = [name for name, copies in lists.items() if isinstance(copies, list) and names[1] in copies]
+    return [names[0], many[0], *names[2:]] if many else str(expanded(tables, Problems()).located(key)).split(".")
 
 
 def text_at(workspace: Workspace, path: str) -> tuple[str, str | None]:

@@ -140,7 +140,7 @@ def map_slice(workspace: Workspace, name: str, fit_name: str, speed_m_s: float) 
     found, (fit, _) = shown_map(path, fit_name), _fit_beside(path, fit_name)
     gauges = np.array([one["gauges"] for one in found["groups"]])
     along = int(np.ptp(gauges[:, 1]) >= np.ptp(gauges[:, 0]))
-    groups = []
+    groups, others = [], []
     for inside in _alike(gauges[:, [1 - along]]):
         own = [found["groups"][k] for k in inside]
         points = [
@@ -159,15 +159,16 @@ def map_slice(workspace: Workspace, name: str, fit_name: str, speed_m_s: float) 
             known = [point["gauge"] for point in points] or [np.inf, -np.inf]
             groups[-1]["curve"] = {"gauge": over.tolist(), "measured": [min(known), max(known)], **_band(said)}
             groups[-1]["curve"]["measured"] = [_number(one) for one in groups[-1]["curve"]["measured"]]
-    lowest, highest = gauges[:, along].min(), gauges[:, along].max()
-    over = f"np.linspace({float(lowest)!r}, {float(highest)!r}, {SPEEDS})"
-    other = repr(float(gauges[0, 1 - along]))
+            others.append((other, float(reach.min()), float(reach.max())))
+    pair = ", ".join([f"np.linspace(low, high, {SPEEDS})", "other"][:: 1 - 2 * along])
     python = (
         "import numpy as np\nfrom pneudrive.identify.result import FrictionFit\n\n"
         f"fit = FrictionFit.from_toml({_fit_name(name, fit_name)!r})\n"
-        f"found = fit.predict({speed_m_s!r}, {', '.join([over, other][:: 1 - 2 * along])})\n"
+        f"# gauge pressure of chamber {'ba'[along]}, and the ends of that of chamber {'ab'[along]}, Pa\n"
+        f"levels = {others!r}\n"
+        f"found = [fit.predict({speed_m_s!r}, {pair}) for other, low, high in levels]\n"
     )
-    return {"chamber": "ab"[along], "groups": groups, "python": python if fit is not None else ""}
+    return {"chamber": "ab"[along], "groups": groups, "python": python if others else ""}
 
 
 def _fit_name(map_name: str, fit_name: str) -> str:
@@ -193,7 +194,7 @@ def map_difference(workspace: Workspace, path: str, fit_name: str, other: str) -
     old, new = (shown_map(place, fit)["groups"] for place, fit in zip(places, beside, strict=True))
     fits = [_fit_beside(place, fit) for place, fit in zip(places, beside, strict=True)]
     first, second = (fit for fit, _ in fits)
-    groups = []
+    groups, pairs = [], []
     for one in old:
         pair = next((two for two in new if np.abs(np.subtract(one["gauges"], two["gauges"])).max() < SAME_PA), None)
         if pair is None:
@@ -206,20 +207,22 @@ def map_difference(workspace: Workspace, path: str, fit_name: str, other: str) -
             ends = {"friction": "value", "low": "low", "high": "high"}
             curve = {name: [_number(getattr(each, key)) for each in found] for name, key in ends.items()}
             group["curve"] = {"speed": speeds.tolist(), "measured": [low, high], **curve}
+            pairs.append(tuple(one["gauges"]))
         groups.append(group)
     if not groups:
         raise CommandError("the maps have no pair of chamber pressures in common", value=" and ".join(names))
     fit_names = list(map(_fit_name, names, beside))
-    gauges = ", ".join(repr(round(one)) + ".0" for one in old[0]["gauges"])
     python = (
         "import numpy as np\nfrom pneudrive.identify.differences import common, curve_differences\n"
         "from pneudrive.identify.result import FrictionFit\n\n"
         f"before, after = (FrictionFit.from_toml(name) for name in {fit_names!r})\n"
         f'speeds = np.geomspace(*common(before, after, "speed_m_s"), {SPEEDS})\n'
-        f"found = curve_differences(before, after, speeds, {gauges})\n"
+        f"gauges = {pairs!r}  # gauge pressures of chambers a and b, Pa\n"
+        "found = [curve_differences(before, after, speeds, *pair) for pair in gauges]\n"
     )
     command = shlex.join(["pneudrive", "compare", *map(safe, fit_names)])
-    return {"groups": groups, "fit": " ".join(why for _, why in fits if why), "command": command, "python": python}
+    about = {"groups": groups, "fit": " ".join(why for _, why in fits if why)}
+    return about | {"command": command if pairs else "", "python": python if pairs else ""}
 
 
 def _paired(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -14,10 +14,9 @@ from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.trajectory import meaning
 from pneudrive.units import readable
 from pneudrive.web.asked_run import AskedRun, RunLimit
-from pneudrive.web.beside import AskedBeside
+from pneudrive.web.beside import AskedBeside, drawn_columns
 from pneudrive.web.guard import PROTOCOL
 from pneudrive.web.messages import pack, problems_of
-from pneudrive.web.tiles import per_pixel
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -166,7 +165,7 @@ def frame_of(run: Run, pixels: int, head: dict[str, Any], beside: dict[str, Any]
     ends = {name: float(values[-1]) for name, values in columns.items()}
     return pack(
         {**head, **told, "panels": panels, "ends": ends, "hash": about["description_hash"]},
-        {**per_pixel(columns, pixels), **beside},
+        {**drawn_columns(columns, pixels), **beside},
     )
 
 

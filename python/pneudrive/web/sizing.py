@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
-from pneudrive.sizing.folder import ABOUT, LINES, read_choice
+from pneudrive.files.lock import is_held
+from pneudrive.sizing.folder import ABOUT, LINES, LOCK, read_choice
 from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, SizedDrive, set_to
 from pneudrive.sizing.search import DRAWS_BEST_OF, is_of_command
 from pneudrive.sizing.task import SizingTask, follows_from, values_of
@@ -44,6 +45,8 @@ def size_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
             raise CommandError(f"{name} = {value} is out of bounds", rule=f"a whole number, 1 to {most}")
     if folder is None:
         out, is_new = f"{RESULTS}/{folder_name(given.get('name'))}", True
+    elif is_held(workspace.folder(folder) / LOCK):
+        raise CommandError(f"a process searches in {folder} already", remedy="Wait until it ends.")
     elif workspace.folder(folder).is_dir():
         out, is_new = folder, False
     else:
@@ -97,6 +100,7 @@ def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
             "candidates": [_candidate(one, places.get(one.name), name) for one in simulated],
             "short": short,
             "done": bool(summary),
+            "searched": is_held(folder / LOCK),
             "feasible": summary.get("feasible"),
             "complete": summary.get("complete", True),
             "miss": summary.get("miss"),

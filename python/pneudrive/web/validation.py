@@ -30,11 +30,11 @@ from pneudrive.validate.signals import Signals
 from pneudrive.validate.simulation import run_model
 from pneudrive.validate.validation import CHANNELS
 from pneudrive.web.asked_run import MOST_PIXELS, WRONG_REQUEST, check_changes, described_at, with_changes
+from pneudrive.web.beside import drawn_columns
 from pneudrive.web.description import field_of
 from pneudrive.web.jobs import MOST_RECORDINGS, RESULTS, AskedJob, folder_name
 from pneudrive.web.messages import pack, plain
 from pneudrive.web.recordings import layout_in
-from pneudrive.web.tiles import per_pixel
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, is_in_catalogue, safe
 
 if TYPE_CHECKING:
@@ -318,7 +318,7 @@ def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> 
     time = columns["time_s"]
     begin, end = np.searchsorted(time, [span[0], span[1]])
     rows = slice(max(int(begin) - 1, 0), max(int(end) + 1, int(begin) + 2))
-    return pack(head, per_pixel({key: values[rows] for key, values in columns.items()}, pixels))
+    return pack(head, drawn_columns({key: values[rows] for key, values in columns.items()}, pixels))
 
 
 @lru_cache(maxsize=4)

@@ -1,0 +1,57 @@
+"""Locks of folders: held by the kernel (`flock`) while a process works there, and freed when that process ends."""
+
+from __future__ import annotations
+
+import errno
+import os
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+TRIES, TRY_AGAIN_S = 5, 0.05
+
+
+def take(file: int) -> bool:
+    """Take the lock of an open file; try a few times, because `is_held` takes it for a moment.
+
+    Raises
+    ------
+    OSError
+        The file system has no locks.
+    """
+    import fcntl
+
+    def attempt() -> bool:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno in (errno.EAGAIN, errno.EACCES):
+                return False
+            raise
+        return True
+
+    for _ in range(TRIES - 1):
+        if attempt():
+            return True
+        time.sleep(TRY_AGAIN_S)
+    return attempt()
+
+
+def is_held(path: Path) -> bool:
+    """Return whether a process holds the lock of a file. The lock does not change."""
+    import fcntl
+
+    try:
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)  # opening it does not block, whatever it is
+    except OSError:
+        return False
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError as error:
+        return error.errno in (errno.EAGAIN, errno.EACCES)
+    else:
+        return False
+    finally:
+        os.close(file)
