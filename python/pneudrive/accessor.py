@@ -61,9 +61,14 @@ class Pneu:
         (0.25, 250.0, 'mm', 'bar')
         """
         changed: dict[str, xr.DataArray] = {}
+        columns = {name: values for name, values in self._run.variables.items() if values.dtype.kind in "iuf"}
         for unit in wanted:
+            if not isinstance(unit, str):
+                raise CommandError(
+                    f"the unit {unit!r} is not a text", remedy='Write for instance run.pneu.to("bar", "mm").'
+                )
             before = len(changed)
-            for name, values in self._run.variables.items():
+            for name, values in columns.items():
                 try:
                     factor, offset = units.converter(unit, _si(values))
                 except DescriptionError:  # of another quantity
@@ -73,7 +78,7 @@ class Pneu:
             if len(changed) == before:
                 raise CommandError(
                     f'no column of this run is converted to "{unit}"',
-                    rule=f"a unit of {', '.join(sorted({_si(one) for one in self._run.variables.values()}))}",
+                    rule=f"a unit of {', '.join(sorted({_si(one) for one in columns.values()}))}",
                 )
         return self._run.assign_coords({k: v for k, v in changed.items() if k in self._run.coords}).assign(
             {k: v for k, v in changed.items() if k not in self._run.coords}
@@ -90,7 +95,9 @@ class Pneu:
         Returns
         -------
         list of StrokeNumbers
-            Numbers as datasheets and reports show them, in the order of time; see `pneudrive.datasheet.strokes`.
+            Numbers as datasheets and reports show them, in the order of time; see `pneudrive.datasheet.strokes`. A run
+            without ``attrs["command_steps"]`` shows a command only at its samples: `begin_within` is then their
+            interval.
 
         Raises
         ------
@@ -111,9 +118,14 @@ class Pneu:
                 remedy="Give the drive that was simulated.",
             )
         time, command = (self._run[name].to_numpy() for name in ("time", "command"))
-        begins = [float(time[0]), *(float(time[k + 1]) for k in np.flatnonzero(np.diff(command)))]
+        steps = self._run.attrs.get("command_steps")
+        if steps is None:
+            changes = [(float(time[k + 1]), float(time[k + 1] - time[k])) for k in np.flatnonzero(np.diff(command))]
+        else:
+            changes = [(at, 0.0) for at, _ in steps if time[0] < at < time[-1]]
+        begins, within = zip((float(time[0]), 0.0), *changes, strict=True)
         ends = [*begins[1:], math.inf]
-        return [stroke_of(self._run, drive, *span) for span in zip(begins, ends, strict=True)]
+        return [stroke_of(self._run, drive, *span) for span in zip(begins, ends, within, strict=True)]
 
     def energy(self) -> dict[str, UnitFloat]:
         """Return the accounts of energy of the run: heat, work and enthalpy over its boundary, positive inward.

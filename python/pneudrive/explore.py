@@ -146,7 +146,7 @@ def explore(
     duration: str | float = "2 s",
     *,
     initial: Initial | Mapping[str, object] | str | None = None,
-    sliders: Sequence[str] = (),
+    sliders: str | Sequence[str] = (),
 ) -> Explorer:
     """Show a drive in a notebook with sliders; its run follows them.
 
@@ -156,8 +156,8 @@ def explore(
         What is simulated.
     command, duration, initial
         As `pneudrive.simulate` takes them; the run is short enough to follow a slider: 2 s on the clock.
-    sliders : sequence of str
-        Numbers of the description, such as ``"friction.coulomb"``; by default friction, supply and mass.
+    sliders : str or sequence of str
+        Number or numbers of the description, such as ``"friction.coulomb"``; by default friction, supply and mass.
 
     Returns
     -------
@@ -177,7 +177,7 @@ def explore(
     >>> shown.drive.friction.coulomb
     30 N
     """
-    made = Explorer(drive, command, duration, initial, sliders)
+    made = Explorer(drive, command, duration, initial, (sliders,) if isinstance(sliders, str) else sliders)
     if sliders:
         made.begin()
     return made

@@ -38,6 +38,8 @@ ACCESSOR = "pneudrive.accessor"
 #: Error of a ledger above which there is a warning: absolute, and as a multiple of the tolerance (assumed).
 ENERGY_CLOSES, ENERGY_RTOL = 1e-3, 300.0
 SOLVER = "Rodas5P"
+#: Steps of a command up to which a run keeps them.
+MOST_STEPS = 1000
 #: Columns that are given, not solved for.
 UNDIFFERENTIATED = ("time_s", "command")
 
@@ -154,10 +156,10 @@ def simulate(
         Dimension time (round(duration * sample_rate) + 1 samples, the last one at the duration), variables position,
         velocity, acceleration, pressure_a, temperature_a, ..., each with ``units`` and ``long_name``; SI, absolute
         pressure. Its ``attrs`` hold description_hash, version, solver, rtol, statistics, warnings, citations, assumed,
-        and impacts: each contact with an end stop as a dict of time_s, end ("a" or "b"), speed_m_s (at first touch),
-        energy_j (kinetic, of the moving mass and load), depth_m and peak_force_n (the largest until it leaves), and
-        met_cover: whether the stop was pressed through. A contact slower than 1 mm/s that does not press the stop
-        through is not listed.
+        command_steps of a drive (time in s and command of each change, up to 1000 of them), and impacts: each contact
+        with an end stop as a dict of time_s, end ("a" or "b"), speed_m_s (at first touch), energy_j (kinetic, of the
+        moving mass and load), depth_m and peak_force_n (the largest until it leaves), and met_cover: whether the stop
+        was pressed through. A contact slower than 1 mm/s that does not press the stop through is not listed.
 
     Raises
     ------
@@ -251,7 +253,8 @@ def run(
         values = [one.value for one in differentiator.parameters]
         columns = [name for name in result["columns"] if name not in UNDIFFERENTIATED]
         by_numbers = differentiator.run(values, result["columns"]["time_s"], columns, watch=watch)
-    return Run(result["columns"], _provenance(drive, result, rtol), meanings, by_numbers)
+    known = {} if is_circuit(drive) else _steps(*(plan[0][0][1:] if drive.has_lines else plan))
+    return Run(result["columns"], _provenance(drive, result, rtol) | known, meanings, by_numbers)
 
 
 def _plan(drive: Drive | Circuit, command: Any, asked: list[float] | None) -> tuple[Any, ...]:  # noqa: ANN401
@@ -261,6 +264,12 @@ def _plan(drive: Drive | Circuit, command: Any, asked: list[float] | None) -> tu
         return ([(f"{name}.command", list(times), list(values)) for name, (times, values) in named],)
     steps = commands.steps(command, asked, drive.valve.command)
     return ([("valve.command", *map(list, steps))],) if drive.has_lines else steps
+
+
+def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[list[float]]]:
+    """Return the changes of a command for the provenance, which the samples show only at the next one."""
+    found = [[t, values[i]] for i, t in enumerate(times) if not i or values[i] != values[i - 1]]
+    return {"command_steps": found} if len(found) <= MOST_STEPS else {}
 
 
 def _in_short(result: SimulationResult) -> None:

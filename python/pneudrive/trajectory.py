@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.errors import CommandError, RecordingError, nearest
+from pneudrive.errors import CommandError, RecordingError, nearest, warn
 from pneudrive.files.seal import BLANK, SEAL, put_seal, sealed_parquet
 
 if TYPE_CHECKING:
@@ -52,9 +52,12 @@ MEANING: dict[str, tuple[str, str, str]] = {
 }
 _SUFFIXES = {
     "_kg_s": "kg/s",
+    "_m_s3": "m/s^3",
     "_m_s2": "m/s^2",
     "_m_s": "m/s",
     "_n_s": "N s",
+    "_pa_s": "Pa/s",
+    "_1_s": "1/s",
     "_pa": "Pa",
     "_kg": "kg",
     "_m": "m",
@@ -64,7 +67,9 @@ _SUFFIXES = {
     "_j": "J",
 }
 #: Attributes of a run that are lists or tables.
-STRUCTURED = frozenset(("statistics", "warnings", "impacts", "citations", "assumed", "labels", "identified", "ledger"))
+STRUCTURED = frozenset(
+    ("statistics", "warnings", "impacts", "citations", "assumed", "labels", "identified", "ledger", "command_steps")
+)
 SUFFIXES = (".parquet", ".csv", ".nc")
 TABLES = {".parquet": "parquet", ".nc": "netcdf"}
 
@@ -94,7 +99,7 @@ def meaning(column: str) -> tuple[str, str, str]:
 
 
 def columns(run: xr.Dataset) -> dict[str, np.ndarray]:
-    """Return the columns of a trajectory's file, time first.
+    """Return the columns of a trajectory's file, time first; what is not over time alone has none.
 
     Raises
     ------
@@ -104,7 +109,8 @@ def columns(run: xr.Dataset) -> dict[str, np.ndarray]:
     check_si(run)
     out = {"time_s": run["time"].to_numpy()}
     for name, variable in run.data_vars.items():
-        out[variable.attrs.get("column", name)] = variable.to_numpy()
+        if variable.dims == ("time",):
+            out[variable.attrs.get("column", name)] = variable.to_numpy()
     return out
 
 
@@ -173,6 +179,11 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
     ------
     CommandError
         Unknown suffix, or the file cannot be written.
+
+    Warns
+    -----
+    PneudriveWarning
+        Parquet and CSV leave out what is not over time alone, such as derivatives.
     """
     target = check_target(path)
     check_si(run)
@@ -180,7 +191,7 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
         flat = run.copy()
         flat.attrs = {key: _flat(value) for key, value in run.attrs.items()}
         checked = {
-            str(name): {"fletcher32": True} for name, v in flat.variables.items() if v.ndim and v.dtype != object
+            str(name): {"fletcher32": True} for name, v in flat.variables.items() if v.ndim and v.dtype.kind in "iuf"
         }
         image = flat.to_netcdf(
             engine="h5netcdf", encoding=checked
@@ -188,6 +199,10 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
         with whole(target) as temporary:
             temporary.write_bytes(image)
         return target
+    if left_out := [str(name) for name, variable in run.data_vars.items() if variable.dims != ("time",)]:
+        warn(
+            f"{target.name} leaves out {', '.join(left_out)}: its table has one dimension, time. Write the run as .nc."
+        )
     return save_columns(columns(run), run.attrs, target)
 
 

@@ -109,6 +109,10 @@ KINDS: dict[str, tuple[str, str]] = {
     "m^3/s ANR": ("a flow of normal litres", "700 l/min ANR"),
 }
 
+#: Rules of messages for a pressure, and for a difference of two, which has neither abs nor gauge.
+PRESSURE_NEEDED = 'a pressure is needed, e.g. "7 bar abs"'
+_DIFFERENCE_NEEDED = 'a difference of pressures is needed, without abs or gauge, e.g. "0.3 bar"'
+
 _NUMBER = re.compile(
     r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:infinity|inf|nan)\b)(?![\d.,])\s*(.*?)\s*$", re.IGNORECASE
 )
@@ -274,8 +278,8 @@ def column_name(name: str, unit: str) -> str:
 
 
 def needed(si_unit: str) -> str:
-    """Return the rule of a message: ``a length is needed, e.g. "25 mm"``."""
-    return kind(si_unit).replace(", e.g.", " is needed, e.g.", 1)
+    """Return the rule of a message: ``a length is needed, e.g. "25 mm"``; in Pa, a difference of two pressures."""
+    return _DIFFERENCE_NEEDED if si_unit == "Pa" else kind(si_unit).replace(", e.g.", " is needed, e.g.", 1)
 
 
 def parse(text: str, si_unit: str) -> float:
@@ -333,15 +337,19 @@ def parse_pressure(text: str) -> Pressure:
     3 bar abs
     """
     words = text.split()
-    if not words or words[-1] not in {"abs", "gauge"}:
+    try:
+        if words and words[-1] in {"abs", "gauge"}:
+            return Pressure(parse(" ".join(words[:-1]), "Pa"), gauge=words[-1] == "gauge")
         number, unit = _split(text, "Pa")
         converter(unit, "Pa")  # a wrong dimension is the greater mistake: report that first
-        raise DescriptionError(
-            f'pressure "{text}" does not say abs or gauge',
-            rule="a pressure is absolute (abs) or above ambient (gauge)",
-            remedy=f'Write "{number} {unit} abs" or "{number} {unit} gauge".',
-        )
-    return Pressure(parse(" ".join(words[:-1]), "Pa"), gauge=words[-1] == "gauge")
+    except DescriptionError as error:
+        rule = PRESSURE_NEEDED if error.rule == _DIFFERENCE_NEEDED else error.rule
+        raise DescriptionError(error.what, rule=rule, remedy=error.remedy) from None
+    raise DescriptionError(
+        f'pressure "{text}" does not say abs or gauge',
+        rule="a pressure is absolute (abs) or above ambient (gauge)",
+        remedy=f'Write "{number} {unit} abs" or "{number} {unit} gauge".',
+    )
 
 
 def parse_range(text: str, si_unit: str) -> tuple[float, float]:
@@ -581,8 +589,8 @@ def _registry() -> pint.UnitRegistry:
 
 
 def _converter_pint(unit: str, si_unit: str) -> tuple[float, float]:
-    if unit.endswith((" abs", " gauge")) and si_unit != "Pa":
-        raise _wrong_dimension(unit, si_unit, "a pressure")
+    if unit.endswith((" abs", " gauge")):
+        raise _wrong_dimension(unit, si_unit, "a pressure, not a difference" if si_unit == "Pa" else "a pressure")
     if _ZERO_CELSIUS_LITRE.search(unit) or (si_unit == "m^3/s ANR" and not unit.endswith("ANR")):
         raise DescriptionError(
             f'"{unit}" lacks the reference pressure and temperature of the volume',

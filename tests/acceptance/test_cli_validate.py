@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -16,6 +17,8 @@ from pneudrive.describe import toml
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.validate.static import law_n
+
+CIRCUIT = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +104,15 @@ def test_export_of_a_drive_goes_to_the_terminal_or_a_file(bench, capsys):
         ),
         (["export", "DRIVE", "--to", "csv", "--pressure-a", "3 bar abs"], "is an absolute pressure"),
         (["export", "RUN", "--to", "csv"], "the file is binary"),
+        (["export", "DRIVE", "--to", "fmu", "--out", "x.fmu", "--pressure-a", "3 bar gauge"], "--initial"),
+        (
+            ["export", "DRIVE", "--to", "fmu", "--out", "x.fmu", "--speeds", "1 mm/s .. 2 mm/s"],
+            "--speeds has no effect",
+        ),
+        (["export", "DRIVE", "--to", "st", "--initial", "position = 1 mm"], "--initial has no effect with --to st"),
+        (["export", "DRIVE", "--to", "c", "--out", "x", "--actuator"], "--actuator has no effect with --to c"),
+        (["export", "DRIVE", "--to", "c", "--out", "x", "--fmi", "2.0"], "--fmi has no effect with --to c"),
+        (["export", str(CIRCUIT), "--to", "st", "--speeds", "1 mm/s .. 2 mm/s"], "describes a circuit"),
     ],
 )
 def test_wrong_wishes_end_with_one_message_and_status_2(bench, capsys, words, message):

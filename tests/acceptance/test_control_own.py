@@ -295,6 +295,8 @@ def test_what_cannot_be_exported_is_said(tmp_path, capsys):
     export = ["control", "export", "--to", "c", "--out", str(tmp_path)]
     assert run([*export, "nmpc", "--drive", str(AXIS)]) == 2
     assert "nmpc cannot be exported" in capsys.readouterr().err
+    assert run([*export, "pid", "--drive", str(AXIS), "--fmi", "3.0"]) == 2
+    assert "--fmi has no effect with --to c" in capsys.readouterr().err
     assert run([*export, "pid"]) == 2
     assert "--drive" in capsys.readouterr().err
     assert run(["control", "export", "pid", "--drive", str(AXIS), "--to", "ada", "--out", str(tmp_path)]) == 2

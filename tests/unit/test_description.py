@@ -247,3 +247,11 @@ def test_drives_recordings_and_rigs_that_say_nothing_stand_in_the_same_air():
         kind: {f.name: f.default for f in fields(kind)}["ambient_pressure_pa"] for kind in (Recording, Identity)
     }
     assert {*defaults.values(), pn.Ambient().pressure_pa} == {101325.0}
+
+
+def test_a_text_in_place_of_a_file_is_told():
+    text = pn.Drive.load("catalogue:reference").to_toml()
+    with pytest.raises(DescriptionError, match="this is a text of several lines"):
+        pn.Drive.load(text)
+    with pytest.raises(DescriptionError, match="there is no file"):
+        pn.Drive.load(f"folder/{'x' * 5000}/drive.toml")

@@ -50,3 +50,14 @@ def test_what_has_no_derivative_is_said():
     of = pn.Differentiable(DRIVE, **ASKED, vary=["friction.coulomb"], outputs=["time_when(position > 0.4999 m)"])
     with pytest.raises(SimulationError, match="never above"):
         of(of.start)
+
+
+def test_a_default_start_is_held_here_and_follows_the_ambient_air_in_an_ensemble():
+    asked, name = {"command": "0.6", "duration": "0.05 s"}, "ambient.pressure"
+    old, new = (DRIVE.replace({name: f"{p} Pa abs"}) for p in (100_000, 90_000))
+    held = {"pressure_a": "100000 Pa abs", "pressure_b": "100000 Pa abs"}
+    here = pn.Differentiable(old, **asked, vary=[name], outputs=["final(position)"])([90_000.0])[0]
+    there = pn.simulate_many(old, **asked, vary={name: np.array([90_000.0])}, outputs=["final(position)"])
+    assert here == pytest.approx(float(pn.simulate(new, **asked, initial=held).position[-1]), abs=1e-7)
+    assert float(there.final_position[0]) == pytest.approx(float(pn.simulate(new, **asked).position[-1]), abs=1e-7)
+    assert abs(here - float(there.final_position[0])) > 1e-5

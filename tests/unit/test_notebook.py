@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import pneudrive as pn
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, PneudriveWarning
 from pneudrive.trajectory import save
 
 COMMAND = "0 s: 0.6, 1 s: -0.6"
@@ -131,3 +131,50 @@ def test_without_a_live_notebook_sliders_are_text(drive, monkeypatch):
     assert bundle["text/html"].startswith("<svg ")
     with pytest.raises(CommandError, match=r'"friction\.law" has no slider'):
         pn.explore(drive, sliders=["friction.law"])
+
+
+@pytest.mark.parametrize("rate", ["50 Hz", "1 kHz"])
+def test_a_stroke_begins_at_its_command_and_not_at_the_next_sample(drive, rate):
+    """Its time is then that of the contact less that of the command, at any rate of the samples."""
+    run = pn.simulate(drive, [(0.0, 0.6), (1.00037, -0.6)], "2 s", sample_rate=rate)
+    back = run.pneu.strokes(drive)[1]
+    touched = next(one["time_s"] for one in run.attrs["impacts"] if one["end"] == "a")
+    assert back.stroke_time == pytest.approx(touched - 1.00037, abs=1e-12)
+    fine = pn.simulate(drive, [(0.0, 0.6), (1.00037, -0.6)], "2 s", sample_rate="100 kHz").pneu.strokes(drive)[1]
+    assert back.way == pytest.approx(fine.way, abs=1e-5)
+    assert back.dead_time == pytest.approx(fine.dead_time, rel=0.05)
+    assert back.begin_within == 0.0
+
+
+def test_a_run_that_shows_its_command_only_at_samples_says_how_late_that_is(drive):
+    run = pn.simulate(drive, [(0.0, 0.6), (1.00037, -0.6)], "2 s", sample_rate="50 Hz")
+    told = run.attrs["command_steps"]
+    assert told == [[0.0, 0.6], [1.00037, -0.6]]
+    older = run.assign_attrs({})
+    del older.attrs["command_steps"]
+    away, back = older.pneu.strokes(drive)
+    assert (away.begin_within, back.begin_within) == pytest.approx((0.0, 0.02))
+    assert "may be longer by up to 0.02 s" in str(back)
+    exact = run.pneu.strokes(drive)[1].stroke_time
+    assert back.stroke_time < exact < back.stroke_time + back.begin_within
+
+
+def test_a_run_with_derivatives_is_used_and_written_as_any_other(drive, tmp_path):
+    plain = pn.simulate(drive, COMMAND, "2 s")
+    run = pn.simulate(drive, COMMAND, "2 s", sensitivities=["friction.coulomb", "load.mass"])
+    assert run.pneu.strokes(drive) == plain.pneu.strokes(drive)
+    assert float(run.pneu.to("%", "mm").command[0]) == pytest.approx(60.0)
+    with pytest.raises(CommandError, match="the unit 5 is not a text"):
+        run.pneu.to(5)
+    xr.testing.assert_equal(xr.load_dataset(save(run, tmp_path / "run.nc")), run)
+    for name in ("run.csv", "run.parquet"):
+        with pytest.warns(PneudriveWarning, match=rf"{name} leaves out .*sensitivity_position.* as \.nc"):
+            save(run, tmp_path / name)
+    save(plain, tmp_path / "plain.csv")
+    assert (tmp_path / "run.csv").read_bytes() == (tmp_path / "plain.csv").read_bytes()
+
+
+def test_one_slider_needs_no_list(drive):
+    assert [one["key"] for one in pn.explore(drive, sliders="friction.coulomb").begin()["sliders"]] == [
+        "friction.coulomb"
+    ]

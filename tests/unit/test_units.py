@@ -88,3 +88,13 @@ def test_ranges():
     assert units.parse_range("5 mm .. 30 mm", "m") == (0.005, 0.03)
     with pytest.raises(DescriptionError, match="is empty"):
         units.parse_range("30 mm .. 5 mm", "m")
+
+
+@pytest.mark.parametrize("text", ["10700 Pa abs", "40 psi gauge"])
+def test_a_difference_of_pressures_has_its_own_rule(text):
+    with pytest.raises(DescriptionError, match="is a pressure, not a difference") as told:
+        units.parse(text, "Pa")
+    assert 'without abs or gauge, e.g. "0.3 bar"' in told.value.rule
+    with pytest.raises(DescriptionError, match='"s" is a time') as told:
+        units.parse_pressure("3 s abs")
+    assert told.value.rule == 'a pressure is needed, e.g. "7 bar abs"'

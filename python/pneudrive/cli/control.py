@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from pneudrive.cli.groups import group
-from pneudrive.cli.options import CatalogueFolders, Described, names_in
+from pneudrive.cli.options import CatalogueFolders, Described, check_used, names_in
 from pneudrive.cli.output import show_table, tell
 from pneudrive.show import aligned
 
@@ -268,6 +268,7 @@ def reference(
 
 
 def export(
+    context: typer.Context,
     controller: Annotated[
         str, typer.Argument(help="Controller file (TOML), or the name of a law.", metavar="FILE|LAW")
     ],
@@ -294,6 +295,7 @@ def export(
     from pneudrive.control.tuning import tune as tuned
     from pneudrive.describe.load import load_described
 
+    check_used(context, to, {"fmi": (("fmu",), "Remove it, or write --to fmu.")})
     file = controller if controller.endswith(".toml") else None
     described = believed_by(file) if drive is None else load_described(drive)
     found = tuned(described, None if file else controller, setup=setup, controller=file)

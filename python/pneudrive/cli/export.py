@@ -8,13 +8,23 @@ from typing import Annotated
 
 import typer
 
-from pneudrive.cli.options import option
+from pneudrive.cli.options import check_used, option
 
-#: Tools that take a whole drive.
-_WHOLE = ("fmu", "c")
+#: Tools that take a whole drive, and those that take its friction.
+_WHOLE, _FRICTION = ("fmu", "c"), ("simscape", "modelica", "csv", "st")
+#: Parameter of the command -> tools that use it, and what to do for another one.
+_USED = {
+    "pressure_a": (_FRICTION, 'Remove it; a start pressure is --initial "pressure_a = 3 bar abs".'),
+    "pressure_b": (_FRICTION, 'Remove it; a start pressure is --initial "pressure_b = 3 bar abs".'),
+    "speeds": (_FRICTION, "Remove it: a whole drive runs at every speed."),
+    "initial": (_WHOLE, "Remove it: friction alone has no start; its pressures are --pressure-a and --pressure-b."),
+    "fmi": (("fmu",), "Remove it, or write --to fmu."),
+    "actuator": (("fmu",), "Remove it, or write --to fmu."),
+}
 
 
 def export(
+    context: typer.Context,
     source: Annotated[str, typer.Argument(help="Fit (fit.toml), or drive file.", metavar="FIT|DRIVE")],
     to: Annotated[
         str,
@@ -44,6 +54,7 @@ def export(
 ) -> None:
     """Write friction as another tool's law, with its error and losses; or a drive as an FMU or for C."""
     if to in _WHOLE:
+        check_used(context, to, _USED)
         _export_whole(source, to, out, fmi, actuator, initial)
         return
     from pneudrive.describe.drive import Drive
@@ -55,6 +66,7 @@ def export(
     from pneudrive.units import parse_pressure, parse_range
 
     check_tool(to)
+    check_used(context, to, _USED)
 
     def gauge(text: str | None, name: str) -> float | None:
         if text is None:

@@ -11,7 +11,7 @@ import typer
 from pneudrive.errors import CommandError, DescriptionError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
 Value = TypeVar("Value")
 
@@ -68,6 +68,30 @@ def one_of(option: str, word: str, known: Mapping[str, Value]) -> Value:
     if word not in known:
         raise CommandError(f"{option} {word} is not known", remedy=nearest(word, known))
     return known[word]
+
+
+def check_used(context: typer.Context, to: str, used: Mapping[str, tuple[Sequence[str], str]]) -> None:
+    """Refuse a given option that the target of an export does not use.
+
+    Parameters
+    ----------
+    context : typer.Context
+    to : str
+        Target of the export.
+    used : mapping
+        Parameter of the command -> targets that use it, and what to do for another one.
+
+    Raises
+    ------
+    CommandError
+        An option has no effect.
+    """
+    for name, (targets, remedy) in used.items():
+        source = context.get_parameter_source(name)
+        if to not in targets and source is not None and source.name == "COMMANDLINE":
+            flag = f"--{name.replace('_', '-')}"
+            rule = f"{flag} is for --to {', '.join(targets)}"
+            raise CommandError(f"{flag} has no effect with --to {to}", rule=rule, remedy=remedy)
 
 
 def names_in(text: str) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,6 +30,8 @@ DEPARTED, RISEN_FROM, RISEN_TO, NEARLY = 0.002, 0.1, 0.9, 0.99
 BAND = 0.01
 #: A piston that stops closer to the cover than this share of the stroke has arrived, even without an impact.
 ARRIVED = 1e-3
+#: Share of the interval of the samples below which a beginning lies on a sample: rounding.
+SAME_TIME = 1e-6
 LITRE = 1e-3  # m3
 LAST_SAMPLES = 6  # whose slope is the end speed where no velocity was measured
 
@@ -63,6 +65,9 @@ class StrokeNumbers(Shown):
         See `STROKE_MEANING`.
     overshoot, way, mean_speed, top_speed, end_speed, end_energy, peak_pressure_a, peak_pressure_b : float
         See `STROKE_MEANING`. Speeds are positive.
+    begin_within : float
+        Time in s by which the command may have come before the beginning of the stroke: the interval of the samples
+        where they alone show the command. Times from the command may be longer by as much.
     """
 
     direction: int
@@ -79,19 +84,23 @@ class StrokeNumbers(Shown):
     end_energy: float
     peak_pressure_a: float
     peak_pressure_b: float
+    begin_within: float = 0.0
 
     def to_dict(self) -> dict[str, float]:
-        """Return the numbers by name, without the direction."""
-        return {name: value for name, value in asdict(self).items() if name != "direction"}
+        """Return the numbers by name, without the direction and `begin_within`."""
+        return {name: value for name, value in asdict(self).items() if name in STROKE_MEANING}
 
     def _card(self) -> Card:
         where = "b" if self.direction > 0 else "a"
         units = {name: unit for name, (unit, _) in STROKE_MEANING.items()}
         rows = [(name, f"{value:.5g} {units[name]}") for name, value in self.to_dict().items() if not math.isnan(value)]
-        return Card(f"stroke towards the end of chamber {where}", rows=rows)
+        late = f"times from the command may be longer by up to {self.begin_within:.3g} s, the interval of the samples"
+        return Card(f"stroke towards the end of chamber {where}", rows=rows, notes=[late] if self.begin_within else [])
 
 
-def stroke_of(run: xr.Dataset, drive: Drive, begin_s: float = 0.0, end_s: float = math.inf) -> StrokeNumbers:
+def stroke_of(
+    run: xr.Dataset, drive: Drive, begin_s: float = 0.0, end_s: float = math.inf, within_s: float = 0.0
+) -> StrokeNumbers:
     """Return the numbers of one stroke of a simulated drive.
 
     Parameters
@@ -102,6 +111,8 @@ def stroke_of(run: xr.Dataset, drive: Drive, begin_s: float = 0.0, end_s: float 
         The same drive: its stroke and its masses.
     begin_s, end_s : float
         Time of the command that starts the stroke, and of the next one.
+    within_s : float
+        `begin_within` of the result.
 
     Returns
     -------
@@ -123,7 +134,8 @@ def stroke_of(run: xr.Dataset, drive: Drive, begin_s: float = 0.0, end_s: float 
     0.2084
     """
     impacts = [one for one in run.attrs["impacts"] if begin_s <= one["time_s"] < end_s]
-    return stroke_numbers(columns_of(run), drive.cylinder.stroke_m, moving_mass(drive), begin_s, end_s, impacts)
+    found = stroke_numbers(columns_of(run), drive.cylinder.stroke_m, moving_mass(drive), begin_s, end_s, impacts)
+    return replace(found, begin_within=within_s)
 
 
 def moving_mass(drive: Drive) -> float:
@@ -152,7 +164,8 @@ def stroke_numbers(
     mass_kg : float
         Moving mass with its load.
     begin_s, end_s : float
-        Time of the command that starts the stroke, and of the next one.
+        Time of the command that starts the stroke, and of the next one; between two samples, the stroke begins where
+        they are interpolated.
     impacts : sequence of mappings
         Contacts with the ends as a simulation tells them; without, a contact is where the position reaches the end.
 
@@ -165,11 +178,7 @@ def stroke_numbers(
     CommandError
         There are fewer than three samples between the times.
     """
-    time = np.asarray(columns["time_s"], dtype=float)
-    keep = (time >= begin_s) & (time <= end_s)
-    if keep.sum() < 3:
-        raise CommandError(f"a stroke from {begin_s:g} s to {end_s:g} s has {keep.sum()} samples", rule="at least 3")
-    part = {name: np.asarray(values, dtype=float)[keep] for name, values in columns.items() if np.ndim(values)}
+    part = _samples(columns, begin_s, end_s)
     t, x, v = part["time_s"], part["position_m"], part.get("velocity_m_s")
     direction = 1 if x[-1] >= x[0] else -1
     s = direction * (x - x[0])  # way done
@@ -200,6 +209,27 @@ def stroke_numbers(
         peak_pressure_a=_peak(part.get("pressure_a_pa")),
         peak_pressure_b=_peak(part.get("pressure_b_pa")),
     )
+
+
+def _samples(columns: Mapping[str, Any], begin_s: float, end_s: float) -> dict[str, Array]:
+    """Return the samples of a stroke, the first one at its beginning: interpolated if that lies between two."""
+    every = {name: np.asarray(values, dtype=float) for name, values in columns.items() if np.ndim(values)}
+    time = every["time_s"]
+    keep = (time >= begin_s) & (time <= end_s)
+    if keep.sum() < 3:
+        what = f"a stroke from {begin_s:g} s to {end_s:g} s has {keep.sum()} samples"
+        raise CommandError(what, rule="at least 3", remedy="Sample more often.")
+    part = {name: values[keep] for name, values in every.items()}
+    k = int(np.argmax(keep))
+    if k == 0 or time[k] - begin_s <= SAME_TIME * (time[k] - time[k - 1]):
+        return part
+    first = {name: np.interp(begin_s, time, values) for name, values in every.items()}
+    if "velocity_m_s" in every:
+        from scipy.interpolate import CubicHermiteSpline
+
+        t, x, v = (every[name][k - 1 : k + 1] for name in ("time_s", "position_m", "velocity_m_s"))
+        first["position_m"] = CubicHermiteSpline(t, x, v)(begin_s)
+    return {name: np.r_[first[name], values] for name, values in part.items()}
 
 
 def _contact(impacts: Sequence[Mapping[str, Any]], direction: int) -> tuple[float, float]:

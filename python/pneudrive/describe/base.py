@@ -249,7 +249,7 @@ class StatedPressure(Mark):
         if isinstance(given, units.Pressure):
             return given
         if not isinstance(given, str):
-            raise WrongValueError(f"{given!r} has no unit", rule=units.needed("Pa"))
+            raise WrongValueError(f"{given!r} has no unit", rule=units.PRESSURE_NEEDED)
         pressure = units.parse_pressure(given)
         if pressure.gauge and not self.gauge_allowed:
             raise WrongValueError(f'"{given}" is gauge, but defines the ambient pressure', remedy='Write "... abs".')

@@ -260,16 +260,22 @@ class Drive(Described):
         Raises
         ------
         DescriptionError
-            The start state does not fit the drive.
+            The start state does not fit the drive, or the contact has an age.
         """
         self.core_initial(initial)
         given = (initial or Initial()).to_dict()
-        names = {key: f"cylinder.{key}" for key in ("position", "velocity", "contact_age")}
+        age = given.pop("contact_age", None)
+        if initial is not None and initial.contact_age_s > 0.0:
+            raise wrong(
+                "initial.contact_age",
+                f"initial contact_age = {age} cannot act here: the circuit of a drive starts with a fresh contact",
+                remedy="Remove contact_age; without tubes pn.simulate takes it, and an FMU of any drive does.",
+            )
+        names = {key: f"cylinder.{key}" for key in ("position", "velocity")}
         for chamber in "ab":
             for key in ("pressure", "temperature"):
                 names[f"{key}_{chamber}"] = f"cylinder.{chamber}.{key}"
-        known = self.circuit.start_keys
-        return self.circuit.core_initial({names[k]: v for k, v in given.items() if names[k] in known})
+        return self.circuit.core_initial({names[k]: v for k, v in given.items()})
 
     def core_initial(self, initial: Initial | None) -> dict[str, float]:
         """Return the start state in the core's form, in SI, pressures absolute.

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
 
-_OF_A_CIRCUIT = ("components", "connections")
+#: Tables that make a file a circuit.
+OF_A_CIRCUIT = ("components", "connections")
 
 
 def load_described(source: str) -> Drive | Circuit:
@@ -25,7 +26,7 @@ def load_described(source: str) -> Drive | Circuit:
     DescriptionError
         The description is not valid.
     """
-    if any(toml.has(source, key) for key in _OF_A_CIRCUIT):
+    if any(toml.has(source, key) for key in OF_A_CIRCUIT):
         from pneudrive.describe.circuit import Circuit
 
         return Circuit.load(source)
@@ -52,7 +53,7 @@ def described_in(text: str, path: Path, allow: Callable[[dict[str, Any]], object
     """
     tables = toml.parse(text, str(path))
     allow(tables)
-    if any(key in tables for key in _OF_A_CIRCUIT):
+    if any(key in tables for key in OF_A_CIRCUIT):
         from pneudrive.describe.circuit import Circuit
 
         return Circuit.from_tables(tables, text, path)

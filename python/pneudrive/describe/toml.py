@@ -58,6 +58,10 @@ def read(
     """
     path = Path(path)
     if not exists(path):
+        first, more, _ = str(path).strip().partition("\n")
+        if more:
+            what = "the name of a file is needed, but this is a text of several lines"
+            raise kind(what, value=first, remedy="Save the text, and name its file.")
         raise kind(f"there is no file {path}", remedy=beside(path))
     text = read_text(path, kind, folder="Name the TOML file inside it.")
     if not text.strip():
@@ -321,7 +325,7 @@ def _syntax(message: str, text: str) -> tuple[str, int]:
 def beside(path: Path) -> str:
     """Return a remedy for a missing file, usually a typing error: the TOML files in its folder."""
     folder = path.parent
-    if not folder.is_dir():
+    if not exists(folder) or not folder.is_dir():
         return f"The folder {folder} does not exist either."
     found = sorted(p.name for p in folder.glob("*.toml"))[:6]
     return f"TOML files in {folder}: {', '.join(found)}." if found else f"There is no TOML file in {folder}."

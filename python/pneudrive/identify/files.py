@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from pneudrive.describe import toml
 from pneudrive.describe.drive import Drive
-from pneudrive.errors import FitError, nearest
+from pneudrive.describe.load import OF_A_CIRCUIT
+from pneudrive.errors import DescriptionError, FitError, nearest
 from pneudrive.identify.dynamic.presliding import Presliding
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.law_fit import LawFit
@@ -46,5 +47,11 @@ def read_source(path: str | Path) -> AnyFit | Drive:
     if str(path).startswith("catalogue:"):
         return Drive.load(path)
     tables, _ = toml.read(path, FitError, "pneudrive fit writes a fit.toml.")
+    if any(key in tables for key in OF_A_CIRCUIT):
+        raise DescriptionError(
+            "the file describes a circuit, but friction is exported from a fit or a drive",
+            where=str(path),
+            remedy="Export the whole circuit with --to fmu or --to c, or give the fit or the drive file.",
+        )
     is_drive = "kind" not in tables and ("friction" in tables or "drive" in tables)
     return Drive.load(path) if is_drive else read_fit(path)

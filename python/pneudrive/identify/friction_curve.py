@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from pneudrive.describe.base import Described, Quantity
 from pneudrive.describe.provenance import values
-from pneudrive.errors import FitError
+from pneudrive.errors import DescriptionError, FitError
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.friction import Friction
+    from pneudrive.describe.provenance import GivenNumber
 
     Array = NDArray[np.float64]
 
@@ -27,10 +29,10 @@ POINTS = 400
 
 @dataclass(frozen=True)
 class CurveEntry:
-    """Value of the exported law for the table; SI, NaN for a missing bound."""
+    """Value of the exported law for the table; SI or a word, NaN for a missing bound."""
 
     name: str
-    value: float
+    value: float | str
     unit: str
     low: float
     high: float
@@ -57,6 +59,8 @@ class SlidingCurve(Shown):
         Dependences beside speed, which the law of another tool lacks.
     exponential : bool
         Whether the Stribeck curve is exp(-v/vs), or absent.
+    unwritten : tuple of str
+        Parts of the friction without an entry.
     """
 
     title: str
@@ -69,6 +73,7 @@ class SlidingCurve(Shown):
     entries: tuple[CurveEntry, ...]
     lost: tuple[str, ...]
     exponential: bool
+    unwritten: tuple[str, ...] = ()
 
 
 class HasCurve(Protocol):
@@ -130,14 +135,18 @@ def curve_of_fit(
     return fit.curve(gauge_a_pa, gauge_b_pa, speeds_m_s)
 
 
-#: Table of a drive's friction -> effect lost in an export.
-_TABLES = {
-    "pressure": "dependence on the chamber pressures",
+#: Table of a drive's friction -> effect lost in an export, and where the curve is taken.
+TABLES = {
+    "pressure": "dependence on the chamber pressures: the curve is for {a:.3g} bar gauge in a and {b:.3g} bar gauge in "
+    "b; export again for others",
     "dwell": "growth of the breakaway force in stops (dwell)",
     "relaxation": "relaxation of held bristles",
-    "position": "variation along the stroke",
+    "position": "variation along the stroke: the curve is for position = {position:g} mm",
     "direction": "difference between the directions: the curve is the mean of both",
     "side_load": "side load as a separate quantity: it is part of the curve",
+    "temperature": "dependence on temperature: the curve is for a contact at {reference:g} K",
+    "wear": "change with the distance slid: the curve is for {slid:g} m slid",
+    "elements": "the single springs of the bristles",
 }
 
 
@@ -154,11 +163,14 @@ def curve_of_drive(
     FitError
         The range of speeds is missing.
     """
-    origins = {
-        key: (value, drive.provenance.get(key)) for key, value in values(drive).items() if key.startswith("friction.")
-    }
+    numbers = {key: value for key, value in values(drive).items() if key.startswith("friction.")}
+    numbers |= _numbers_of_lists(drive.friction, "friction")
+    given = {f"friction.{key}" for key, _ in _leaves(drive.friction.to_dict())}
     entries = []
-    for key, (value, origin) in origins.items():
+    for key, value in numbers.items():
+        if key not in given and _is_refused(drive, key, value):
+            continue
+        origin = drive.provenance.get(key)
         ends = origin.bounds_si(value.mark) if origin is not None else (np.nan, np.nan)
         unit = getattr(value.mark, "si_unit", "") or "1"
         entries.append(
@@ -168,12 +180,49 @@ def curve_of_drive(
     return curve_of_friction(drive.friction, drive.name, speed, (gauge_a_pa or 0.0, gauge_b_pa or 0.0), entries)
 
 
+def _numbers_of_lists(part: Described, path: str) -> Iterator[tuple[str, GivenNumber]]:
+    """Yield the numbers in lists, which have no name in `values`: ``friction.position.harmonics.0.period``."""
+    for name, field in type(part).model_fields.items():
+        value, here = getattr(part, name), f"{path}.{field.alias or name}"
+        if isinstance(value, Described) and name != "formula":
+            yield from _numbers_of_lists(value, here)
+        for i, one in enumerate(value if isinstance(value, tuple) else ()):
+            if isinstance(one, Described):
+                yield from ((f"{here}.{i}.{key}", number) for key, number in values(one).items())
+
+
+def _leaves(table: Any, path: str = "") -> Iterator[tuple[str, Any]]:  # noqa: ANN401 - as written
+    """Yield what a written table gives, by dotted names."""
+    for key, value in table.items() if isinstance(table, dict) else enumerate(table):
+        if isinstance(value, (dict, list)):
+            yield from _leaves(value, f"{path}{key}.")
+        else:
+            yield f"{path}{key}", value
+
+
+def _is_refused(drive: Drive, key: str, value: GivenNumber) -> bool:
+    """Return whether a default has no effect: the drive does not take it as a key."""
+    try:
+        drive.replace({key: value.mark.show(value.si) if isinstance(value.mark, Quantity) else value.si})
+    except DescriptionError as error:
+        return error.key == key
+    return False
+
+
 def curve_of_friction(
     friction: Friction, title: str, speed: Array, gauges_pa: tuple[float, float], entries: Sequence[CurveEntry]
 ) -> SlidingCurve:
     """Return the steady curve of a friction law at some speeds and gauge pressures of the chambers."""
     sides = [steady_friction(friction, sign * speed, *gauges_pa) for sign in (1.0, -1.0)]
-    lost = [text for key, text in _TABLES.items() if getattr(friction, key) is not None]
+    at = {"a": gauges_pa[0] / 1e5, "b": gauges_pa[1] / 1e5, "position": 0.0}
+    at |= {"reference": friction.temperature.reference_k} if friction.temperature else {}
+    at |= {"slid": friction.wear.slid_m} if friction.wear else {}
+    tables = [key for key, table in friction.to_dict().items() if key != "law" and isinstance(table, (dict, list))]
+    lost = [TABLES.get(key, f"friction.{key}").format(**at) for key in tables]
+    names = {entry.name for entry in entries}
+    rest = [(key, str(w)) for key, w in _leaves(friction.to_dict()) if key not in names and not key.startswith("law.")]
+    entries = (*entries, *(CurveEntry(key, word, "", np.nan, np.nan, "") for key, word in rest))
+    unwritten = () if friction.formula is None else (f"the formulas of law {friction.law}",)
     if friction.law not in ("coulomb", "stribeck"):
         lost.append(
             f"presliding and the lag of friction behind speed (law {friction.law}): only the steady curve is exported"
@@ -183,7 +232,7 @@ def curve_of_friction(
     exponent = 1.0 if shape == "exponential" else exponent
     plain = friction.law == "coulomb" or (exponent == 1.0 and shape not in ("gaussian", "lorentzian"))
     curve = 0.5 * (sides[0] + sides[1])
-    return SlidingCurve(title, friction.law, shape, speed, curve, *gauges_pa, tuple(entries), tuple(lost), plain)
+    return SlidingCurve(title, friction.law, shape, speed, curve, *gauges_pa, entries, tuple(lost), plain, unwritten)
 
 
 def steady_friction(

@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.errors import FitError, warn
 from pneudrive.estimate.estimates import student
 from pneudrive.identify.dependences import Dependences
-from pneudrive.identify.friction_curve import CurveEntry, SlidingCurve, middle_of, speeds_over
+from pneudrive.identify.friction_curve import TABLES, CurveEntry, SlidingCurve, middle_of, speeds_over
 from pneudrive.identify.identified import Identified, apply_identified
 from pneudrive.identify.model import PRESSURE_NAMES, FrictionModel, at_conditions, unit_of
 from pneudrive.identify.sliding_fit import SlidingFit
@@ -267,7 +267,8 @@ class FrictionFit(SlidingFit):
             entries.append(CurveEntry(name, value, self.units[name], *ends, source, note))
         exponent = self.values.get("stribeck_exponent", 2.0)
         shape = "lorentzian" if self.model.lorentzian else f"exp(-(v/vs)^{exponent:g})"
-        held = f"the curve is for {gauges[0] / 1e5:.3g} bar gauge in a and {gauges[1] / 1e5:.3g} bar gauge in b"
+        lost = [TABLES[key].partition(":")[0] for key in self.dependences.tables if key in TABLES]
+        pressure = TABLES["pressure"].format(a=gauges[0] / 1e5, b=gauges[1] / 1e5)
         return SlidingCurve(
             f"friction fit, law {self.law}",
             self.model.law,
@@ -276,8 +277,9 @@ class FrictionFit(SlidingFit):
             self.predict(speed, *gauges).friction_n,
             *gauges,
             tuple(entries),
-            (f"dependence on the chamber pressures: {held}; export again for others",) if self.model.chambers else (),
+            (*([pressure] if self.model.chambers else ()), *lost),
             not self.model.stribeck or (not self.model.lorentzian and exponent == 1.0),
+            tuple(lost),
         )
 
     # -- file and display ----------------------------------------------------------------------------

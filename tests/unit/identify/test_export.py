@@ -133,3 +133,84 @@ def test_wrong_wishes_are_refused(fit, tmp_path):
 
     with pytest.raises(FitError, match="has no range of measured speeds"):
         curve_of_drive(Drive.load("catalogue:reference"), None)
+
+
+LAWS = {
+    "harmonics": {"position": {"slope": "20 %/m", "harmonics": [{"period": "50 mm", "amplitude": 0.1}]}},
+    "table": {"position": {"table": [{"position": "0 mm", "factor": 1.0}, {"position": "300 mm", "factor": 1.5}]}},
+    "dwell": {"dwell": {"growth": "log", "increment": "0.6 N", "time": "0.5 s", "distance": "0.03 mm"}},
+    "wear": {"wear": {"run_in": 0.2, "slid": "10 m"}},
+    "elements": {
+        "law": "gms", "attraction": "2000 N/s",
+        "elements": [{"stiffness": "8e4 N/m", "share": 0.3}, {"stiffness": "3e4 N/m", "share": 0.7}],
+    },
+}  # fmt: skip
+SLIDING = {"coulomb": "19 N", "breakaway": "31 N", "stribeck_velocity": "9 mm/s", "viscous": "33 N s/m"}
+
+
+def drive_with(more):
+    return Drive.load("catalogue:reference").replace({"friction": {"law": "stribeck", **SLIDING, **more}})
+
+
+@pytest.mark.parametrize("part", LAWS)
+def test_the_table_of_a_drive_gives_its_friction_back(part):
+    """Each part of the law is a row: from the rows alone follows the same law."""
+    from pneudrive.describe import toml
+    from pneudrive.describe.friction import Friction
+    from pneudrive.identify.export import curve_of_drive, export
+
+    drive = drive_with(LAWS[part])
+    lines = export(curve_of_drive(drive, (1e-3, 1.0)), "csv").text.splitlines()
+    assert not [line for line in lines if "lost" in line]
+    tables: dict = {}
+    for row in csv.DictReader(line for line in lines if not line.startswith("#")):
+        is_number = row["unit"] not in ("", "1")
+        value = f"{row['value']} {row['unit']}" if is_number else float(row["value"]) if row["unit"] else row["value"]
+        toml.put(tables, row["name"], value)
+    for table in (tables, *(one for one in tables.values() if isinstance(one, dict))):
+        for key, inner in table.items():
+            if isinstance(inner, dict) and "0" in inner:
+                table[key] = list(inner.values())
+    assert Friction(**tables).core() == drive.friction.core()
+
+
+@pytest.mark.parametrize(
+    ("part", "tool", "said"),
+    [
+        ("harmonics", "modelica", "lost: variation along the stroke: the curve is for position = 0 mm"),
+        ("table", "st", "lost: variation along the stroke: the curve is for position = 0 mm"),
+        ("wear", "modelica", "lost: change with the distance slid: the curve is for 10 m slid"),
+        ("elements", "simscape", "lost: the single springs of the bristles"),
+    ],
+)
+def test_a_curve_says_which_part_is_lost_and_where_it_is_taken(part, tool, said):
+    from pneudrive.identify.export import curve_of_drive, export
+
+    done = export(curve_of_drive(drive_with(LAWS[part]), (1e-3, 1.0)), tool)
+    assert said in done.text
+    assert said in done.remarks()
+
+
+def test_a_law_of_formulas_leaves_them_out_of_the_table_and_says_so():
+    from pneudrive.describe import FrictionLaw
+    from pneudrive.identify.export import curve_of_drive, export
+
+    law = FrictionLaw(
+        name="smooth",
+        parameters={"coulomb": {"unit": "N", "above": 0}, "v0": {"unit": "m/s", "above": 0}},
+        force="coulomb*tanh(v/v0)",
+    )
+    drive = Drive.load("catalogue:reference").replace({"friction": {"law": law, "coulomb": "20 N", "v0": "1 mm/s"}})
+    assert "# lost: the formulas of law smooth\n" in export(curve_of_drive(drive, (1e-2, 1.0)), "csv").text
+
+
+@pytest.mark.parametrize("tool", ["csv", "modelica"])
+def test_what_was_measured_beside_sliding_is_not_lost_without_a_word(fit, tool):
+    from dataclasses import replace
+
+    from pneudrive.identify.dependences import Dependences
+
+    tables = {"direction": {"positive": 1.1}, "position": {"slope": "5 %/m"}}
+    told = replace(fit, dependences=Dependences(tables=tables)).export(tool).text
+    assert "lost: difference between the directions" in told
+    assert "lost: variation along the stroke" in told

@@ -118,13 +118,13 @@ def _remarks(curve: SlidingCurve, converted: Array, lost: tuple[str, ...]) -> li
     low, high = 1e3 * curve.speed_m_s[[0, -1]]
     where = f"holds from {low:.4g} to {high:.4g} mm/s; outside it is extrapolated"
     if converted is curve.friction_n:
-        return [where, f"parameters of pneudrive: law {curve.law}, Stribeck curve {curve.shape}"]
-    return [
-        where,
-        f"greatest deviation from pneudrive's curve (law {curve.law}, {curve.shape}): {error[worst]:.3g} N at "
-        f"{1e3 * curve.speed_m_s[worst]:.4g} mm/s, {share:.3g} % of friction at most",
-        *(f"lost: {text}" for text in lost),
-    ]
+        said = f"parameters of pneudrive: law {curve.law}, Stribeck curve {curve.shape}"
+    else:
+        said = (
+            f"greatest deviation from pneudrive's curve (law {curve.law}, {curve.shape}): {error[worst]:.3g} N at "
+            f"{1e3 * curve.speed_m_s[worst]:.4g} mm/s, {share:.3g} % of friction at most"
+        )
+    return [where, said, *(f"lost: {text}" for text in lost)]
 
 
 def best_scale(
@@ -245,14 +245,15 @@ def _csv(curve: SlidingCurve) -> Exported:
     import io
 
     out = io.StringIO()
-    for remark in _remarks(curve, curve.friction_n, curve.lost):
+    for remark in _remarks(curve, curve.friction_n, curve.unwritten):
         out.write(f"# {remark}\n")
     table = csv.writer(out, lineterminator="\n")
     table.writerow(["name", "value", "unit", "low", "high", "source", "note"])
     for e in curve.entries:
         ends = ["" if np.isnan(end) else repr(float(end)) for end in (e.low, e.high)]
-        table.writerow([e.name, repr(float(e.value)), e.unit, *ends, e.source, e.note])
-    return Exported("csv", (), curve, curve.friction_n, curve.lost, ".csv", out.getvalue())
+        value = e.value if isinstance(e.value, str) else repr(float(e.value))
+        table.writerow([e.name, value, e.unit, *ends, e.source, e.note])
+    return Exported("csv", (), curve, curve.friction_n, curve.unwritten, ".csv", out.getvalue())
 
 
 def _st(curve: SlidingCurve) -> Exported:
