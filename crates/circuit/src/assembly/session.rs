@@ -193,8 +193,10 @@ impl<R: Lane> Session<R> {
         if !first.1.waits() {
             return Some(place);
         }
-        let other = self.schedule.iter().rposition(|entry| is_at(first.0)(entry) && !entry.1.waits());
-        other.or((!same_time(first.0, until)).then_some(place))
+        let ends = same_time(first.0, until);
+        let is_before = |what: What| if ends { !what.waits() } else { matches!(what, What::Input(_)) };
+        let other = self.schedule.iter().rposition(|entry| is_at(first.0)(entry) && is_before(entry.1));
+        other.or((!ends).then_some(place))
     }
 
     fn happen(&mut self, what: What, value: f64) {
