@@ -3,7 +3,7 @@
 use crate::law::Law;
 use crate::plan::{Plan, Role};
 use circuit::{AxisId, Error, Look, Network, Session, specification};
-use ode::{Options, same_time};
+use ode::Options;
 use std::sync::Arc;
 
 /// Tolerances that the solver keeps.
@@ -446,9 +446,7 @@ impl Model {
     /// Whether a mode has to be changed now.
     pub fn is_due(&mut self) -> Result<bool, Refusal> {
         let session = &mut self.running()?.session;
-        let now = session.time();
-        Ok(session.events().iter().any(|value| *value <= 0.0)
-            || session.next_due().is_some_and(|due| due <= now || same_time(due, now)))
+        Ok(session.is_due_now() || session.events().iter().any(|value| *value <= 0.0))
     }
 
     /// Applies what is due and changes modes that hold no longer.

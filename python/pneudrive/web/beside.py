@@ -18,7 +18,7 @@ from pneudrive.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse
 from pneudrive.watch import Watch
 from pneudrive.web.asked_run import WRONG_REQUEST, described_at
-from pneudrive.web.tiles import per_pixel
+from pneudrive.web.tiles import drawn_columns
 from pneudrive.web.workspace import DESCRIPTIONS, is_in_catalogue, safe
 
 if TYPE_CHECKING:
@@ -228,20 +228,6 @@ def _valid(study: EnsembleStudy, limit: RunLimit) -> tuple[Array, str]:
                 kept.append(row)
         return np.array(kept), error.what
     return rows, ""
-
-
-def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
-    """Return columns as `per_pixel` does; where it thins them, also ``NAME/at``: each as it is at the times sent.
-
-    Lowest and highest values of pixels are for a drawing; a number that is read at a time is the run's at that time.
-    """
-    drawn = per_pixel(columns, pixels)
-    time, sent = np.asarray(columns["time_s"]), drawn["time_s"]
-    if len(sent) == len(time):
-        return drawn
-    rows = np.searchsorted(time, sent)
-    at = {f"{name}/at": np.asarray(values)[rows] for name, values in columns.items() if name != "time_s"}
-    return {**drawn, **at}
 
 
 def _reading(name: str, path: str) -> list[str]:

@@ -26,9 +26,9 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.start import is_circuit
 from pneudrive.watch import Watch
 from pneudrive.web.asked_run import MOST_PIXELS, MOST_SAMPLES, WRONG_REQUEST, RunLimit, described_at
-from pneudrive.web.beside import drawn_columns
 from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
 from pneudrive.web.messages import pack
+from pneudrive.web.tiles import drawn_columns
 from pneudrive.web.workspace import DESCRIPTIONS, is_in_catalogue, safe
 
 if TYPE_CHECKING:

@@ -14,9 +14,10 @@ from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.trajectory import meaning
 from pneudrive.units import readable
 from pneudrive.web.asked_run import AskedRun, RunLimit
-from pneudrive.web.beside import AskedBeside, drawn_columns
+from pneudrive.web.beside import AskedBeside
 from pneudrive.web.guard import PROTOCOL
 from pneudrive.web.messages import pack, problems_of
+from pneudrive.web.tiles import drawn_columns
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -269,6 +269,20 @@ class _Pixels(NamedTuple):
         return TileWindow(time, channels, self.missing, self.samples, raw=False)
 
 
+def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
+    """Return columns as `per_pixel` does; where it thins them, also ``NAME/at``: each as it is at the times sent.
+
+    Lowest and highest values of pixels are for a drawing; a number that is read at a time is the run's at that time.
+    """
+    drawn = per_pixel(columns, pixels)
+    time, sent = np.asarray(columns["time_s"]), drawn["time_s"]
+    if len(sent) == len(time):
+        return drawn
+    rows = np.searchsorted(time, sent)
+    at = {f"{name}/at": np.asarray(values)[rows] for name, values in columns.items() if name != "time_s"}
+    return {**drawn, **at}
+
+
 def _edges(seconds: Array, span: tuple[float, float], pixels: int) -> NDArray[np.int64]:
     """Return where the columns of pixels begin among rising times; columns without a sample are left out."""
     wanted = np.searchsorted(seconds, np.linspace(*span, pixels + 1)[1:-1], "left")

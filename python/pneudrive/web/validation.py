@@ -30,11 +30,11 @@ from pneudrive.validate.signals import Signals
 from pneudrive.validate.simulation import run_model
 from pneudrive.validate.validation import CHANNELS
 from pneudrive.web.asked_run import MOST_PIXELS, WRONG_REQUEST, check_changes, described_at, with_changes
-from pneudrive.web.beside import drawn_columns
 from pneudrive.web.description import field_of
 from pneudrive.web.jobs import MOST_RECORDINGS, RESULTS, AskedJob, folder_name
 from pneudrive.web.messages import pack, plain
 from pneudrive.web.recordings import layout_in
+from pneudrive.web.tiles import drawn_columns
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, is_in_catalogue, safe
 
 if TYPE_CHECKING:

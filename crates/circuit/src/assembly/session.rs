@@ -66,6 +66,11 @@ fn mark_of(bytes: impl IntoIterator<Item = u8>) -> u64 {
         .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
+/// Whether a time has come at another one, which the clock may not be able to tell from it.
+fn has_come(time: f64, at: f64) -> bool {
+    time <= at || same_time(time, at)
+}
+
 fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
     Err(Error::Specification(message.into()))
 }
@@ -184,10 +189,9 @@ impl<R: Lane> Session<R> {
     /// The place of the entry that happens next until a time, s, if any. A valve that samples its command does so behind
     /// inputs that are set at that time, and where the way ends there it waits for those that may still be set.
     fn next(&self, until: f64) -> Option<usize> {
-        let is_at = |time: f64| move |entry: &(f64, What, f64)| entry.0 <= time || same_time(entry.0, time);
         let place = self.schedule.len().checked_sub(1)?;
         let first = &self.schedule[place];
-        if !is_at(until)(first) {
+        if !has_come(first.0, until) {
             return None;
         }
         if !first.1.waits() {
@@ -195,7 +199,7 @@ impl<R: Lane> Session<R> {
         }
         let ends = same_time(first.0, until);
         let is_before = |what: What| if ends { !what.waits() } else { matches!(what, What::Input(_)) };
-        let other = self.schedule.iter().rposition(|entry| is_at(first.0)(entry) && is_before(entry.1));
+        let other = self.schedule.iter().rposition(|entry| has_come(entry.0, first.0) && is_before(entry.1));
         other.or((!ends).then_some(place))
     }
 
@@ -209,11 +213,14 @@ impl<R: Lane> Session<R> {
     /// Applies the entries that are due now: no input is set any more.
     pub fn settle_schedule(&mut self) {
         let now = self.time();
-        while let Some((_, what, value)) =
-            self.schedule.pop_if(|entry| entry.0 <= now || same_time(entry.0, now))
-        {
+        while let Some((_, what, value)) = self.schedule.pop_if(|entry| has_come(entry.0, now)) {
             self.happen(what, value);
         }
+    }
+
+    /// Whether an entry is due now.
+    pub fn is_due_now(&self) -> bool {
+        self.schedule.last().is_some_and(|entry| has_come(entry.0, self.time()))
     }
 
     /// Takes the next steps by a method.
