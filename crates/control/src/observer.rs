@@ -49,25 +49,44 @@ impl<S: Over<f64>> State<S> {
         h: f64,
         measured: Option<[S; 2]>,
     ) -> S {
-        let (piece, old) = (h / f64::from(PIECES), model.gas_force(self.pressures));
-        let begin = self.pushed(model, old, piece.min(FOLLOWED), [self.velocity, self.friction]);
+        let pieces = (h / PIECE - 1e-6).ceil().max(1.0);
+        self.advance_in(pieces as u32, model, openings, h, measured)
+    }
+
+    /// The same, the motion in a number of pieces, by the method of Runge and Kutta of fourth order.
+    pub(crate) fn advance_in(
+        &mut self,
+        pieces: u32,
+        model: &Model,
+        openings: impl Openings<S>,
+        h: f64,
+        measured: Option<[S; 2]>,
+    ) -> S {
+        let (piece, old) = (h / f64::from(pieces), model.gas_force(self.pressures));
+        let followed = FOLLOWED * piece;
+        let begin = self.pushed(model, old, followed, [self.velocity, self.friction]);
         let speed = self.velocity + begin[1].times(0.5 * h);
         let [pressures, temperatures] = self.flow(model, openings, h, speed);
         (self.pressures, self.temperatures) = (measured.unwrap_or(pressures), temperatures);
-        let grown = (model.gas_force(self.pressures) - old).times(1.0 / f64::from(PIECES));
-        for k in 0..PIECES {
-            // By the rates halfway; the force of the gas goes from the old one to the new one.
-            let force = old + grown.times(f64::from(k) + 0.5);
-            let [f_dot, a] = match k {
-                0 => [begin[0], begin[1] + grown.times(0.5 / model.mass)],
-                _ => self.pushed(model, force, piece, [self.velocity, self.friction]),
+        let grown = (model.gas_force(self.pressures) - old).times(1.0 / f64::from(pieces));
+        for k in 0..pieces {
+            let [v, f] = [self.velocity, self.friction];
+            // The force of the gas goes from the old one to the new one.
+            let rates = |own: &Self, at: f64, motion: [S; 2]| {
+                own.pushed(model, old + grown.times(f64::from(k) + at), followed, motion)
             };
-            let velocity = self.velocity + a.times(0.5 * piece);
-            let friction = self.friction + f_dot.times(0.5 * piece);
-            let [f_dot, a] = self.pushed(model, force, piece, [velocity, friction]);
-            self.friction += f_dot.times(piece);
-            self.velocity += a.times(piece);
-            self.position += velocity.times(piece);
+            let after = |[f_dot, a]: [S; 2], t: f64| [v + a.times(t), f + f_dot.times(t)];
+            let first = if k == 0 { begin } else { rates(self, 0.0, [v, f]) };
+            let one = after(first, 0.5 * piece);
+            let second = rates(self, 0.5, one);
+            let two = after(second, 0.5 * piece);
+            let third = rates(self, 0.5, two);
+            let three = after(third, piece);
+            let last = rates(self, 1.0, three);
+            let gone = |[a, b, c, d]: [S; 4]| (a + (b + c).times(2.0) + d).times(piece / 6.0);
+            self.friction += gone([first[0], second[0], third[0], last[0]]);
+            self.velocity += gone([first[1], second[1], third[1], last[1]]);
+            self.position += gone([v, one[0], two[0], three[0]]);
         }
         begin[1]
     }
@@ -99,7 +118,8 @@ impl<S: Over<f64>> State<S> {
 
     /// Acceleration by the model, m/s2.
     pub fn acceleration(&self, model: &Model) -> S {
-        self.pushed(model, model.gas_force(self.pressures), FOLLOWED, [self.velocity, self.friction])[1]
+        self.pushed(model, model.gas_force(self.pressures), FOLLOWED * PIECE, [self.velocity, self.friction])
+            [1]
     }
 
     /// The gas of both chambers.
@@ -128,10 +148,10 @@ fn gas_at<S: Over<f64>>([p, t]: &[[S; 2]; 2]) -> [GasState<S>; 2] {
 
 /// Speed below which a contact rests, for what of a missing force is friction, m/s (assumed).
 const REST: f64 = 2e-3;
-/// Pieces of a period in which the motion is followed.
-const PIECES: u32 = 2;
-/// Time in which friction may reach its level, s.
-const FOLLOWED: f64 = 0.5e-3;
+/// Longest piece in which the motion is followed, s.
+const PIECE: f64 = 1e-3;
+/// Share of a piece in which friction may reach its level: a rate that the pieces can follow.
+const FOLLOWED: f64 = 0.5;
 /// Temperatures within which a prediction takes gas for gas, K (assumed).
 const TEMPERATURES: [f64; 2] = [100.0, 1000.0];
 /// Least pressure that a prediction takes for gas, Pa.

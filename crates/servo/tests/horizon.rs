@@ -82,9 +82,8 @@ fn at<T>(model: &Model, moment: &Moment, then: impl FnOnce(&Tick) -> T) -> T {
     })
 }
 
-/// Neither is made of the other. Positions over the horizon within 0.3 % of the way, and slopes of its end by each move
-/// within 1 % of the largest one, where the drive goes on; where it breaks away or turns around, within 1 % of the way of
-/// 46 of the 48, and 2 % of the other ones.
+/// Neither is made of the other. Positions over the horizon within 1 % of the way, and within 0.2 % where the drive goes
+/// on; slopes of its end by each move within 1 % of the largest one there, and 15 % where it breaks away or turns around.
 #[test]
 fn circuit_and_model_foresee_the_same() {
     let drives = [
@@ -93,7 +92,7 @@ fn circuit_and_model_foresee_the_same() {
         ("light and sticky", rubbing(0.7, "elasto-plastic", &STICKY)),
         ("heavy and sticky", rubbing(4.7, "elasto-plastic", &STICKY)),
     ];
-    let (mut went_on, mut agree) = (0, 0);
+    let mut went_on = 0;
     for (drive, plant) in drives {
         let (model, names) = belief(&plant).expect("a belief");
         let mut circuit = ByCircuit::new(&plant, &names, &model).expect("a predictor");
@@ -122,15 +121,13 @@ fn circuit_and_model_foresee_the_same() {
                 let goes_on =
                     own.iter().all(|own| own[1].re * moment.velocity > SLOW * moment.velocity.abs());
                 let what = format!("{drive}, {}, {}: {far} of {way} m, slopes {off}", moment.name, plan[0]);
-                assert!(!goes_on || far < 0.003 && off < 0.01, "{what}");
-                assert!(far < 0.02 && off < 0.2, "{what}");
+                assert!(!goes_on || far < 0.002 && off < 0.01, "{what}");
+                assert!(far < 0.01 && off < 0.15, "{what}");
                 went_on += u32::from(goes_on);
-                agree += u32::from(far < 0.01);
             }
         }
     }
     assert!(went_on >= 16, "{went_on} of 48 go on");
-    assert!(agree >= 46, "{agree} of 48 agree");
 }
 
 /// The end of the horizon by a session of the circuit, its valve without overlap and dead time, from rest under the plan.
