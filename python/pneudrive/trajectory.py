@@ -69,7 +69,7 @@ _SUFFIXES = {
 #: Attributes of a run that are lists or tables.
 STRUCTURED = frozenset(
     ("statistics", "warnings", "impacts", "citations", "assumed", "labels", "identified", "ledger", "command_steps")
-)
+) | {"air", "choices", "deviations", "events", "factors", "gains", "motion", "score"}
 SUFFIXES = (".parquet", ".csv", ".nc")
 TABLES = {".parquet": "parquet", ".nc": "netcdf"}
 

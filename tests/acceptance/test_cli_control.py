@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -87,6 +88,11 @@ WRONG = {
         ["--reference", "100 mm; 1 s: 200 mm in 1 s; 1.5 s: 100 mm in 1 s"],
         "begins at 1.5 s",
         "2 s",
+    ),
+    "two laws": (
+        ["--reference", STEP, "--law", "pva", "--controller", "pid"],
+        "--law pva and --controller pid",
+        "Give one",
     ),
     "no sine": (["--reference", "sine 60 mm around 250 mm"], "is not a sine", "AMPLITUDE"),
     "unknown reference": (["--reference", "R9"], 'no reference "R9"', "R1 to R8"),
@@ -178,6 +184,19 @@ def test_a_drive_on_valves_that_no_law_commands_is_refused(tmp_path, capsys):
     assert "in_a is normally open" in capsys.readouterr().err
 
 
+def test_a_controller_for_a_drive_of_other_names_gives_one_message(tmp_path, capsys):
+    """A cylinder or a valve of another name in what the law believes, with and without a mismatch."""
+    text = AXIS.read_text()
+    for word in ("cylinder", "valve"):
+        renamed = text.replace(f"{word}.", "other.").replace(f"components.{word}", "components.other")
+        (tmp_path / "other.toml").write_text(renamed)
+        (tmp_path / "own.toml").write_text('schema = 1\nlaw = "pva"\ndrive = "other.toml"\n')
+        for mismatch in ([], ["--mismatch", "all"]):
+            told = ["control", "run", str(AXIS), "--reference", STEP, "--controller", str(tmp_path / "own.toml")]
+            assert run([*told, *mismatch]) == 2
+            assert "the controller is for another drive" in capsys.readouterr().err
+
+
 def test_a_controller_for_another_drive_cannot_lead_this_one_out_of_its_stroke(tmp_path, capsys):
     file = tmp_path / "longer.toml"
     file.write_text(f'schema = 1\nlaw = "pva"\nperiod = "8 ms"\ndrive = {str(AXIS)!r}\n')  # a stroke of 500 mm
@@ -191,6 +210,35 @@ def test_a_controller_for_another_drive_cannot_lead_this_one_out_of_its_stroke(t
 
 
 COMPARE = ["--laws", "pva,nmpc", "--references", f"R6,{STEP}", "--seeds", "4"]
+
+
+def test_a_comparison_with_other_numbers_does_not_show_the_scores_of_the_one_before(tmp_path, axis):
+    """Of a file of the same name, where it is cancelled."""
+    reference, out, cancelled = tmp_path / "a.toml", tmp_path / "out", threading.Event()
+    move = 'schema = 1\nstart = "220 mm"\n[[moves]]\nat = "0.1 s"\nto = "{} mm"\nduration = "0.3 s"\n'
+    reference.write_text(move.format(280))
+    pn.control.compare(axis, "pva", str(reference), seeds=1, out=out)
+    reference.write_text(move.format(290))
+    cancelled.set()
+    with pytest.raises(pn.errors.Cancelled):
+        pn.control.compare(axis, "pva", str(reference), seeds=1, out=out, cancel=cancelled)
+    assert not pn.control.read_comparison(out).is_finished
+
+
+def test_what_has_no_effect_or_cannot_be_measured_is_told(tmp_path, capsys):
+    """A load behind the end of a run; pressures beyond their sensors; and a run that lost its drive."""
+    high = tmp_path / "high.toml"
+    high.write_text(AXIS.read_text().replace("7 bar abs", "16 bar abs"))
+    head = ["control", "run", str(high), "--reference", STEP, "--law", "pva", "--initial", "cylinder.position = 190 mm"]
+    assert run([*head, "--mismatch", "load-step"]) == 0
+    said = capsys.readouterr()
+    assert "disturbances: what begins at 6.2 s has no effect, as the run ends at 2.4 s" in said.err
+    assert "end at 11.01 bar abs, below the supply of 16 bar abs" in said.err
+    assert "yes: an error exceeded 20 mm" in said.out
+    assert run(["control", "tune", str(high)]) == 0
+    assert "below the supply of 16 bar abs" in capsys.readouterr().out
+    assert run(["control", "run", str(AXIS), "--reference", STEP, "--law", "pva"]) == 0
+    assert "Note" not in capsys.readouterr().err
 
 
 def _scores(folder):

@@ -99,6 +99,15 @@ def test_moves_of_switching_valves_are_no_plan_for_a_circuit():
         pn.control.tune(switching, controller=pn.control.Controller(law="nmpc", nmpc={"predictor": "circuit"}))
 
 
+def test_friction_that_sticks_exactly_is_no_plan_for_a_circuit(axis):
+    """No opening moves a piston in stick: the drive stood still, for good and without a word."""
+    friction = {"law": "coulomb", "coulomb": "30 N", "viscous": "40 N s/m"}
+    told = {"controller": pn.control.Controller(law="nmpc", nmpc={"predictor": "circuit"})}
+    with pytest.raises(DescriptionError, match=r"cylinder.friction of the law coulomb, which sticks exactly"):
+        pn.control.tune(axis.replace({"components.cylinder.friction": friction}), **told)
+    assert pn.control.tune(axis, **told).choices == {"predictor": "circuit"}
+
+
 def test_factors_of_a_run_are_checked_before_it(axis):
     changed = pn.control.Setup(factors=[{"at": "0.1 s", "filter": 2.0}])
     with pytest.raises(pn.errors.CommandError, match=r"means nothing to the law nmpc"):
@@ -117,3 +126,31 @@ def test_tune_says_where_the_supply_hardly_lifts_a_mass(mass_kg, told):
     share = (mass_kg * 9.80665 + 40.0) / ((7e5 - 101325.0) * np.pi / 4 * 0.032**2)
     assert (f"take {100 * share:.0f} % of the force" in said) == (told is not None)
     assert told is None or told in said
+
+
+def test_laws_know_friction_that_is_written_as_formulas(axis, tmp_path):
+    """At rest such a law says that friction is none, as it has no direction there."""
+    folder = AXIS.parent
+    text = AXIS.read_text().replace('law = "lugre"', f'law = "file:{folder}/laws/lugre.toml"')
+    (tmp_path / "axis.toml").write_text(text)
+    written = pn.Circuit.load(tmp_path / "axis.toml")
+    run, same = (pn.control.run(one, "pva", reference=MOVE, duration="0.3 s") for one in (axis, written))
+    assert run.position.values.tobytes() == same.position.values.tobytes()
+
+
+def test_a_spring_at_the_rod_is_no_part_of_a_horizon_by_the_circuit(tmp_path):
+    text = AXIS.read_text().replace('"valve.2 -> cylinder.b"]', '"valve.2 -> cylinder.b", "cylinder.rod -> spring.1"]')
+    spring = '[components.spring]\nkind = "spring"\nstiffness = "500 N/m"\nrest_position = "0.1 m"\n'
+    (tmp_path / "axis.toml").write_text(f"{text}\n{spring}")
+    sprung = pn.Circuit.load(tmp_path / "axis.toml")
+    assert pn.control.tune(sprung, "nmpc").plant.left_out == ["spring"]
+    with pytest.raises(DescriptionError, match=r"spring\.1 is at the rod, and its force is in the unknown one"):
+        pn.control.tune(sprung, controller=pn.control.Controller(law="nmpc", nmpc={"predictor": "circuit"}))
+
+
+def test_a_reference_that_is_lost_is_still_the_one_that_counts(axis):
+    lost = pn.control.Setup(faults=[{"kind": "reference", "at": "0.1 s"}]).faults
+    setup = pn.control.read_setup("real")[0].model_copy(update={"faults": lost})
+    run = pn.control.run(axis, "pva", reference=MOVE, duration="0.4 s", setup=setup)
+    assert run.reference.values[-1] == pytest.approx(0.245)
+    assert run.attrs["score"]["max_error_m"] > 1e-3

@@ -64,6 +64,9 @@ class Alone(Law):
 class Exits(Law):
     def step(self, t, sample, preview):
         raise SystemExit(3)
+
+class Text(Law):
+    inputs = ("position")
 """
 C = """
 #include "pneudrive_law.h"
@@ -136,6 +139,7 @@ WRONG = {
     "an input twice": (["--law", "mine.py:Twice"], "'position' stands twice", "each input once"),
     "no arguments": (["--law", "mine.py:Alone"], "step cannot be called", "step(t, sample, preview)"),
     "input": (["--law", "mine.py:Asks"], "there is no input 'positon'", "'position'"),
+    "inputs": (["--law", "mine.py:Text"], "inputs is the text 'position'", "inputs = ('position',)"),
     "no law": (["--law", "mine.py:Nothing"], "has no inputs: it is no law", "velocity"),
     "no class": (["--law", "mine.py:Lav"], "no function or class", "'Law'"),
     "no file": (["--law", "yours.py:Law"], "there is no file", "yours.py"),
@@ -192,6 +196,30 @@ def test_two_laws_of_one_file_are_not_taken_for_each_other(tmp_path, axis):
     largest = [[run.score and run.score.max_error_m for run in one.runs] for one in (*found, both)]
     assert largest[0] + largest[1] == largest[2]
     assert not set(largest[0]) & set(largest[1])
+
+
+def test_a_comparison_does_not_take_a_law_for_one_that_reads_something_else(tmp_path, axis):
+    """What it imports or reads is not in its file: a finished comparison runs it anew, an interrupted one goes on."""
+    law, read = tmp_path / "law.py", tmp_path / "gain.txt"
+    step = f"return float(Path({str(read)!r}).read_text()) * (0.28 - sample.position)"
+    lines = ["from pathlib import Path", "class Law:", "    inputs = ('position',)"]
+    law.write_text("\n".join([*lines, f"    def step(self, t, sample, preview): {step}", ""]))
+    out = tmp_path / "compared"
+
+    def compared(gain):
+        read.write_text(gain)
+        made = pn.control.compare(axis, ["pid", f"{law}:Law"], [f"{STEP}; 1 s: 220 mm in 0.3 s"], seeds=1, out=out)
+        return {run.law: (run.file.stat().st_mtime_ns, run.score.max_error_m) for run in made.runs}
+
+    first, second = compared("0.1"), compared("2")
+    assert second[f"{law}:Law"][1] != first[f"{law}:Law"][1]
+    assert second["pid"] == first["pid"]
+    for name in ("score.csv", "score.parquet"):  # as a kill leaves the folder
+        (out / name).unlink()
+    assert compared("2") == second
+    (tmp_path / "helper.py").touch()
+    (out / "score.parquet").unlink()
+    assert compared("0.1")[f"{law}:Law"][1] == first[f"{law}:Law"][1]
 
 
 class NoInputs:
@@ -289,6 +317,16 @@ def _check_structured_text(folder, samples):
 def test_an_fmu_follows_a_standard_reference(tmp_path):
     told = ["--drive", str(AXIS), "--to", "fmu", "--out", str(tmp_path / "law.fmu"), "--reference", "R1"]
     assert run(["control", "export", "pva", *told]) == 0
+
+
+def test_source_code_is_for_the_drive_that_is_named(tmp_path):
+    """It goes before the drive that the controller's file names."""
+    (tmp_path / "own.toml").write_text(f'schema = 1\nlaw = "pva"\ndrive = "{AXIS}"\n')
+    bench = AXIS.parent / "axes" / "bench.toml"
+    for drive, name in ((["--drive", str(bench)], "bench"), ([], "controlled axis")):
+        told = ["control", "export", str(tmp_path / "own.toml"), "--to", "c", "--out", str(tmp_path), *drive]
+        assert run(told) == 0
+        assert f"For {name}, description" in (tmp_path / "pneudrive_pva.h").read_text()
 
 
 def test_what_cannot_be_exported_is_said(tmp_path, capsys):

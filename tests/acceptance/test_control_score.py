@@ -17,6 +17,7 @@ from pneudrive.control.measures import SCORED, score_of
 from pneudrive.control.mismatch import Mismatch, ready_mismatches
 from pneudrive.errors import PneudriveWarning
 from pneudrive.report.control import boxes
+from pneudrive.trajectory import save
 
 AXIS = Path(__file__).parents[2] / "examples" / "controlled_axis.toml"
 STEP = "220 mm; 0.1 s: 280 mm in 0.3 s"
@@ -46,6 +47,29 @@ def test_a_mismatch_is_the_drive_that_it_says(axis):
     assert found.attrs["deviations"] == {"moving_mass": 1.3, "friction_level": 0.5, "delay_s": 0.0015}
 
 
+def test_a_factor_of_the_moving_mass_is_one_of_its_load_too():
+    """A carriage of 2 kg with 10 kg on it, 1.3 times as heavy: all of it."""
+    drive = pn.Drive.load("catalogue:reference")
+    loaded, heavier = (
+        drive.replace({"cylinder.moving_mass": f"{2.0 * by} kg", "load": {"mass": f"{10.0 * by} kg"}})
+        for by in (1.0, 1.3)
+    )
+    told = {"reference": STEP, "duration": "0.6 s"}
+    expected = pn.control.run(heavier, "pva", believes=loaded, **told)
+    found = pn.control.run(loaded, "pva", mismatch="mass+30", **told)
+    assert found.drop_vars(CLOCKS).equals(expected.drop_vars(CLOCKS))
+
+
+def test_another_law_takes_the_place_of_formulas(axis):
+    """Of a friction law of one's own: the bits of the drive with that law."""
+    own = axis.replace({"components.cylinder.friction.law": f"file:{AXIS.parent / 'laws' / 'lugre.toml'}"})
+    other = axis.replace({"components.cylinder.friction.law": "elasto-plastic"})
+    told = {"reference": STEP, "duration": "0.6 s"}
+    expected = pn.control.run(other, "pva", believes=own, **told)
+    found = pn.control.run(own, "pva", mismatch="other-friction", **told)
+    assert found.drop_vars(CLOCKS).equals(expected.drop_vars(CLOCKS))
+
+
 def test_ready_mismatches_change_what_a_law_that_does_not_learn_reaches(axis, tmp_path):
     """Each makes another run; a weak supply and a force of 20 N a worse one."""
     (tmp_path / "fixed.toml").write_text('schema = 1\nlaw = "super-twisting"\nadaptation = false\n')
@@ -72,6 +96,16 @@ def test_air_is_that_of_the_supply(axis):
     assert found.attrs["air"]["mass_kg"] == pytest.approx(abs(mass), rel=2e-3)
     volume = found.attrs["score"]["air_anr_m3_s"] * 0.6
     assert volume == pytest.approx(found.attrs["air"]["mass_kg"] / 1.185)
+
+
+def test_another_gas_has_its_own_volume_and_exergy(axis):
+    """Helium of 7 bar abs at the temperature of the ambient: m R T0/p at the reference atmosphere, m R T0 ln(p/p0)."""
+    found = pn.control.run(axis.replace({"gas": {"name": "helium"}}), "pva", reference=STEP, duration="0.6 s").attrs
+    per_kg = 2077.1 * 293.15
+    assert found["air"]["anr_m3"] == pytest.approx(found["air"]["mass_kg"] * per_kg / 1e5, rel=5e-3)
+    assert found["air"]["exergy_j"] == pytest.approx(
+        found["air"]["mass_kg"] * per_kg * np.log(7e5 / 101325.0), rel=1e-3
+    )
 
 
 def test_members_of_a_spread_are_the_same_for_any_number_of_threads(axis, tmp_path, capsys):
@@ -200,6 +234,12 @@ WRONG = {
     "f.toml": (LIMITED.split("[limits]")[0] + '[[moves]]\nat = "1 s"\nto = "2 mm"\n', "duration is missing"),
     "g.toml": (POINTS.format("fly"), "'fly' is not known"),
     "h.toml": (POINTS.format("pass") + '[[points]]\nat = "1 s"\nto = "1 mm"\n', "times rise"),
+    "o.toml": (
+        POINTS.format("pass") + LIMITED[LIMITED.index("[limits]") : LIMITED.index("[[moves]]")],
+        "nothing is held",
+    ),
+    "p.toml": (LIMITED + 'duration = "1 s"\n', "nothing is held"),
+    "q.toml": (POINTS.format("pass").replace("schema = 1", "schema = 1\norder = 9"), "order = 9 and a spline"),
     "i.gcode": ("G91 X10", "begins is not said"),
     "j.gcode": (f"G0 X{'9' * 400}", "the number of X is out of bounds"),
     "k.gcode": ("G0 X100\nX280 X290", "X stands twice"),
@@ -260,6 +300,43 @@ def test_overshoot_is_that_of_each_way(axis):
     assert score_of(time, named, hand.core()).overshoot_m == pytest.approx(2e-3, abs=1e-4)
 
 
+def test_a_reference_is_read_as_its_user_means_it(tmp_path):
+    """Inches, whose unit is also the word before a duration; and a program that an editor began with a mark."""
+    assert pn.control.reference("10 in; 1 s: 12 in in 0.3 s").moves[0] == pytest.approx((1.0, 0.3, 0.3048))
+    (tmp_path / "a.nc").write_text("G0 X100\nG1 X110 F600\n", "utf-8-sig")
+    assert pn.control.reference(tmp_path / "a.nc").reach().highest_m == pytest.approx(0.11)
+
+
+def test_reach_is_that_of_the_whole_path(tmp_path):
+    """Of a spline that swings below its points, in a long piece: within 1 um, so that it is refused."""
+    times, points = (0.0, 1.0, 1.1, 5.0), ("200 mm", "300 mm", "301 mm", "250 mm")
+    tables = [f'[[points]]\nat = "{at} s"\nto = "{to}"' for at, to in zip(times, points, strict=True)]
+    (tmp_path / "swings.toml").write_text("\n".join(["schema = 1", *tables]))
+    swings = pn.control.reference(tmp_path / "swings.toml")
+    lowest = swings.at(np.linspace(1.1, 5.0, 1_000_000))[:, 0].min()
+    assert lowest < 0.0
+    assert swings.reach().lowest_m == pytest.approx(lowest, abs=1e-6)
+
+
+def test_two_moves_without_a_dwell_settle_behind_the_second():
+    """The drive is off by 0.2 mm as the first ends, where the second begins, and never later."""
+    time = np.arange(0.0, 2.0, 1e-3)
+    motion = {"kind": "moves", "start_m": 0.2, "moves": [[0.1, 0.3, 0.3], [0.1 + 0.3, 0.3, 0.2]]}
+    named = dict.fromkeys(SCORED, 0.0 * time) | {"position": np.where(time < 0.5, 2e-4, 0.0)}
+    assert score_of(time, named, motion).settling_100_um_s == 0.0
+
+
+def test_a_run_that_was_read_again_has_its_score(axis, tmp_path):
+    import xarray as xr
+
+    made = pn.control.run(axis, "pva", reference=STEP)
+    save(made, tmp_path / "run.nc")
+    with xr.open_dataset(tmp_path / "run.nc", engine="h5netcdf") as read:
+        assert pn.control.score(read).to_dict() == made.attrs["score"]
+    with pytest.raises(pn.errors.CommandError, match="has 500 of the 2401 samples of a run"):
+        pn.control.score(made.isel(time=slice(500)))  # the air, for one, is that of all of it
+
+
 def test_a_reference_that_leaves_the_stroke_is_not_feasible(axis, capsys):
     beyond = "220 mm; 1 s: 560 mm in 1 s"
     found = pn.control.feasibility(pn.control.tune(axis), pn.control.reference(beyond))
@@ -268,6 +345,18 @@ def test_a_reference_that_leaves_the_stroke_is_not_feasible(axis, capsys):
     said = capsys.readouterr()
     assert "no: it leads to 560 mm; within the stroke, 0 mm to 500 mm" in said.out
     assert "it leads to 560 mm" in said.err
+
+
+def test_a_reference_that_friction_at_rest_would_stop_is_slowed_where_that_helps(axis, tmp_path):
+    """Within a reversal that is not too slow friction never rises to that at rest."""
+    weak = tmp_path / "weak.toml"
+    weak.write_text(AXIS.read_text().replace('"7 bar abs"', '"2 bar abs"'))
+    tuning = pn.control.tune(pn.Circuit.load(weak))
+    assert max(tuning.plant.least_force_shares) > 0.9
+    found = pn.control.feasibility(tuning, pn.control.reference("sine 60 mm 1 Hz around 250 mm"))
+    assert not found.is_feasible
+    slower = pn.control.feasibility(tuning, pn.control.reference(f"sine 60 mm {1 / found.factor} Hz around 250 mm"))
+    assert slower.is_feasible
 
 
 def test_a_reference_is_checked_against_the_valve_and_slowed(axis, capsys):
@@ -332,6 +421,23 @@ WRONG_CALLS = {
     "seed = -1 is out of bounds": lambda axis: pn.control.run(axis, "pva", reference=STEP, seed=-1),
     "seeds = 2.0 is not a whole number": lambda axis: pn.control.compare(axis, "pva", [STEP], out=".", seeds=2.0),
     "R1 is a standard reference": lambda _: pn.control.reference("R1"),
+    "law and a tuning of pva for controlled axis are given": lambda axis: pn.control.run(
+        axis, "pid", reference=STEP, controller=pn.control.tune(axis, "pva")
+    ),
+    "believes and a tuning of pva": lambda axis: pn.control.run(
+        axis, reference=STEP, controller=pn.control.tune(axis, "pva"), believes=axis
+    ),
+    "tuning is a str": lambda _: pn.control.export("pva", "c", "."),
+    "tuning is a NoneType": lambda _: pn.control.feasibility(None, pn.control.reference(STEP)),
+    'two references are called "220 mm"': lambda axis: pn.control.compare(
+        axis, "pva", [one := pn.control.reference("220 mm"), dataclasses.replace(one, start_m=0.3)], out="."
+    ),
+    "believes and a tuning of pid": lambda axis: pn.control.compare(
+        axis, [pn.control.tune(axis, "pid")], [STEP], out=".", believes=axis
+    ),
+    "the friction of the drive is lugre already": lambda axis: pn.control.run(
+        axis, reference=STEP, mismatch=Mismatch(friction_law="lugre")
+    ),
 }
 
 
@@ -356,6 +462,13 @@ def test_what_is_damaged_is_run_again_and_a_lost_law_is_drawn_as_nothing(axis, t
     lost = tuple(one._replace(score=None) if one.law == "pid" else one for one in made.runs)
     for runs in (lost, tuple(one._replace(score=None) for one in made.runs)):
         boxes(dataclasses.replace(made, runs=runs), pn.control.reference(STEP).text).savefig(tmp_path / "boxes.png")
+
+
+def test_a_comparison_takes_one_reference_of_any_kind(axis, tmp_path):
+    read = pn.control.reference(STEP)
+    for one in (STEP, read, [read]):
+        made = pn.control.compare(axis, "pva", one, seeds=1, out=tmp_path)
+        assert list(made.references) == [STEP]
 
 
 def test_a_comparison_of_no_reference_is_refused(axis, tmp_path):

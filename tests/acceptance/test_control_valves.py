@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
+from pneudrive.cli.main import run
 from pneudrive.errors import CommandError, DescriptionError
 
 AXES = Path(__file__).parents[2] / "examples"
@@ -51,6 +52,12 @@ def test_a_wrong_number_of_valves_or_observer_is_told_with_its_place(tmp_path, t
         pn.control.tune(pn.Circuit.load(SWITCHING), controller=file)
     assert says in str(caught.value)
     assert "controller.toml" in str(caught.value)
+
+
+def test_the_screen_has_the_numbers_of_the_file(capsys):
+    assert run(["control", "tune", str(SWITCHING)]) == 0
+    said = capsys.readouterr().out
+    assert all(gain.key in said for gain in pn.control.tune(pn.Circuit.load(SWITCHING)).numbers)
 
 
 def test_what_has_no_several_valves_says_so(tmp_path):

@@ -134,6 +134,7 @@ def test_a_residual_of_nothing_is_the_run_of_the_law(axis):
 
 
 def test_wrong_arguments_are_refused_when_it_is_made(axis):
-    for told, word in (({"inputs": ["speed"]}, "signal"), ({"duration": "-1 s"}, "duration"), ({"law": "pdi"}, "pid")):
+    wrong = (({"inputs": ["speed"]}, "signal"), ({"duration": "-1 s"}, "duration"), ({"law": "pdi"}, "pid"))
+    for told, word in (*wrong, ({"law": "mine.py:Law"}, "is code")):
         with pytest.raises(pn.errors.PneudriveError, match=word):
             PositionEnv(axis, **told)

@@ -160,11 +160,11 @@ pub fn least_factor(
     if let Some(found) = fits(1.0) {
         return Some(found);
     }
-    if least_force(model, reference, duration) > share {
-        return None;
-    }
     let (mut low, mut high) = (1.0, 2.0);
     let mut found = fits(high);
+    if found.is_none() && least_force(model, reference, duration) > share {
+        return None;
+    }
     while found.is_none() {
         (low, high) = (high, 2.0 * high);
         if high > SLOWEST {

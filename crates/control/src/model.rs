@@ -331,9 +331,11 @@ impl Model {
     /// Level of steady friction without its viscous part at |v|, and the viscous coefficient: g(v), N, and Fv, N s/m.
     #[inline(always)]
     pub fn friction_levels<S: Over<f64>>(&self, [x, v]: [S; 2], pressures: [S; 2]) -> [S; 2] {
-        let at = self.at([x, v], pressures);
+        // Formulas may say that friction is none at rest, where it has no direction.
+        let speed = v.abs().max(S::c(LEAST_SPEED));
+        let at = self.at([x, S::select(v.lt(S::zero()), -speed, speed)], pressures);
         let viscous = self.friction.law.levels().viscous;
-        let level = self.friction.steady(&at).abs() - v.abs().times(viscous);
+        let level = self.friction.steady(&at).abs() - speed.times(viscous);
         let [share, slope] = self.friction_shares;
         [level.times(share).max(S::c(f64::MIN_POSITIVE)), S::c(slope * viscous)]
     }
@@ -383,5 +385,7 @@ impl Model {
 const SMALL: f64 = 1e-4;
 /// Share of opening within which the inverse of the overlap passes from one edge to the other (assumed).
 const OVERLAP_WIDTH: f64 = 0.004;
+/// Speed, m/s, at which friction has its level of rest.
+const LEAST_SPEED: f64 = 1e-12;
 /// Speed, m/s, below which the direction of friction has none.
 const SMOOTH: f64 = 1e-4;

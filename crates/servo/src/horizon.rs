@@ -108,6 +108,17 @@ impl ByCircuit {
                 axis.valves.join(", ")
             ));
         }
+        let rod = format!("{}.rod", axis.cylinder);
+        let mut at_rod = belief.joints.iter().filter(|joint| joint.contains(&rod)).flatten();
+        let other = at_rod.find(|port| {
+            axis.left_out.iter().any(|name| port.rsplit_once('.').is_some_and(|own| own.0 == name))
+        });
+        if let Some(port) = other {
+            return refuse(format!(
+                "nmpc.predictor = \"circuit\": {port} is at the rod, and its force is in the unknown one that the observer finds, \
+                 which would act twice. Leave the key out"
+            ));
+        }
         let mut belief = belief.clone();
         for own in belief.components.iter_mut().filter(|own| axis.valves.contains(&own.name)) {
             own.numbers.insert("overlap".into(), 0.0);

@@ -344,22 +344,26 @@ impl Loop {
             controller.scale(factors).map_err(Error::Specification)?;
         }
         let seen = self.faults.spoil(&sample);
-        let reference = self.faults.reference(t, reference);
+        let arrives = self.faults.reference(t, reference);
         // A law of one's own may have a memory that is not copied.
         let is_repeated = self.repeats > 1 && !matches!(controller.law, AnyLaw::Own(_));
         let before = is_repeated.then(|| controller.clone());
         let begin = Instant::now();
-        let answer = controller.decide(&seen, reference);
+        let mut answer = controller.decide(&seen, arrives);
         let took = begin.elapsed().as_secs_f64();
         let least = before.map_or(took, |before| {
             let again = |_| {
                 let mut own = before.clone();
                 let begin = Instant::now();
-                std::hint::black_box(own.decide(&seen, reference));
+                std::hint::black_box(own.decide(&seen, arrives));
                 begin.elapsed().as_secs_f64()
             };
             (1..self.repeats).map(again).fold(took, f64::min)
         });
+        if !std::ptr::eq(arrives, reference) {
+            // What is wanted has not arrived.
+            answer.wanted = reference.at(t);
+        }
         Ok(Turn { tick, sample, truth, answer, took, least })
     }
 

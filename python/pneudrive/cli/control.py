@@ -78,7 +78,7 @@ def tune(
 
 def _show_tuning(found: Tuning) -> None:
     typer.echo(f"{found.law} for {found.belief.name}, every {1e3 * found.period_s:g} ms\n")
-    rows = [(gain.key, str(gain), gain.meaning, gain.rule) for gain in found.gains]
+    rows = [(gain.key, str(gain), gain.meaning, gain.rule) for gain in found.numbers]
     show_table(("gain", "<value", "<meaning", "<follows from"), rows)
     typer.echo(f"\n{aligned(found.plant.rows())}\n")
     typer.echo("\n".join(found.limits))
@@ -88,8 +88,9 @@ def run(
     drive: Described,
     reference: Along,
     controller: Annotated[
-        str, typer.Option(help="Controller file (TOML), or the name of a law.", metavar="FILE|LAW")
-    ] = "nmpc",
+        str | None,
+        typer.Option(help="Controller file (TOML), or the name of a law; default: nmpc.", metavar="FILE|LAW"),
+    ] = None,
     law: Annotated[
         str | None,
         typer.Option(help="A law, or one of your own: mine.py:Law or mine.so:law. Its code runs.", metavar="LAW"),
@@ -112,6 +113,7 @@ def run(
     from pneudrive.control.loop import prepare, run_prepared
     from pneudrive.control.measures import Score
     from pneudrive.describe.load import load_described
+    from pneudrive.errors import CommandError
     from pneudrive.report.written import PICTURES
     from pneudrive.trajectory import check_target, save
 
@@ -119,7 +121,9 @@ def run(
         check_target(out)
     if plot is not None:
         check_target(plot, PICTURES)
-    is_file = controller.endswith(".toml")
+    is_file = controller is not None and controller.endswith(".toml")
+    if law and controller and not is_file and law != controller:
+        raise CommandError(f"--law {law} and --controller {controller} are given", remedy="Give one.")
     prepared = prepare(
         load_described(drive),
         law if is_file or law else controller,
@@ -137,9 +141,10 @@ def run(
     of = "" if belief == drive_name else f", told of {belief},"
     title = f"{prepared.tuning.law}{of} on {drive_name} along {prepared.reference.text}"
     typer.echo(f"{title}, setup {prepared.setup_name}, seed {seed}, simulated:")
-    typer.echo(_score(Score(**found.provenance["score"])))
+    typer.echo(aligned(Score(**found.provenance["score"]).rows()))
     for event in found.provenance["events"]:
-        typer.echo(f"{event['time_s']:.3f} s  {event['kind']}: {event['text']} {event['value']:.4g} {event['unit']}")
+        unit = "" if event["unit"] == "1" else f" {event['unit']}"
+        typer.echo(f"{event['time_s']:.3f} s  {event['kind']}: {event['text']} {event['value']:.4g}{unit}")
     if "law_failure" in found.provenance:
         typer.echo(f"\n{found.provenance['law_failure']}\nAnother law took over.", err=True)
     if out is not None:
@@ -149,14 +154,6 @@ def run(
 
         plot_control(found.dataset(), plot)
     tell([out, plot])
-
-
-def _score(found: object) -> str:
-    """Return a score as lines of measure and value."""
-    from pneudrive.control.measures import SHOWN, written
-
-    rows = [(title, written(name, getattr(found, name))) for name, (title, *_) in SHOWN.items()]
-    return aligned([row for row in rows if row[1]])
 
 
 def compare(
@@ -298,7 +295,8 @@ def export(
     check_used(context, to, {"fmi": (("fmu",), "Remove it, or write --to fmu.")})
     file = controller if controller.endswith(".toml") else None
     described = believed_by(file) if drive is None else load_described(drive)
-    found = tuned(described, None if file else controller, setup=setup, controller=file)
+    believes = None if drive is None else described  # it goes before the drive that the file names
+    found = tuned(described, None if file else controller, setup=setup, controller=file, believes=believes)
     written = exported(found, to, out, setup=setup, along=reference, version=fmi)
     if to != "fmu" and found.adaptation:
         typer.echo("What is written learns nothing: friction and valve are those of the description.")

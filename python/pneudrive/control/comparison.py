@@ -6,7 +6,8 @@ import hashlib
 import json
 import re
 import threading
-from collections.abc import Mapping
+import uuid
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.control.card import (
+    ABOUT,
     KEPT,
     RUNS,
     SCORES,
@@ -35,9 +37,10 @@ from pneudrive.control.own_law import is_own
 from pneudrive.control.references import reference
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.standard_references import USUAL, standard_references
-from pneudrive.control.tuning import Tuning, laws, tune
+from pneudrive.control.tuning import Tuning, alone, laws, tune
 from pneudrive.ensemble.engine import processors
 from pneudrive.errors import CommandError, RecordingError, SimulationError
+from pneudrive.files.content import read_json
 from pneudrive.files.tables import open_table
 from pneudrive.own_code import split
 from pneudrive.show import Card, Shown
@@ -52,6 +55,8 @@ if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.watch import Flag
+
+    References = str | Path | Reference | Sequence[str | Path | Reference] | Mapping[str, str | Path | Reference]
 
 MOST_SEEDS = 100_000
 MEMBERS = 200  # of a spread, where nothing is said
@@ -111,10 +116,11 @@ class ControlComparison(ScoreCard, Shown):
 
 
 def standard(drive: Drive | Circuit) -> dict[str, Reference]:
-    """Return the standard references for a drive, slowed where it could not follow.
+    """Return the standard references for a drive, slowed to 0.85 of its speed at full opening where they are faster.
 
     R1 and R2 are sines, R3 stairs, R4 ramps, R5 a step and a long rest, R6 a long fast move, R7 targets that are
-    approached from both sides, R8 a hand that leads the piston.
+    approached from both sides, R8 a hand that leads the piston. Whether the force suffices for them too, says
+    `feasibility`.
 
     Raises
     ------
@@ -134,7 +140,7 @@ def standard(drive: Drive | Circuit) -> dict[str, Reference]:
 def compare(
     drive: Drive | Circuit,
     laws: str | object | Sequence[str | Path | Tuning | object] = "all",
-    references: str | Sequence[str | Path | Reference] | Mapping[str, str | Path | Reference] = "standard",
+    references: References = "standard",
     *,
     out: str | Path,
     seeds: int = 5,
@@ -153,15 +159,17 @@ def compare(
     """Run laws along references with several seeds, and score them.
 
     Each run is a file in ``out/runs``, written whole or not at all; one that is there already is not run again, so that
-    an interrupted comparison is resumed. Equal seeds give equal bits, but for the time of a step.
+    an interrupted comparison is resumed. Equal seeds give equal bits, but for the time of a step. Laws of one's own,
+    whose code may read anything, are run anew once a comparison is finished.
 
     Parameters
     ----------
     drive : Drive or Circuit
     laws : str or sequence
         ``"all"``, or words, controller files, tunings and laws of one's own, as for `pneudrive.control.run`.
-    references : str, sequence or mapping
-        ``"standard"``, names of standard references, or references as `pneudrive.control.reference` reads them.
+    references : str, path-like, Reference, sequence or mapping
+        ``"standard"``, names of standard references, or references as `pneudrive.control.reference` reads them; one, a
+        sequence, or a mapping that gives them names.
     out : path-like
         Folder; it is made where it is not there.
     seeds : int
@@ -202,7 +210,7 @@ def compare(
 def compare_watched(
     drive: Drive | Circuit,
     asked_laws: str | object | Sequence[str | Path | Tuning | object],
-    references: str | Sequence[str | Path | Reference] | Mapping[str, str | Path | Reference],
+    references: References,
     *,
     out: str | Path,
     seeds: int = 5,
@@ -246,7 +254,7 @@ def compare_watched(
         for along, one in to_follow.items()
     }
     keeps = own is None if keep_runs is None else keep_runs
-    store = _Store.of(Path(out), keeps=keeps)
+    store = _Store.of(Path(out), keeps=keeps, mark=_mark(Path(out), tunings))
     first = next(iter(prepared.values()))
     truths = _truths(first, own)
     spread_name = own[1] if own is not None else ""
@@ -255,6 +263,8 @@ def compare_watched(
     about |= {"references": {along: one.text for along, one in to_follow.items()}, **told(tunings)}
     asked = {"drive": named, "laws": asked_laws, "references": references, "setup": setup, "mismatch": mismatch}
     asked |= {"spread": spread, "count": count}
+    keys = [_key(one._replace(truth=truths(1)), 1, store.mark) for one in prepared.values()]
+    about |= {"mark": store.mark, "inputs": hashlib.sha256("".join(keys).encode()).hexdigest()}
     missed = {along: one.points_missed_m for along, one in to_follow.items() if one.points_missed_m is not None}
     about |= {"points_missed_m": missed} if missed else {}
     begin(Path(out), about | {"asked": json.loads(json.dumps(asked, default=lambda _: None)) if named else None})
@@ -284,7 +294,7 @@ def _truths(first: Prepared, spread: tuple[Mismatch, str] | None) -> Callable[[i
     """Return what gives the true drive of a seed; of a spread it is one for each member."""
     if spread is None:
         return lambda _: first.truth
-    core_json, plant, setup = first.circuit.core_json(), first.tuning.plant, first.setup
+    core_json, plant, setup = first.circuit.core_json(), first.plant, first.setup
 
     @lru_cache(maxsize=MOST_TRUTHS)
     def of(member: int) -> Truth:
@@ -316,7 +326,7 @@ def _tunings(
     out: dict[str, Tuning] = {}
     for one in each:
         if isinstance(one, Tuning):
-            name, tuning = one.law, one
+            name, tuning = one.law, alone(one, believes=told["believes"])
         elif is_own(one):
             tuning = tune(drive, one, **told)
             name = tuning.law
@@ -332,9 +342,7 @@ def _tunings(
     return out
 
 
-def _references(
-    drive: Drive | Circuit, asked: str | Sequence[str | Path | Reference] | Mapping[str, str | Path | Reference]
-) -> dict[str, Reference]:
+def _references(drive: Drive | Circuit, asked: References) -> dict[str, Reference]:
     if not asked:
         raise CommandError("no reference is given", remedy='For instance "standard".')
     if isinstance(asked, Mapping):
@@ -343,9 +351,11 @@ def _references(
     if asked == "standard":
         return {name: usual[name] for name in USUAL}
     out: dict[str, Reference] = {}
-    for one in [asked] if isinstance(asked, str) else asked:
+    for one in [asked] if isinstance(asked, str) or not isinstance(asked, Iterable) else asked:
         read = usual[one] if isinstance(one, str) and one in usual else reference(one)
-        out[one if isinstance(one, str) and one in usual else read.text] = read
+        name = one if isinstance(one, str) and one in usual else read.text
+        if out.setdefault(name, read) != read:
+            raise CommandError(f'two references are called "{name}"', remedy='Give them names: {"first": ..., ...}.')
     return out
 
 
@@ -357,7 +367,24 @@ def core_hash() -> str:
     return hashlib.sha256(Path(_core.__file__).read_bytes()).hexdigest()
 
 
-def _key(prepared: Prepared, seed: int) -> str:
+def _mark(out: Path, tunings: Mapping[str, Tuning]) -> str:
+    """Return what marks the runs of laws of one's own: new once a comparison is finished, or code beside one changed.
+
+    What such code reads, nobody can hash.
+    """
+    own = [split(tuning.own.name) for tuning in tunings.values() if tuning.own is not None]
+    if not own:
+        return ""
+    about, folders = out / ABOUT, [Path(code[0]).parent for code in own if code is not None]
+    with suppress(CommandError, OSError, LookupError, TypeError):  # there is no comparison, or it is damaged
+        began = about.stat().st_mtime
+        changed = any(path.stat().st_mtime > began for folder in folders for path in folder.glob("*.py"))
+        if not changed and not (out / TABLE).exists():
+            return str(read_json(about, CommandError)["mark"]) or uuid.uuid4().hex
+    return uuid.uuid4().hex
+
+
+def _key(prepared: Prepared, seed: int, mark: str) -> str:
     """Return the SHA-256 of all that decides a run and its score."""
     decides = {
         "core": core_hash(),
@@ -372,7 +399,7 @@ def _key(prepared: Prepared, seed: int) -> str:
     }
     if prepared.tuning.own is not None:
         own = prepared.tuning.own
-        decides["code"] = [own.digest, (split(own.name) or ("", own.name))[1]]  # a file may hold several laws
+        decides["code"] = [own.digest, (split(own.name) or ("", own.name))[1], mark]  # a file may hold several laws
     return hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()
 
 
@@ -385,9 +412,10 @@ class _Store:
     keeps: bool
     known: dict[str, dict[str, Any]]
     lock: threading.Lock
+    mark: str
 
     @classmethod
-    def of(cls, out: Path, *, keeps: bool) -> _Store:
+    def of(cls, out: Path, *, keeps: bool, mark: str) -> _Store:
         folder, lines = out / RUNS, out / KEPT
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -404,11 +432,11 @@ class _Store:
         if text and not text.endswith(b"\n"):
             with lines.open("a", encoding="utf-8") as file:
                 file.write("\n")
-        return cls(folder, lines, keeps, known, threading.Lock())
+        return cls(folder, lines, keeps, known, threading.Lock(), mark)
 
     def run(self, prepared: Prepared, law: str, along: str, seed: int) -> ControlledRun:
         """Return a run that is there, or run it and keep it."""
-        key = _key(prepared, seed)
+        key = _key(prepared, seed, self.mark)
         plain = re.sub(r"[^A-Za-z0-9]+", "-", f"{law}_{along}").strip("-")[:60]
         file = self.folder / f"{plain}_{seed}_{key[:12]}.parquet"
         truth = prepared.truth.values

@@ -135,6 +135,7 @@ def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
     >>> found.is_feasible, found.factor > 1.0
     (False, True)
     """
+    require(tuning, "plant", "tuning", "pn.control.tune(drive)")
     require(reference, "is_sine", "reference", 'pn.control.reference("250 mm; 1 s: 280 mm in 0.3 s")')
     seen_s = (
         _PERIODS / reference.frequency_hz if reference.is_sine else reference.duration_s - reference.rest_s + _SEEN_S

@@ -14,13 +14,13 @@ from pneudrive.control.controller import Controller
 from pneudrive.control.loop import MOST_SEED, Prepared, prepare
 from pneudrive.control.mismatch import Mismatch, mismatched, read_mismatch
 from pneudrive.control.motion import Reference
-from pneudrive.control.own_law import OWN, signals
+from pneudrive.control.own_law import OWN, is_own, signals
 from pneudrive.control.paths import PEAK
 from pneudrive.control.references import reference
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.describe.circuit import compiled
 from pneudrive.describe.drive import Drive
-from pneudrive.errors import CommandError, nearest
+from pneudrive.errors import CommandError, nearest, warn
 from pneudrive.simulate import positive
 
 if TYPE_CHECKING:
@@ -118,6 +118,9 @@ class PositionEnv(gymnasium.Env):
         self.duration_s, self.lost_m = positive(duration, "s", "duration"), positive(lost, "m", "lost")
         self._reference, self._reward = reference, reward
         self._setup, _ = read_setup(setup)
+        if law is not None and is_own(law):
+            what = f"the law {law!r} is code, which cannot run beside the action"
+            raise CommandError(what, remedy='Name a law of pneudrive: law="pva".')
         self._law: Any = _Learner() if law is None else law
         told = {"law": OWN if law is None else law, "period": f"{positive(period, 's', 'period')!r} s"}
         self._controller = Controller.model_validate(told)
@@ -126,7 +129,8 @@ class PositionEnv(gymnasium.Env):
         # What an episode begins with but its drive and reference; it also refuses what is wrong now.
         self._first = self._prepare(self.drive, "0 m; 0.1 s: 1 um in 0.1 s" if reference is None else reference)
         self._prepared = self._first
-        self._true(self._first, np.random.default_rng(0))
+        for late in self._true(self._first, np.random.default_rng(0)).truth.setup.later_than(self.duration_s):
+            warn(late)
         self.observed = (
             *(units.column_name(name, known[name][0]) for name in self.inputs),
             *(f"reference_{1e3 * t:g}_ms_{what}" for t in self.ahead for what in ("m", "m_s")),
@@ -145,7 +149,7 @@ class PositionEnv(gymnasium.Env):
         if not isinstance(self.spread, Mismatch):
             return prepared
         drawn = self.spread.drawn(int(random.integers(1, MOST_SEED)), 0)
-        core_json, plant = prepared.circuit.core_json(), prepared.tuning.plant
+        core_json, plant = prepared.circuit.core_json(), prepared.plant
         return prepared._replace(truth=mismatched(core_json, plant, prepared.setup, self.spread, drawn))
 
     def reset(

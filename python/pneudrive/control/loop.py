@@ -15,7 +15,7 @@ from pneudrive.control.references import check_reach
 from pneudrive.control.setup import CHANNEL_UNITS, Setup, read_setup, ready_setups
 from pneudrive.control.standard_references import named_or_read
 from pneudrive.control.supervision import told
-from pneudrive.control.tuning import Tuning, tune
+from pneudrive.control.tuning import Tuning, alone, supply_of, tune
 from pneudrive.describe.circuit import compiled
 from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.simulate import SOLVER, Run, positive, require
@@ -56,10 +56,11 @@ MEANINGS = {
 
 
 class Prepared(NamedTuple):
-    """All that decides a run under control but its seed."""
+    """All that decides a run under control but its seed; `plant` is the drive that is run, as it is described."""
 
     circuit: Circuit
     tuning: Tuning
+    plant: Plant
     reference: Reference
     setup: Setup
     setup_name: str
@@ -131,9 +132,9 @@ def run(
         command, estimated_velocity, disturbance, holds, step_time, least_step_time, each with ``units`` and
         ``long_name``. Its ``attrs`` hold score (a dict, see `pneudrive.control.Score`), events (what the supervisor
         told: time_s, kind, value, unit, text), law_failure (where a law of one's own failed and another one took
-        over), law, gains, choices, factors, period_s, setup, mismatch, deviations, seed, reference, motion, air,
-        belief_hash, points_missed_m (of a reference that was made of points), and what `pneudrive.simulate` tells of a
-        description.
+        over), law, gains, choices, factors, period_s, samples, setup, mismatch, deviations, seed, reference, motion,
+        air, belief_hash, points_missed_m (of a reference that was made of points), and what `pneudrive.simulate` tells
+        of a description.
 
     Raises
     ------
@@ -181,27 +182,30 @@ def prepare(
     check_tolerance(rtol)
     read, name = read_setup(setup)
     if isinstance(controller, Tuning):
-        tuning = controller
+        tuning = alone(controller, law=law, believes=believes)
     else:
         tuning = tune(drive, law, setup=read, controller=controller, believes=believes, allow_code=allow_code)
     _check_jitter(read, tuning.period_s)
     circuit = circuit_of(drive)
     to_follow = named_or_read(along, tuning.plant.stroke_m, tuning.plant.speed_m_s)
     is_another = tuning.belief.core_json() != circuit.core_json()
-    stroke_m = tune(drive, setup=read).plant.stroke_m if is_another else tuning.plant.stroke_m
-    check_reach(to_follow, min(stroke_m, tuning.plant.stroke_m), tuning.plant.speed_m_s)
+    plant = tune(drive, setup=read).plant if is_another else tuning.plant
+    check_reach(to_follow, min(plant.stroke_m, tuning.plant.stroke_m), tuning.plant.speed_m_s)
     seconds = to_follow.duration_s if duration is None else positive(duration, "s", "duration")
     samples = seconds / tuning.period_s
     if not 1.0 <= round(samples) <= MOST_SAMPLES:
         what = f"duration = {seconds:g} s at a period of {1e3 * tuning.period_s:g} ms makes {samples:.3g} samples"
         raise CommandError(what, rule=f"1 to {MOST_SAMPLES:.0e} samples")
     _tell_missed(to_follow, read)
-    start = _start(drive, tuning.plant, float(to_follow.at([0.0])[0, 0]), initial)
+    start = _start(drive, plant, float(to_follow.at([0.0])[0, 0]), initial)
     truth, called = Truth(circuit.core_json(), {}, read, {}), ""
     if mismatch is not None:
         own, called = read_mismatch(mismatch)
-        truth = mismatched(circuit.core_json(), tuning.plant, read, own, one_value(own, called))
-    return Prepared(circuit, tuning, to_follow, read, name, start, seconds, rtol, truth, called)
+        truth = mismatched(circuit.core_json(), plant, read, own, one_value(own, called))
+    short = read.short_of(supply_of(truth.core_json)[0], circuit.ambient.pressure_pa)
+    for said in (*short, *truth.setup.later_than(seconds)):
+        warn(said)
+    return Prepared(circuit, tuning, plant, to_follow, read, name, start, seconds, rtol, truth, called)
 
 
 def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run:
@@ -236,9 +240,10 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
             raise own.stopped
     events = told(columns.pop("events", []))
     named = {meaning(column)[0]: values for column, values in columns.items()}
-    air = air_of(mass_kg, _supply(truth), (ambient_pa, circuit.ambient.temperature_k))
+    gas = circuit.gas.heat_capacity_ratio, circuit.gas.gas_constant_j_kg_k
+    air = air_of(mass_kg, supply_of(truth.core_json), (ambient_pa, circuit.ambient.temperature_k), gas)
     found = score_of(named["time"], named, motion, air)
-    said: dict[str, Any] = {"air": air, "score": found.to_dict(), "events": events}
+    said: dict[str, Any] = {"air": air, "score": found.to_dict(), "events": events, "samples": len(named["time"])}
     if own is not None and own.failure is not None:  # another law has taken over
         said["law_failure"] = str(own.failure)
     return Run(columns, _provenance(prepared, seed) | said, MEANINGS)
@@ -285,13 +290,6 @@ def _tell_missed(along: Reference, setup: Setup) -> None:
     if along.points_missed_m is not None and along.points_missed_m > least:
         missed = f"the curve of the reference misses its points by up to {1e3 * along.points_missed_m:.3g} mm"
         warn(f"{along.text}: {missed}; errors are those from the curve")
-
-
-def _supply(truth: Truth) -> tuple[float, float]:
-    """Return absolute pressure, Pa, and temperature, K, of the supply."""
-    form = json.loads(truth.core_json)
-    numbers = next(one["numbers"] for one in form["components"] if one["kind"] == "reservoir")
-    return numbers["pressure"], numbers.get("temperature", form["ambient"]["temperature_k"])
 
 
 def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, AIR_HEAT_CAPACITY_RATIO
 from pneudrive.control.motion import ReferenceMove, moves_of, ways_of
 from pneudrive.errors import CommandError
 from pneudrive.show import Card, Shown
+from pneudrive.trajectory import attributes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 #: Time from the start that is scored apart, and the end of a sine that is scored, s.
 FIRST_S, LAST_S = 4.0, 4.0
 REST_S, HUNTING_S = 0.2, 0.6  # ends of a dwell in which rest and hunting are measured
+LEAST_DWELL = 2  # samples of a dwell: the next move may begin as one ends
 LONG_DWELL_S = 10.0  # a dwell that lasts longer is looked at behind this time, for hunting
 BANDS_M = (1e-4, 5e-4, 1e-3)  # of settling
 SLIP_M_S = 1e-3  # speed in a dwell that counts as a slip
@@ -106,9 +108,14 @@ class Score(Shown):
         """Return all measures by name."""
         return asdict(self)
 
-    def _card(self) -> Card:
+    def rows(self) -> list[tuple[str, str]]:
+        """Return title and value with unit of each measure that the reference has, and whether the run is lost."""
         rows = [(title, written(name, getattr(self, name))) for name, (title, *_) in SHOWN.items()]
-        return Card("score, simulated", rows=[row for row in rows if row[1]])
+        lost = [("lost", f"yes: an error exceeded {1e3 * LOST_M:g} mm")] if self.lost else []
+        return [row for row in rows if row[1]] + lost
+
+    def _card(self) -> Card:
+        return Card("score, simulated", rows=self.rows())
 
 
 #: Measure -> its title in tables, factor to the unit of tables, that unit.
@@ -169,16 +176,22 @@ def score(run: xr.Dataset) -> Score:
     Raises
     ------
     CommandError
-        The dataset is no run under control.
+        The dataset is no run under control, or a part of one.
     """
-    motion = getattr(run, "attrs", {}).get("motion")
-    names = tuple(SCORED)
+    said, names = attributes(run) if hasattr(run, "attrs") else {}, tuple(SCORED)
+    motion = said.get("motion")
     if not isinstance(motion, dict) or not all(name in run for name in names):
         raise CommandError(
             "this dataset is no run under control", remedy="Pass a dataset that pn.control.run returned."
         )
-    named = {name: run[name].to_numpy() for name in names}
-    return score_of(run["time"].to_numpy(), named, motion, run.attrs.get("air"))
+    named, time = {name: run[name].to_numpy() for name in names}, run["time"].to_numpy()
+    samples = said.get("samples", len(time))
+    if len(time) != samples:
+        what = f"this dataset has {len(time)} of the {samples} samples of a run"
+        raise CommandError(
+            what, rule="a score is that of a whole run", remedy="Pass all of it, or run it for less time."
+        )
+    return score_of(time, named, motion, said.get("air"))
 
 
 #: Variables of a run that a score is of.
@@ -235,8 +248,13 @@ def _rms(error: Array) -> float:
     return float(np.sqrt(np.mean(error**2)))
 
 
-def air_of(mass_kg: float, supply: tuple[float, float], ambient: tuple[float, float]) -> dict[str, float]:
-    """Return volume and exergy of air that a reservoir gave.
+def air_of(
+    mass_kg: float,
+    supply: tuple[float, float],
+    ambient: tuple[float, float],
+    gas: tuple[float, float] = (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K),
+) -> dict[str, float]:
+    """Return volume and exergy of air, or of another gas, that a reservoir gave.
 
     Flow exergy of an ideal gas, e = cp (T - T0) - T0 (cp ln(T/T0) - R ln(p/p0)).
 
@@ -245,6 +263,8 @@ def air_of(mass_kg: float, supply: tuple[float, float], ambient: tuple[float, fl
     mass_kg : float
     supply, ambient : tuple of float
         Absolute pressure, Pa, and temperature, K.
+    gas : tuple of float
+        Heat capacity ratio, and gas constant, J/(kg K).
 
     Returns
     -------
@@ -257,11 +277,11 @@ def air_of(mass_kg: float, supply: tuple[float, float], ambient: tuple[float, fl
     >>> round(1e3 * found["anr_m3"], 6), round(found["exergy_j"], 1)
     (1.0, 194.0)
     """
-    (p, t), (p0, t0) = supply, ambient
-    k, r = AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K
+    (p, t), (p0, t0), (k, r) = supply, ambient, gas
     cp = k * r / (k - 1.0)
     specific = cp * (t - t0) - t0 * (cp * math.log(t / t0) - r * math.log(p / p0))
-    return {"mass_kg": mass_kg, "anr_m3": mass_kg / ANR_DENSITY_KG_M3, "exergy_j": mass_kg * specific}
+    density = ANR_DENSITY_KG_M3 * (AIR_GAS_CONSTANT_J_KG_K / r)
+    return {"mass_kg": mass_kg, "anr_m3": mass_kg / density, "exergy_j": mass_kg * specific}
 
 
 _Moves = tuple[float, list[ReferenceMove]]
@@ -341,7 +361,7 @@ def _of_moves(time: Array, x: Array, v: Array, error: Array, of: _Moves) -> dict
     settling: dict[float, list[float]] = {band: [] for band in BANDS_M}
     for move, _, until in _spans(of, float(time[-1])):
         dwell = (time >= move.end_s) & (time <= until)
-        if not dwell.any():
+        if np.count_nonzero(dwell) < LEAST_DWELL:
             continue
         for band, times in settling.items():
             outside = np.abs(error[dwell]) > band

@@ -95,7 +95,7 @@ class Mismatch(Described):
     stribeck_velocity: Factor = _factor("the Stribeck velocity")
     bristle_stiffness: Factor = _factor("the stiffness of the contact in stick")
     conductance: Factor = _factor("the conductance of the valve")
-    moving_mass: Factor = _factor("the moving mass")
+    moving_mass: Factor = _factor("the moving mass, loads included")
     heat_transfer: Factor = _factor("the heat-transfer coefficient")
     dead_volume: Factor = _factor("both dead volumes")
     supply_pressure: Factor = _factor("the absolute pressure of the supply")
@@ -219,6 +219,9 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
             _scale((cylinder["friction"] or {}).get("parameters", {}), _FRICTION[name], name, value)
         if name in _CYLINDER:
             _scale(cylinder["numbers"], _CYLINDER[name], name, value)
+        if name == "moving_mass":
+            for load in (one for one in form["components"] if one["kind"] == "load"):
+                load["numbers"]["mass"] *= value
         if name in _VALVE:
             if "frequency" not in valves[0]["numbers"]:
                 what = f"{name}: {valves[0]['name']} is a switching valve, which has no spool that could deviate"
@@ -228,7 +231,11 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
     for valve in valves:
         valve["numbers"]["conductance"] = conductance * drawn.get("conductance", 1.0)
     if mismatch.friction_law is not None:
+        if mismatch.friction_law == cylinder["friction"]["law"]:
+            what = f"friction_law: the friction of the drive is {mismatch.friction_law} already"
+            raise wrong("friction_law", what, remedy="Choose another law.")
         cylinder["friction"] |= _other_law(mismatch.friction_law, cylinder["friction"]["parameters"])
+        cylinder["friction"].pop("formula", None)  # of a law of one's own: it is no more that law
     start = _supply(form, drawn, conductance)
     return Truth(json.dumps(form, sort_keys=True), start, _sensors(setup, mismatch, drawn), dict(drawn))
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 SINE_S, SINE_PERIODS, REST_S = 16.0, 4.0, 2.0
 _TOGETHER_S = 1e-9  # between pieces of one move
 _EVERY, _PERIODS = 400, 2.0  # samples of a move or a period of a sine in which the fastest moment is looked for
-_EVERY_PIECE = 24  # the same of a polynomial
+_EVERY_PIECE, _EVERY_PATH = 24, 4000  # the same of a polynomial, of which few are looked at more closely
 TURN_M = 1e-4  # a shorter way back is none (assumed)
 _REAL = 1e-6  # imaginary part of a root that is taken for real
 
@@ -126,7 +126,8 @@ class Reference(Shown):
             times = np.linspace(0.0, _PERIODS / self.frequency_hz, int(_PERIODS) * _EVERY + 1)
         else:
             each = [np.linspace(move.begin_s, move.end_s, _EVERY + 1) for move in self.moves]
-            each += [np.linspace(begin, begin + lasts, _EVERY_PIECE + 1) for begin, lasts, *_ in self.pieces]
+            every = max(_EVERY_PIECE, _EVERY_PATH // max(len(self.pieces), 1))
+            each += [np.linspace(begin, begin + lasts, every + 1) for begin, lasts, *_ in self.pieces]
             times = np.concatenate([np.zeros(1), *each])
         position, velocity, *_ = self.at(times).T
         fastest = int(np.argmax(np.abs(velocity)))

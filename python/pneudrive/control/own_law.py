@@ -163,6 +163,8 @@ def _inputs(name: str, law: object) -> list[str]:
     inputs, step = own_code.guarded(
         name, CommandError, lambda: (getattr(law, "inputs", None), getattr(law, "step", None))
     )
+    if isinstance(inputs, str):
+        raise CommandError(f"{name}: inputs is the text {inputs!r}", rule=_RULE, remedy=f"inputs = ({inputs!r},)")
     if not isinstance(inputs, (tuple, list)) or not callable(step):
         lacks = "step" if isinstance(inputs, (tuple, list)) else "inputs"
         remedy = f"The names of inputs: {', '.join(known)}."

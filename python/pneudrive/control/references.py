@@ -93,6 +93,12 @@ class ReferenceFile(Described):
         for number, move in enumerate(self.moves):
             if move.duration_s is None and self.limits is None:
                 raise wrong(f"moves.{number}.duration", "duration is missing", remedy="Give it, or a table [limits].")
+        if self.limits is not None and all(move.duration_s is not None for move in self.moves):
+            rule = "they are for moves without a duration"
+            raise wrong("limits", "limits that nothing is held to are given", rule=rule, remedy="Leave them out.")
+        if self.points and self.through == "pass" and self.order != paths.ORDER:
+            what = f"order = {self.order} and a spline through the points, which has order {paths.ORDER}, are given"
+            raise wrong("order", what, remedy='Leave it out, or write through = "stop".')
         return self
 
 
@@ -165,7 +171,7 @@ def _sine_of(text: str) -> Reference:
 
 def _move_of(entry: str, text: str) -> ReferenceMove:
     begin, colon, rest = entry.partition(":")
-    to, within, duration = rest.partition(" in ")
+    to, within, duration = rest.rpartition(" in ")  # the last one: "12 in in 0.3 s"
     if not colon or not within:
         rule = "TIME: POSITION in DURATION for each move"
         raise CommandError(
@@ -304,7 +310,7 @@ def program_references(path: str | Path) -> dict[str, Reference]:
     try:
         if file.stat().st_size > bound("text_bytes"):
             raise CommandError(f"the program {path} is too large")
-        text = file.read_text("utf-8")
+        text = file.read_text("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise CommandError(f"the program {path} cannot be read", value=str(error)) from None
     each = gcode.read_program(text, str(path))

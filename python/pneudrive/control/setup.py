@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
@@ -238,6 +239,23 @@ class Setup(Described):
                 remedy = f"Give [sensors.{fault.channel}], or leave the fault out."
                 raise wrong(f"faults.{number}.channel", what, remedy=remedy)
         return self
+
+    def short_of(self, supply_pa: float, ambient_pa: float) -> list[str]:
+        """Say in words that its pressure sensors end below the pressure of a supply; nothing where they do not."""
+        ranges = [one.range_pa for one in (self.sensors.pressure_a, self.sensors.pressure_b) if one is not None]
+        top = ambient_pa + min(ranges, default=math.inf)
+        ends = f"The pressure sensors of the setup end at {1e-5 * top:.4g} bar abs, below the supply"
+        said = f"{ends} of {1e-5 * supply_pa:.4g} bar abs: beyond, they count as faulty"
+        return [said] if top < supply_pa else []
+
+    def later_than(self, end_s: float) -> list[str]:
+        """Say in words what of it begins only once a run has ended, s."""
+        tables = {"disturbances": self.disturbances, "faults": self.faults, "factors": self.factors}
+        return [
+            f"{name}: what begins at {min(late):g} s has no effect, as the run ends at {end_s:g} s"
+            for name, each in tables.items()
+            if (late := [one.at_s for one in each if one.at_s >= end_s])
+        ]
 
     def core(self, seed: int, ambient_pa: float) -> dict[str, Any]:
         """Return it in the core's form, SI, with the seed of all noise and the pressure of the ambient."""

@@ -11,6 +11,7 @@ from pneudrive.control.references import check_reach
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.standard_references import named_or_read
 from pneudrive.errors import CommandError, nearest
+from pneudrive.simulate import require
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
@@ -75,6 +76,7 @@ def export(
     """
     if to not in LANGUAGES:
         raise CommandError(f'there is no language "{to}"', remedy=nearest(to, LANGUAGES))
+    require(tuning, "plant", "tuning", "pn.control.tune(drive)")
     read, _ = read_setup(setup)
     if to == "fmu":
         if along is None:

@@ -374,6 +374,14 @@ def tune(
     return _limited(tuning, read)
 
 
+def alone(tuning: Tuning, **others: object) -> Tuning:
+    """Return a tuning; refuse what it has already."""
+    for name in (name for name, one in others.items() if one is not None):
+        what = f"{name} and a tuning of {tuning.law} for {tuning.belief.name} are given"
+        raise CommandError(what, remedy="Give the tuning alone: it has a law and what that believes.")
+    return tuning
+
+
 def _table(law: object, controller: Controller | str | Path | None) -> tuple[Controller, Path, str, str]:
     """Return a controller, its folder, and path and text of its file."""
     if controller is None:
@@ -464,9 +472,22 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
             asked(more=chosen)
         except ValueError as error:
             raise wrong(str(error).split(" ")[0], str(error)) from None
+    if table.choices.get("predictor") == "circuit":
+        _check_moves(belief)
     made = Tuning(table.law, table.period_s, table.hold, table.adaptation, gains, Plant(**plant), belief, source)
     made = replace(made, supervision=table.supervision, valves=valves, observer=kind, observer_numbers=numbers)
     return replace(made, choices=table.choices, factors=table.factors)
+
+
+def _check_moves(belief: Circuit) -> None:
+    """Refuse friction that sticks exactly to a plan by the circuit: in stick no opening moves the piston."""
+    states = {own["name"]: own["states"] for own in _core.friction_laws()}
+    for one in json.loads(belief.core_json())["components"]:
+        law = (one["friction"] or {}).get("law")
+        if law is not None and states.get(law) == []:
+            what = f'predictor = "circuit" and {one["name"]}.friction of the law {law}, which sticks exactly, are given'
+            remedy = 'Leave the key out, or describe the friction with a stiffness: law = "lugre" or "elasto-plastic".'
+            raise wrong("nmpc.predictor", what, rule="in stick, too, an opening moves the piston", remedy=remedy)
 
 
 def _observer(table: dict[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -521,6 +542,13 @@ def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:
     return load_described(path), source
 
 
+def supply_of(core_json: str) -> tuple[float, float]:
+    """Return absolute pressure, Pa, and temperature, K, of the supply of a circuit in the core's form."""
+    form = json.loads(core_json)
+    numbers = next(one["numbers"] for one in form["components"] if one["kind"] == "reservoir")
+    return numbers["pressure"], numbers.get("temperature", form["ambient"]["temperature_k"])
+
+
 def _limited(tuning: Tuning, setup: Setup) -> Tuning:
     """Add what limits a law, in words."""
     plant, said = tuning.plant, []
@@ -547,10 +575,12 @@ def _limited(tuning: Tuning, setup: Setup) -> Tuning:
     if setup.sensors.pressure_a is None:
         said.append("The setup has no pressure sensors: the law follows the pressures by its model of the drive.")
     said += _unobservable(tuning, measured=setup.sensors.pressure_a is not None)
+    supply_pa, _ = supply_of(tuning.belief.core_json())
+    said += [f"{short}." for short in setup.short_of(supply_pa, tuning.belief.ambient.pressure_pa)]
     if plant.left_out:
         said.append(
             f"The law knows nothing of {', '.join(plant.left_out)} but the volume of tubes at the chambers: it takes "
-            "the valve to stand at the cylinder, at a supply of constant pressure."
+            "the valve to stand at the cylinder, at a supply of constant pressure; speed and lag leave them out."
         )
     said.append(f"References up to {plant.speed_m_s:.3g} m/s and within {1e3 * plant.stroke_m:g} mm are accepted.")
     assumed = [gain.key for gain in tuning.numbers if "assumed" in gain.rule and not gain.given]
