@@ -5,6 +5,7 @@ import { Circuit, type Drawing } from "./circuit";
 import type { Frame, Numbers } from "./frame";
 import { digits, instant } from "./looks";
 import { opened, type Field } from "./opened";
+import { NumberField } from "./parts";
 import { curveOf, indexAt, type Curve } from "./plot";
 import { Strip } from "./strip";
 import { studies } from "./studies";
@@ -78,7 +79,7 @@ export function BesideChoices() {
       <p class="row">
         <label><input type="checkbox" checked={band.value} onChange={(event) => (band.value = event.currentTarget.checked)} /> band of 200 members</label>
         <label>
-          within ± <input type="number" min={0.1} max={90} step="any" aria-label="Half width of the spreads, per cent" value={width.value} onChange={({ currentTarget: { valueAsNumber: per } }) => Number.isFinite(per) && (width.value = Math.min(90, Math.max(0.1, per)))} /> % of each slider
+          within ± <NumberField label="Half width of the spreads, per cent" low={0.1} high={90} value={width.value} put={(per) => (width.value = per)} /> % of each slider
         </label>
       </p>
       <p class="row">
@@ -125,6 +126,9 @@ export function Differences({ head, panels, ends }: { head: BesideHead; panels: 
           Band: from 5 to 95 % of {head.band.members} members, which lie evenly in the spreads{head.band.failed > 0 && `; ${head.band.failed} of them could not be simulated, as in ${head.band.why}${head.band.refused ? ". The command and Python refuse such a member: narrow the spreads" : ""}`}.
         </p>
       )}
+      {compared.filter((one) => !Object.keys(one.ends).length).map((one) => (
+        <p class="note" key={one.path}>{one.path} has none of these quantities under the same names.</p>
+      ))}
       <div class="scroll" tabIndex={0} role="region" aria-label="Differences">
         <table>
           <thead>

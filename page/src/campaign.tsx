@@ -130,6 +130,7 @@ export function CampaignView() {
 
 function Watched({ now, path }: { now: Campaign; path: string }) {
   const total = now.planned ?? now.done;
+  const running = now.state === "paused" ? null : cycle.value; // what was measured last is no cycle in progress then
   return (
     <>
       {now.synthetic && <p class="banner">Synthetic: the rig is simulated.</p>}
@@ -142,12 +143,12 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
           {now.remaining_s !== null && now.done < total && `, ${duration(now.remaining_s)} left on the rig`}
         </span>
       </p>
-      {now.cycle && <p class="note">now: {now.cycle}{cycle.value && `, ${cycle.value.left} left by the clock`}</p>}
+      {now.cycle && now.state !== "paused" && <p class="note">now: {now.cycle}{running && `, ${running.left} left by the clock`}</p>}
       <Requests now={now} path={path} />
       <ReportOf folder={path} />
-      {cycle.value && cycle.value.position.length > 1 && (
-        <div data-cycle={cycle.value.cycle} data-samples={cycle.value.samples}>
-          <Strip title={`Cycle in progress: ${cycle.value.cycle}, ${cycle.value.samples} samples`} x="position, mm" y="force, N" curves={[{ label: "force", x: cycle.value.position, y: cycle.value.force }]} />
+      {running && running.position.length > 1 && (
+        <div data-cycle={running.cycle} data-samples={running.samples}>
+          <Strip title={`Cycle in progress: ${running.cycle}, ${running.samples} samples`} x="position, mm" y="force, N" curves={[{ label: "force", x: running.position, y: running.force }]} />
         </div>
       )}
       <JobList />

@@ -5,12 +5,13 @@ import type { Frame } from "./frame";
 import { follow, JobList } from "./jobs";
 import { digits } from "./looks";
 import { opened } from "./opened";
-import { Copied, InFolder, Problems } from "./parts";
+import { Copied, InFolder, NumberField, Problems } from "./parts";
 import { curveOf, pixelsOfPlots, Plot } from "./plot";
 import { route } from "./routes";
 import { ask, attempting, Live, read, type Problem } from "./server";
 import { list, studies } from "./studies";
 import { Gains, ScoreCard, Table } from "./score";
+import { Unsaved } from "./unsaved";
 
 interface Gain {
   key: string;
@@ -77,7 +78,7 @@ function described(): string[] {
 const filesOf = (kind: string): string[] => studies.value?.files.filter((one) => one.kind === kind).map((one) => one.path) ?? [];
 
 function request(): Record<string, unknown> | null {
-  if (!drive.value || !reference.value || !choices.value) return null;
+  if (!drive.value || !choices.value) return null;
   const units = new Map(tuned.peek().map((one) => [one.key, one.unit]));
   const changed = Object.entries(gains.value).map(([key, value]) => [key, units.get(key) ? `${value} ${units.get(key)}` : value]);
   return {
@@ -103,6 +104,7 @@ async function choose(path: string): Promise<void> {
     const found = await read<Choices>("/api/control", { path });
     if (drive.value !== path) return;
     reference.value = found.references.find((one) => one.name === "R3")?.text ?? found.references[0]?.text ?? "";
+    answer.value = null; // of the drive before, which may have been answered meanwhile
     choices.value = found;
   });
 }
@@ -147,13 +149,14 @@ function Start() {
       <section class="controls" aria-label="What is run">
         <h2>A drive under control, simulated</h2>
         <Choice label="Drive" value={drive.value} put={(one) => void choose(one)} of={all} />
+        <Unsaved path={drive.value} />
         <Choice label="Law" value={law.value} put={(one) => ((gains.value = {}), (tuned.value = []), (law.value = one))} of={[...(choices.value?.laws ?? []), ...filesOf("controller")]} />
         <ReferenceField />
         <Choice label="Setup" value={setup.value} put={(one) => (setup.value = one)} of={[...(choices.value?.setups ?? []), ...filesOf("setup")]} />
         <Choice label="True drive" value={mismatch.value} put={(one) => (mismatch.value = one)} of={choices.value?.mismatches ?? []} none="as described" />
         <p class="row">
           <label>
-            Seed <input type="number" min={0} value={seed.value} onChange={({ currentTarget: { valueAsNumber: of } }) => Number.isFinite(of) && (seed.value = Math.max(0, Math.round(of)))} />
+            Seed <NumberField low={0} whole value={seed.value} put={(one) => (seed.value = one)} />
           </label>
           <label>
             Duration <input size={8} value={duration.value} placeholder="reference's" onChange={(event) => (duration.value = event.currentTarget.value)} />
@@ -213,7 +216,7 @@ function GainSliders() {
         const value = gains.value[gain.key] ?? gain.number;
         const isChanged = gain.key in gains.value;
         const name = `slider-${gain.key}`;
-        const put = (next: number) => Number.isFinite(next) && (gains.value = { ...gains.value, [gain.key]: next });
+        const put = (next: number) => (gains.value = { ...gains.value, [gain.key]: next });
         return (
           <div class="slider" key={gain.key}>
             <label for={name}>{gain.key}: {gain.meaning}</label>
@@ -226,7 +229,7 @@ function GainSliders() {
               aria-valuetext={`${digits(value)} ${gain.unit}`}
               onInput={(event) => put(Number((gain.low + ((gain.high - gain.low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)))}
             />
-            <input type="number" step="any" aria-label={`${gain.key}, ${gain.unit || "number"}`} value={isChanged ? value : Number(digits(value))} onChange={(event) => put(event.currentTarget.valueAsNumber)} />
+            <NumberField label={`${gain.key}, ${gain.unit || "number"}`} value={isChanged ? value : digits(value)} put={put} />
             <span class="unit">{gain.unit}</span>
             <span class={`kind ${isChanged ? "changed" : ""}`} title={gain.rule}>{isChanged ? "changed" : "follows"}</span>
           </div>
@@ -246,6 +249,7 @@ function Shown() {
   const time = arrays.get("time_s")!;
   return (
     <section aria-label="The run">
+      {wrong.value.length > 0 && <p class="banner">Curves and numbers below are those of the last run.</p>}
       {head.lost && <p class="banner">Lost: the error exceeded 20 mm.</p>}
       <section class="plots" aria-label="Curves" data-samples={head.samples}>
         {head.panels.map((panel) => (
@@ -338,7 +342,7 @@ function Compare() {
       <Choice label="Spread of drives" value={spread.value} put={(one) => (spread.value = one)} of={found.spreads} none="none: seeds of noise" />
       <p class="row">
         <label>
-          {spread.value ? "Members" : "Seeds"} <input type="number" min={1} value={count.value} onChange={({ currentTarget: { valueAsNumber: of } }) => Number.isFinite(of) && (count.value = Math.max(1, Math.round(of)))} />
+          {spread.value ? "Members" : "Seeds"} <NumberField low={1} whole value={count.value} put={(one) => (count.value = one)} />
         </label>
         <label>
           Into results/ <input size={12} value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />

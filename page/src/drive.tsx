@@ -4,7 +4,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { Circuit } from "./circuit";
 import type { Editor } from "./editor";
 import { change, drawing, onDisk, opened, problems, said, save, set, setNumber, takeFromDisk, valid, type Field } from "./opened";
-import { KINDS, Problems } from "./parts";
+import { isIn, KINDS, Problems } from "./parts";
 
 const chosen = signal("");
 const name = signal("");
@@ -18,7 +18,7 @@ export function DriveView() {
     let gone = false;
     if (place.current && now)
       void import("./editor").then(({ edit }) => {
-        if (!gone) editor.current = edit(place.current!, opened.value!.text, (text) => void change(text));
+        if (!gone && place.current && opened.value) editor.current = edit(place.current, opened.value.text, (text) => void change(text));
       });
     return () => {
       gone = true;
@@ -26,7 +26,8 @@ export function DriveView() {
       editor.current = null;
     };
   }, [now?.path]);
-  useEffect(() => editor.current?.show(opened.value?.text ?? "", problems.value), [now?.text, problems.value]);
+  const own = now?.sha256 ? now.path.slice(now.path.lastIndexOf("/") + 1) : "unnamed.toml"; // as the server calls a new text
+  useEffect(() => editor.current?.show(opened.value?.text ?? "", problems.value.filter((one) => isIn(one, own))), [now?.text, problems.value]);
   if (!now) return problems.value.length ? <Problems of={problems.value} /> : <p>Choose a drive or a circuit under Studies.</p>;
   const isNew = !now.sha256;
   return (
@@ -61,7 +62,7 @@ export function DriveView() {
             <button type="button" onClick={takeFromDisk}>Drop these changes and show the file</button>
           </p>
         )}
-        <Problems of={problems.value} onLine={(line) => editor.current?.go(line)} />
+        <Problems of={problems.value} own={own} onLine={(line) => editor.current?.go(line)} />
         {!problems.value.length && <p class="note">No problems.</p>}
       </section>
     </div>

@@ -202,7 +202,7 @@ export function FitTable({ found }: { found: Fit }) {
       <h2>Fit of a {found.kind}</h2>
       {found.synthetic && <p class="banner">Synthetic: the data were simulated.</p>}
       {!found.converged && <p class="banner">The search ended early: these values are the best so far, without intervals.</p>}
-      <table>
+      <div class="wide" tabIndex={0} role="region" aria-label="Values of the fit"><table>
         <thead>
           <tr>
             {["Value", "Estimate", "U (k = 2)", "95 % interval", "Unit", ""].map((one, index) => (
@@ -222,7 +222,7 @@ export function FitTable({ found }: { found: Fit }) {
             </tr>
           ))}
         </tbody>
-      </table>
+      </table></div>
       {found.statements.length > 0 && <h2>What the data do not determine</h2>}
       <ul>{found.statements.map((one) => <li key={one}>{one}</li>)}</ul>
       <ul>{found.notes.map((one) => <li key={one}>{one}</li>)}</ul>

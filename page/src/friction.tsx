@@ -236,6 +236,7 @@ function Cuts({ path, found }: { path: string; found: FrictionMap }) {
 function Map({ path, found }: { path: string; found: FrictionMap }) {
   const groups = drawnGroups("speed", MM, found.groups.filter((one) => !only.value || one.label === only.value));
   const points = found.groups.flatMap((group) => group.points.map((one) => ({ ...one, group: group.label })));
+  const curves = found.groups.filter((one) => one.curve).length;
   return (
     <>
       <p class="row">
@@ -248,6 +249,7 @@ function Map({ path, found }: { path: string; found: FrictionMap }) {
         </span>
       </p>
       <Scatter title="Friction over speed" x="speed, mm/s" y="friction, N" groups={groups} log={isLog.value} />
+      {curves > 0 && curves < found.groups.length && <p class="note">Curves are drawn for the first {curves} of {found.groups.length} pairs of pressures.</p>}
       <Cuts path={path} found={found} />
       <Heat of={found.heat} />
       <div class="scroll" tabIndex={0} role="region" aria-label="Points of the map">

@@ -7,6 +7,7 @@ import { Copied, DriveChoice, InFolder, Problems } from "./parts";
 import { link, route } from "./routes";
 import { ask, attempting, read, type Problem } from "./server";
 import { list, studies } from "./studies";
+import { Unsaved } from "./unsaved";
 
 interface Variable {
   name: string;
@@ -95,6 +96,7 @@ function Start() {
           Into results/ <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
         </label>
       </p>
+      <Unsaved path={drive.value} />
       {form.value !== "c" && (
         <p>
           <label class="tick">

@@ -75,7 +75,7 @@ export function JobList({ of, output }: { of?: string; output?: boolean }) {
             </p>
           ))}
       {shown
-        .filter((one) => one.state === "done" && RESULTS[one.kind])
+        .filter((one) => one.state === "done" && RESULTS[one.kind] && (one.kind !== "export" || one.out.endsWith(".fmu"))) // a library for C has no view
         .map((one) => (
           <p key={one.number}>
             <a href={link(RESULTS[one.kind]![0], `${one.out}${RESULTS[one.kind]![1]}`)}>{RESULTS[one.kind]![2]} {one.out}</a>

@@ -1,5 +1,7 @@
 /** Looks of curves: line style differs beside colour, as in the product's figures. */
 
+import { signal } from "@preact/signals";
+
 export interface Look {
   light: string;
   dark: string;
@@ -19,7 +21,11 @@ export const LOOKS: Look[] = [
 
 const DARK = typeof matchMedia === "undefined" ? null : matchMedia("(prefers-color-scheme: dark)");
 
-export const isDark = (): boolean => DARK?.matches ?? false;
+const dark = signal(DARK?.matches ?? false);
+DARK?.addEventListener("change", ({ matches }) => (dark.value = matches));
+
+/** Whether the paper is dark; what is drawn by it is drawn again when that changes. */
+export const isDark = (): boolean => dark.value;
 
 export function look(index: number): { color: string; dash: number[] } {
   const found = LOOKS[index % LOOKS.length] as Look;

@@ -1,4 +1,4 @@
-import { effect, signal } from "@preact/signals";
+import { effect, signal, untracked } from "@preact/signals";
 import { render } from "preact";
 import { CampaignView } from "./campaign";
 import { ControlView } from "./control";
@@ -33,12 +33,18 @@ const OF_A_DESCRIPTION: View[] = ["drive", "simulate"];
 /** The file that each view had last. */
 const last = signal<Partial<Record<View, string>>>({});
 
+/** The address belongs to the view: a jump within it would lead to another one. */
+function toContent(event: Event): void {
+  event.preventDefault();
+  document.getElementById("main")!.focus();
+}
+
 function Page() {
   const { view } = route.value;
   const described = opened.value?.path ?? "";
   return (
     <>
-      <a class="skip" href="#main">Skip to the content</a>
+      <a class="skip" href="#main" onClick={toContent}>Skip to the content</a>
       <header>
         <h1>pneudrive</h1>
         <nav aria-label="Views">
@@ -78,7 +84,8 @@ async function start(): Promise<void> {
     follow();
     effect(() => {
       const { view, path } = route.value;
-      if (path && OF_A_DESCRIPTION.includes(view)) void open(path);
+      if (path && OF_A_DESCRIPTION.includes(view)) untracked(() => void open(path));
+      document.title = [path, VIEWS.find(([name]) => name === view)![1], "pneudrive"].filter(Boolean).join(" · ");
       if (path) last.value = { ...last.peek(), [view]: path };
     });
   }

@@ -2,7 +2,7 @@
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits, instant } from "./looks";
-import { Copied, Problems } from "./parts";
+import { Copied, NumberField, Problems } from "./parts";
 import type { Mark } from "./plot";
 import { ask, newest, read, Refused, type Problem } from "./server";
 import { studies } from "./studies";
@@ -122,8 +122,6 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow
     }
   };
   const align = (which: 0 | 1, number: number) => {
-    const most = which ? now!.strokes.length : strokes.length;
-    if (!(number >= 1 && number <= most)) return;
     const numbers: [number, number] = which ? [now!.numbers[0], number] : [number, now!.numbers[1]];
     beside.value = { ...now!, numbers, shift: shiftOf(strokes, now!.strokes, numbers) };
     const { from, to } = strokes[numbers[0] - 1]!;
@@ -132,7 +130,7 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow
   const stroke = (which: 0 | 1, label: string, of: Stroke[]) => (
     <label>
       {label}{" "}
-      <input type="number" min={1} max={of.length} value={now!.numbers[which]} onChange={(event) => align(which, event.currentTarget.valueAsNumber)} /> of {of.length}
+      <NumberField low={1} high={of.length} whole value={now!.numbers[which]} put={(number) => align(which, number)} /> of {of.length}
     </label>
   );
   return (
@@ -214,16 +212,14 @@ export function Measuring({ path, columns, span, isTimed }: { path: string; colu
     const wide = span[1] - span[0];
     cursors.value = isOn ? [span[0] + wide / 3, span[0] + (2 * wide) / 3] : null;
   };
-  const put = (which: 0 | 1, time: number) => {
-    if (Number.isFinite(time)) cursors.value = which ? [now![0], time] : [time, now![1]];
-  };
+  const put = (which: 0 | 1, time: number) => (cursors.value = which ? [now![0], time] : [time, now![1]]);
   const cursor = (which: 0 | 1) => (
     <span class="row">
       <label>
         Cursor {which + 1}{" "}
         <input type="range" min={0} max={STEPS} value={Math.round((STEPS * (now![which] - span[0])) / (span[1] - span[0]))} aria-valuetext={`${told(now![which], span)} ${unit}`} onInput={(event) => put(which, span[0] + ((span[1] - span[0]) * event.currentTarget.valueAsNumber) / STEPS)} />
       </label>
-      <input type="number" step="any" aria-label={`Cursor ${which + 1}, ${unit}`} value={told(now![which], span)} onChange={(event) => put(which, event.currentTarget.valueAsNumber)} /> {unit}
+      <NumberField label={`Cursor ${which + 1}, ${unit}`} value={told(now![which], span)} put={(time) => put(which, time)} /> {unit}
     </span>
   );
   return (

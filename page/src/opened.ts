@@ -1,6 +1,6 @@
 /** The description that is open: its text is the truth, and what the server says of it. */
-import { signal } from "@preact/signals";
-import { ask, newest, read, Refused, typed, write, type Problem } from "./server";
+import { effect, signal, untracked } from "@preact/signals";
+import { answering, ask, isAnswering, newest, read, Refused, typed, write, type Problem } from "./server";
 import type { Drawing } from "./circuit";
 
 export interface Field {
@@ -52,6 +52,10 @@ interface Found {
 /** Descriptions that were left with a text that is not saved. */
 const drafts = new Map<string, Opened>();
 const isSaved = (one: Opened | null): boolean => !one || one.text === one.saved;
+
+/** Whether the page has a text of a description that no file holds: what runs from the file does not see it. */
+export const isUnsaved = (path: string): boolean => (opened.value?.path === path ? !isSaved(opened.value) : drafts.has(path));
+
 addEventListener("beforeunload", (event) => {
   if (!isSaved(opened.value) || drafts.size) event.preventDefault();
 });
@@ -127,12 +131,18 @@ function refused(error: unknown, mine: number): void {
 
 /** One text is checked at a time: problems show as soon as the server answers, however fast keys follow each other. */
 const check = newest(async () => {
-  const [mine, { path, text }] = [asked, opened.value!];
+  const [mine, now] = [asked, opened.value];
+  if (!now) return; // it was left meanwhile
+  const { path, text } = now;
   try {
     take(await ask<Checked>("/api/check", { path, text }), mine, { path, text });
   } catch (error) {
     refused(error, mine);
   }
+});
+
+effect(() => {
+  if (isAnswering()) untracked(() => void check()); // what was typed while the server did not answer
 });
 
 let toDraw = { mine: 0, path: "", text: "" }; // the last text without a problem
@@ -162,6 +172,10 @@ async function edit(into: string | undefined, what: { key: string; value: string
       if (opened.value?.path === into && opened.value.text !== now.text) continue; // it was typed in meanwhile
       if (opened.value?.path === into) await change(text);
     } catch (error) {
+      if (!isAnswering()) {
+        await answering();
+        continue;
+      }
       if (error instanceof Refused) problems.value = error.problems;
     }
     return;
@@ -178,20 +192,30 @@ export function setNumber(key: string, text: string): Promise<void> {
   }
 }
 
+/** A description was left while it was saved: what was typed behind that is still not saved. */
+function leave({ path, text }: Opened, now: Pick<Opened, "saved" | "sha256">): void {
+  const left = drafts.get(path);
+  if (left?.text === text) drafts.delete(path);
+  else if (left) drafts.set(path, { ...left, ...now });
+}
+
 /** Save; a file that changed on disk meanwhile is not overwritten. */
 export async function save(path: string): Promise<void> {
   const now = opened.value;
   if (!now) return;
   try {
     const { sha256 } = await write(path, now.text, path === now.path ? now.sha256 : "");
+    if (opened.value?.path !== now.path) return leave(now, { saved: now.text, sha256 });
     opened.value = { ...opened.value!, path, saved: now.text, sha256 };
     onDisk.value = null;
     said.value = `Saved ${path}.`;
+    void check(); // what was wrong with another name is not wrong with the text
     if (path !== now.path) location.hash = location.hash.replace(encodeURIComponent(now.path), encodeURIComponent(path));
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
     said.value = "";
-    if (error.status !== 412) problems.value = error.problems;
+    if (opened.value?.path !== now.path) said.value = `${path} was not saved: ${error.message}. Its text is kept.`;
+    else if (error.status !== 412) problems.value = error.problems;
     else if (path !== now.path) said.value = `${path} is there already: nothing was written. Choose another name.`;
     else {
       said.value = `${path} changed on disk: nothing was written.`;

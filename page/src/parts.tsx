@@ -4,18 +4,24 @@ import { useEffect, useState } from "preact/hooks";
 import { link, type View } from "./routes";
 import { connection, hasUsers, logIn, read, Refused, type Listed, type Problem } from "./server";
 
-export function Problems({ of, onLine }: { of: Problem[]; onLine?: (line: number) => void }) {
+const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
+
+/** Whether a problem lies in a text of that name, not in a file that the text names. */
+export const isIn = ({ file }: Problem, name: string): boolean => !file || file === name;
+
+/** Problems in words; a line of the text `own` is a button that leads there. */
+export function Problems({ of, onLine, own = "" }: { of: Problem[]; onLine?: (line: number) => void; own?: string }) {
   return (
     <div class="problems" role="status" aria-live="polite">
       {of.map((one, index) => (
         <div class="problem" key={index}>
           <p>
-            {one.line !== null && onLine ? (
+            {one.line !== null && onLine && (!own || isIn(one, own)) ? (
               <button type="button" class="link" onClick={() => onLine(one.line!)}>
                 line {one.line}
               </button>
             ) : (
-              one.line !== null && <b>line {one.line}</b>
+              placeOf(one) && <b>{placeOf(one)}:</b>
             )}{" "}
             {one.what}.
           </p>
@@ -30,7 +36,8 @@ export function Problems({ of, onLine }: { of: Problem[]; onLine?: (line: number
 
 const WORDS: Record<string, string> = {
   lost: "The server does not answer. The page tries again; nothing is lost. If the server was ended, start it again and open the address that it prints.",
-  locked: "This tab has no token. Open the address that pneudrive web printed.",
+  full: "The server draws curves in as many tabs as it can: close one of the others, and this one goes on.",
+  locked: "This tab has no token of the server. Open the address that pneudrive web printed; then this tab goes on.",
 };
 
 export function ConnectionLine() {
@@ -75,20 +82,53 @@ export function Login() {
 /** Lines to copy; `of` says of what, where a view has several. What no command does has Python alone. */
 export function Copied({ command, python, of = "" }: { command?: string; python: string; of?: string }) {
   const [done, setDone] = useState("");
+  useEffect(() => setDone(""), [command, python]);
   const copy = async (what: string, text: string) => {
-    await navigator.clipboard.writeText(text).catch(() => undefined);
-    setDone(what);
+    try {
+      await navigator.clipboard.writeText(text);
+      setDone(`Copied the ${what}.`);
+    } catch {
+      setDone("Not copied: the browser does not let the page. Mark the lines and copy them.");
+    }
   };
   return (
     <section class="copied" aria-label={`The same as a command and as Python${of && `: ${of}`}`}>
       <p>
         In the folder of the workspace. {command && <button type="button" onClick={() => copy("command", command)}>Copy the command</button>}{" "}
         <button type="button" onClick={() => copy("Python", python)}>Copy the Python</button>{" "}
-        <span role="status">{done && `Copied the ${done}.`}</span>
+        <span role="status">{done}</span>
       </p>
       {command && <pre data-copy="command" tabIndex={0} aria-label="Command">{command}</pre>}
       <pre data-copy="python" tabIndex={0} aria-label="Python">{python}</pre>
     </section>
+  );
+}
+
+interface NumberProps {
+  label?: string;
+  value: number | string;
+  put: (value: number) => void;
+  low?: number;
+  high?: number;
+  whole?: boolean;
+}
+
+/** A number. What is none, or beyond the ends, is answered in words and changes nothing: a field of the type "number" drops a comma without a word. */
+export function NumberField({ label, value, put, low = -Infinity, high = Infinity, whole = false }: NumberProps) {
+  const [wrong, setWrong] = useState("");
+  useEffect(() => setWrong(""), [value]);
+  const change = (text: string) => {
+    const given = text.trim() === "" ? Number.NaN : Number(text);
+    const isRight = Number.isFinite(given) && given >= low && given <= high && (!whole || Number.isInteger(given));
+    if (isRight) put(given);
+    const ends = [low > -Infinity ? ` from ${low}` : "", high < Infinity ? ` up to ${high}` : ""].join("");
+    setWrong(isRight ? "" : `"${text}" is not taken: a ${whole ? "whole number" : "number with a point before decimals"}${ends}`);
+  };
+  return (
+    <>
+      <input class="number" inputMode="decimal" aria-label={label} value={value} onChange={(event) => change(event.currentTarget.value)} />
+      {wrong && <span class="missed" role="alert">{wrong}</span>}
+    </>
   );
 }
 

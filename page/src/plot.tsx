@@ -118,6 +118,14 @@ export function pixelsOfPlots(otherwise = 1000): number {
   return width ? Math.min(Math.max(Math.round(width * devicePixelRatio), 200), 4000) : otherwise;
 }
 
+/** The line of a look as the background of a mark in the legend. */
+function marker(index: number): string {
+  const { color, dash } = look(index);
+  let at = 0;
+  const stops = dash.map((one, k) => `${k % 2 ? "transparent" : color} ${at}px ${(at += one)}px`);
+  return `repeating-linear-gradient(90deg, ${stops.join(", ") || `${color}, ${color}`})`;
+}
+
 /** Whether curves are the same numbers under the same names: then nothing is drawn again. */
 function alike(some: Curve[], others: Curve[]): boolean {
   return some.length === others.length && some.every((one, i) => one.x === others[i]!.x && one.y === others[i]!.y && one.label === others[i]!.label);
@@ -149,7 +157,7 @@ export function Plot(props: PlotProps) {
           x: { time: false, ...(props.log && { distr: 3 }), ...(props.range && { range: () => latest.current.range! }) },
           y: props.log ? { distr: 3 } : { range: (_, low, high) => (low === null ? [low, high] : uPlot.rangeNum(...within(latest.current, low, high), 0.1, true)) },
         },
-        legend: { live: true },
+        legend: { live: true, markers: { width: 0, fill: (_, index) => marker(latest.current.curves[index - 1]?.look ?? index - 1) } },
         axes: [
           { ...axis, size: 34, space, label: props.xUnit ?? "s", labelSize: 16, labelFont: "12px system-ui" },
           { ...axis, size: 64, label: props.unit, labelSize: 16, labelFont: "12px system-ui" },
@@ -526,7 +534,7 @@ export function Scatter(props: { title: string; x: string; y: string; groups: Gr
       seen.disconnect();
       made.destroy();
     };
-  }, [props.groups, props.log]);
+  }, [props.groups, props.log, isDark()]);
   return (
     <figure class="plot" data-plot={props.title}>
       <figcaption>{props.title}</figcaption>

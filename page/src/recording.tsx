@@ -59,7 +59,9 @@ const faults = signal<Faults>({});
 const without = signal(""); // why neither is shown
 const wrong = signal<Problem[]>([]);
 const proposal = signal<Proposal | null>(null);
+const proposals = new Map<string, Proposal>(); // of each recording the last one, with what was typed into it
 const said = signal("");
+const refused = signal<Problem[]>([]); // of a layout or of what is to be characterised: said beside its button
 
 const shades = computed<Shade[]>(() =>
   strokes.value.map((one) => ({ from: one.from, to: one.to, strong: one.direction > 0 })),
@@ -72,11 +74,13 @@ let generation = 0;
 
 async function open(path: string): Promise<void> {
   const mine = ++generation;
-  about.value = views.value = proposal.value = null;
+  about.value = views.value = null;
+  proposal.value = proposals.get(path) ?? null;
   strokes.value = [];
   faults.value = {};
   without.value = "";
-  wrong.value = [];
+  wrong.value = refused.value = [];
+  said.value = "";
   forgetBeside();
   try {
     for (;;) {
@@ -228,7 +232,7 @@ function Controls({ found }: { found: Opened }) {
 }
 
 const isSpectral = signal(false);
-const spectra = signal<Map<string, Numbers> | null>(null);
+const spectra = signal<{ of: string; arrays: Map<string, Numbers> } | null>(null);
 const notSpectral = signal<Problem[]>([]);
 
 /** Spectra of the channels that are shown, within the view; a view that goes on moving is not asked about. */
@@ -241,7 +245,7 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
     const timer = setTimeout(async () => {
       try {
         const one = await frame("/api/spectrum", { path, from: String(from), to: String(to), columns });
-        if (!gone) [spectra.value, notSpectral.value] = [one.arrays, []];
+        if (!gone) [spectra.value, notSpectral.value] = [{ of: path, arrays: one.arrays }, []];
       } catch (error) {
         if (!(error instanceof Refused)) throw error;
         if (!gone) [spectra.value, notSpectral.value] = [null, error.problems];
@@ -252,6 +256,7 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
       clearTimeout(timer);
     };
   }, [path, from, to, columns, isSpectral.value]);
+  const drawn = spectra.value?.of === path && spectra.value.arrays;
   return (
     <section aria-label="Spectrum">
       <p class="row">
@@ -261,10 +266,10 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
         {isSpectral.value && <span class="note">Amplitude density, Welch, Hann windows of at most 16384 samples; its square, integrated over frequency, is the variance.</span>}
       </p>
       {isSpectral.value && <Problems of={notSpectral.value} />}
-      {isSpectral.value && spectra.value && (
+      {isSpectral.value && drawn && (
         <div class="plots">
-          {found.channels!.filter((one) => spectra.value!.has(`hz/${one.column}`)).map((one) => (
-            <Plot key={one.column} title={`Spectrum of ${one.label}`} unit={`${one.unit || "1"}/√Hz`} xUnit="Hz" size={1} log curves={[{ label: one.label, x: spectra.value!.get(`hz/${one.column}`)!, y: spectra.value!.get(`density/${one.column}`)! }]} />
+          {found.channels!.filter((one) => drawn.has(`hz/${one.column}`)).map((one) => (
+            <Plot key={one.column} title={`Spectrum of ${one.label}`} unit={`${one.unit || "1"}/√Hz`} xUnit="Hz" size={1} log curves={[{ label: one.label, x: drawn.get(`hz/${one.column}`)!, y: drawn.get(`density/${one.column}`)! }]} />
           ))}
         </div>
       )}
@@ -310,30 +315,32 @@ function Wizard({ path }: { path: string }) {
   const place = path.includes("/") ? `${path.slice(0, path.lastIndexOf("/"))}/layout.toml` : "layout.toml";
   const now = proposal.value;
   if (about.value?.layout) return <p class="note">There is a layout of a {about.value.layout.replace("-", " ")} for it.</p>;
-  const propose = async () => {
-    try {
-      proposal.value = await read<Proposal>("/api/propose", { path });
-    } catch (error) {
-      if (error instanceof Refused) wrong.value = error.problems;
-    }
+  const attempt = attempting(refused);
+  const put = (one: Proposal) => {
+    proposals.set(path, one);
+    if (route.value.path === path) proposal.value = one;
   };
-  const accept = async () => {
-    try {
-      await write(place, now!.text, "");
-      said.value = `Wrote ${place}.`;
+  const propose = () => attempt(async () => put(await read<Proposal>("/api/propose", { path })));
+  const accept = () =>
+    attempt(async () => {
+      try {
+        await write(place, now!.text, "");
+      } catch (error) {
+        if (!(error instanceof Refused) || error.status !== 412) throw error;
+        said.value = `${place} is there already; nothing was written.`;
+        return;
+      }
+      proposals.delete(path);
       await open(path);
-    } catch (error) {
-      if (!(error instanceof Refused)) throw error;
-      said.value = error.status === 412 ? `${place} is there already; nothing was written.` : "";
-      wrong.value = error.status === 412 ? [] : error.problems;
-    }
-  };
+      said.value = `Wrote ${place}.`;
+    });
   return (
     <section aria-label="Layout">
       <p class="row">
         <button type="button" onClick={() => void propose()}>Propose a layout</button>
         <span role="status">{said.value || "A layout says which column is what, with unit and sign; then strokes are found and friction can be characterised."}</span>
       </p>
+      <Problems of={refused.value} />
       {now && (
         <>
           <p>
@@ -365,7 +372,7 @@ function Wizard({ path }: { path: string }) {
               class="text"
               rows={16}
               value={now.text}
-              onInput={(event) => (proposal.value = { ...now, text: event.currentTarget.value })}
+              onInput={(event) => put({ ...now, text: event.currentTarget.value })}
             />
           </label>
           <p>
@@ -388,7 +395,7 @@ function Characterise({ path }: { path: string }) {
     void follow();
   }, [path]);
   const work = { recordings: [path], name: folder.value };
-  const attempt = attempting(wrong);
+  const attempt = attempting(refused);
   const start = () => attempt(async () => (await ask("/api/jobs", work), void follow()));
   const copy = () => attempt(async () => (copied.value = await ask("/api/work", work)));
   return (
@@ -401,6 +408,7 @@ function Characterise({ path }: { path: string }) {
         <button type="button" onClick={() => void start()}>Characterise</button>
         <button type="button" onClick={() => void copy()}>Copy as command or Python</button>
       </p>
+      <Problems of={refused.value} />
       {copied.value && <Copied {...copied.value} />}
       <JobList />
     </section>

@@ -54,6 +54,8 @@ const tracks = signal<Frame<Tracks> | null>(null);
 const measure = signal("max_error_m");
 const along = signal("");
 const wrong = signal<Problem[]>([]);
+const grownAt = signal(0); // when runs were last seen to come in
+const STILL_MS = 10_000; // without a run of another process: it has ended, or is slow
 
 let asked = 0;
 
@@ -64,6 +66,7 @@ async function openCard(path: string, one: string): Promise<void> {
     wrong.value = [];
     const found = await read<Card>("/api/comparison", { path, measure: one });
     if (mine !== asked) return;
+    if (card.peek()?.path === path && found.done > card.peek()!.done) grownAt.value = Date.now();
     card.value = { ...found, path, measure: one };
     if (!found.references.some((it) => it.name === along.value)) along.value = found.references[0]?.name ?? "";
   } catch (error) {
@@ -76,6 +79,8 @@ async function openCard(path: string, one: string): Promise<void> {
 
 export function ScoreCard({ path }: { path: string }) {
   const job = jobs.value.find((one) => one.out === path);
+  const found = card.value?.path === path ? card.value : null;
+  const isUnfinished = found?.finished === false; // whatever process does its runs, they come in
   useEffect(() => {
     void follow();
   }, [path]);
@@ -83,7 +88,7 @@ export function ScoreCard({ path }: { path: string }) {
     void openCard(path, measure.value);
   }, [path, measure.value, job?.state]);
   useEffect(() => {
-    if (job?.state !== "running") return;
+    if (job?.state !== "running" && !isUnfinished) return;
     let gone = false;
     const look = async () => {
       for (;;) {
@@ -96,8 +101,7 @@ export function ScoreCard({ path }: { path: string }) {
     return () => {
       gone = true;
     };
-  }, [path, job?.state]);
-  const found = card.value?.path === path ? card.value : null;
+  }, [path, job?.state, isUnfinished]);
   // While runs are done, the tracks of each law appear with its first run along the reference; those that are drawn stay.
   const ready = new Set(found?.each.filter((one) => one.reference === along.value).map((one) => one.law)).size;
   useEffect(() => {
@@ -155,6 +159,7 @@ function About({ found }: { found: Card }) {
 }
 
 function Unfinished({ path, isRunning }: { path: string; isRunning: boolean }) {
+  const isElsewhere = card.value !== null && Date.now() - grownAt.value < STILL_MS; // asked again at each look
   const resume = async () => {
     try {
       await ask("/api/comparisons", { resume: path });
@@ -167,7 +172,8 @@ function Unfinished({ path, isRunning }: { path: string; isRunning: boolean }) {
   return (
     <p class="row" role="status">
       Not finished: runs that are done are kept.{" "}
-      {!isRunning && <button type="button" onClick={() => void resume()}>Resume</button>}
+      {!isRunning && isElsewhere && "A process that this server did not start goes on with them."}
+      {!isRunning && !isElsewhere && <button type="button" onClick={() => void resume()}>Resume</button>}
     </p>
   );
 }

@@ -1,8 +1,9 @@
 /** Everything that goes between the page and its server: token, requests, the socket behind the sliders. */
-import { signal, type Signal } from "@preact/signals";
+import { effect, signal, type Signal } from "@preact/signals";
 import { unpack, type Frame } from "./frame";
 
 export interface Problem {
+  file?: string;
   line: number | null;
   key: string | null;
   what: string;
@@ -29,7 +30,7 @@ export interface Studies {
   catalogue: { path: string; title: string }[];
 }
 
-export type Connection = "open" | "lost" | "locked" | "starting";
+export type Connection = "open" | "full" | "lost" | "locked" | "starting";
 
 /** What the page knows of the server; every view shows it. */
 export const connection = signal<Connection>("starting");
@@ -50,8 +51,8 @@ export async function unlock(): Promise<boolean> {
   token = sessionStorage.getItem(KEY) ?? (await askTabs());
   const channel = new BroadcastChannel(CHANNEL);
   channel.onmessage = (event: MessageEvent<"ask" | { token: string }>) => {
-    if (event.data !== "ask") keep(event.data.token);
-    else if (token && connection.value === "open") channel.postMessage({ token });
+    if (event.data !== "ask") goOn(event.data.token);
+    else if (token && isAnswering()) channel.postMessage({ token });
   };
   if (found && token) channel.postMessage({ token }); // a tab of a server that was started again goes on
   if (token) keep(token);
@@ -74,6 +75,45 @@ function keep(given: string): void {
   token = given;
   sessionStorage.setItem(KEY, given);
 }
+
+/** Go on with the token of a server that was started again, or begin with the first one. */
+function goOn(given: string): void {
+  const isFirst = !token;
+  keep(given);
+  if (isFirst) location.reload();
+  else if (connection.value === "locked") {
+    connection.value = "starting";
+    void look();
+  }
+}
+
+/** Ask for anything: the answer, or its absence, is the connection. */
+const look = (): Promise<unknown> => fetched("/api/jobs", {}, false).catch(() => undefined);
+
+/** Whether requests are answered; a socket may find no room all the same. */
+export const isAnswering = (): boolean => connection.value === "open" || connection.value === "full";
+
+/** Wait until the server answers. */
+export const answering = (): Promise<void> =>
+  new Promise((resolve) => {
+    const end = effect(() => {
+      if (!isAnswering()) return;
+      resolve();
+      queueMicrotask(() => end());
+    });
+  });
+
+const RETRY_MS = 1000;
+let isRetrying = false;
+connection.subscribe(async (now) => {
+  if (now !== "lost" || isRetrying) return;
+  isRetrying = true;
+  while (connection.value === "lost") {
+    await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+    await look();
+  }
+  isRetrying = false;
+});
 
 function askTabs(): Promise<string> {
   return new Promise((resolve) => {
@@ -128,16 +168,21 @@ export const attempting =
     }
   };
 
-async function fetched(path: string, options: RequestInit = {}): Promise<Response> {
+/** What a request is answered; one that only reads waits for a server that does not answer, and asks again. */
+async function fetched(path: string, options: RequestInit = {}, waits = !options.method): Promise<Response> {
   let answer: Response;
   try {
     answer = await fetch(path, { ...options, headers: { ...options.headers, Authorization: `Bearer ${token}` } });
   } catch {
     connection.value = "lost";
-    throw new Refused(0, [plain("The server does not answer.")], {});
+    if (waits) {
+      await answering();
+      return fetched(path, options);
+    }
+    throw new Refused(0, [plain("The server does not answer")], {});
   }
   if (answer.status === 401) connection.value = "locked";
-  else connection.value = "open";
+  else if (connection.value !== "full") connection.value = "open";
   if (answer.ok) return answer;
   const isJson = answer.headers.get("content-type")?.startsWith("application/json");
   const body = isJson ? await answer.json() : { problems: [plain(await answer.text())] };
@@ -180,6 +225,7 @@ export async function frame<Head>(path: string, given: Record<string, string>): 
   return unpack<Head>(await (await fetched(`${path}?${new URLSearchParams(given)}`)).arrayBuffer());
 }
 
+const OF_A_FILE = ["path", "record"];
 const ROOM_MS = 11; // of a frame of 60 Hz in which a drawing may begin
 
 /** The socket: at most one request is on its way, the newest waits, older ones are dropped, only the newest is drawn. */
@@ -191,6 +237,7 @@ export class Live<Head extends { number: number }> {
   private toDraw: Frame<Head> | null = null;
   private waiting: Record<string, unknown> | null = null;
   private last: Record<string, unknown> | null = null;
+  private asked: Record<string, unknown> | null = null; // what is on its way
   private socket: WebSocket | null = null;
   private closed = false;
 
@@ -201,15 +248,19 @@ export class Live<Head extends { number: number }> {
   private connect(): void {
     const socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/api/live`, ["pneudrive", `token.${token}`]);
     socket.binaryType = "arraybuffer";
+    let wasOpen = false;
     socket.onopen = () => {
+      wasOpen = true;
       connection.value = "open";
       this.waiting ??= this.last;
       this.pump();
     };
     socket.onmessage = (event: MessageEvent<ArrayBuffer>) => {
       this.onTheWay -= 1;
+      const isOfAnother = OF_A_FILE.some((key) => this.asked?.[key] !== this.last?.[key]);
       const frame = unpack<Head>(event.data);
       this.pump();
+      if (isOfAnother) return; // its curves would stand under the name of the file that is shown by now
       if (frame.head.number <= this.newest) return;
       this.newest = frame.head.number;
       document.documentElement.dataset["answered"] = String(this.newest);
@@ -221,7 +272,8 @@ export class Live<Head extends { number: number }> {
     socket.onclose = () => {
       this.onTheWay = 0;
       if (this.closed) return;
-      connection.value = "lost";
+      if (wasOpen) connection.value = "lost";
+      else void look().then(() => !this.closed && connection.value === "open" && (connection.value = "full"));
       setTimeout(() => this.connect(), 500);
     };
     this.socket = socket;
@@ -251,12 +303,16 @@ export class Live<Head extends { number: number }> {
     this.sent += 1;
     this.onTheWay += 1;
     this.mostOnTheWay = Math.max(this.mostOnTheWay, this.onTheWay);
+    this.asked = this.waiting;
     this.socket.send(JSON.stringify({ ...this.waiting, number: this.sent }));
     this.waiting = null;
   }
 
   close(): void {
     this.closed = true;
-    this.socket?.close();
+    if (connection.value === "full") connection.value = "open";
+    const socket = this.socket;
+    if (socket?.readyState === WebSocket.CONNECTING) socket.onopen = () => socket.close(); // the browser complains of it before
+    else socket?.close();
   }
 }

@@ -7,7 +7,7 @@ import { Circuit } from "./circuit";
 import { withFile } from "./command";
 import { digits } from "./looks";
 import { drawing, opened, problems as textProblems, set, valid, type Field } from "./opened";
-import { Copied, KINDS, Problems } from "./parts";
+import { Copied, KINDS, NumberField, Problems } from "./parts";
 import { curveOf, Plot, type Curve } from "./plot";
 import { ask, Live, Refused, type Problem } from "./server";
 import { studies } from "./studies";
@@ -17,6 +17,7 @@ interface Panel {
   unit: string;
   size: number;
   curves: { column: string; label: string }[];
+  left_out: number; // curves
 }
 
 interface Head extends BesideHead {
@@ -25,13 +26,15 @@ interface Head extends BesideHead {
   problems?: Problem[];
   panels?: Panel[];
   warnings?: string[];
-  impacts?: { time_s: number; end: string; speed_m_s: number; energy_j: number }[];
+  impacts?: { time_s: number; end: string; cylinder?: string; speed_m_s: number; energy_j: number }[];
+  more_impacts?: number;
   assumed?: number;
   samples?: number;
   ends?: Record<string, number>;
 }
 
 interface Trace {
+  run: string; // what was simulated, in words
   label: string;
   time: Numbers;
   columns: Map<string, Numbers>;
@@ -113,8 +116,11 @@ async function copy(): Promise<void> {
 function freeze(): void {
   const now = answer.value;
   if (!now) return;
-  const label = Object.entries(changes.value).map(([key, value]) => `${key} ${value}`).join(", ") || "as described";
-  frozen.value = [...frozen.value.slice(-6), { label, time: now.arrays.get("time_s")!, columns: now.arrays }];
+  const changed = Object.entries(changes.value).map(([key, value]) => `${key} ${value}`).join(", ") || "as described";
+  const run = `${changed}; ${command.value.trim().replace(/\s*\n\s*/g, "; ")}${initial.value && `; ${initial.value}`}`;
+  const again = frozen.value.filter((one) => one.run === run).length;
+  const label = again ? `${run}; ${again + 1}` : run;
+  frozen.value = [...frozen.value.slice(-6), { run, label, time: now.arrays.get("time_s")!, columns: now.arrays }];
 }
 
 /** The frame of the view: it knows nothing of answers, so that an answer redraws curves and numbers alone. */
@@ -152,6 +158,7 @@ export function SimulateView() {
         <Notes />
       </section>
       <div class="shown">
+        <Refusal />
         <Plots />
         <div class="below">
           <Drawn />
@@ -176,18 +183,30 @@ function Buttons() {
   );
 }
 
+/** Why the newest values give no run: beside the curves, which are those of other values then. */
+function Refusal() {
+  if (!wrong.value.length) return null;
+  return (
+    <>
+      <Problems of={wrong.value} />
+      {answer.value && <p class="banner">Curves and numbers below are those of the last run.</p>}
+    </>
+  );
+}
+
 function Notes() {
   const head = answer.value?.head;
   return (
     <>
-      <Problems of={wrong.value} />
       {head?.assumed !== undefined && <p class="note">Simulated. {head.assumed} values are assumed: Drive lists them.</p>}
       {head?.warnings?.map((one) => <p class="note" key={one}>{one}.</p>)}
-      {head?.impacts?.slice(0, 3).map((one, index) => (
+      {head?.impacts?.map((one, index) => (
         <p key={index}>
-          Impact at {digits(one.time_s)} s on the end of chamber {one.end}: {digits(one.speed_m_s, 3)} m/s, {digits(one.energy_j, 3)} J
+          Impact at {digits(one.time_s)} s on the end of chamber {one.end}{one.cylinder && ` of ${one.cylinder}`}: {digits(one.speed_m_s, 3)} m/s, {digits(one.energy_j, 3)} J
         </p>
       ))}
+      {Boolean(head?.more_impacts) && <p class="note">More impacts: {head!.more_impacts}.</p>}
+      {head?.panels?.map(({ title, curves, left_out: count }) => count > 0 && <p class="note" key={title}>{title}: {curves.length} of {curves.length + count} curves are drawn; the file of the command has all.</p>)}
     </>
   );
 }
@@ -304,9 +323,7 @@ function Slider({ field }: { field: Field }) {
   const [low, high] = ranges.value[field.key] ?? [field.low!, field.high!];
   const value = numbers.value[field.key] ?? field.number!;
   const isChanged = value !== field.number;
-  const put = (next: number) => {
-    if (Number.isFinite(next)) numbers.value = { ...numbers.value, [field.key]: next };
-  };
+  const put = (next: number) => (numbers.value = { ...numbers.value, [field.key]: next });
   const name = `slider-${field.key}`;
   const unit = field.unit ?? "";
   return (
@@ -322,13 +339,7 @@ function Slider({ field }: { field: Field }) {
         aria-valuetext={`${digits(value)} ${unit}`}
         onInput={(event) => put(Number((low + ((high - low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)))}
       />
-      <input
-        type="number"
-        step="any"
-        aria-label={`${field.key}, ${unit || "number"}`}
-        value={value}
-        onChange={(event) => put(event.currentTarget.valueAsNumber)}
-      />
+      <NumberField label={`${field.key}, ${unit || "number"}`} value={value} put={put} />
       <span class="unit">{unit}</span>
       <span class={`kind ${isChanged ? "changed" : field.kind}`} title={field.origin}>
         {isChanged ? "changed" : KINDS[field.kind]}

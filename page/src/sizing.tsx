@@ -4,7 +4,7 @@ import { useEffect, useRef } from "preact/hooks";
 import type { Editor } from "./editor";
 import { follow, JobList, jobs } from "./jobs";
 import { digits } from "./looks";
-import { Copied, InFolder, Problems, ReportOf } from "./parts";
+import { Copied, InFolder, NumberField, Problems, ReportOf } from "./parts";
 import { link, route } from "./routes";
 import { ask, attempting, read, Refused, write, type Problem } from "./server";
 import { list, studies } from "./studies";
@@ -93,6 +93,17 @@ const isFile = computed(() => path.value.endsWith(".toml"));
 
 let asked = 0;
 
+/** Texts of tasks that are not saved, by their path, with the hash of the file that they began with. */
+const drafts = new Map<string, { text: string; sha256: string }>();
+addEventListener("beforeunload", (event) => void (drafts.size && event.preventDefault()));
+
+/** Take what is typed; it is kept until it is saved or dropped. */
+function type(next: string): Promise<void> {
+  if (next === saved.value) drafts.delete(path.value);
+  else drafts.set(path.value, { text: next, sha256: sha256.value });
+  return change(next);
+}
+
 /** Take another text for the task and have it checked; only the newest answer counts. */
 async function change(next: string): Promise<void> {
   text.value = next;
@@ -107,30 +118,39 @@ async function change(next: string): Promise<void> {
 }
 
 async function load(at: string): Promise<void> {
+  [text.value, saved.value, sha256.value, said.value] = ["", "", "", ""];
+  task.value = meant.value = null;
   await attempt(async () => {
-    said.value = "";
-    if (at) {
-      const one = await read<{ text: string; sha256: string }>("/api/file", { path: at });
-      [saved.value, sha256.value, file.value] = [one.text, one.sha256, at];
-      await change(one.text);
-    } else {
-      [saved.value, sha256.value, file.value] = ["", "", "task.toml"];
-      await change((await ask<{ text: string }>("/api/task", {})).text);
-    }
+    const one = at ? await read<{ text: string; sha256: string }>("/api/file", { path: at }) : { ...(await ask<{ text: string }>("/api/task", {})), sha256: "" };
+    if (path.value !== at) return;
+    const draft = drafts.get(at);
+    [saved.value, sha256.value, file.value] = [one.text, draft?.sha256 ?? one.sha256, at || "task.toml"];
+    if (draft && draft.sha256 !== one.sha256) said.value = `Another text stands in ${at} by now than the one that this began with.`;
+    await change(draft?.text ?? one.text);
   });
 }
 
+/** Show the file in place of what was typed. */
+function dropChanges(): void {
+  drafts.delete(path.value);
+  void load(path.value);
+}
+
 async function save(): Promise<void> {
+  const [at, into, now] = [path.value, file.value, text.value];
   await attempt(async () => {
     try {
-      sha256.value = (await write(file.value, text.value, sha256.value)).sha256;
-      saved.value = text.value;
-      said.value = `Saved ${file.value}.`;
-      location.hash = link("sizing", file.value);
+      const { sha256: written } = await write(into, now, sha256.value);
+      const left = drafts.get(at)?.text;
+      drafts.delete(at);
+      if (left !== undefined && left !== now) drafts.set(into, { text: left, sha256: written }); // typed meanwhile
+      if (path.value !== at) return;
+      [saved.value, sha256.value, said.value] = [now, written, `Saved ${into}.`];
+      location.hash = link("sizing", into);
       await list();
     } catch (error) {
       if (!(error instanceof Refused) || error.status !== 412) throw error;
-      said.value = `${file.value} is there already, or changed on disk: nothing was written. Choose another name, or open the file again.`;
+      said.value = at ? `${into} changed on disk: nothing was written.` : `${into} is there already: nothing was written. Choose another name.`;
     }
   });
 }
@@ -180,7 +200,7 @@ export function SizingView() {
       <div class="sizing">
         <h2>{found.value?.name ?? path.value}</h2>
         <Problems of={wrong.value} />
-        {found.value ? <Result now={found.value} folder={path.value} /> : <p>There is no candidate yet.</p>}
+        {found.value ? <Result now={found.value} folder={path.value} /> : <p>{state === "running" ? "There is no candidate yet." : wrong.value.length ? "" : "No search has begun in this folder."}</p>}
         <JobList of={path.value} output />
       </div>
     );
@@ -196,7 +216,7 @@ function TaskView() {
     let gone = false;
     if (place.current && isReady)
       void import("./editor").then(({ edit }) => {
-        if (!gone) editor.current = edit(place.current!, text.value, (next) => void change(next));
+        if (!gone && place.current) editor.current = edit(place.current, text.value, (next) => void type(next));
       });
     return () => {
       gone = true;
@@ -219,6 +239,7 @@ function TaskView() {
               File <input value={file.value} disabled={sha256.value !== ""} onInput={(event) => (file.value = event.currentTarget.value)} />
             </label>
             <button type="button" disabled={isSaved} onClick={() => void save()}>Save</button>
+            {path.value && text.value !== saved.value && <button type="button" onClick={dropChanges}>Drop these changes and show the file</button>}
             <span role="status">{said.value}</span>
           </p>
           <Problems of={[...(now?.problems ?? []), ...wrong.value]} onLine={(line) => editor.current?.go(line)} />
@@ -269,10 +290,10 @@ function Counts() {
   return (
     <>
       <label>
-        Choices to simulate at least <input type="number" min={1} max={1000} value={least.value} onChange={(event) => (least.value = event.currentTarget.valueAsNumber)} />
+        Choices to simulate at least <NumberField low={1} high={1000} whole value={least.value} put={(one) => (least.value = one)} />
       </label>
       <label>
-        Draws of each <input type="number" min={1} max={4096} value={draws.value} onChange={(event) => (draws.value = event.currentTarget.valueAsNumber)} />
+        Draws of each <NumberField low={1} high={4096} whole value={draws.value} put={(one) => (draws.value = one)} />
       </label>
     </>
   );

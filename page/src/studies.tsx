@@ -35,10 +35,17 @@ async function readFolder(): Promise<void> {
 const taking = signal("");
 const refused = signal<Problem[]>([]);
 
-/** Copy files into the folder, one after the other; a single recording is opened. */
-export async function take(files: File[]): Promise<void> {
-  if (!files.length || taking.value) return;
-  refused.value = [];
+let copying = Promise.resolve();
+
+/** Copy files into the folder, one after the other, also those that come while others are copied. */
+export function take(files: File[]): Promise<void> {
+  if (!taking.value) refused.value = [];
+  return (copying = copying.then(() => copyIn(files)));
+}
+
+/** Copy files into the folder; a single recording is opened. */
+async function copyIn(files: File[]): Promise<void> {
+  if (!files.length) return;
   for (const [index, file] of files.entries()) {
     taking.value = `Copying ${file.name}, ${size(file.size)} (${index + 1} of ${files.length}).`;
     try {
@@ -112,7 +119,7 @@ export function StudiesView() {
       <p class="row">
         <label>
           Copy files into the folder (or drop them anywhere on the page){" "}
-          <input type="file" multiple onChange={(event) => void take([...(event.currentTarget.files ?? [])])} />
+          <input type="file" multiple onChange={({ currentTarget: own }) => (void take([...(own.files ?? [])]), (own.value = ""))} />
         </label>
         <span role="status">{taking.value}</span>
       </p>
@@ -150,7 +157,11 @@ const tick = (path: string): void => {
   compared.value = null;
   pair.value = pair.value.includes(path) ? pair.value.filter((one) => one !== path) : [...pair.value, path].slice(-2);
   const [before, after] = pair.value;
-  if (before && after) void attempting(apart)(async () => void (compared.value = await ask("/api/compare", { before, after })));
+  const compare = async () => {
+    const found = await ask<Compared>("/api/compare", { before, after });
+    if (pair.value[0] === before && pair.value[1] === after) compared.value = found; // others may be ticked by now
+  };
+  if (before && after) void attempting(apart)(compare);
   else apart.value = [];
 };
 

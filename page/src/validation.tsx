@@ -6,11 +6,12 @@ import type { Frame } from "./frame";
 import { follow, JobList, jobs } from "./jobs";
 import { digits, instant } from "./looks";
 import { open as openDrive, valid, type Field } from "./opened";
-import { Copied, DriveChoice, folderOf, InFolder, KINDS, Problems, ReportOf } from "./parts";
+import { Copied, DriveChoice, folderOf, InFolder, KINDS, NumberField, Problems, ReportOf } from "./parts";
 import { curveOf, Plot } from "./plot";
 import { link, route } from "./routes";
 import { ask, attempting, Live, read, Refused, type Problem } from "./server";
 import { list, studies } from "./studies";
+import { Unsaved } from "./unsaved";
 
 interface Metrics {
   rms: number;
@@ -111,12 +112,13 @@ async function load(at: string): Promise<void> {
   try {
     const one = await read<Validation>("/api/validation", { path: at });
     if (path.value !== at) return;
+    frame.value = null; // of the one before, which may have been answered meanwhile
     found.value = one;
     span.value = one.record[0]!.span;
     key.value = one.diagnosis.culprit?.find((cause) => cause.free.length)?.free[0] ?? "";
     if (one.editable) await openDrive(one.drive);
   } catch (error) {
-    if (error instanceof Refused) wrong.value = error.problems;
+    if (error instanceof Refused && path.value === at) wrong.value = error.problems;
   }
 }
 
@@ -181,9 +183,11 @@ function Start() {
           Into results/ <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
         </label>
       </p>
+      <Unsaved path={drive.value} />
       <fieldset>
         <legend>Recordings with command, position and both pressures</legend>
         {!recordings.length && <p>There is no recording in the folder.</p>}
+        {recordings.length > MOST_LISTED && <p class="note">The first {MOST_LISTED} of {recordings.length}; pneudrive validate takes any.</p>}
         {recordings.slice(0, MOST_LISTED).map((one) => (
           <label key={one.path} class="tick">
             <input
@@ -309,7 +313,7 @@ function Runs({ now, one }: { now: Validation; one: Recorded }) {
             );
           })}
       </div>
-      <table>
+      <div class="wide" tabIndex={0} role="region" aria-label="Figures of the runs"><table>
         <thead>
           <tr>
             {["Channel", "Fit, %", "NRMSE, %", "rms", "Largest", "From states: fit, %", "Deviates from", ...(isChanged ? ["Changed: fit, %"] : [])].map((head) => <th scope="col" key={head}>{head}</th>)}
@@ -338,7 +342,7 @@ function Runs({ now, one }: { now: Validation; one: Recorded }) {
             );
           })}
         </tbody>
-      </table>
+      </table></div>
       {one.breakaway.length > 0 && <Stops one={one} />}
     </section>
   );
@@ -399,7 +403,7 @@ function Suspect({ now }: { now: Validation }) {
             aria-valuetext={`${digits(value)} ${one.unit ?? ""}`}
             onInput={(event) => put(Number((low + ((high - low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)))}
           />
-          <input type="number" step="any" aria-label={`${one.key}, ${one.unit || "number"}`} value={value} onChange={(event) => put(event.currentTarget.valueAsNumber)} />
+          <NumberField label={`${one.key}, ${one.unit || "number"}`} value={value} put={put} />
           <span class="unit">{one.unit}</span>
           <span class={`kind ${value === one.number ? one.kind : "changed"}`}>{value === one.number ? KINDS[one.kind] : "changed"}</span>
         </div>

@@ -504,7 +504,7 @@ def test_text_of_files_stays_text(server: Server, open_tab: Open) -> None:
     assert page.inner_text("h2 >> nth=0") == hostile
     assert hostile in page.locator("svg.circuit text").all_inner_texts() or hostile in page.text_content("svg.circuit")
     assert page.locator("img").count() == 0
-    assert page.title() == "pneudrive"
+    assert page.title() == "evil.toml · Simulate · pneudrive"
     tab.check()
 
 

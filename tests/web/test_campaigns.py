@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import shutil
 import time
 from pathlib import Path
 
@@ -72,6 +73,26 @@ def test_a_campaign_is_watched_killed_and_resumed(served: Served) -> None:
     expected, found = bits(served.folder / "alone"), bits(served.folder / NAME)
     assert expected.keys() == found.keys()
     assert all(np.array_equal(found[key], expected[key]) for key in expected)
+
+
+def test_a_campaign_that_was_begun_anew_in_its_folder_shows_its_own_points(served: Served) -> None:
+    def speeds() -> list[float]:
+        groups = get(served, "/api/campaign", path=NAME)["groups"]
+        return sorted(round(one["speed"], 4) for group in groups for one in group["points"])
+
+    (served.folder / "speeds.toml").write_text(PROTOCOL)
+    run_campaign(served.folder / "speeds.toml", "default", served.folder / NAME)
+    assert speeds() == [0.1, 0.1732, 0.3]
+    shutil.rmtree(served.folder / NAME)
+    (served.folder / "speeds.toml").write_text(
+        PROTOCOL.replace('from = "100', 'from = "150').replace("= 3\ns", "= 2\ns")
+    )
+    run_campaign(served.folder / "speeds.toml", "default", served.folder / NAME)
+    for _ in range(100):
+        if len(seen := speeds()) == 2:
+            break
+        time.sleep(0.05)
+    assert seen == [0.15, 0.3]
 
 
 def test_the_plan_on_the_page_is_that_of_command_and_python(served: Served, capsys: pytest.CaptureFixture) -> None:

@@ -58,6 +58,7 @@ def shell(served: Served, lines: str) -> None:
 
 
 def test_run_command_and_python_give_the_same_bits(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    (served.folder / "axis-pid.toml").write_text("mine")
     with served.client.websocket_connect("/api/live", **served.socket) as socket:
         socket.send_text(json.dumps(ASKED | {"number": 3}))
         head, drawn = unpack(socket.receive_bytes())
@@ -72,6 +73,7 @@ def test_run_command_and_python_give_the_same_bits(served: Served, monkeypatch: 
     names: dict = {}
     exec(head["python"], names)
     shell(served, head["command"])
+    assert (served.folder / "axis-pid.toml").read_text() == "mine"
     table = pl.read_parquet("axis-control.parquet")
     run = names["run"]
     for column, name in COLUMNS.items():

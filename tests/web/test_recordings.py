@@ -420,3 +420,14 @@ def test_a_recording_too_long_for_strokes_says_so(served: Served, monkeypatch: p
     monkeypatch.chdir(served.folder)
     commands = re.findall(r"pneudrive .*?(?= counts| finds)", found["note"])
     assert [run_command(shlex.split(one)[1:]) for one in commands] == [0, 0]
+
+
+def test_a_layout_that_cannot_be_read_is_not_written(served: Served) -> None:
+    rig_file(served.folder / "run.csv")
+    answered = served.client.put("/api/file?path=layout.toml", json={"text": "nonsense ="}, headers=served.headers)
+    assert answered.status_code == 400
+    assert answered.json()["problems"][0]["file"] == "layout.toml"
+    assert not (served.folder / "layout.toml").exists()
+    answered = served.client.put("/api/file?path=layout.toml", json={"text": LOGGED + RIG}, headers=served.headers)
+    assert answered.status_code == 200, answered.text
+    assert read(served, "run.csv")["layout"] == "rig"

@@ -539,3 +539,47 @@ def test_texts_and_names_that_cannot_be_are_refused_in_words(served: Served) -> 
     command = post(served, "/api/copy", {**ASKED, "path": "-axis.toml"})["command"]
     assert " ./-axis.toml " in command
     assert command.endswith("--out axis.parquet")
+
+
+def test_what_is_left_out_of_a_panel_and_of_the_impacts_is_counted(served: Served) -> None:
+    text = (EXAMPLES / "two_cylinders.toml").read_text()
+    (served.folder / "pair.toml").write_text(text)
+    asked = {
+        "path": "pair.toml",
+        "command": ["valve_l: 0 s: 1, 1 s: -1", "valve_r: 0 s: 1, 1 s: -1"],
+        "duration": "2 s",
+    }
+    head, _ = unpack(answer(Workspace.at(served.folder), json.dumps(asked)))
+    run = pn.simulate(pn.Circuit.load(served.folder / "pair.toml"), asked["command"], "2 s")
+    shown = {one["title"]: (len(one["curves"]), one["left_out"]) for one in head["panels"]}
+    pressures = [name for name in run.data_vars if str(name).rpartition(".")[2] == "pressure"]
+    assert shown["Pressure, absolute"] == (8, len(pressures) - 8)
+    assert shown["Position"] == (2, 0)
+    assert head["more_impacts"] == len(run.attrs["impacts"]) - 3
+    assert [one["cylinder"] for one in head["impacts"]] == ["left", "right", "left"]
+
+
+def test_a_copied_command_writes_over_no_file(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    (served.folder / "axis.parquet").write_text("measured")
+    (served.folder / "old").mkdir()
+    (served.folder / "old" / "axis.toml").write_text(DRIVE.replace("28 N", "20 N"))
+    beside = {"others": ["old/axis.toml"], "energy": True}
+    lines = post(served, "/api/copy", {**ASKED, "changes": {}, **beside})["command"].splitlines()
+    words = [shlex.split(line) for line in lines]
+    outs = [one[one.index("--out") + 1] for one in words]
+    assert outs == ["axis-2.parquet", "axis-3.parquet", "axis-2.parquet"]
+    monkeypatch.chdir(served.folder)
+    for one in words:
+        assert run_command(one[1:]) == 0
+    assert (served.folder / "axis.parquet").read_text() == "measured"
+    own, other = (pl.read_parquet(one)["position_m"][-1] for one in outs[:2])
+    assert own != other
+
+
+def test_a_problem_in_a_file_that_a_text_names_says_which(served: Served) -> None:
+    (served.folder / "law.toml").write_text("\n\nbroken = [\n")
+    text = 'drive = "catalogue:reference"\n[friction]\nlaw = "file:law.toml"\n'
+    (told,) = post(served, "/api/check", {"path": "axis.toml", "text": text})["problems"]
+    assert (told["file"], told["line"]) == ("law.toml", 3)
+    (told,) = post(served, "/api/check", {"path": "axis.toml", "text": DRIVE.replace("28 N", "28")})["problems"]
+    assert told["file"] == "axis.toml"

@@ -12,7 +12,7 @@ import os
 from functools import cached_property, partial
 from importlib import import_module
 from pathlib import Path
-from posixpath import dirname
+from posixpath import basename, dirname
 from typing import TYPE_CHECKING, Any
 
 from starlette.applications import Starlette
@@ -36,7 +36,7 @@ from pneudrive.web.messages import pack, problems_of
 from pneudrive.web.pages import BuiltPage
 from pneudrive.web.reach import Door, WebReach
 from pneudrive.web.reports import SANDBOX, OpenReports
-from pneudrive.web.workspace import BUILT, TABLES, ChangedError, Workspace, built_page, fingerprint
+from pneudrive.web.workspace import BUILT, TABLES, ChangedError, NewNames, Workspace, built_page, fingerprint
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -235,7 +235,12 @@ class _Views:
         """Write a file that is still what the page knows."""
         known = given["if-match"].strip('"') or None
         asked = _table(body, "text")
-        return {"sha256": self.workspace.write(given.get("path", ""), asked["text"], known)}
+        path = given.get("path", "")
+        if basename(path) == "layout.toml":  # one that cannot be read would hide the recordings beside it
+            from pneudrive.signals.layout import Layout
+
+            Layout.loads(asked["text"], "layout.toml")
+        return {"sha256": self.workspace.write(path, asked["text"], known)}
 
     def check(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Check a text."""
@@ -266,7 +271,10 @@ class _Views:
         beside = AskedBeside.of(given)
         columns = [one for one in given.get("columns", []) if isinstance(one, str)]
         python = asked.as_python(circuit=is_circuit(described)) + beside.as_python(self.workspace, asked, columns)
-        return {"command": f"{asked.as_command()}\n{beside.as_command(asked, columns)}".strip(), "python": python}
+        names = NewNames(self.workspace)
+        out = names.of(asked.stem())
+        command = f"{asked.as_command(out)}\n{beside.as_command(asked, columns, out, names)}".strip()
+        return {"command": command, "python": python}
 
     def recording(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Open a recording, or say how far its first reading is."""

@@ -182,14 +182,14 @@ class AskedRun:
             remedy = "Save it under Drive first: a command and Python read the file."
             raise CommandError(f"{self.path} is not saved as it stands in the page", remedy=remedy)
 
-    def as_command(self) -> str:
-        """Return the line of a shell that makes the same run in the folder of the workspace."""
+    def as_command(self, out: str) -> str:
+        """Return the line of a shell that makes the same run in the folder of the workspace, into a file `out`."""
         words = ["pneudrive", "simulate", safe(self.path), *self.command_words()]
         words += ["--duration", self.duration, "--sample-rate", self.rate]
         words += ["--initial", self.initial] if self.initial else []
         for key, value in self.changes.items():
             words += ["--set", f"{key} = {value}"]
-        return shlex.join([*words, "--out", f"{self.stem()}.parquet"])
+        return shlex.join([*words, "--out", out])
 
     def command_words(self) -> list[str]:
         """Return the options of the command's words."""

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pneudrive.ensemble.study import EnsembleStudy
     from pneudrive.simulate import Run
     from pneudrive.web.asked_run import AskedRun, RunLimit
-    from pneudrive.web.workspace import Workspace
+    from pneudrive.web.workspace import NewNames, Workspace
 
     Array = NDArray[Any]
 
@@ -170,11 +170,11 @@ class AskedBeside:
     def _output(asked: AskedRun, name: str) -> str:
         return f"samples({name}, {BAND_SAMPLES / parse(asked.duration, 's')!r} Hz)"
 
-    def as_command(self, asked: AskedRun, shown: Sequence[str]) -> str:
-        """Return the lines of a shell that make what is beside the run."""
-        described = [path for path in self.others if _is_described(path)]
-        lines = [replace(asked, path=path, text=None, changes={}).as_command() for path in described]
-        lines += [f"{asked.as_command()} --energy"] if self.energy else []
+    def as_command(self, asked: AskedRun, shown: Sequence[str], out: str, names: NewNames) -> str:
+        """Return the lines of a shell that make what is beside the run that is written into `out`."""
+        others = [replace(asked, path=path, text=None, changes={}) for path in self.others if _is_described(path)]
+        lines = [one.as_command(names.of(one.stem())) for one in others]
+        lines += [f"{asked.as_command(out)} --energy"] if self.energy else []
         if self.spreads:
             words = ["pneudrive", "sweep", safe(asked.path), "--duration", asked.duration, *asked.command_words()]
             words += ["--initial", asked.initial] if asked.initial else []
@@ -185,7 +185,7 @@ class AskedBeside:
             for column in shown:
                 words += ["--output", self._output(asked, meaning(column)[0])]
             words += ["--members", str(MEMBERS), "--rtol", str(BAND_RTOL)]
-            lines.append(shlex.join([*words, "--out", f"{asked.stem()}-band.parquet"]))
+            lines.append(shlex.join([*words, "--out", names.of(f"{asked.stem()}-band")]))
         return "\n".join(lines)
 
     def as_python(self, workspace: Workspace, asked: AskedRun, shown: Sequence[str]) -> str:

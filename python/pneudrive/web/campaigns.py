@@ -70,7 +70,7 @@ class WatchedCampaign:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._lock = threading.Lock()
-        self._points: dict[Path, Finished] = {}
+        self._points: dict[tuple[Path, int], Finished] = {}  # by their file and when it was written
         self._status: Status | None = None
         self._seen, self._next = 0, 0.0
 
@@ -128,10 +128,13 @@ class WatchedCampaign:
     def _look(self) -> None:
         status = status_of(self.folder)
         damaged = {one.where for one in status.problems}
-        new = [file for file in status.files if file.path not in self._points]
-        sound = [file for file in new if f"{CYCLES}/{file.path.name}" not in damaged]
-        found = finished_of(sound, status.campaign.identity, measured=True)
-        self._points |= dict(zip((file.path for file in sound), found, strict=True))
+        files = {(file.path, file.path.stat().st_mtime_ns): file for file in status.files}
+        known = {key: one for key, one in self._points.items() if key in files}  # the folder may be another one by now
+        sound = {
+            key: file for key, file in files.items() if key not in known and f"{CYCLES}/{file.path.name}" not in damaged
+        }
+        found = finished_of(list(sound.values()), status.campaign.identity, measured=True)
+        self._points = known | dict(zip(sound, found, strict=True))
         self._status = status
 
     def _log(self) -> list[str]:

@@ -29,7 +29,7 @@ from pneudrive.web.asked_run import MOST_PIXELS, MOST_SAMPLES, WRONG_REQUEST, Ru
 from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
 from pneudrive.web.messages import pack
 from pneudrive.web.tiles import drawn_columns
-from pneudrive.web.workspace import DESCRIPTIONS, is_in_catalogue, safe
+from pneudrive.web.workspace import DESCRIPTIONS, NewNames, is_in_catalogue, safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -156,18 +156,18 @@ class AskedControl:
         limit.allow(MOST_SECONDS)
         return prepared, run_prepared(prepared, self.seed, Watch(cancel=limit))
 
-    def as_command(self) -> str:
+    def as_command(self, names: NewNames) -> str:
         """Return the lines of a shell that make the same run in the folder of the workspace."""
         lines, law = [], self.law
         stem = posixpath.splitext(self.path.rpartition(":")[2].rpartition("/")[2])[0] or "axis"
         if self.gains:
-            law = f"{stem}-{self.law}.toml"
+            law = names.of(f"{stem}-{self.law}", ".toml")
             lines.append(f"printf %s {shlex.quote(_controller_text(self.law, self.gains))} > {shlex.quote(law)}")
         words = ["pneudrive", "control", "run", safe(self.path), f"--reference={self.reference}"]
         words += ["--controller", safe(law), "--setup", self.setup, "--seed", str(self.seed)]
         words += ["--mismatch", self.mismatch] if self.mismatch else []
         words += ["--duration", self.duration] if self.duration else []
-        return "\n".join([*lines, shlex.join([*words, "--out", f"{stem}-control.parquet"])])
+        return "\n".join([*lines, shlex.join([*words, "--out", names.of(f"{stem}-control")])])
 
     def as_python(self, *, circuit: bool) -> str:
         """Return the lines of Python that make the same run in the folder of the workspace."""
@@ -244,7 +244,7 @@ def answer(workspace: Workspace, asked: Mapping[str, Any], limit: RunLimit | Non
     ]
     circuit = is_circuit(described_at(workspace, request.path))
     head = {"number": asked.get("number"), "panels": panels, "samples": len(columns["time_s"]), "took_s": took}
-    head |= {"command": request.as_command(), "python": request.as_python(circuit=circuit)}
+    head |= {"command": request.as_command(NewNames(workspace)), "python": request.as_python(circuit=circuit)}
     return pack({**head, **_about(prepared, run)}, drawn_columns(columns, request.pixels))
 
 

@@ -36,6 +36,7 @@ PANELS = (
 )
 ANSWERED = threading.Event()  # a run, to a page
 MOST_CURVES = 8  # in a panel: as many as there are looks
+MOST_IMPACTS = 3
 
 
 class Mailbox:
@@ -141,11 +142,11 @@ def _read(message: str) -> Any:  # noqa: ANN401 - plain data
 
 def shown_columns(run: Run) -> list[str]:
     """Return the columns of a run that the page draws."""
-    return [name for panel in PANELS for name in _of_panel(run, panel)]
+    return [name for panel in PANELS for name in _of_panel(run, panel)[:MOST_CURVES]]
 
 
 def _of_panel(run: Run, panel: tuple[str, str, str]) -> list[str]:
-    return [name for name in run.columns if _quantity(name) == panel[:2]][:MOST_CURVES]
+    return [name for name in run.columns if _quantity(name) == panel[:2]]
 
 
 def frame_of(run: Run, pixels: int, head: dict[str, Any], beside: dict[str, Any]) -> bytes:
@@ -153,15 +154,19 @@ def frame_of(run: Run, pixels: int, head: dict[str, Any], beside: dict[str, Any]
     columns, panels = {"time_s": run.columns["time_s"]}, []
     for panel in PANELS:
         _, si_unit, title = panel
-        names = _of_panel(run, panel)
-        if not names:
+        every = _of_panel(run, panel)
+        if not every:
             continue
+        names = every[:MOST_CURVES]
         size, unit = readable(si_unit)
         curves = [{"column": name, "label": _label(name)} for name in names]
-        panels.append({"title": title, "unit": unit, "size": size, "curves": curves})
+        left_out = len(every) - len(names)
+        panels.append({"title": title, "unit": unit, "size": size, "curves": curves, "left_out": left_out})
         columns |= {name: run.columns[name] for name in names}
     about = run.provenance
-    told = {"warnings": about["warnings"], "impacts": about["impacts"][:20], "assumed": len(about["assumed"])}
+    impacts = about["impacts"]
+    told = {"warnings": about["warnings"], "impacts": impacts[:MOST_IMPACTS], "assumed": len(about["assumed"])}
+    told["more_impacts"] = len(impacts) - len(told["impacts"])
     told |= {"steps": about["statistics"]["steps"], "samples": len(columns["time_s"]), "synthetic": True}
     ends = {name: float(values[-1]) for name, values in columns.items()}
     return pack(

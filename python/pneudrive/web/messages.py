@@ -78,12 +78,13 @@ def unpack(frame: bytes) -> tuple[dict[str, Any], dict[str, Array]]:
 
 
 def problems_of(error: Any) -> list[dict[str, Any]]:  # noqa: ANN401 - a PneudriveError
-    """Return an error and those that it carries as plain data: line, what, value, rule and remedy."""
+    """Return an error and those that it carries as plain data: file, line, what, value, rule and remedy."""
     out = []
     for one in error.each():
-        line = (one.where or "").rpartition(":")[2]
+        file, _, line = (one.where or "").rpartition(":")
         out.append(
             {
+                "file": (file if line.isdigit() else one.where or "").rpartition("/")[2],
                 "line": int(line) if line.isdigit() else None,
                 "key": getattr(one, "key", None),
                 "what": one.what,

@@ -191,15 +191,18 @@ class Recordings:
         recording = motion_of(path, layout)
         if recording is None:
             return {"strokes": [], "faults": {}}
+        every = strokes_in(recording)
         strokes = [
             {"from": begin, "to": end, "direction": one.direction, "speed": one.speed_m_s}
-            for begin, end, one in strokes_in(recording)[:MOST_STROKES]
+            for begin, end, one in every[:MOST_STROKES]
         ]
+        if len(every) > MOST_STROKES:
+            note = f"The first {MOST_STROKES:,} of {len(every):,} strokes are shaded."
         faults = {
             kind: {"count": one.count, "places": one.places[:MOST_PLACES]}
             for kind, one in find_faults(recording).items()
         }
-        return {"strokes": strokes, "faults": faults}
+        return {"strokes": strokes, "faults": faults, "note": note}
 
     def beside(
         self,

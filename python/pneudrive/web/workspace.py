@@ -11,6 +11,7 @@ import posixpath
 import re
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -204,6 +205,21 @@ class Workspace:
         except OSError as error:
             raise CommandError(f"{name[:80]} cannot be written", rule=error.strerror or str(error)) from None
         return fingerprint(text)
+
+
+class NewNames:
+    """Names of files that copied commands write: none of a file that is there, as it would be written over."""
+
+    def __init__(self, workspace: Workspace) -> None:
+        self._root = workspace.root
+        self._given: set[str] = set()
+
+    def of(self, stem: str, suffix: str = ".parquet") -> str:
+        """Return a name that begins with `stem`."""
+        names = (f"{stem}{f'-{number}' if number > 1 else ''}{suffix}" for number in count(1))
+        name = next(one for one in names if one not in self._given and not exists(self._root / one))
+        self._given.add(name)
+        return name
 
 
 def built_page(built: Path = BUILT) -> dict[str, bytes]:

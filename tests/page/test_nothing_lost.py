@@ -1,0 +1,420 @@
+"""What is typed is kept or refused in words, and what is shown is what its heading says, whatever happens meanwhile."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+import polars as pl
+
+from page.conftest import DRIVE, ROOT, Server
+from page.test_journeys import Open, at_end, settled
+from web.test_sizing import TASK
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+EDITOR = ".cm-content"
+
+
+def type_at_end(page: object, text: str) -> None:
+    page.click(EDITOR)
+    page.keyboard.press("Control+End")
+    page.keyboard.type(text)
+
+
+def go(page: object, view: str, path: str = "") -> None:
+    page.evaluate("([view, path]) => void (location.hash = `#/${view}/${encodeURIComponent(path)}`)", [view, path])
+
+
+def test_a_comma_is_refused_in_words_and_no_digit_is_taken(server: Server, open_tab: Open) -> None:
+    tab = open_tab(server.address)
+    page = tab.page
+    go(page, "simulate", "axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    settled(tab)
+    before = at_end(tab, "position_m")
+    field = page.locator("input[aria-label='friction.coulomb, N']")
+    for text in ("12,5", "", "1 000"):
+        field.click()
+        page.keyboard.press("Control+A")
+        page.keyboard.type(text or " ")
+        page.keyboard.press("Tab")
+        page.wait_for_selector(".slider [role=alert] >> text=with a point before decimals")
+        assert field.input_value() == "28"
+    settled(tab)
+    assert at_end(tab, "position_m") == before
+    field.fill("12.5")
+    field.press("Enter")
+    page.wait_for_selector(".slider [role=alert]", state="detached")
+    settled(tab)
+    assert at_end(tab, "position_m") != before
+    width = page.locator("input[aria-label='Half width of the spreads, per cent']")
+    width.fill("91")
+    width.press("Tab")
+    page.wait_for_selector("[role=alert] >> text=from 0.1 up to 90")
+    assert width.input_value() == "10"
+    tab.check()
+
+
+def test_values_that_give_no_run_are_not_the_ones_of_the_curves(server: Server, open_tab: Open) -> None:
+    tab = open_tab(server.address)
+    page = tab.page
+    go(page, "simulate", "axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    page.focus("#slider-friction\\.coulomb")
+    page.keyboard.press("End")  # above breakaway
+    page.wait_for_selector(".shown .problem >> text=must not be below")
+    page.wait_for_selector(".shown .banner >> text=those of the last run")
+    page.keyboard.press("Home")
+    page.wait_for_selector(".shown .problem", state="detached")
+    assert page.locator(".shown .banner").count() == 0
+    tab.check()
+
+
+def test_frozen_curves_have_names_and_lines_of_their_own(server: Server, open_tab: Open) -> None:
+    tab = open_tab(server.address)
+    page = tab.page
+    go(page, "simulate", "axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    command = "label:has-text('Command, -1 to 1') input"
+    for text in ("0 s: 0.2", "0 s: 0.3", "0 s: 0.4"):
+        page.fill(command, text)
+        settled(tab)
+        page.click("text=Freeze the curves")
+    page.click("text=Freeze the curves")
+    pressures = page.locator("figure[data-plot^=Pressure]")
+    names = pressures.locator(".u-series .u-label").all_inner_texts()[1:]
+    assert len(set(names)) == len(names) == 10
+    assert "pressure a (as described; 0 s: 0.2)" in names
+    assert "pressure a (as described; 0 s: 0.4; 2)" in names
+    marks = pressures.locator(".u-series .u-marker").evaluate_all("all => all.map((one) => one.style.background)")[1:]
+    assert len(set(marks[:8])) == 8  # as many as there are looks
+    assert page.locator("figure[data-plot=Position] .u-marker").nth(1).bounding_box()["width"] > 30
+    tab.check()
+
+
+def test_a_text_that_is_saved_while_another_one_is_opened(server: Server, open_tab: Open) -> None:
+    (server.folder / "other.toml").write_text(DRIVE.replace("28 N", "20 N"))
+    tab = open_tab(server.address)
+    page = tab.page
+    go(page, "drive", "axis.toml")
+    page.wait_for_selector(EDITOR)
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    type_at_end(page, "# mine")
+    page.wait_for_selector("button:text-is('Save'):not([disabled])")
+    page.wait_for_timeout(300)
+    assert not [one for one in asked if "/api/file" in one]  # a key does not read the file again
+    held: list = []
+    page.route("**/api/file?path=axis.toml", lambda route: held.append(route))  # noqa: PLW0108 - it takes no builtin
+    with page.expect_request("**/api/file?path=axis.toml"):
+        page.click("button:text-is('Save')")
+    go(page, "drive", "other.toml")
+    page.wait_for_selector(f"{EDITOR} >> text=20 N")
+    with page.expect_response("**/api/file?path=axis.toml"):
+        held[0].continue_()
+    page.wait_for_timeout(200)
+    assert page.inner_text("section[aria-label=Text] h2") == "other.toml"
+    go(page, "drive", "axis.toml")
+    page.wait_for_selector(f"{EDITOR} >> text=# mine")
+    assert "28 N" in page.inner_text(EDITOR)
+    assert page.is_disabled("button:text-is('Save')")
+    assert (server.folder / "axis.toml").read_text().endswith("# mine")
+    tab.check()
+
+
+def test_the_text_of_a_task_and_of_a_layout_is_kept(server: Server, open_tab: Open) -> None:
+    (server.folder / "push.toml").write_text(TASK)
+    (server.folder / "lift.toml").write_text(TASK.replace('"push"', '"lift"'))
+    time = np.arange(4000) * 1e-3
+    way = 100.0 * np.abs((time % 2.0) - 1.0)
+    force = np.where((time % 2.0) < 1.0, -20.0, 20.0)
+    pl.DataFrame({"time_s": time, "position_mm": way, "force_N": force}).write_csv(server.folder / "log.csv")
+    tab = open_tab(server.address)
+    page = tab.page
+    go(page, "sizing", "push.toml")
+    page.wait_for_selector(EDITOR)
+    type_at_end(page, "# mine")
+    go(page, "sizing", "lift.toml")
+    page.wait_for_selector(f"{EDITOR} >> text=lift")
+    assert "mine" not in page.inner_text(EDITOR)
+    go(page, "recording", "log.csv")
+    page.click("text=Propose a layout")
+    page.wait_for_selector("textarea.text")
+    page.fill("textarea.text", "nonsense =")
+    (server.folder / "push.toml").write_text(f"{TASK}# theirs")
+    go(page, "sizing", "push.toml")
+    page.wait_for_selector(f"{EDITOR} >> text=# mine")
+    page.wait_for_selector("text=Another text stands in push.toml")
+    page.click("button:text-is('Save')")
+    page.wait_for_selector("text=push.toml changed on disk: nothing was written")
+    page.click("text=Drop these changes")
+    page.wait_for_selector(f"{EDITOR} >> text=# theirs")
+    assert (server.folder / "push.toml").read_text().endswith("# theirs")
+    go(page, "sizing", "none.toml")
+    page.wait_for_selector(".problem >> text=there is no such file")
+    assert page.locator(EDITOR).count() == 0  # the text of another task stands under no other name
+    # A layout that cannot be read is not written: it would hide the recordings beside it.
+    go(page, "recording", "log.csv")
+    page.click("text=Accept: write layout.toml")
+    page.wait_for_selector("section[aria-label=Layout] .problem >> text=layout.toml, line 1")
+    assert page.input_value("textarea.text") == "nonsense ="
+    assert not (server.folder / "layout.toml").exists()
+    tab.complaints.clear()  # what was refused
+    tab.check()
+
+
+def test_what_is_typed_while_the_server_is_away_comes_into_the_text(own_server: Server, open_tab: Open) -> None:
+    folder = own_server.folder
+    tab = open_tab(own_server.address)
+    page = tab.page
+    go(page, "drive", "axis.toml")
+    page.wait_for_selector(".fields")
+    watching = open_tab(f"{tab.origin}/#/studies/").page
+    watching.wait_for_selector("text=axis.toml")
+    with watching.expect_response("**/api/stale*"):  # the last thing that it asks for by itself
+        watching.click("text=Read the folder again")
+    own_server.end()
+    page.fill("input[aria-label='friction.coulomb']", "31 N")
+    page.keyboard.press("Tab")
+    page.wait_for_selector("[data-connection=lost]")
+    again = Server.start(folder, own_server.port)
+    try:
+        page.wait_for_selector("[data-connection=locked]")  # the page looks by itself: another server, another token
+        watching.click("text=Read the folder again")
+        watching.wait_for_selector("[data-connection=locked]")
+        open_tab(again.address).page.wait_for_selector("text=axis.toml")
+        page.wait_for_selector(f"{EDITOR} >> text=31 N")
+        page.wait_for_selector("[data-connection=open]", state="attached")
+        watching.wait_for_selector("ul.files >> text=axis.toml")
+        assert page.locator(".problem").count() == 0
+        page.click("button:text-is('Save')")
+        page.wait_for_selector("text=Saved axis.toml.")
+        assert "31 N" in (folder / "axis.toml").read_text()
+    finally:
+        again.end()
+    assert tab.foreign == []
+
+
+def test_a_tab_for_which_the_server_has_no_room_says_so(own_server: Server, open_tab: Open) -> None:
+    tabs = [open_tab(own_server.address)]
+    tabs[0].page.wait_for_selector("text=axis.toml")
+    for _ in range(9):
+        tabs.append(open_tab(f"{tabs[0].origin}/#/simulate/axis.toml"))
+        tabs[-1].page.wait_for_selector("h2 >> text=my axis")
+    tabs[-1].page.wait_for_selector("[data-connection=full] >> text=close one of the others")
+    tabs[1].page.close()
+    tabs[-1].page.wait_for_selector("[data-end=position_m]")
+    tabs[-1].page.wait_for_selector("[data-connection=open]", state="attached")
+
+
+def test_the_skip_link_stays_in_the_view_and_tabs_have_titles(server: Server, open_tab: Open) -> None:
+    tab = open_tab(server.address)
+    page = tab.page
+    go(page, "simulate", "axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    assert page.title() == "axis.toml · Simulate · pneudrive"
+    page.focus("a.skip")
+    page.keyboard.press("Enter")
+    page.wait_for_timeout(100)
+    assert page.evaluate("document.activeElement.id") == "main"
+    assert page.url.endswith("#/simulate/axis.toml")
+    assert page.locator("[data-end=position_m]").count() == 1
+    tab.check()
+
+
+def test_what_is_not_copied_is_not_said_to_be(server: Server, open_tab: Open) -> None:
+    tab = open_tab(server.address)
+    page = tab.page
+    go(page, "simulate", "axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    page.click("text=Copy as command or Python")
+    page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject(new Error('denied')); }")
+    page.click("text=Copy the command")
+    page.wait_for_selector(".copied >> text=Not copied")
+    page.evaluate("() => { navigator.clipboard.writeText = () => Promise.resolve(); }")
+    page.click("text=Copy the command")
+    page.wait_for_selector(".copied >> text=Copied the command.")
+    tab.check()
+
+
+def test_long_names_and_lines_stay_within_the_page(server: Server, open_tab: Open) -> None:
+    long = f"{'x' * 180}.toml"
+    (server.folder / long).write_text(f"{DRIVE}# {'a long line ' * 40}\n")
+    tab = open_tab(server.address)
+    page = tab.page
+    page.wait_for_selector(f"text={long}")
+    for width in (1400, 400):
+        page.set_viewport_size({"width": width, "height": 900})
+        for view, wait in (
+            ("studies", "ul.files"),
+            ("drive", EDITOR),
+            ("validation", "select"),
+            ("handover", "select"),
+        ):
+            go(page, view, long if view == "drive" else "")
+            page.wait_for_selector(wait)
+            assert page.evaluate("document.documentElement.scrollWidth") <= width, (view, width)
+    tab.check()
+
+
+def test_another_recording_is_not_shown_with_the_spectrum_of_the_last_one(server: Server, open_tab: Open) -> None:
+    rng = np.random.default_rng(1)
+    for name in ("one", "two"):
+        table = pl.DataFrame({"time": np.arange(4000) * 1e-3, "level": rng.standard_normal(4000)})
+        table.write_parquet(server.folder / f"{name}.parquet")
+    tab = open_tab(server.address)
+    page = tab.page
+    go(page, "recording", "one.parquet")
+    page.check("text=spectrum of the view")
+    page.wait_for_selector("figure[data-plot^=Spectrum]")
+    held: list = []
+    page.route("**/api/spectrum*", lambda route: held.append(route))  # noqa: PLW0108 - it takes no builtin
+    with page.expect_request("**/api/spectrum?path=two*"):
+        go(page, "recording", "two.parquet")
+    assert page.locator("figure[data-plot^=Spectrum]").count() == 0
+    held[-1].continue_()
+    page.wait_for_selector("figure[data-plot^=Spectrum]")
+    tab.check()
+
+
+def test_a_comparison_of_another_process_is_followed_to_its_end(server: Server, open_tab: Open) -> None:
+    words = ["control", "compare", "axis.toml", "--laws", "pid,pva", "--references", "R1,R3", "--seeds", "6"]
+    out = server.folder / "results" / "laws"
+    running = subprocess.Popen(
+        [sys.executable, "-m", "pneudrive", *words, "--out", "results/laws"],
+        cwd=server.folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        tab = open_tab(server.address)
+        page = tab.page
+        until_there(out / "comparison.json")
+        go(page, "control", "results/laws")
+        page.wait_for_selector("[data-done]")
+        assert running.wait(60) == 0
+        page.wait_for_selector("[data-done]", state="detached")
+        assert page.locator("text=Resume").count() == 0
+    finally:
+        running.kill()
+        running.wait()
+
+
+def until_there(path: Path) -> None:
+    for _ in range(600):
+        if path.is_file():
+            return
+        time.sleep(0.05)
+    raise AssertionError(path)
+
+
+def test_an_answer_of_another_drive_is_not_drawn(server: Server, open_tab: Open) -> None:
+    (server.folder / "other.toml").write_text(DRIVE.replace("my axis", "the other"))
+    tab = open_tab(server.address)
+    page = tab.page
+    held: list = []
+
+    def through(own: object) -> None:
+        there = own.connect_to_server()
+        own.on_message(there.send)
+        there.on_message(lambda message: held.append((own, message)))
+
+    def until_held(count: int) -> None:
+        for _ in range(300):
+            if len(held) >= count:
+                return
+            page.wait_for_timeout(50)
+        raise AssertionError(len(held))
+
+    page.route_web_socket("**/api/live", through)
+    go(page, "control")
+    until_held(1)
+    with page.expect_response("**/api/control?path=other.toml"):
+        page.select_option("label.choice:has-text('Drive') >> nth=0 >> select", "other.toml")
+    page.wait_for_timeout(200)
+    own, message = held[0]
+    own.send(message)
+    until_held(2)
+    assert page.locator("[data-score]").count() == 0
+    own, message = held[1]
+    own.send(message)
+    page.wait_for_selector("text=for the other, every")
+
+
+def test_curves_follow_the_scheme_of_the_system(server: Server, open_tab: Open) -> None:
+    tab = open_tab(server.address)
+    page = tab.page
+    go(page, "simulate", "axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    mark = page.locator("figure[data-plot=Position] .u-marker").nth(1)
+    assert "17, 17, 17" in mark.evaluate("(one) => one.style.background")
+    page.emulate_media(color_scheme="dark")
+    page.wait_for_function("() => document.querySelectorAll('.u-marker')[1].style.background.includes('242, 242, 242')")
+    tab.check()
+
+
+def test_files_that_come_while_others_are_copied_are_copied_too(server: Server, open_tab: Open, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.toml").write_text(DRIVE)
+    tab = open_tab(server.address)
+    page = tab.page
+    page.wait_for_selector("text=axis.toml")
+    held: list = []
+    page.route("**/api/drop?path=one.toml", lambda route: held.append(route))  # noqa: PLW0108 - it takes no builtin
+    with page.expect_request("**/api/drop?path=one.toml"):
+        page.set_input_files("input[type=file]", tmp_path / "one.toml")
+    page.set_input_files("input[type=file]", tmp_path / "two.toml")
+    page.wait_for_selector("text=Copying one.toml")
+    held[0].continue_()
+    for name in ("one", "two"):
+        page.wait_for_selector(f"ul.files >> text={name}.toml")
+        assert (server.folder / f"{name}.toml").read_text() == DRIVE
+    tab.check()
+
+
+def test_what_does_not_count_is_said(server: Server, open_tab: Open) -> None:
+    for name in ("two_cylinders.toml", "axes/upright.toml"):
+        shutil.copy(ROOT / "examples" / name, server.folder)
+    tab = open_tab(server.address)
+    page = tab.page
+    go(page, "simulate", "axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    page.select_option("label:has-text('Compare with') select", "upright.toml")
+    page.wait_for_selector("text=upright.toml has none of these quantities under the same names")
+    go(page, "simulate", "two_cylinders.toml")
+    page.wait_for_selector("text=Pressure, absolute: 8 of 9 curves are drawn")
+    page.wait_for_selector("text=on the end of chamber b of right")
+    page.wait_for_selector("text=More impacts:")
+    go(page, "drive", "axis.toml")
+    page.wait_for_selector(".fields")
+    page.fill("input[aria-label='friction.coulomb']", "31 N")
+    page.keyboard.press("Tab")
+    page.wait_for_selector(f"{EDITOR} >> text=31 N")
+    said = "text=Changes of axis.toml that are not saved do not count here"
+    go(page, "control")
+    page.wait_for_selector(said)
+    for view in ("handover", "validation"):
+        go(page, view)
+        page.select_option("label:has-text('Drive or') select", "axis.toml")
+        page.wait_for_selector(said)
+    tab.check()
+
+
+def test_views_that_are_left_at_once_leave_nothing_behind(server: Server, open_tab: Open) -> None:
+    (server.folder / "push.toml").write_text(TASK)
+    tab = open_tab(server.address)
+    page = tab.page
+    page.wait_for_selector("text=axis.toml")
+    for pause in (0, 5, 20, 60, 150):
+        for view, path in (("drive", "axis.toml"), ("studies", ""), ("sizing", "push.toml"), ("drive", "none.toml")):
+            go(page, view, path)
+            page.wait_for_timeout(pause)
+    go(page, "drive", "axis.toml")
+    page.wait_for_selector(f"{EDITOR} >> text=28 N")
+    assert [one for one in tab.complaints if "400" not in one] == []  # there is no none.toml
