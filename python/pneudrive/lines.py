@@ -144,7 +144,8 @@ def _with_tubes(drive: Drive, tubing: dict[str, Any] | None) -> Drive:
 
 def _row(drive: Drive) -> _Row:
     conductance = _vent_conductance(drive)
-    flow = ANR_DENSITY_KG_M3 * drive.gas.gas_constant_j_kg_k * ANR_TEMPERATURE_K  # times C/A: speed at choked flow
+    mean_k = math.sqrt(ANR_TEMPERATURE_K * drive.ambient.temperature_k)  # C is that at the temperature of ISO 6358
+    flow = ANR_DENSITY_KG_M3 * drive.gas.gas_constant_j_kg_k * mean_k  # times C/A: speed at choked flow
     speed = conductance * flow / drive.cylinder.area_b_m2
     out, end_speed = _stroke(drive, speed, 1)
     back, _ = _stroke(drive, speed, -1)

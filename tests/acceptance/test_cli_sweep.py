@@ -211,3 +211,21 @@ def test_what_is_wrong_is_one_message_before_anything_runs(tmp_path, capsys, mor
     assert said in told
     assert "Traceback" not in told
     assert not list(tmp_path.iterdir())
+
+
+def test_members_without_a_value_are_counted_beside_the_quantiles(tmp_path, capsys):
+    head = ["sweep", "catalogue:parker-osp-p25-sy5000", "--command", "1", "--duration", "0.1 s"]
+    rows = ["--vary", "load.mass = 0.5 kg, 1 kg, 8 kg, 9 kg"]
+    assert run([*head, *rows, "--output", "stroke_time", "--out", str(tmp_path / "a.csv")]) == 0
+    times = pl.read_csv(tmp_path / "a.csv")["stroke_time_s"].to_numpy()
+    assert np.isnan(times).tolist() == [False, False, True, True]
+    said = capsys.readouterr().out
+    assert "stroke_time has no value in 2 of 4 members" in said
+    assert f"{np.nanmedian(times):.5g}" in said
+
+
+def test_a_correlation_without_effect_is_refused(tmp_path, capsys):
+    for vary in ("load.mass = grid(1 kg, 2 kg)", "load.mass = 1 kg, 2 kg"):
+        pair = ["--correlation", "load.mass, friction.coulomb = 0.5"]
+        assert run([*HEAD, "--vary", vary, *pair, "--out", str(tmp_path / "a.csv")]) == 2
+        assert "--correlation has no effect here" in capsys.readouterr().err

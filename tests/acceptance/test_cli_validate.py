@@ -16,7 +16,7 @@ from pneudrive.cli.main import run
 from pneudrive.describe import toml
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.result import DriveFit
-from pneudrive.validate.static import law_n
+from pneudrive.validate.static import law_n, validate_friction
 
 CIRCUIT = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"
 
@@ -149,3 +149,30 @@ def test_a_drive_is_identified_the_fit_put_into_it_and_exported_from_files_alone
     assert float(row[3]) < 30.0 < float(row[4])
     assert run(["export", str(fit), "--to", "csv"]) == 2
     assert "--speeds" in capsys.readouterr().err
+
+
+def test_paired_friction_is_held_against_the_mean_of_both_directions(tmp_path):
+    """A map's friction is half the difference of both directions, over the air of its own room."""
+    room = 0.8e5
+    base = drive(ambient__pressure="0.8 bar abs")
+    truth = base.replace({"friction.direction": {"positive": 1.2, "negative": 0.8}})
+    speed, direction = np.tile(np.geomspace(2e-3, 0.4, 6), 2), np.repeat([1, -1], 6)
+    n = speed.size
+    rows = {
+        "recording": ["a"] * n,
+        "direction": direction,
+        "velocity_m_s": direction * speed,
+        "pressure_a_pa": np.full(n, room + 2e5),
+        "pressure_b_pa": np.full(n, room),
+        **{c: np.zeros(n) for c in ("balance_n", "offset_n", "position_from_m", "position_to_m")},
+        **{c: np.full(n, 0.01) for c in ("stderr_n", "u_systematic_n", "breakaway_n", "dwell_s", "loading_rate_n_s")},
+        **{c: np.full(n, 5) for c in ("samples", "strokes")},
+        "ambient_pressure_pa": np.full(n, room),
+    }
+    mean = 0.5 * (law_n(truth, speed, 2e5, 0.0) + law_n(truth, -speed, 2e5, 0.0))
+    for flags, friction in (("", mean), ("unpaired", law_n(truth, direction * speed, 2e5, 0.0))):
+        pl.DataFrame(rows | {"friction_n": friction, "flags": [flags] * n}).write_csv(tmp_path / "map.csv")
+        for drive_of_the_law in (truth, truth.replace({"ambient.pressure": "1 bar abs"})):
+            found = validate_friction(drive_of_the_law, tmp_path / "map.csv")
+            assert found.metrics.largest < 1e-9
+            assert {c.direction for c in found.curves} == ({0} if not flags else {1, -1})

@@ -96,6 +96,24 @@ def test_a_stroke_has_the_numbers_of_a_datasheet(found: SizingResult):
     assert own.air[0] == pytest.approx(abs(float(np.trapezoid(run["supply.mass_flow"], run.time))), rel=0.03)
 
 
+def test_the_way_back_begins_with_one_side_full_and_the_other_empty(found: SizingResult):
+    assert found.best is not None
+    task, parts = SizingTask(**TASK), dict(found.best.parts)
+    choice = next(one for one in combined(choices(task)) if one.parts == parts)
+    nominal = np.full((1, len(DRAWN)), 0.5)
+    low, high = task.spread.friction
+    nominal[0, DRAWN.index("friction")] = (1.0 - low) / (high - low)
+    cold, hot = task.spread.temperature_k
+    nominal[0, DRAWN.index("temperature")] = (task.ambient.temperature_k - cold) / (hot - cold)
+    own = DriveStrokes(choice, task).run(False, nominal, np.array([list(found.best.setting.values())]), rtol=1e-10)
+    begun = {"cylinder.position": "100 mm", "cylinder.a": "6 bar gauge", "cylinder.b": "0 bar gauge"}
+    run = found.circuit().simulate("0 s: -1", "0.59 s", rtol=1e-10, initial=begun)
+    (hit,) = (one for one in run.attrs["impacts"] if one["end"] == "a")
+    assert own.time[0] == pytest.approx(hit["time_s"], rel=1e-6)
+    assert own.end_speed[0] == pytest.approx(hit["speed_m_s"], rel=1e-5)
+    assert own.air[0] == pytest.approx(abs(float(np.trapezoid(run["supply.mass_flow"], run.time))), rel=0.03)
+
+
 @pytest.mark.parametrize(("outward", "incline"), [(True, 90), (False, -90)])
 def test_a_drive_lifts_what_its_load_ratio_says_and_no_more(found: SizingResult, outward: bool, incline: int):
     """The ratio is linear in the load: just below 1 the drive that runs arrives, just above it does not."""
@@ -133,6 +151,21 @@ def test_what_is_pruned_fails_at_the_favourable_end_of_every_spread(change: dict
         limits = ((True, task.outward_s), (False, task.back_s))
         times = [strokes.run(way, best, np.ones((2, 4))).time / limit for way, limit in limits]
         assert max(one.min() for one in times) > 1.0, (choice.name, lacks)
+
+
+def test_the_supply_that_a_miss_asks_for_is_just_enough_for_its_force():
+    task = TASK | {"mass": "200 kg", "incline": "90 deg", "time": "60 s"}
+    miss = size(task, **DRAWS).miss
+    assert miss is not None
+    gauge = float(miss.gives.partition("or the supply to rise to ")[2].partition(" bar gauge")[0])
+
+    def lacks(bar: float) -> str:
+        raised = SizingTask(**task | {"supply": {"pressure": f"{bar} bar gauge"}})
+        choice = next(one for one in combined(choices(raised)) if one.parts == dict(miss.parts))
+        found = SafeBounds(raised, choices(raised)["tube"])._force(choice)
+        return "" if found is None else found.limit
+
+    assert (lacks(gauge - 0.1), lacks(gauge)) == ("force", "")
 
 
 def test_a_search_that_was_interrupted_goes_on(tmp_path, found: SizingResult):

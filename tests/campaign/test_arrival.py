@@ -111,3 +111,12 @@ def test_a_cycle_that_ends_early_lacks_steps_and_samples(bench):
 
 def test_every_flag_says_what_it_counts():
     assert all(text.startswith(("samples", "moves")) for text in FLAGS.values())
+
+
+def test_a_clock_that_runs_back_most_of_the_time_is_flagged(bench):
+    """Buffers that come with their newest sample first: between two samples the usual interval is none."""
+    identity, cycle, samples = bench
+    order = np.arange(len(samples))
+    blocks = np.concatenate([part[::-1] for part in np.array_split(order, len(samples) // 100)])
+    flags = arrival_flags(changed(samples, time_s=samples.time_s[blocks]), cycle, identity)
+    assert flags["time_runs_back"] > 0.9 * len(samples)

@@ -10,6 +10,8 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run
+from pneudrive.datasheet.plant import HeldDrive
+from pneudrive.datasheet.steady import velocity_gain
 from pneudrive.errors import CommandError, DescriptionError
 
 #: Length in m and bore in mm -> choked speed of the reference drive, m/s, worked out by hand.
@@ -39,6 +41,13 @@ def test_the_choked_speed_is_that_of_restrictions_in_series(study):
         r = (-q + math.sqrt(q * q - 4 * p * s)) / (2 * p)
         assert float(found.vent_conductance) == pytest.approx(c2 * r if r > b1 else c1, rel=1e-9)
     assert study.attrs["without_tubes"]["vent_speed"] == pytest.approx(4.0628, abs=5e-5)
+
+
+def test_the_choked_speed_of_cold_air_is_that_of_steady_motion(reference):
+    cold = reference.replace({"ambient.temperature": "-20 degC"})
+    speed = pn.lines(cold, ["1 m"], ["4 mm"]).attrs["without_tubes"]["vent_speed"]
+    slope, _ = velocity_gain(HeldDrive(cold), 1.0, 0.25)
+    assert speed == pytest.approx(slope, rel=1e-4)
 
 
 def test_longer_and_narrower_tubes_are_slower(study):

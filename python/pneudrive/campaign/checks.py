@@ -100,7 +100,7 @@ def _dropped(time: Array, step: NDArray[np.int64], cycle: Cycle) -> int:
     usual = _usual_interval(intervals)
     deviation = float(np.median(np.abs(intervals - usual)))
     expected = np.maximum(usual, _planned_interval(time, step, cycle))
-    late = (intervals > LATE * expected + JITTER * deviation) & (step[1:] == step[:-1])
+    late = (intervals > LATE * expected + JITTER * deviation) & (step[1:] == step[:-1]) & (expected > 0.0)
     return int(np.sum(np.maximum(np.rint(intervals[late] / expected[late]) - 1.0, 1.0)))
 
 

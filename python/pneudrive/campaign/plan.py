@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING
 
 from pneudrive.bulk import many_objects
@@ -13,6 +14,7 @@ from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import ProtocolError, nearest
 from pneudrive.files.bounds import within
 from pneudrive.rig.interface import Hold
+from pneudrive.rig.plain_data import identity_of, plain
 
 if TYPE_CHECKING:
     from pneudrive.campaign.cycle import Cycle
@@ -40,7 +42,11 @@ def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     ------
     ProtocolError
         If the plan exceeds the rig's limits; the message names cycle, value, limit and remedy.
+    RigError
+        If the identity has a value that no rig has.
     """
+    # What a rig of the user's own says of itself goes into its folder, from which it must come back.
+    identity_of(json.loads(json.dumps(identity.to_dict(), default=plain)), f'rig "{identity.name}"')
     plan = draft(protocol, identity, envelope)
     return Plan(protocol, identity, envelope, plan.planned, check(plan))
 

@@ -139,6 +139,8 @@ def _design(
     if method not in SAMPLERS:
         raise CommandError(f"--design {method} is not known", remedy=nearest(method, SAMPLERS))
     files = [text for text in vary if "=" not in text]
+    if correlation and (files or not all("(" in text and "grid(" not in text for text in vary)):
+        raise CommandError("--correlation has no effect here", rule="all numbers that vary have distributions")
     if files and len(vary) > 1:
         raise CommandError("--vary has a file and more", rule="one file, or NAME = VALUES for each number")
     if files:
@@ -204,7 +206,7 @@ def _say(gathered: Gathered) -> None:
     typer.echo(f"{study.variation.drive.name}: {gathered.size} members, {len(failed)} failed")
     for place in failed[:1]:
         typer.echo(f"  member {place}: {gathered.reason[place]}")
-    rows = []
+    rows, lacking = [], []
     for output, values in zip(study.outputs, gathered.values, strict=True):
         if values.ndim > 1:
             continue
@@ -212,4 +214,8 @@ def _say(gathered: Gathered) -> None:
         own = values[np.isfinite(values)]
         shares = [f"{x / factor:.5g}" for x in np.quantile(own, [0.0, 0.05, 0.5, 0.95, 1.0])] if own.size else ["-"] * 5
         rows.append((output.name, unit, *shares))
+        if own.size < values.size:
+            lacking.append(f"{output.name} has no value in {values.size - own.size} of {values.size} members")
     show_table(("output", "<unit", "lowest", "5 %", "median", "95 %", "highest"), rows)
+    for line in lacking:
+        typer.echo(f"{line}: its row is of the others")

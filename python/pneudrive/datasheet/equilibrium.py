@@ -47,7 +47,7 @@ class Equilibrium(Shown):
         Absolute.
     temperature_a_k, temperature_b_k : float
     gas_force_n : float
-        On the piston in +x, of gas, weight and springs.
+        On the piston in +x, of gas, weight, springs and described load; without friction.
     friction_n : float
         Steady friction against the motion, with the sign of the velocity; 0 at rest.
     load_n : float
@@ -71,7 +71,7 @@ class Equilibrium(Shown):
             ("position, velocity", f"{1e3 * self.position_m:.5g} mm, {self.velocity_m_s:.5g} m/s"),
             ("pressures", f"{1e-5 * self.pressure_a_pa:.5g}, {1e-5 * self.pressure_b_pa:.5g} bar abs"),
             ("temperatures", f"{self.temperature_a_k:.5g}, {self.temperature_b_k:.5g} K"),
-            ("force of the gas", f"{self.gas_force_n:.5g} N"),
+            ("force without friction", f"{self.gas_force_n:.5g} N"),
             ("friction", f"{self.friction_n:.5g} N"),
             ("load that balances it", f"{self.load_n:.5g} N"),
         ]

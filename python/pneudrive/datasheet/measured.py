@@ -208,14 +208,17 @@ def _numbers(drive: Drive, records: Iterable[RecordResult]) -> Iterable[Compared
     groups: dict[str, list[tuple[StrokeNumbers, StrokeNumbers]]] = defaultdict(list)
     for record in records:
         for command, seen, simulated in strokes_of(drive, record):
-            if seen.direction == simulated.direction:
-                groups[f"command {command:+.3g}"].append((seen, simulated))
+            groups[f"command {command:+.3g}"].append((seen, simulated))
     for stroke, pairs in groups.items():
         for name in SHOWN:
             seen, told = (np.array([getattr(pair[side], name) for pair in pairs]) for side in (0, 1))
             both = np.isfinite(seen) & np.isfinite(told)
+            unit = STROKE_MEANING[name][0]
             if both.any():
-                yield _compared(stroke, name, seen[both], told[both], STROKE_MEANING[name][0])
+                yield _compared(stroke, name, seen[both], told[both], unit)
+            elif np.isfinite(seen).any():  # measured, and what the simulation does not do
+                mean = float(np.nanmean(seen))
+                yield ComparedNumber(stroke, name, unit, mean, math.nan, math.nan, seen.size, math.nan, False)
 
 
 def _compared(stroke: str, name: str, seen: Array, told: Array, unit: str) -> ComparedNumber:
@@ -254,7 +257,8 @@ def strokes_of(drive: Drive, record: RecordResult) -> Iterable[tuple[float, Stro
             **{name: values[part] for name, values in model.items() if name != "velocity_m_s"},
         }
         size, mass, start = drive.cylinder.stroke_m, moving_mass(drive), float(time[begin])
-        measured, simulated = (stroke_numbers(one, size, mass, start) for one in (seen, told))
+        measured = stroke_numbers(seen, size, mass, start)
+        simulated = stroke_numbers(told, size, mass, start, direction=measured.direction)
         yield float(command[begin]), measured, simulated
 
 

@@ -77,7 +77,7 @@ def one_stroke(
     while True:
         half = times * expected
         run = simulate_plant(plant, command, half, SAMPLES / expected, initial=start, ledger=ledger)
-        found = _motion(plant, run, half, (0.0, half))
+        found = _motion(plant, run, half, (0.0, half), command)
         if found.arrived() or times >= LONGEST or times * expected > LONGEST:
             return found
         times *= SLOWER
@@ -106,19 +106,21 @@ def cycle(
         text = ", ".join(f"{k * half!r} s: {command if k % 2 == 0 else -command!r}" for k in range(2 * repeats))
         run = simulate_plant(plant, text, 2 * repeats * half, SAMPLES / min(expected, half), initial=start, **more)
         begin = 2 * (repeats - 1) * half
-        found = _motion(plant, run, half, (begin, begin + half, begin + 2 * half))
+        found = _motion(plant, run, half, (begin, begin + half, begin + 2 * half), command)
         if found.arrived() or half_s is not None or times >= LONGEST or half * SLOWER > LONGEST:
             return found
         times, half = times * SLOWER, half * SLOWER
 
 
-def _motion(plant: HeldDrive, run: xr.Dataset, half: float, edges: tuple[float, ...]) -> StrokeRun:
+def _motion(plant: HeldDrive, run: xr.Dataset, half: float, edges: tuple[float, ...], command: float) -> StrokeRun:
+    """Return the strokes between the edges; the first one goes where the command leads, the next one back."""
     columns = short_columns(plant, run)
     impacts = run.attrs["impacts"]
     strokes = []
-    for begin, end in pairwise(edges):
+    for k, (begin, end) in enumerate(pairwise(edges)):
         own = [one for one in impacts if begin <= one["time_s"] < end]
-        strokes.append(stroke_numbers(columns, plant.stroke_m, plant.mass, begin, end, own))
+        towards = 1 if (command > 0.0) == (k % 2 == 0) else -1
+        strokes.append(stroke_numbers(columns, plant.stroke_m, plant.mass, begin, end, own, towards))
     keep = columns["time_s"] >= edges[0]
     last = {name: values[keep] for name, values in columns.items()}
     last["time_s"] = last["time_s"] - edges[0]

@@ -116,6 +116,7 @@ def _hit(motion: StrokeRun) -> dict[str, float]:
     first = next((one for one in motion.attrs["impacts"] if one["end"] == end), None)
     taken = -sum(v for name, v in motion.attrs["ledger"]["accounts"].items() if name.endswith("damper heat [J]"))
     if first is None:
+        taken = taken if motion.arrived() else math.nan
         nothing = dict.fromkeys(("peak_force_n", "depth_m"), math.nan)
         return nothing | {"speed_m_s": stroke.end_speed, "energy_j": stroke.end_energy, "absorbed_j": taken}
     return {**first, "absorbed_j": taken}

@@ -90,8 +90,11 @@ class Datasheet(Shown):
         if "stroke time" in at:
             time, where = at["stroke time"], f"{1e-5 * self.drive.supply_pressure_pa:.4g} bar abs"
             stroke = f"Stroke of {1e3 * self.drive.cylinder.stroke_m:g} mm at {where} and full command"
-            lines.append(f"{stroke}: {time.out} out, {time.back} back.")
-        if "end energy" in at:
+            if "none" in (time.out, time.back):
+                lines.append(f"{stroke}: the piston does not go from end to end and back.")
+            else:
+                lines.append(f"{stroke}: {time.out} out, {time.back} back.")
+        if "end energy" in at and "none" not in (at["end energy"].out, at["end energy"].back):
             energy, speed = at["end energy"], at["end speed"]
             lines.append(f"Impact: {energy.out} at {speed.out} out, {energy.back} at {speed.back} back.")
         if "air per full cycle" in at:

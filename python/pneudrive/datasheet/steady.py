@@ -27,7 +27,8 @@ LEAST_VELOCITY = 1e-5  # m/s: the contact just slides; its steady friction is th
 def full_force(plant: HeldDrive, direction: float) -> tuple[float, float]:
     """Return blocked and stall force at full command, N, positive in the direction.
 
-    Blocked: of the gas on a pinned piston. Stall: less breakaway, the load that the piston at rest just moves.
+    Blocked: of gas, weight and described load on a pinned piston. Stall: less breakaway, the load that the piston at
+    rest just moves.
     """
     x = 0.5 * plant.stroke_m
     rest = at_velocity(plant, direction, x, 0.0)
@@ -101,9 +102,7 @@ def _force(plant: HeldDrive, points: int = 12) -> Found:
     return axes, {
         "load_force": ResultValue(("direction", "share"), loads, "N", "constant force against the motion"),
         "speed": ResultValue(("direction", "share"), speeds, "m/s", "steady speed at full command"),
-        "blocked_force": ResultValue(
-            ("direction",), blocked, "N", "force of the gas on the pinned piston at full command"
-        ),
+        "blocked_force": ResultValue(("direction",), blocked, "N", "force on the pinned piston at full command"),
         "stall_force": ResultValue(
             ("direction",), stall, "N", "largest load that the resting piston moves: less breakaway"
         ),
@@ -156,8 +155,8 @@ CHARACTERISTICS = (
     Characteristic(
         name="force-speed",
         title="Force against speed at full command",
-        definition="Load against which a steady speed is reached at command 1 and -1. Blocked force: of the gas on a "
-        "pinned piston. Stall force: blocked force less breakaway.",
+        definition="Load against which a steady speed is reached at command 1 and -1. Blocked force: of gas, "
+        "weight, springs and the described load on a pinned piston. Stall force: blocked force less breakaway.",
         algorithm="as for velocity",
         find=_force,
         cites=("iso6358-2013",),

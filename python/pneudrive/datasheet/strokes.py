@@ -150,6 +150,7 @@ def stroke_numbers(
     begin_s: float = 0.0,
     end_s: float = math.inf,
     impacts: Sequence[Mapping[str, Any]] = (),
+    direction: int = 0,
 ) -> StrokeNumbers:
     """Return the numbers of one stroke from columns of a trajectory or a recording.
 
@@ -168,6 +169,8 @@ def stroke_numbers(
         they are interpolated.
     impacts : sequence of mappings
         Contacts with the ends as a simulation tells them; without, a contact is where the position reaches the end.
+    direction : int
+        Where the command leads: 1 towards the end of chamber b, -1 towards that of chamber a; 0: where the piston goes.
 
     Returns
     -------
@@ -180,12 +183,14 @@ def stroke_numbers(
     """
     part = _samples(columns, begin_s, end_s)
     t, x, v = part["time_s"], part["position_m"], part.get("velocity_m_s")
-    direction = 1 if x[-1] >= x[0] else -1
+    told, direction = direction, direction or (1 if x[-1] >= x[0] else -1)
     s = direction * (x - x[0])  # way done
     room = stroke_m - x[0] if direction > 0 else x[0]
     contact, speed = _contact(impacts, direction)
     arrived = not math.isnan(contact) or float(s.max()) >= room - ARRIVED * stroke_m
     way = room if arrived else float(s[-1])
+    if told and way <= ARRIVED * stroke_m:  # it rests where it was: nothing of a stroke happened
+        arrived, contact, speed, way = False, math.nan, math.nan, math.nan
     rate = None if v is None else direction * v
     if arrived and math.isnan(contact):
         contact = first_passage(t, s, min(room, float(s.max())), rate)
@@ -199,7 +204,7 @@ def stroke_numbers(
         time_99=done[NEARLY] - begin_s,
         dead_time=done[DEPARTED] - begin_s,
         rise_time=done[RISEN_TO] - done[RISEN_FROM],
-        settling_time=float(t[min(outside[-1] + 1, t.size - 1)] - begin_s) if outside.size else 0.0,
+        settling_time=float(t[min(outside[-1] + 1, t.size - 1)] - begin_s) if outside.size else 0.0 * way,
         overshoot=float(max(s.max() - way, 0.0)),
         way=way,
         mean_speed=way / lasting if lasting > 0.0 else math.nan,

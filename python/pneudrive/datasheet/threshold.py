@@ -27,7 +27,7 @@ STARTED = 0.01
 
 
 def _reaches(plant: HeldDrive, pressure: float, direction: float, share: float) -> bool:
-    """Return whether a pressure that rises slowly moves the unloaded piston over a share of the stroke from rest."""
+    """Return whether a pressure that rises slowly moves the piston over a share of the stroke from rest."""
     start = 0.0 if direction > 0.0 else plant.stroke_m
     gas = np.tile(plant.ambient, (len(plant.nodes), 1))
     session = plant.session(0.0, start, 0.0, gas, rtol=RTOL)
@@ -73,7 +73,7 @@ def _minimum(plant: HeldDrive) -> Found:
             ("direction",),
             values[:, 0],
             "Pa",
-            "least supply pressure above ambient that moves the unloaded piston over its stroke",
+            "least supply pressure above ambient that moves the piston, with its load, over its stroke",
         ),
         "breakaway_force": ResultValue(
             ("direction",),
@@ -88,8 +88,8 @@ CHARACTERISTICS = (
     Characteristic(
         name="minimum-pressure",
         title="Minimum pressure and breakaway",
-        definition="Least supply pressure, above ambient, at which the unloaded piston covers 99 % of its stroke "
-        "within 660 s from rest at full command; the pressure rises from ambient over 600 s and is then held.",
+        definition="Least supply pressure, above ambient, at which the piston, with its load, covers 99 % of its "
+        "stroke within 660 s from rest at full command; the pressure rises from ambient over 600 s and is then held.",
         algorithm="bisection on simulated runs to 0.002 % of the span from ambient to supply",
         find=_minimum,
         standard="form of ISO 10099",

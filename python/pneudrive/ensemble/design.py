@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -244,14 +244,18 @@ class EnsembleDesign(Shown):
                 for number, name in zip(variation.numbers, self.each, strict=True)
             }
         )
-        parameters = chosen(start, self.names)
+        # Next to nothing, a value is normal itself and not by its logarithm: it is folded at zero.
+        errors = [self.fit.standard_errors.get(name, 0.0) for name in self.each]
+        every = list(zip(chosen(start, self.names), errors, strict=True))
+        folded = tuple(k for k, (p, error) in enumerate(every) if np.isfinite(p.lower) and error > p.value - p.lower)
+        parameters = [replace(p, lower=-np.inf, size=e) if k in folded else p for k, (p, e) in enumerate(every)]
         scales = transforms_of(parameters, [], start)
         place = [self.fit.free.index(name) for name in self.each]
         centre = scales.internal([p.value for p in parameters])
         inverse = np.linalg.inv(scales.jacobian(centre))
         covariance = inverse @ self.fit.covariance[np.ix_(place, place)] @ inverse.T
         source = {"fit": self.fit.KIND, "values": [p.value for p in parameters]}
-        return NormalCoordinates(tuple(self.names), scales, centre, covariance, source)
+        return NormalCoordinates(tuple(self.names), scales, centre, covariance, source, folded)
 
 
 def design_of(

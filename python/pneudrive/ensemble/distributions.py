@@ -124,7 +124,7 @@ class Normal(Distribution):
     ----------
     mean : str or float
     sd : str or float
-        Standard deviation; ``"10 %"`` is a share of the mean.
+        Standard deviation; ``"10 %"`` is a share of the mean, which counts from zero then: no degC, no gauge pressure.
     """
 
     WORD: ClassVar[str] = "normal"
@@ -134,6 +134,9 @@ class Normal(Distribution):
     def in_si(self, read: Reader) -> Self:
         """Return the same in SI."""
         mean = read.value(self.mean)
+        if "%" in str(self.sd) and _FROM_ELSEWHERE.search(str(self.mean)):
+            what = f"{self}: a share of {self.mean} depends on where its scale begins"
+            raise CommandError(what, remedy='Give the standard deviation with a unit, as "0.5 bar" or "5 K".')
         own = replace(self, mean=mean, sd=read.width(self.sd, mean))
         own._refuse_unless(math.isfinite(own.mean) and 0.0 < own.sd < math.inf, "sd > 0")
         return own
@@ -235,6 +238,8 @@ WORDS: dict[str, Callable[..., Any]] = {
     **{kind.WORD: kind for kind in (Uniform, Triangular, Normal, Lognormal)},
     "grid": grid,
 }
+#: Quantities whose scale does not begin at zero.
+_FROM_ELSEWHERE = re.compile(r"gauge|degC|degF|°C|°F|[Cc]elsius|[Ff]ahrenheit")
 _CALL = re.compile(r"\s*([a-z][\w-]*)\s*\((.*)\)\s*", re.DOTALL)
 
 

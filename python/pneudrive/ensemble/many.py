@@ -229,6 +229,10 @@ def study_of(
     plans.check(rows.size)
     columns = [one.name for one in start(drive, for_all).variables if one.kind == "output"]
     kept = reductions(outputs, _signals(drive, columns, plans))
+    taken = {*(number.name for number in variation.numbers), "member", "status", "reason"}
+    taken |= {"time"} if any(one.word == "samples" for one in kept) else set()
+    for name in taken.intersection(one.name for one in kept):
+        raise CommandError(f'outputs: the result has its own "{name}"', remedy='Give another name: "NAME = ...".')
     if len(plans.durations) > 1 and any(one.word in ("samples", "own") for one in kept):
         rule = "samples, settling and functions of yours need one duration for all members"
         raise CommandError("outputs: members of different durations are sampled", rule=rule)

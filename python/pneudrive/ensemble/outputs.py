@@ -278,6 +278,8 @@ def _settling(signals: SignalNames, signal: str, band: str | float, rate: str | 
     column = signals.column(signal)
     name, unit, long_name = meaning(column)
     half = _quantity(band, unit, False)
+    if unit == "K" and isinstance(band, str):
+        half -= units.parse(f"0 {band.strip().partition(' ')[2]}", unit)  # a band is a difference: 5 degC are 5 K
     if not half > 0.0:
         raise CommandError(f"outputs: settling({signal}, {band})", rule="the band is greater than 0")
     said = f"time from which on it stays within {band} of its end: {long_name}"

@@ -218,7 +218,8 @@ class Marginals:
 class NormalCoordinates:
     """Values whose coordinates (`pneudrive.estimate.transforms`) are jointly normal: the posterior of a fit.
 
-    On the scale of the coordinates, as intervals of a fit are: a positive value stays positive.
+    On the scale of the coordinates, as intervals of a fit are: a positive value stays positive; that of a `folded` one,
+    next to zero, is taken without its sign.
     """
 
     names: tuple[str, ...]
@@ -226,12 +227,15 @@ class NormalCoordinates:
     centre: Array
     covariance: Array
     source: dict[str, Any] = field(default_factory=dict)
+    folded: tuple[int, ...] = ()
 
     def values(self, cube: Array) -> Array:
         """Return the values at points of the unit cube."""
         variances, axes = np.linalg.eigh(self.covariance)
         by_score = (axes * np.sqrt(np.maximum(variances, 0.0))).astype(np.float64)
-        return self.scales.natural(self.centre + _mixed(ndtri(cube), by_score))
+        found = self.scales.natural(self.centre + _mixed(ndtri(cube), by_score))
+        found[:, list(self.folded)] = np.abs(found[:, list(self.folded)])
+        return found
 
     def about(self) -> dict[str, Any]:
         """Say what is drawn from."""

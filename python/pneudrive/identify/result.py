@@ -187,7 +187,8 @@ class FrictionFit(SlidingFit):
         -----
         PneudriveWarning
             An undetermined breakaway force lies below the fitted Coulomb force, or the other way round, and is set to
-            that limit. Measured effects of a campaign that cannot be applied, and assumptions.
+            that limit; or it lies above the Coulomb force and stays. Measured effects of a campaign that cannot be
+            applied, and assumptions.
         """
         known = {p["key"] for p in drive.friction.entry["parameters"]}
         forces = {n for n in self.determined if n not in PRESSURE_NAMES}
@@ -206,6 +207,12 @@ class FrictionFit(SlidingFit):
         if takes_curve and self.model.lorentzian:
             changes["friction.stribeck_shape"] = "lorentzian"
         found = self.identified(curve=takes_curve and not self.model.lorentzian)
+        kept = drive.friction.parameters.get("breakaway", 0.0)
+        if "coulomb" in forces and "breakaway" not in forces and not other_law and kept > self.values["coulomb"]:
+            warn(
+                f"the fit says nothing of breakaway: the drive keeps its own {kept:.4g} N beside the fitted Coulomb "
+                f"force of {self.values['coulomb']:.4g} N, so that its friction at low speed is not that of the map"
+            )
         for note in self.dependences.notes:
             warn(note)
         law = str(changes.get("friction.law", drive.friction.law))

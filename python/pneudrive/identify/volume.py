@@ -299,6 +299,9 @@ def _lost(
     is_ratio = name == "line.critical_pressure_ratio"
     if max(value - low, high - value) <= LARGEST_REACH * (1.0 if is_ratio else value):
         return None
+    table, _, key = NUMBERS[name][0].partition(".")
+    if low == 0.0 and high < LARGEST_REACH * tank.core_form()[table][key]:
+        return None  # next to nothing: the recordings exclude the start value, which must not stay
     factor, unit = readable(NUMBERS[name][1])
     below, above = plain(low / factor), plain(high / factor)
     open_below, open_above = low == 0.0, high == upper

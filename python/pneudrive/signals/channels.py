@@ -209,6 +209,8 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
     ]
     notes += () if time is not None else ("no column of times: samples are counted",)
     notes += _delays(said)
+    if len(found) > MOST_CHANNELS:
+        notes += (f"the first {MOST_CHANNELS} of {len(found)} channels are taken",)
     return ChannelFile(path.name, opened.table, time, tuple(found[:MOST_CHANNELS]), first, origin, notes)
 
 

@@ -489,7 +489,7 @@ def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str])
     """
     names = [name for name in free if not name.startswith(AT_REST)]
     seen = [r for r in recordings if "position_m" in r and np.isfinite(r["position_m"]).any()]
-    if not names or not seen or any(_moves(r["position_m"]) for r in seen):
+    if not names or not seen or any(moves(r["position_m"]) for r in seen):
         return
     travel = max(float(np.nanmax(r["position_m"]) - np.nanmin(r["position_m"])) for r in seen)
     raise RecordingError(
@@ -502,7 +502,8 @@ def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str])
     )
 
 
-def _moves(position_m: NDArray[np.float64]) -> bool:
+def moves(position_m: NDArray[np.float64]) -> bool:
+    """Whether a position changes by more than its noise."""
     known = position_m[np.isfinite(position_m)]
     return known.size > 0 and float(np.ptp(known)) > NOISE_FACTOR * noise_level(known)
 

@@ -299,9 +299,10 @@ def nearest_miss(
     choice, bound = max(pruned, key=lambda one: one[1].share)
     gives = f"{bound.said[0].upper()}{bound.said[1:]}."
     if bound.limit == "force" and bound.share > 0.0:
-        gauge = 1e-5 * (task.supply_pa - task.ambient.pressure_pa) / bound.share
+        spread = task.supply.spread_pa  # its upper end counts in the bound
+        gauge = 1e-5 * ((task.supply_pa + spread - task.ambient.pressure_pa) / bound.share - spread)
         gives += f" The force needed would have to fall to {100.0 * bound.share:.0f} %, or the supply to rise to "
-        gives += f"{gauge:.2g} bar gauge at least."
+        gives += f"{math.ceil(10.0 * gauge) / 10.0:g} bar gauge at least."
     elif bound.share > 0.0:
         gives += f" What is asked for would have to fall to {100.0 * bound.share:.0f} %."
     return NearestMiss(choice.parts, bound.limit, gives)

@@ -195,8 +195,11 @@ class DriveStrokes:
         if key not in _TEMPLATES:
             circuit = _circuit(self.choice, self.task, is_out, OPEN)
             at = units.UnitFloat(0.0 if outward else self.task.stroke_m, "m", "mm")
-            full = f"cylinder.{'b' if outward else 'a'}"
-            begun = circuit.core_initial({"cylinder.position": at, full: f"{self.task.supply_pa!r} Pa abs"})
+            full, empty = ("b", "a") if outward else ("a", "b")
+            pressures = {full: self.task.supply_pa, empty: self.task.ambient.pressure_pa}
+            begun = circuit.core_initial(
+                {"cylinder.position": at} | {f"cylinder.{side}": f"{p!r} Pa abs" for side, p in pressures.items()}
+            )
             _TEMPLATES[key] = _Template(CoreForm("circuit", circuit.core_json()), begun)
         return _TEMPLATES[key]
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from pneudrive import _core
 from pneudrive.units import write
-from pneudrive.validate.balance import Scene, Values, at_samples, moving_mass
+from pneudrive.validate.balance import Scene, Values, at_samples
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -247,15 +247,21 @@ def causes(drive: Drive) -> list[Cause]:
     """Return all causes that are tested for a drive."""
     friction = _of_friction(drive) if "coulomb" in drive.friction.parameters else []
     leaks = _of_leaks(drive)
-    return [*friction, *_of_load(), *_of_valve(), *_of_supply(), *leaks, *_of_chambers(drive), *_of_sensors()]
+    return [*friction, *_of_load(drive), *_of_valve(), *_of_supply(), *leaks, *_of_chambers(drive), *_of_sensors()]
 
 
-def _of_load() -> list[Cause]:
+def _mass(drive: Drive, share: float) -> dict[str, object]:
+    """Change piston and load by the same share, so that each stays above zero."""
+    own, load = drive.cylinder.moving_mass_kg, drive.carried.mass_kg
+    changed: dict[str, object] = {"cylinder.moving_mass": write((1.0 + share) * own, "kg")}
+    return changed | ({"load.mass": write((1.0 + share) * load, "kg")} if load else {})
+
+
+def _of_load(drive: Drive) -> list[Cause]:
+    heavier = "load.mass" if drive.carried.mass_kg > drive.cylinder.moving_mass_kg else "cylinder.moving_mass"
     return [
         Cause("moving mass", "load", "{size} moving mass", "share", 0.05, 0.03,
-                  "weigh piston, slide and load", _value("cylinder.moving_mass", "kg",
-                     lambda d, share: d.cylinder.moving_mass_kg + share * moving_mass(d)), bounds=SHARE,
-                  free=("cylinder.moving_mass",)),
+                  "weigh piston, slide and load", _drive(_mass), bounds=SHARE, free=(heavier,)),
         Cause("constant force", "load", "a constant force of {size} in +x that the model lacks", "N", 1.0, 1.0,
                   "check the incline (weight), the drag of cables, and the zeros of the pressure sensors",
                   _value("load.force", "N", lambda d, f: d.carried.force_n + f), free=("load.force",)),
@@ -286,7 +292,8 @@ def _of_valve() -> list[Cause]:
                       np.clip(d.valve.critical_pressure_ratio + b, 0.01, 0.95))}), bounds=(-0.6, 0.6),
                   free=("valve.critical_pressure_ratio",)),
         Cause("valve delay", "valve", "a valve that acts {size} late", "s", 2e-3, 1e-3,
-                  "measure the valve's step response; identify with a free delay of the command", _command(_delayed)),
+                  "measure the valve's step response (negative: the command was logged late); identify with a free "
+                  "delay of the command", _command(_delayed)),
         Cause("valve zero", "valve", "a valve with its zero at a command of {size}", "1", 0.01, 0.005,
                   "find the command at which the piston rests, and tare it",
                   _command(lambda u, zero, _: np.clip(u - zero, -1.0, 1.0)), described=False),

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.errors import DescriptionError
+from pneudrive.errors import DescriptionError, SimulationError
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.numbers import with_u
 from pneudrive.show import Shown
@@ -173,10 +173,10 @@ class _Search:
         return self.stacked([scene.residuals for scene in model.scenes]) - model.taken
 
     def effect(self, model: _Model, cause: Cause, amount: float) -> Array | None:
-        """Return the reduction of the stacked residual by a cause; None if the changed description is not valid."""
+        """Return the reduction of the stacked residual by a cause; None if no drive can be, or be moved, like that."""
         try:
             effect = self.stacked([cause.effect(scene, amount) for scene in model.scenes])
-        except DescriptionError:
+        except (DescriptionError, SimulationError):
             return None
         return effect if np.isfinite(effect).all() else None
 

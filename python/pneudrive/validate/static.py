@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 OF_MAPS = ("friction_n", "velocity_m_s", "balance_n")
+#: Flag of a row of a map that knows one direction only.
+UNPAIRED = "unpaired"
 #: Target (assumed, as those of free runs).
 STATIC_FIT_PERCENT = 98.0
 
@@ -157,28 +159,38 @@ def law_n(drive: Drive, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: floa
     return steady_friction(drive.friction, velocity_m_s, gauge_a_pa, gauge_b_pa, 0.5 * drive.cylinder.stroke_m)
 
 
+def _model(drive: Drive, direction: int, speed_m_s: Array, gauge_a_pa: float, gauge_b_pa: float) -> Array:
+    """Return the law's friction in one direction; for direction 0 the mean of both, as a paired measurement is."""
+    signs = (direction,) if direction else (1, -1)
+    return np.mean([law_n(drive, sign * speed_m_s, gauge_a_pa, gauge_b_pa) for sign in signs], axis=0)
+
+
 def _of_map(drive: Drive, path: Path) -> list[FrictionCurve]:
-    from pneudrive.friction.friction_map import read_map
+    from pneudrive.friction.friction_map import AMBIENT, read_map
 
     rows = read_map(path)
+    ambient = rows.attrs.get(AMBIENT, drive.ambient.pressure_pa)  # the law counts from the air around the seal
     velocity, friction = rows["velocity_m_s"].to_numpy(), rows["friction_n"].to_numpy()
     band = NORMAL_95 * np.hypot(rows["stderr_n"].to_numpy(), rows["u_systematic_n"].to_numpy())
-    stuck = np.array(["stick_slip" in flags for flags in rows["flags"].to_numpy()])
+    flags = rows["flags"].to_numpy()
+    stuck, alone = (np.array([word in one for one in flags]) for word in ("stick_slip", UNPAIRED))
     good = np.isfinite(friction) & (velocity != 0.0) & ~stuck
-    gauges = [rows[f"pressure_{c}_pa"].to_numpy() - drive.ambient.pressure_pa for c in "ab"]
+    direction_of = np.where(alone, np.sign(velocity), 0.0)  # otherwise friction_n is the mean of both directions
+    gauges = [rows[f"pressure_{c}_pa"].to_numpy() - ambient for c in "ab"]
     rounded = np.round(np.column_stack(gauges) / 1e4).astype(int)  # pressures equal to 0.1 bar are one condition
     out = []
     for a, b in np.unique(rounded[good], axis=0):
-        for direction in (1, -1):
-            mine = good & (rounded == (a, b)).all(axis=1) & (np.sign(velocity) == direction)
+        for direction in (0, 1, -1):
+            mine = good & (rounded == (a, b)).all(axis=1) & (direction_of == direction)
             if not mine.any():
                 continue
             order = np.flatnonzero(mine)[np.argsort(np.abs(velocity[mine]))]
             gauge_a, gauge_b = (float(g[order].mean()) for g in gauges)
-            model = law_n(drive, velocity[order], gauge_a, gauge_b)
+            speed = np.abs(velocity[order])
+            model = _model(drive, direction, speed, gauge_a, gauge_b)
             low, high = friction[order] - band[order], friction[order] + band[order]
             name = f"a {a / 10:g} bar, b {b / 10:g} bar gauge"
-            out.append(FrictionCurve(name, direction, np.abs(velocity[order]), friction[order], low, high, model))
+            out.append(FrictionCurve(name, direction, speed, friction[order], low, high, model))
     return out
 
 
@@ -197,8 +209,7 @@ def _of_campaign(drive: Drive, path: Path) -> list[FrictionCurve]:
         if not speed.size:
             continue
         gauges = (curve.condition.pressure_a_pa - ambient, curve.condition.pressure_b_pa - ambient)
-        signs = (1, -1) if curve.direction == 0 else (curve.direction,)
-        model = np.mean([law_n(drive, sign * speed, *gauges) for sign in signs], axis=0)
+        model = _model(drive, curve.direction, speed, *gauges)
         values = (curve.friction_n[at], curve.low_n[at], curve.high_n[at])
         out.append(FrictionCurve(curve.condition.label(ambient), curve.direction, speed, *values, model))
     return out

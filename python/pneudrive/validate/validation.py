@@ -14,7 +14,7 @@ from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.base import sections
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.show import Card, Shown
-from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, read_drive_recordings, time_gaps
+from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, moves, read_drive_recordings, time_gaps
 from pneudrive.trajectory import save_columns, whole
 from pneudrive.validate.breakaway import RecordedBreakaway, breakaways
 from pneudrive.validate.diagnosis import diagnose
@@ -337,19 +337,33 @@ def validate(
 
 
 def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
-    """Return notes on samples without a result, which metrics leave out, and on a model that moves the wrong way."""
+    """Return notes on a model that moves the wrong way, and on samples without a result, which metrics leave out."""
     for r in records:
-        position = r.channels["position_m"]
-        if position.free.fit_percent < 0.0 and position.restarted.fit_percent < WAY_PERCENT:
+        position, signals = r.channels["position_m"], r.signals
+        if not moves(signals.position_m):
+            yield (
+                f"{r.recording.name}: the piston does not move, so that the verdicts compare the model with noise. "
+                "Record motion in both directions"
+            )
+        elif position.free.fit_percent < 0.0 and position.restarted.fit_percent < WAY_PERCENT:
             yield (
                 f"{r.recording.name}: the model moves another way than the recording. Check for a reversed sign or "
                 "swapped chambers: a command above 0 fills chamber a, which moves the piston towards greater positions"
             )
+        elif _is_crossed(r):
+            yield f"{r.recording.name}: its pressures fit with the chambers exchanged. Check which column is pressure a"
         for run, words in ((r.free, "free run"), (r.restarted, "runs from measured states")):
             if run.failures:
                 lost = int(np.isnan(run["position_m"]).sum())
                 where = f"{r.recording.name}, {words}"
                 yield f"{where}: no result at {lost} samples, which the metrics leave out: {run.failures[0]}"
+
+
+def _is_crossed(record: RecordResult) -> bool:
+    """Whether the pressures of the free run fit those of the other chamber only."""
+    a, b = "pressure_a_pa", "pressure_b_pa"
+    crossed = [metrics(getattr(record.signals, p), record.free[q]).nrmse for p, q in ((a, b), (b, a))]
+    return max(crossed) < PRESSURE_NRMSE < max(record.channels[p].free.nrmse for p in (a, b))
 
 
 def _record(drive: Drive, signals: Signals, window_s: float) -> RecordResult:

@@ -1,10 +1,13 @@
 """What a plan says of time, samples and size is what a rig then does; synthetic: the rig is the simulated one."""
 
+from dataclasses import replace
+
 import pytest
 
 from pneudrive.campaign.folder import Head, write_cycle
 from pneudrive.campaign.plan import lay_out
 from pneudrive.campaign.protocol import parse_protocol
+from pneudrive.errors import RigError
 from pneudrive.rig import Samples, load_rig
 
 TEXT = """
@@ -36,3 +39,20 @@ def test_a_rig_does_what_the_plan_says(tmp_path, name):
         assert abs(len(samples) - one.samples) <= len(cycle.steps)  # a sample more where a border rounds up
         written += write_cycle(tmp_path, Head(index, cycle), samples).stat().st_size
     assert 0.5 < written / plan.bytes < 1.5
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"area_a_m2": "25 mm"}, "area_a_m2 = '25 mm'"),
+        ({"area_b_m2": -1.0}, "area_b_m2 = -1"),
+        ({"mass_beyond_sensor_kg": float("nan")}, "mass_beyond_sensor_kg = nan"),
+        ({"limits": {"force_n": (200.0, -200.0)}}, "limits.force_n"),
+    ],
+)
+def test_what_no_rig_is_is_refused_before_a_folder_is_made(change, words):
+    rig = load_rig("default")
+    with pytest.raises(RigError) as caught:
+        lay_out(parse_protocol(TEXT), replace(rig.identity(), **change), rig.limits())
+    assert words in caught.value.what
+    assert rig.identity().name in caught.value.where

@@ -334,3 +334,17 @@ def test_tubes_with_waves_have_no_steady_state_that_a_start_takes():
     control = {"conductance": "0.4 dm3/(s bar)", "throttles": "out"}
     gain = pn.characteristic(steady.replace({"flow_control": {"b": control}}), "pressure-gain")
     assert gain.pressure_difference[[0, -1]].to_numpy() == pytest.approx([-5.987e5, 5.987e5], rel=1e-6)
+
+
+def test_printed_figures_are_those_of_the_part_whatever_it_carries():
+    drive = pn.Drive.load("catalogue:parker-osp-p25-sy5000")
+    lifts = drive.replace({"cylinder.incline": "90 deg", "load.mass": "5 kg", "load.force": "-20 N"})
+    tube = {"length": "2 m", "diameter": "4 mm"}
+    origin = {"load.mass": {"interval": ["4.9 kg", "5.1 kg"], "confidence": 0.95, "source": "scales"}}
+    far = lifts.replace({"tubing": {"a": tube, "b": tube}, "provenance": origin})
+    np.testing.assert_allclose(
+        pn.characteristic(far, "published").computed, pn.characteristic(drive, "published").computed, rtol=1e-9
+    )
+    blocked = [float(pn.characteristic(one, "force-speed", points=2).blocked_force[0]) for one in (drive, lifts)]
+    weight = (5.0 + drive.cylinder.moving_mass_kg) * 9.80665
+    assert blocked[0] - blocked[1] == pytest.approx(weight + 20.0, rel=1e-6)

@@ -87,6 +87,18 @@ def test_the_pdf_has_at_most_four_pages(tmp_path, monkeypatch):
     assert 1 <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 4
 
 
+def test_strokes_that_the_drive_does_not_do_count_against_it(tmp_path):
+    stuck = DRIVE.replace({"cylinder.incline": "90 deg", "load.mass": "200 kg"})
+    found = beside(stuck, [golden_file(tmp_path)], None, UNWATCHED)
+    by_name = {(one.stroke, one.name): one for one in found.numbers}
+    for name in ("stroke_time", "end_speed", "rise_time"):
+        one = by_name["command +0.6", name]
+        assert np.isfinite(one.measured)
+        assert np.isnan(one.simulated)
+        assert not one.agrees
+    assert len(found.numbers) == 22  # as many as beside a drive that moves
+
+
 def test_intervals_reach_the_numbers_of_the_page(monkeypatch):
     monkeypatch.setattr(sheet, "OF_A_SHEET", ("minimum-pressure",))
     monkeypatch.setattr("pneudrive.datasheet.threshold.least_pressure", lambda *_: 2e5)

@@ -53,3 +53,21 @@ def test_a_drive_draws_what_its_chambers_take(golden):
     assert litres_anr(drawn_mass(columns(run))) == pytest.approx(
         3.566, rel=2e-3
     )  # soft end stops 0.04 %, samples 0.1 %
+
+
+def test_a_piston_that_does_not_follow_its_command_has_no_numbers_of_a_stroke():
+    t = np.linspace(0.0, 1.0, 1001)
+    rests = {"time_s": t, "position_m": 0.5 + 1e-5 * t}  # pressed into the end that it should leave
+    found = stroke_numbers(rests, 0.5, 2.0, direction=-1)
+    assert found.direction == -1
+    assert all(math.isnan(value) for name, value in found.to_dict().items() if name != "top_speed")
+    assert stroke_numbers(rests, 0.5).direction == 1  # a recording tells no command
+
+
+def test_a_drive_that_cannot_lift_its_load_says_so():
+    drive = pn.Drive.load("catalogue:reference").replace({"cylinder.incline": "90 deg", "load.mass": "60 kg"})
+    step = pn.characteristic(drive, "step-response")
+    assert math.isnan(step.stroke_time)
+    assert math.isnan(step.end_energy)
+    square = pn.characteristic(drive, "square-response")
+    assert np.isnan(square.stroke_time).all()

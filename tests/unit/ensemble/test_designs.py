@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy import stats
 
 import pneudrive as pn
@@ -146,3 +147,35 @@ def test_correlations_that_contradict_each_other_are_refused():
         rows_of(pn.Design.sobol(three, 4, correlation=pairs))
     with pytest.raises(CommandError, match="does not vary"):
         rows_of(pn.Design.sobol(TWO, 4, correlation={("cylinder.bore", "load.mass"): 0.1}))
+
+
+@pytest.mark.parametrize(
+    ("name", "mean", "sd"),
+    [("ambient.temperature", "20 degC", "5 K"), ("supply.pressure", "6 bar gauge", "0.5 bar")],
+)
+def test_a_share_of_what_does_not_count_from_zero_is_refused(name, mean, sd):
+    """10 % of 20 degC are 2 K to one and 29 K to another."""
+    for word in ("normal", "lognormal"):
+        with pytest.raises(CommandError, match="where its scale begins"):
+            rows_of(pn.Design.random({name: f"{word}({mean}, 10 %)"}, 4))
+    assert rows_of(pn.Design.random({name: f"normal({mean}, {sd})"}, 4)).size == 4
+    assert rows_of(pn.Design.random({"supply.pressure": "normal(7 bar abs, 10 %)"}, 4)).size == 4
+
+
+def test_the_posterior_of_a_value_next_to_nothing_stays_as_small_as_it_is_known():
+    """Friction that falls with speed leaves no viscous part: its logarithm is anywhere, the value is not."""
+    n, speed = 20, np.geomspace(2e-3, 0.3, 20)
+    noise = 0.1 * np.random.default_rng(2).standard_normal(n)
+    columns = {"velocity_m_s": speed, "friction_n": 12.0 - 5.0 * speed + noise, "stderr_n": np.full(n, 0.1)}
+    columns |= {"balance_n": columns["friction_n"], "direction": np.ones(n), "strokes": np.full(n, 5.0)}
+    columns |= {f"pressure_{side}_pa": np.full(n, 1.013e5) for side in "ab"}
+    table = xr.Dataset({name: ("row", values) for name, values in columns.items()})
+    fit = pn.fit_friction(table.assign(recording=("row", [f"r{k}" for k in range(n)])), law="coulomb")
+    assert fit.values["viscous"] < fit.standard_errors["viscous"]
+    drive = fit.apply(DRIVE)
+    design = pn.Design.posterior(fit, 1024)
+    rows = dict(zip(design.names, design.rows(Variation(drive, design.names)).take(0, 1024).T, strict=True))
+    error = fit.standard_errors["viscous"]
+    assert rows["friction.viscous"].min() >= 0.0
+    assert np.sqrt(np.mean(rows["friction.viscous"] ** 2)) == pytest.approx(error, rel=0.1)
+    assert rows["friction.coulomb"].std() == pytest.approx(fit.standard_errors["coulomb"], rel=0.1)

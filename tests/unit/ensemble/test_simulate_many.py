@@ -209,3 +209,20 @@ def test_outputs_that_mean_nothing_are_refused(output, said):
     with pytest.raises(CommandError) as told:
         pn.simulate_many(DRIVE, 1.0, "0.01 s", vary={"load.mass": [0.0]}, outputs=[output])
     assert said in str(told.value)
+
+
+def test_an_output_does_not_take_a_name_of_the_result():
+    for name in ("status", "reason", "member", "load.mass"):
+        with pytest.raises(CommandError, match=f'the result has its own "{name}"'):
+            pn.simulate_many(DRIVE, 1.0, "1 ms", vary={"load.mass": ["1 kg"]}, outputs=[f"{name} = max(velocity)"])
+    outputs = ["samples(position)", "time = max(velocity)"]
+    with pytest.raises(CommandError, match='its own "time"'):
+        pn.simulate_many(DRIVE, 1.0, "1 ms", vary={"load.mass": ["1 kg"]}, outputs=outputs)
+
+
+def test_a_band_of_settling_is_a_difference():
+    bands = ("5 degC", "5 K", 5.0)
+    outputs = [ensemble.settling("temperature_a", band, name=f"b{k}") for k, band in enumerate(bands)]
+    found = pn.simulate_many(DRIVE, 1.0, "0.3 s", vary={"load.mass": ["1 kg"]}, outputs=outputs)
+    times = [float(found[f"b{k}"][0]) for k in range(len(bands))]
+    assert times[0] == times[1] == times[2] > 0.0

@@ -121,3 +121,14 @@ def test_coulomb_drive_takes_the_whole_law_or_nothing(drive, good, make_map, fri
     noise = 0.05 * np.random.default_rng(34).standard_normal(20)
     with pytest.raises(FitError, match="has no Stribeck part"):
         fit_friction(make_map(tail, friction_of(tail) + noise, 0.05)).apply(plain)
+
+
+def test_a_breakaway_force_that_stays_is_told(drive, make_map, recwarn):
+    """A fit of one level knows no Stribeck part; that of the drive stays, and is not what was measured."""
+    flat = fit_friction(make_map(SPEED, np.full(20, 10.0), 0.1), law="coulomb")
+    with pytest.warns(PneudriveWarning, match=r"keeps its own 45 N beside the fitted Coulomb force of 10 N"):
+        changed = flat.apply(drive)
+    assert changed.friction.parameters["breakaway"] == 45.0
+    recwarn.clear()
+    flat.apply(Drive.load("catalogue:reference").replace({"friction": {"law": "coulomb", "coulomb": "20 N"}}))
+    assert not any("breakaway" in str(one.message) for one in recwarn)

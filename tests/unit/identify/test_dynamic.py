@@ -15,6 +15,7 @@ import pytest
 import pneudrive as pn
 from pneudrive import _core
 from pneudrive.errors import FitError, PneudriveWarning
+from pneudrive.free.parameters import numbers_of
 from pneudrive.identify.dynamic.sensors import lagged
 from pneudrive.identify.files import read_fit
 
@@ -332,3 +333,36 @@ def test_a_contact_ages_beyond_the_shortest_segment_and_a_valve_gets_its_conduct
     assert changed.valve.conductance_m3_s_pa == pytest.approx(truth, rel=1e-3)
     assert changed.valve.nominal_flow_m3_s_anr is None
     assert set(changed.provenance) == {"friction.coulomb", "valve.conductance"}
+
+
+def test_pressures_that_were_not_recorded_stay_above_zero():
+    run = servo(reference(), 2.0)
+    alone = {name: run[name] for name in ("time_s", "command", "position_m")}
+    fit = pn.identify(reference(), alone, free=["friction.coulomb"])
+    assert np.isfinite(fit.values["friction.coulomb"])
+    assert fit.converged or any("record the chamber pressures" in note for note in fit.notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "start"),
+    [
+        ("friction.viscous", "20 N s/m"),
+        ("cylinder.leakage", "0.01 dm3/(s bar)"),
+        ("cylinder.heat_transfer", "30 W/(m2 K)"),
+        ("load.mass", "1 kg"),
+    ],
+)
+def test_what_is_next_to_nothing_is_found_and_applied(name, start):
+    """The recordings determine it well, though not as a share of itself: the start value must not stay."""
+    unit = start.partition(" ")[2]
+    truth = reference().replace({name: f"0 {unit}"})
+    run = servo(truth, 3.0, noise=(5e-6, 500.0))
+    begun = truth.replace({name: start})
+    fit = pn.identify(begun, run, free=[name, "friction.coulomb"])
+    guess = next(p.value for p in numbers_of(begun).values() if p.name == name)
+    low, high = fit.intervals[name]
+    assert not fit.undetermined
+    assert 0.0 <= low < 1e-3 * guess
+    assert high < 0.02 * guess
+    applied = next((p.value for p in numbers_of(fit.apply()).values() if p.name == name), 0.0)
+    assert applied < 0.02 * guess

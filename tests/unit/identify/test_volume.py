@@ -70,6 +70,11 @@ def test_a_shut_tank_has_a_leak_and_a_tight_one_a_limit():
     assert 0.0 < float(limit[1]) < 1e-5
     assert tight.determined == ()
     assert tight.apply().volume.leakage_m3_s_pa == 0.0, "what is not determined stays as it was"
+    wrong = shut.replace({"volume.leakage": "0.01 dm3/(s bar)"})
+    found = pn.identify_volume(wrong, record(1.0, 300.0, 1, opens=1e9), free=["volume.leakage"])
+    low, high = found.intervals["volume.leakage"]
+    assert low == 0.0 < high < 1e-13, "the recording excludes the start value, which does not stay"
+    assert found.apply().volume.leakage_m3_s_pa < high
 
 
 def test_gas_that_keeps_the_temperature_of_the_wall_is_found_from_a_guess_that_does_not():

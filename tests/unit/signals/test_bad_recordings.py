@@ -7,7 +7,7 @@ from pneudrive.characterise import Layout, characterise, characterise_recordings
 from pneudrive.errors import RecordingError
 from pneudrive.signals.proposal.propose import propose_layout
 
-LAYOUT = Layout.loads("""
+TEXT = """
 [columns]
 time = { column = 0, unit = "s" }
 position = { column = 1, unit = "mm" }
@@ -18,7 +18,8 @@ bore = "25 mm"
 open_to_ambient = true
 [chamber_b]
 open_to_ambient = true
-""")
+"""
+LAYOUT = Layout.loads(TEXT)
 
 
 def table(rows: int = 200) -> list[list[float]]:
@@ -115,3 +116,12 @@ def test_what_has_no_end_is_refused_before_it_is_read(tmp_path):
     (tmp_path / "bomb.csv.xz").write_bytes(packer.compress(b"0" * (1 << 27)) + packer.flush())
     with pytest.raises(RecordingError, match="unpacks to"):
         propose_layout(tmp_path / "bomb.csv.xz")
+
+
+def test_a_header_that_is_not_read_or_not_parted_says_what_to_write(tmp_path):
+    (tmp_path / "a.csv").write_text("t,x,F\n" + "\n".join(",".join(map(str, row)) for row in table()))
+    text = TEXT.replace("column = 0", 'column = "t"')
+    for more, words in (("", "write header = true"), ("header = true\n", 'delimiter = "comma"')):
+        with pytest.raises(RecordingError, match="there is no column 't'") as caught:
+            characterise(tmp_path / "a.csv", Layout.loads(more + text))
+        assert words in str(caught.value.remedy)

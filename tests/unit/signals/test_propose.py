@@ -69,6 +69,20 @@ def test_a_unit_names_no_chamber_and_the_force_s_sign_is_heeded(make, tmp_path, 
     )
 
 
+@pytest.mark.parametrize(("name", "ambient"), [("P rod (psia)", 1.01325), ("P rod (psig)", 0.0), ("p_psi", 0.0)])
+def test_inches_pounds_and_absolute_psi_are_read_as_named(make, tmp_path, name, ambient):
+    truth, t, x, p, f = columns(make)
+    rows = [t, 10.0 * x / 25.4, (p + ambient) * 14.503774, 10.0 * f / 4.4482216152605]  # four decimals: tenfold
+    write(tmp_path / "a.csv", [f"Time (s),Position (in),{name},Load (lbf)"], rows, ",")
+    proposal = propose_layout(tmp_path / "a.csv")
+    units = {guess.role: guess.unit for guess in proposal.guesses}
+    assert (units["position"], units["pressure_b"], units["force"]) == ("in", "psi", "lbf")
+    (recording,) = load_recordings([tmp_path / "a.csv"], Layout.loads(proposal.text))
+    assert recording.position_m == pytest.approx(10.0 * truth.position_m, abs=2e-6)
+    assert recording.pressure_b_pa == pytest.approx(truth.pressure_b_pa, abs=5.0)
+    assert recording.force_n == pytest.approx(10.0 * truth.force_n, abs=1e-3)
+
+
 def test_a_campaign_file(make, tmp_path):
     import polars as pl
 

@@ -96,3 +96,32 @@ def test_a_reversed_command_is_told_as_such():
     found = validate(drive(), reversed_command)
     assert any("reversed sign" in note for note in found.notes)
     assert str(found.diagnosis())
+
+
+def test_a_load_that_is_far_too_heavy_is_named_with_its_size():
+    """The piston alone cannot lose as much as the load has too much."""
+    found = diagnose(drive(load__mass="5 kg"), [Signals.of(record(drive(load__mass="1 kg"), 11))])
+    (mass,) = found.culprits
+    assert (mass.key, mass.free) == ("moving mass", ("load.mass",))
+    assert mass.amount == pytest.approx(-4.0 / 7.0, abs=0.01)  # 3 kg of 7 kg move
+    assert found.left < 0.02
+
+
+def test_causes_that_no_drive_can_have_do_not_end_the_search():
+    """A position that reads 10 % short: the zero that would explain it lies outside of the stroke."""
+    made = record(drive(), 21, duration_s=2.0, steps=[(0.0, 0.4), (0.8, -0.4), (1.6, 0.4)])
+    short = drive_recording({**made.columns, "position_m": 0.9 * made.columns["position_m"]})
+    found = validate(drive(), short)
+    assert found.verdicts[0].met is False
+    assert not found.diagnosis().is_clean
+
+
+def test_what_the_verdicts_cannot_see_is_told():
+    made = record(drive(), 21, duration_s=3.0)
+    a, b = (made.columns[f"pressure_{c}_pa"] for c in "ab")
+    crossed = validate(drive(), drive_recording({**made.columns, "pressure_a_pa": b, "pressure_b_pa": a}))
+    assert any("chambers exchanged" in note for note in crossed.notes)
+    assert not any("exchanged" in note for note in validate(drive(), made).notes)
+    still = validate(drive(), record(drive(), 21, duration_s=1.0, steps=[(0.0, 0.0)]))
+    assert any("does not move" in note for note in still.notes)
+    assert not any("another way" in note for note in still.notes)

@@ -16,7 +16,7 @@ from pneudrive.identify.determined import SIMULATED
 from pneudrive.identify.dynamic.model_error import model_errors
 from pneudrive.identify.dynamic.result import DriveFit, Series, fit_hash
 from pneudrive.identify.dynamic.uncertainty import profile
-from pneudrive.identify.dynamic.undetermined import statements
+from pneudrive.identify.dynamic.undetermined import LARGEST_REACH, statements
 from pneudrive.numbers import plain
 from pneudrive.units import readable
 
@@ -58,6 +58,11 @@ def assembled(
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     lower = [p.lower if isinstance(p, Parameter) else -np.inf for p in every]
     low, high = intervals_at(values, reach * spread, lower, [p.upper for p in every])
+    sizes = np.array([max(abs(v), s) for v, s in zip(values, _sizes(parameters, problem), strict=True)])
+    for k, p in enumerate(parameters):  # next to nothing: no share of itself, but the data exclude the start value
+        end, is_wide = values[k] + reach * spread[k], high[k] - values[k] > LARGEST_REACH * sizes[k]
+        if np.isfinite(p.lower) and is_wide and end < LARGEST_REACH * p.value:
+            low[k], high[k], sizes[k] = max(p.lower, values[k] - reach * spread[k]), end, p.value
     intervals = {n: (float(a), float(b)) for n, a, b in zip(names, low, high, strict=True)}
     statistics = _statistics(problem, solved, watcher)
     fit = DriveFit(
@@ -80,7 +85,6 @@ def assembled(
         solved=solved,
         profiler=partial(profile, solved),
     )
-    sizes = np.array([max(abs(v), s) for v, s in zip(values, _sizes(parameters, problem), strict=True)])
     lost = statements(names, values, sizes, intervals, fit.units, fit.correlation, found.weak)
     fit.provenance["fit_hash"] = fit_hash(fit.provenance, fit.values)
     return replace(fit, undetermined=(*options.lost, *lost))
@@ -97,8 +101,12 @@ def _notes(
     problem = solved.problem
     if not attempt.converged:
         if not options.interrupted:
-            notes.append("the search did not converge: check the residuals, or try shorter segments")
+            blind = not any(c.name.startswith("pressure") for one in problem.experiments for c in one.channels)
+            more = "; a position alone leaves the gas open: record the chamber pressures" if blind else ""
+            notes.append(f"the search did not converge: check the residuals, or try other segments{more}")
         notes.append("there are no intervals, which are valid only at the end of a search")
+    elif drive.has_lines:
+        notes.append("intervals cover noise alone: with tubes or flow controls there is no model error beside them")
     units = numbers_of(drive)
     moved = problem.experiments[0].shooter.family.derived_values(problem.values(solved.point.eta))
     notes += [

@@ -163,11 +163,12 @@ def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names
         BELIEF, most
     ]  # wide also for measured columns, as the samples are more accurate than their smoothed start
     reach = np.where(np.isnan(spread), POSSIBLE * belief, np.inf)
-    grows = np.r_[np.zeros(BELIEF.size, dtype=bool), [name in GROWING for name in names]]
-    is_gas = np.r_[np.zeros(BELIEF.size, dtype=bool), [name.endswith((_PRESSURE, _TEMPERATURE)) for name in names]]
+    grows, is_gas = np.zeros(belief.size, dtype=bool), np.arange(belief.size) > VELOCITY
+    grows[BELIEF.size :] = [name in GROWING for name in names]
+    is_gas[BELIEF.size :] = [name.endswith((_PRESSURE, _TEMPERATURE)) for name in names]
     lowest = state.min(axis=0)
     limits = (
-        np.where(is_gas, np.maximum(lowest - reach, LEAST_SHARE * lowest), lowest - reach),
+        np.where(is_gas & np.isnan(spread), np.maximum(lowest - reach, LEAST_SHARE * lowest), lowest - reach),
         np.where(grows, np.inf, state.max(axis=0) + reach),
     )
     return SegmentStarts(state, belief, np.r_[SIZE, size], ~np.isnan(spread), limits)

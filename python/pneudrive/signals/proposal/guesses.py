@@ -30,8 +30,8 @@ WORDS = {
 UNIT_IN_NAME = re.compile(r"[\[(/]\s*([A-Za-zµ°]+)\s*[\])]?\s*$")
 KNOWN_UNITS = {
     "time": {"s", "ms", "us", "µs", "min"},
-    "position": {"m", "mm", "cm", "um", "µm"},
-    "force": {"N", "kN", "mN"},
+    "position": {"m", "mm", "cm", "um", "µm", "in", "inch", "ft"},
+    "force": {"N", "kN", "mN", "lbf", "kgf"},
     "pressure": {"bar", "mbar", "Pa", "kPa", "MPa", "psi"},
     "command": {"V", "mV", "mA"},
 }
@@ -192,6 +192,8 @@ def _unit(reading: FileForm, index: int, kind: str, values: NDArray[np.float64])
         words.append(reading.names[index].rpartition("_")[2])
     for word in words:
         known = {unit.lower(): unit for unit in KNOWN_UNITS[kind]}
+        if kind == "pressure" and word.lower().endswith(("a", "g")) and word[:-1].lower() in known:
+            word = word[:-1]  # noqa: PLW2901 - psia, barg
         if word in KNOWN_UNITS[kind] or word.lower() in known:
             return (word if word in KNOWN_UNITS[kind] else known[word.lower()]), True
     finite = values[np.isfinite(values)]

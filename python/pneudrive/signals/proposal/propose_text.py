@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from pneudrive.signals.proposal.guesses import Guess
     from pneudrive.signals.tables.sniff import FileForm
 
+#: Names of absolute pressures: p_abs, psia, bara.
+ABSOLUTE = re.compile(r"abs|(?:psi|bar|pa)a\b", re.IGNORECASE)
 #: Ranges of electrical signals that command a valve, in V or mA.
 SIGNALS = {"V": ((0.0, 5.0), (0.0, 10.0), (-5.0, 5.0), (-10.0, 10.0)), "mA": ((0.0, 20.0), (4.0, 20.0))}
 
@@ -77,7 +79,7 @@ def _column_line(guess: Guess, reading: FileForm, values: NDArray[np.float64], s
     is_pressure = guess.role.startswith("pressure")
     unit = guess.unit
     if is_pressure:
-        unit += " abs" if unit == "Pa" or "abs" in str(guess.column).lower() else " gauge"
+        unit += " abs" if unit == "Pa" or ABSOLUTE.search(str(guess.column)) else " gauge"
     extra = f', positive = "{sign}"' if guess.role == "force" else ""
     if reading.dates.get(guess.index):
         extra += f', format = "{reading.dates[guess.index]}"'

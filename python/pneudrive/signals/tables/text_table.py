@@ -191,11 +191,16 @@ def column_number(column: int | str, names: list[str], width: int, path: Path) -
     """Return the number of a column given by name or number; refuse a missing one."""
     if isinstance(column, str):
         if column not in names:
+            remedy = "name a column of the header, or give its number from 0"
+            if not names:
+                remedy = "write header = true, or give its number from 0"
+            elif len(names) == 1:
+                remedy = 'the header was read as one name: say what separates columns, as delimiter = "comma"'
             raise RecordingError(
                 f"there is no column '{column}'",
                 where=str(path),
                 value=f"columns: {', '.join(names) or 'no header is read (header = false)'}",
-                remedy="name a column of the header, or give its number from 0",
+                remedy=remedy,
             )
         places = [at for at, name in enumerate(names) if name == column]
         if len(places) > 1:

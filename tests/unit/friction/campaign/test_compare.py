@@ -79,7 +79,7 @@ def test_an_effect_of_pressure_that_changed_is_found(tmp_path):
         replace(SMALL, gauges_pa=pressures, repeats=2, friction=Friction(lip_a=lip, lip_b=lip)) for lip in (0.5, 2.5)
     ]
     found = compare(*(campaign(tmp_path, w, i) for i, w in enumerate(worlds)))
-    assert next(t for t in found.tests if t.what == "effect of pressure").different
+    assert next(t for t in found.tests if t.what == "relative effect of pressure").different
 
 
 def test_slopes_of_breakaway_are_compared(tmp_path):
