@@ -180,6 +180,8 @@ pub struct Supervisor {
     switched: [bool; 2],
     /// The way of commands that act in reverse on a supply that has fallen, and until when none is given, s.
     reversed: Option<(f64, f64)>,
+    /// Until when a command that is tried again may act in reverse again, s.
+    doubted_until: f64,
     reverse: Reverse,
     swings: Swings,
 }
@@ -256,6 +258,7 @@ impl Supervisor {
             lost_for: 0.0,
             switched: [false; 2],
             reversed: None,
+            doubted_until: 0.0,
             reverse: Reverse::default(),
             swings: Swings::default(),
         }
@@ -362,7 +365,7 @@ impl Supervisor {
             let found = self.gas.checked(&own.model, readings, states, (edges, own.period), &mut self.log);
             self.modelled = found.modelled;
             if let Some(way) = found.reversed {
-                self.reversed = Some((way, sample.time + REVERSED_FOR));
+                self.reverse_for(sample.time, way);
             }
             let Rules { on_pressure, on_valve, on_supply, .. } = self.rules;
             for (happened, reaction) in
@@ -375,6 +378,12 @@ impl Supervisor {
         }
         let [position, gas] = reactions;
         if position == Some(Reaction::Block) || gas.is_none() { position } else { gas }
+    }
+
+    /// A command acted in reverse: none of that way is given for a time.
+    fn reverse_for(&mut self, time: f64, way: f64) {
+        self.reversed = Some((way, time + REVERSED_FOR));
+        self.doubted_until = time + 2.0 * REVERSED_FOR;
     }
 
     fn check_reference(&mut self, own: &Controller, sample: &Sample, asked: &Wanted) {
@@ -568,13 +577,14 @@ impl Supervisor {
         let observer = own.observer.as_ref()?;
         let trapped = is_weak.then(|| less_trapped(observer, &own.model, own.plant.coulomb));
         let trapped = trapped.as_ref().unwrap_or(observer);
-        let weak = |margin| brakes(without, trapped, (command, margin), own.period).map(best);
+        let tries = observer.time() < self.doubted_until;
+        let weak = |margin| brakes(without, trapped, (command, margin), own.period, tries).map(best);
         if self.gas.may_lack_supply() {
             return weak(margin);
         }
-        let brake = brakes(&own.model, observer, (command, margin), own.period);
+        let brake = brakes(&own.model, observer, (command, margin), own.period, false);
         let mut brake = brake.map(|found| found.command);
-        if self.gas.is_doubted || is_weak {
+        if self.gas.is_doubted || is_weak || tries {
             brake = brake.or_else(|| weak(margin));
         }
         brake.or_else(|| if self.brakes { weak(first) } else { None })
@@ -597,7 +607,7 @@ impl Supervisor {
         if !self.measures_gas
             && let Some(way) = self.reverse.watch(self.command, state, own.plant.coulomb, own.period)
         {
-            self.reversed = Some((way, sample.time + REVERSED_FOR));
+            self.reverse_for(sample.time, way);
         }
         self.reversed = self.reversed.filter(|&(way, until)| command * way >= 0.0 && sample.time < until);
         if self.reversed.is_some() {

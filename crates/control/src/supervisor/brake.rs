@@ -58,16 +58,18 @@ pub struct Brake {
 }
 
 /// What has to brake now, if a command of now would leave too little way for that at the next sample, as the model may be
-/// wrong by a share of it, `margin`: before the end to which the drive moves, or to which a command turns it.
+/// wrong by a share of it, `margin`: before the end to which the drive moves, or to which a command turns it. Where commands
+/// may lead it `either_way`, before both.
 pub fn brakes(
     model: &Model,
     observer: &Observer,
     (command, margin): (f64, f64),
     period: f64,
+    either_way: bool,
 ) -> Option<Brake> {
     let along = if observer.state.velocity >= 0.0 { 1.0 } else { -1.0 };
     let before = |way| brakes_before(way, model, observer, (command, margin), period);
-    before(along).or_else(|| if command * along < 0.0 { before(-along) } else { None })
+    before(along).or_else(|| if command * along < 0.0 || either_way { before(-along) } else { None })
 }
 
 /// The same before one end, that in +x (1) or in -x (-1).
