@@ -171,6 +171,7 @@ export const attempting =
 /** What a request is answered; one that only reads waits for a server that does not answer, and asks again. */
 async function fetched(path: string, options: RequestInit = {}, waits = !options.method): Promise<Response> {
   let answer: Response;
+  const used = token;
   try {
     answer = await fetch(path, { ...options, headers: { ...options.headers, Authorization: `Bearer ${token}` } });
   } catch {
@@ -181,6 +182,7 @@ async function fetched(path: string, options: RequestInit = {}, waits = !options
     }
     throw new Refused(0, [plain("The server does not answer")], {});
   }
+  if (answer.status === 401 && used !== token) return fetched(path, options, waits); // another tab has brought a new one meanwhile
   if (answer.status === 401) connection.value = "locked";
   else if (connection.value !== "full") connection.value = "open";
   if (answer.ok) return answer;
