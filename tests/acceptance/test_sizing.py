@@ -68,20 +68,26 @@ def test_a_task_made_from_a_known_drive_finds_it_or_a_cheaper_one(found: SizingR
     assert again.best.air <= SAME_AIR * known.air
 
 
-def test_a_stroke_has_the_numbers_of_a_datasheet(found: SizingResult):
+def nominal_strokes(found: SizingResult, task: SizingTask) -> tuple[DriveStrokes, np.ndarray, np.ndarray]:
+    """Return the best choice's strokes, draws at which nothing deviates, and its setting."""
     assert found.best is not None
-    circuit = found.circuit()
-    run = circuit.simulate("0 s: 1", "0.5 s", rtol=1e-10)
     parts = dict(found.best.parts)
-    task = SizingTask(**TASK)
     choice = next(one for one in combined(choices(task)) if one.parts == parts)
     nominal = np.full((1, len(DRAWN)), 0.5)
     low, high = task.spread.friction
     nominal[0, DRAWN.index("friction")] = (1.0 - low) / (high - low)
     cold, hot = task.spread.temperature_k
     nominal[0, DRAWN.index("temperature")] = (task.ambient.temperature_k - cold) / (hot - cold)
-    own = DriveStrokes(choice, task).run(True, nominal, np.array([list(found.best.setting.values())]), rtol=1e-10)
-    mass = choice.cylinder.numbers["moving_mass"] + task.mass_kg
+    return DriveStrokes(choice, task), nominal, np.array([list(found.best.setting.values())])
+
+
+def test_a_stroke_has_the_numbers_of_a_datasheet(found: SizingResult):
+    circuit = found.circuit()
+    run = circuit.simulate("0 s: 1", "0.5 s", rtol=1e-10)
+    task = SizingTask(**TASK)
+    strokes, nominal, setting = nominal_strokes(found, task)
+    own = strokes.run(True, nominal, setting, rtol=1e-10)
+    mass = strokes.choice.cylinder.numbers["moving_mass"] + task.mass_kg
     short = {"time_s": "time", "position_m": "cylinder.position", "velocity_m_s": "cylinder.velocity"}
     read = {key: run[name].to_numpy() for key, name in short.items()}
     sheet = stroke_numbers(read, task.stroke_m, mass, impacts=run.attrs["impacts"])
@@ -89,7 +95,7 @@ def test_a_stroke_has_the_numbers_of_a_datasheet(found: SizingResult):
     assert own.end_speed[0] == pytest.approx(sheet.end_speed, rel=1e-6)
     assert own.energy[0] == pytest.approx(sheet.end_energy, rel=2e-6)
     assert len(run.attrs["impacts"]) == 1  # it does not rebound
-    coarse = DriveStrokes(choice, task).run(True, nominal, np.array([list(found.best.setting.values())]))
+    coarse = strokes.run(True, nominal, setting)
     assert coarse.time[0] == pytest.approx(own.time[0], rel=1e-4)
     assert coarse.end_speed[0] == pytest.approx(own.end_speed[0], rel=1e-3)
     assert coarse.air[0] == pytest.approx(own.air[0], rel=2e-3)
@@ -97,15 +103,8 @@ def test_a_stroke_has_the_numbers_of_a_datasheet(found: SizingResult):
 
 
 def test_the_way_back_begins_with_one_side_full_and_the_other_empty(found: SizingResult):
-    assert found.best is not None
-    task, parts = SizingTask(**TASK), dict(found.best.parts)
-    choice = next(one for one in combined(choices(task)) if one.parts == parts)
-    nominal = np.full((1, len(DRAWN)), 0.5)
-    low, high = task.spread.friction
-    nominal[0, DRAWN.index("friction")] = (1.0 - low) / (high - low)
-    cold, hot = task.spread.temperature_k
-    nominal[0, DRAWN.index("temperature")] = (task.ambient.temperature_k - cold) / (hot - cold)
-    own = DriveStrokes(choice, task).run(False, nominal, np.array([list(found.best.setting.values())]), rtol=1e-10)
+    strokes, nominal, setting = nominal_strokes(found, SizingTask(**TASK))
+    own = strokes.run(False, nominal, setting, rtol=1e-10)
     begun = {"cylinder.position": "100 mm", "cylinder.a": "6 bar gauge", "cylinder.b": "0 bar gauge"}
     run = found.circuit().simulate("0 s: -1", "0.59 s", rtol=1e-10, initial=begun)
     (hit,) = (one for one in run.attrs["impacts"] if one["end"] == "a")

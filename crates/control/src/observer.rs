@@ -53,7 +53,7 @@ impl<S: Over<f64>> State<S> {
         self.advance_in(pieces as u32, model, openings, h, measured)
     }
 
-    /// The same, the motion in a number of pieces, by the method of Runge and Kutta of fourth order.
+    /// The same, the motion in a number of pieces, by the classical method of Runge and Kutta, of fourth order.
     pub(crate) fn advance_in(
         &mut self,
         pieces: u32,
@@ -148,9 +148,9 @@ fn gas_at<S: Over<f64>>([p, t]: &[[S; 2]; 2]) -> [GasState<S>; 2] {
 
 /// Speed below which a contact rests, for what of a missing force is friction, m/s (assumed).
 const REST: f64 = 2e-3;
-/// Longest piece in which the motion is followed, s.
+/// Longest piece in which the motion is followed where nothing else is said, s.
 const PIECE: f64 = 1e-3;
-/// Share of a piece in which friction may reach its level: a rate that the pieces can follow.
+/// Share of a piece in which friction may reach its level: rates up to 2.7 over a piece are stable.
 const FOLLOWED: f64 = 0.5;
 /// Temperatures within which a prediction takes gas for gas, K (assumed).
 const TEMPERATURES: [f64; 2] = [100.0, 1000.0];

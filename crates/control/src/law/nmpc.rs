@@ -21,7 +21,7 @@ const LAST: f64 = 4.0;
 const ACCELERATION: f64 = 0.1;
 /// Share of a step that is taken where the whole costs more than none (assumed).
 const SHORTER: f64 = 0.25;
-/// Speed, m/s, below which the motion is followed in pieces of 1 ms (assumed).
+/// Speed, m/s, below which the motion is followed in pieces of 1 ms, not in one of a whole step (assumed).
 const SLOW: f64 = 0.05;
 /// Rounds of the search for the moves that lie at a limit.
 const ROUNDS: usize = 20;
@@ -85,25 +85,16 @@ impl<S> Memory<S> for Predicting {
 
 /// Numbers that a predictor has.
 trait Planned: Over<f64> {
-    fn value(self) -> f64;
     fn ask(own: &mut dyn Predictor, plan: &[Self; MOVES], see: &mut dyn FnMut([Self; 3])) -> bool;
 }
 
 impl Planned for f64 {
-    fn value(self) -> f64 {
-        self
-    }
-
     fn ask(own: &mut dyn Predictor, plan: &[f64; MOVES], see: &mut dyn FnMut([f64; 3])) -> bool {
         own.values(plan, see)
     }
 }
 
 impl Planned for ByMoves {
-    fn value(self) -> f64 {
-        self.re
-    }
-
     fn ask(own: &mut dyn Predictor, plan: &[ByMoves; MOVES], see: &mut dyn FnMut([ByMoves; 3])) -> bool {
         own.derivatives(plan, see)
     }
@@ -307,7 +298,7 @@ pub fn by_the_model(tick: &Tick, plan: &[ByMoves; MOVES]) -> Vec<[ByMoves; 3]> {
     foreseen.to_vec()
 }
 
-fn by_model<S: Planned>(
+fn by_model<S: Over<f64>>(
     tick: &Tick,
     transitions: &Transitions,
     plan: &[S; MOVES],
@@ -327,7 +318,7 @@ fn by_model<S: Planned>(
         [spool, speed] = go(whole);
         let open = model.opened_by(middle.max(S::c(-1.0)).min(S::one()));
         // Contacts that may break away or turn around are followed in shorter pieces.
-        let pieces = if state.velocity.value().abs() < SLOW { STEPS[block] } else { 1 };
+        let pieces = if state.velocity.abs().lt(S::c(SLOW)) { STEPS[block] } else { 1 };
         let began = state.advance_in(pieces as u32, model, open, h, None);
         if step > 0 {
             foreseen[step - 1][2] = began;
