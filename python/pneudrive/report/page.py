@@ -128,6 +128,7 @@ class Report:
         from markupsafe import Markup
 
         environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_plain)
+        environment.filters["words"] = _words
         template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
         drawn = {name: Markup(svg) for name, svg in self.pictures.items()}
         return template.render(
@@ -143,6 +144,13 @@ class Report:
 def _plain(value: object) -> object:
     """Show characters that hide or reverse a text as escapes; jinja2 calls this before it escapes HTML."""
     return shown(value, len(value)) if type(value) is str else value  # not Markup: pictures are ours
+
+
+def _words(text: str) -> object:
+    """Return a sentence for the page: between backticks stands what one types."""
+    from markupsafe import Markup, escape
+
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(_plain(text)))))
 
 
 def write_picture(picture: Picture, folder: Path) -> str:
@@ -167,7 +175,7 @@ def svg_text(figure: Figure) -> str:
 
 
 def inline(svg: str, name: str, description: str) -> str:
-    """Return an SVG for use inside a page: no prologue, unique names, scaled to the column."""
+    """Return an SVG for use inside a page: no prologue, unique names, as large as its letters are in other figures."""
     import html
 
     body = svg[svg.index("<svg") :]
@@ -176,4 +184,8 @@ def inline(svg: str, name: str, description: str) -> str:
     body = re.sub(r'\bid="', f'id="{prefix}-', body)
     body = re.sub(r'(href="#|url\(#)', rf"\g<1>{prefix}-", body)
     label = html.escape(shown(description, len(description)), quote=True)
-    return re.sub(r'<svg ([^>]*?)height="[^"]*"( ?)', rf'<svg role="img" aria-label="{label}" \1', body, count=1)
+    points = re.search(r'<svg [^>]*?width="([\d.]+)pt"', body)
+    share = min(float(points[1]) / (72.0 * style.WIDTH_IN), 1.0) if points else 1.0
+    size = f'style="max-width: {100.0 * share:.3g}%" ' if share < 1.0 else ""
+    given = rf'<svg role="img" aria-label="{label}" {size}\1'
+    return re.sub(r'<svg ([^>]*?)height="[^"]*"( ?)', given, body, count=1)

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.numbers import with_u
+from pneudrive.numbers import plain, with_u
 from pneudrive.report import style
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural
+from pneudrive.units import readable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -76,7 +77,8 @@ def _rows(level: Level) -> Iterator[tuple]:
     chance = float(np.nan_to_num(level.stderr_n))
     yield STATISTICAL, "data", "A", "", chance, None
     for e in sorted(level.budget, key=lambda e: -e.friction_n):
-        size = f"{e.standard_uncertainty:.3g} {e.unit}".strip()
+        factor, unit = readable(e.unit)
+        size = f"{plain(e.standard_uncertainty / factor)} {unit}".strip()
         yield e.source, e.basis, e.kind, f"{size}{'; ' if e.note else ''}{e.note}", e.friction_n, e.offset_n
     yield "combined, u", "", "", "", float(np.hypot(chance, level.u_systematic_n)), level.u_offset_n
     yield "expanded, U (k = 2)", "", "", "", level.expanded_n, 2 * level.u_offset_n

@@ -159,6 +159,7 @@ class IdentifiedAxis:
             synthetic=True,
         )
 
+    @style.applied()
     def figure(self) -> Figure:
         """Draw the error over the last periods."""
         figure = style.new_figure(2.8)
