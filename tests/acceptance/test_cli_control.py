@@ -17,6 +17,7 @@ import pytest
 import pneudrive as pn
 from pneudrive.cli.main import run
 from pneudrive.control.measures import score_of
+from pneudrive.errors import CommandError, PneudriveWarning
 from pneudrive.trajectory import columns
 
 AXIS = Path(__file__).parents[2] / "examples" / "controlled_axis.toml"
@@ -182,6 +183,80 @@ def test_a_drive_on_valves_that_no_law_commands_is_refused(tmp_path, capsys):
     (tmp_path / "axis.toml").write_text(text.replace("pwm_model", 'normally = "open"\npwm_model'))
     assert run(["control", "tune", str(tmp_path / "axis.toml")]) == 2
     assert "in_a is normally open" in capsys.readouterr().err
+
+
+REFUSED = {
+    "crossed": ({"valve.4 -> cylinder.a": "valve.4 -> cylinder.b", "valve.2 -> cylinder.b": "valve.2 -> cylinder.a"},
+                "valve.4 leads to cylinder.b"),
+    "crossed behind a tube": (
+        {"valve.4 -> cylinder.a": "valve.4 -> tube -> cylinder.b", "valve.2 -> cylinder.b": "valve.2 -> cylinder.a",
+         "[labels]": '[components.tube]\nkind = "tube"\nlength = "1 m"\ndiameter = "4 mm"\n[labels]'},
+        "valve.4 leads to cylinder.b",
+    ),
+    "single-acting": (
+        {', "valve.2 -> cylinder.b"]': ']\nplugged = ["valve.2"]', "cylinder/rodless": "cylinder/single-acting",
+         "moving_mass": 'rod_diameter = "10 mm"\nspring_stiffness = "100 N/m"\nspring_preload = "20 N"\n'
+                        'breather_conductance = "1 dm3/(s bar)"\nmoving_mass'},
+        "cylinder is a cylinder/single-acting",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_drive_that_the_model_is_not_of_is_refused(case, tmp_path, capsys):
+    """It would be commanded as the drive of the model: away from where it is to go, or without its spring."""
+    changes, says = REFUSED[case]
+    text = AXIS.read_text()
+    for old, new in changes.items():
+        text = text.replace(old, new)
+    (tmp_path / "axis.toml").write_text(text)
+    assert run(["control", "tune", str(tmp_path / "axis.toml")]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_limit_switches_are_about_the_stroke_and_the_reference(axis):
+    """Beyond the stroke they would hold the drive for good; within the reference they will, which is told."""
+    told = {"reference": "220 mm; 10 ms: 280 mm in 0.3 s", "duration": "20 ms"}
+    for low, high, leads in (("600 mm", "700 mm", None), ("5 mm", "260 mm", "from 220 mm to 280 mm")):
+        setup = pn.control.Setup(switches={"low": low, "high": high})
+        with (
+            pytest.raises(CommandError, match="a part of the stroke")
+            if leads is None
+            else pytest.warns(PneudriveWarning, match=leads)
+        ):
+            pn.control.run(axis, "pva", setup=setup, **told)
+
+
+def test_tune_says_which_parts_of_cylinder_valve_and_supply_no_law_knows(tmp_path, capsys):
+    """A supply that pulsates is one: its mean is what a law knows, and what the exergy of its air is of."""
+    pulsates = 'kind = "reservoir/pulsating"\namplitude = "0.5 bar"\nfrequency = "5 Hz"'
+    text = AXIS.read_text().replace("leakage = 0.003", 'stroke_time = "8 ms"')
+    text = text.replace('kind = "reservoir"', pulsates)
+    (tmp_path / "axis.toml").write_text(text.replace("moving_mass", 'leakage = "0.01 dm3/(s bar)"\nmoving_mass'))
+    assert run(["control", "tune", str(tmp_path / "axis.toml"), "--law", "pva"]) == 0
+    said = capsys.readouterr().out
+    assert all(one in said for one in ("knows nothing of", "cylinder.leakage", "valve.stroke_time", "supply.amplitude"))
+    told = {"reference": "250 mm", "duration": "20 ms"}
+    assert pn.control.run(pn.Circuit.load(tmp_path / "axis.toml"), "pva", mismatch="sag", **told).attrs["air"]
+    assert pn.control.tune(pn.Circuit.load(AXIS)).plant.left_out == []
+
+
+def test_a_controller_goes_to_another_folder_with_what_it_names(tmp_path):
+    """The drive that a law believes in, and the code of one's own, are named from where the file is saved."""
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    there.mkdir()
+    (here / "believed.toml").write_text(AXIS.read_text().replace('"2 kg"', '"3 kg"'))
+    (here / "pva.toml").write_text('schema = 1\nlaw = "pva"\ndrive = "believed.toml"\n')
+    code = "class Law:\n    inputs = ()\n    def step(self, t, sample, preview):\n        return 0.0\n"
+    (here / "mine.py").write_text(code)
+    drive, mine = pn.Circuit.load(AXIS), f"{here / 'mine.py'}:Law"
+    tuned = pn.control.tune(drive, controller=here / "pva.toml")
+    again = pn.control.tune(drive, controller=tuned.save(there / "pva.toml"))
+    assert again.core() == tuned.core()
+    own = pn.control.tune(drive, mine).save(there / "own.toml")
+    assert 'law = "../here/mine.py:Law"' in own.read_text()
+    assert pn.control.tune(drive, mine, controller=own).law == mine
 
 
 def test_a_controller_for_a_drive_of_other_names_gives_one_message(tmp_path, capsys):

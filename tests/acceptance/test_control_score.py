@@ -60,6 +60,44 @@ def test_a_factor_of_the_moving_mass_is_one_of_its_load_too():
     assert found.drop_vars(CLOCKS).equals(expected.drop_vars(CLOCKS))
 
 
+def test_a_factor_of_the_conductance_is_one_of_each_way_through_a_valve(axis):
+    """3/2 valves may give the conductance of their exhaust apart: a smaller valve is smaller there, too."""
+    pair = AXIS.read_text().replace("valve/proportional-5/3", "valve/proportional-3/2")
+    pair = pair.replace('["supply -> valve.1", "valve.4 -> cylinder.a", "valve.2 -> cylinder.b"]', JOINTS)
+    pair = pair.replace("[components.valve]", '[components.valve]\ncopies = ["valve_a", "valve_b"]')
+    drive, smaller = (
+        pn.Circuit.load(
+            pair.replace('"2 dm3/(s bar)"', f'"{by} dm3/(s bar)"\nexhaust_conductance = "{by} dm3/(s bar)"')
+        )
+        for by in (2.0, 1.6)
+    )
+    told = {"reference": STEP, "duration": "0.5 s"}
+    expected = pn.control.run(smaller, "pva", believes=drive, **told)
+    found = pn.control.run(drive, "pva", mismatch="conductance-20", **told)
+    assert np.abs(found.position - expected.position).max() < 1e-9
+
+
+JOINTS = '["supply -> valve_a.1", "valve_a.2 -> cylinder.a", "supply -> valve_b.1", "valve_b.2 -> cylinder.b"]'
+
+
+def test_forces_of_a_setup_and_of_a_mismatch_add(axis):
+    """Each holds until the next one of its own: together they are what one list of their sums is."""
+    setup = pn.control.Setup(disturbances=[{"at": "0.1 s", "force": "-20 N"}])
+    mismatch = Mismatch(disturbances=[{"at": "0.1 s", "force": "5 N"}, {"at": "0.3 s", "force": "0 N"}])
+    sums = [{"at": "0.1 s", "force": "-15 N"}, {"at": "0.3 s", "force": "-20 N"}]
+    told = {"reference": STEP, "duration": "0.5 s"}
+    expected = pn.control.run(axis, "pva", setup=pn.control.Setup(disturbances=sums), **told)
+    found = pn.control.run(axis, "pva", setup=setup, mismatch=mismatch, **told)
+    assert found.drop_vars(CLOCKS).equals(expected.drop_vars(CLOCKS))
+
+
+def test_a_wrong_pressure_sensor_that_is_not_there_is_no_deviation(axis):
+    told = {"reference": STEP, "duration": "0.1 s", "setup": "cheap"}
+    with pytest.warns(PneudriveWarning, match="pressure_zero_pa has no effect, as the setup has no pressure sensors"):
+        found = pn.control.run(axis, "pva", mismatch=Mismatch(pressure_zero="5 kPa", overlap=0.03), **told)
+    assert found.attrs["deviations"] == {"overlap": 0.03}
+
+
 def test_another_law_takes_the_place_of_formulas(axis):
     """Of a friction law of one's own: the bits of the drive with that law."""
     own = axis.replace({"components.cylinder.friction.law": f"file:{AXIS.parent / 'laws' / 'lugre.toml'}"})
@@ -345,6 +383,19 @@ def test_a_reference_that_leaves_the_stroke_is_not_feasible(axis, capsys):
     said = capsys.readouterr()
     assert "no: it leads to 560 mm; within the stroke, 0 mm to 500 mm" in said.out
     assert "it leads to 560 mm" in said.err
+
+
+def test_a_verdict_says_what_the_model_leaves_out(axis, tmp_path, capsys):
+    """Behind needles of a fifth of the valve the drive is far off along what the model alone calls feasible."""
+    needle = 'needle_conductance = "0.4 dm3/(s bar)"'
+    file = tmp_path / "drive.toml"
+    file.write_text(f'drive = "catalogue:reference"\n[flow_control]\na = {{ {needle} }}\nb = {{ {needle} }}\n')
+    along = "100 mm; 0.1 s: 400 mm in 0.3 s"
+    assert run(["control", "reference", along, "--drive", str(file)]) == 0
+    said = capsys.readouterr().out
+    assert "yes, as far as the model goes, which leaves out flow_control_a, flow_control_b:" in said
+    assert pn.control.run(pn.Drive.load(file), "pva", reference=along, duration="0.5 s").attrs["score"]["lost"]
+    assert "left out" not in str(pn.control.feasibility(pn.control.tune(axis), pn.control.reference(along)))
 
 
 def test_a_reference_that_friction_at_rest_would_stop_is_slowed_where_that_helps(axis, tmp_path):

@@ -134,7 +134,21 @@ def test_a_residual_of_nothing_is_the_run_of_the_law(axis):
 
 
 def test_wrong_arguments_are_refused_when_it_is_made(axis):
-    wrong = (({"inputs": ["speed"]}, "signal"), ({"duration": "-1 s"}, "duration"), ({"law": "pdi"}, "pid"))
+    wrong = (({"inputs": ["speed"]}, "no input 'speed'"), ({"duration": "-1 s"}, "duration"), ({"law": "pdi"}, "pid"))
+    wrong += (({"inputs": "position"}, "is the text"), ({"inputs": ["position"] * 2}, "stands twice"))
+    wrong += (({"ahead": 0.01}, "no sequence"), ({"ahead": ["-1 ms"]}, "ahead"), ({"ahead": [float("nan")]}, "ahead"))
     for told, word in (*wrong, ({"law": "mine.py:Law"}, "is code")):
         with pytest.raises(pn.errors.PneudriveError, match=word):
             PositionEnv(axis, **told)
+
+
+def test_an_action_is_one_finite_number(axis):
+    """A learner that diverged, or gives two commands, is told so and has lost nothing."""
+    env = PositionEnv(axis, duration="20 ms", ahead=("0 s", "10 ms"))
+    with pytest.raises(CommandError, match="the one option"):
+        env.reset(options={"start": "R1"})
+    env.reset(seed=1)
+    for wrong in ([np.nan], [0.1, 0.2], [], None, ["left"]):
+        with pytest.raises(CommandError, match="one finite number"):
+            env.step(wrong)
+    assert env.step(0.1)[4]["time_s"] == 0.001

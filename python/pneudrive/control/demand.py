@@ -64,6 +64,8 @@ class Feasibility(Shown):
         What it takes then.
     stroke_m, speed_m_s : float
         Of the drive.
+    left_out : tuple of str
+        What the model does not know of the drive, see `Plant`: what it takes is in no share.
     """
 
     reference: Reference
@@ -72,6 +74,7 @@ class Feasibility(Shown):
     slowed: Demand | None
     stroke_m: float
     speed_m_s: float
+    left_out: tuple[str, ...] = ()
 
     @property
     def is_feasible(self) -> bool:
@@ -93,12 +96,14 @@ class Feasibility(Shown):
         ]
         if self.reference.points_missed_m is not None:
             rows.append(("points missed by", f"{1e6 * self.reference.points_missed_m:.3g} um at most"))
-        return [*rows, ("feasible", self._verdict())]
+        without = [("left out", ", ".join(self.left_out))] if self.left_out else []
+        return [*rows, *without, ("feasible", self._verdict())]
 
     def _verdict(self) -> str:
         limit = f"{100.0 * SHARE:.0f} % of each limit"
         if self.is_feasible:
-            return f"yes: it takes at most {limit}"
+            unknown = f"as far as the model goes, which leaves out {', '.join(self.left_out)}: "
+            return f"yes{', ' + unknown if self.left_out else ': '}it takes at most {limit}"
         beyond = beyond_stroke(self.reference, self.stroke_m)
         if beyond is not None:
             return f"no: {beyond[0]}; {beyond[1]}"
@@ -153,4 +158,5 @@ def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
         None if slowed is None else Demand(**slowed[1]),
         plant.stroke_m,
         plant.speed_m_s,
+        tuple(plant.left_out),
     )

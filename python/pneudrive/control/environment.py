@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import reprlib
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -14,13 +16,14 @@ from pneudrive.control.controller import Controller
 from pneudrive.control.loop import MOST_SEED, Prepared, prepare
 from pneudrive.control.mismatch import Mismatch, mismatched, read_mismatch
 from pneudrive.control.motion import Reference
-from pneudrive.control.own_law import OWN, is_own, signals
+from pneudrive.control.own_law import OWN, check_inputs, is_own, signals
 from pneudrive.control.paths import PEAK
 from pneudrive.control.references import reference
 from pneudrive.control.setup import Setup, read_setup
+from pneudrive.control.tuning import tune
 from pneudrive.describe.circuit import compiled
 from pneudrive.describe.drive import Drive
-from pneudrive.errors import CommandError, nearest, warn
+from pneudrive.errors import CommandError, warn
 from pneudrive.simulate import positive
 
 if TYPE_CHECKING:
@@ -68,8 +71,8 @@ class PositionEnv(gymnasium.Env):
         Time between two samples, time of an episode, and error at which a drive is lost.
     inputs : sequence of str
         Signals that are observed.
-    ahead : sequence of float
-        Times ahead at which the reference is observed, s.
+    ahead : sequence of str or float
+        Times ahead at which the reference is observed; numbers are in s.
     spread : Mismatch, str, path-like or callable, optional
         The drive of an episode, where laws and observer believe in `drive`: ``"standard"`` or a TOML file with ranges
         as for `pneudrive.control.compare`, of which each reset draws a member that is in no comparison; ``"mass+30"``,
@@ -103,17 +106,14 @@ class PositionEnv(gymnasium.Env):
         duration: str | float = "3 s",
         lost: str | float = "50 mm",
         inputs: Sequence[str] = ("position", "velocity", "pressure_a", "pressure_b"),
-        ahead: Sequence[float] = (0.0, 0.01, 0.03),
+        ahead: Sequence[str | float] = (0.0, 0.01, 0.03),
         spread: Mismatch | str | Path | Callable[[Described, np.random.Generator], Described] | None = None,
         law: str | None = None,
         reward: Callable[[dict[str, Any]], float] | None = None,
     ) -> None:
         known = signals()
-        for name in inputs:
-            if name not in known:
-                raise CommandError(f"there is no signal {name!r}", remedy=nearest(name, known))
         self.drive = Drive.load("catalogue:reference") if drive is None else drive
-        self.inputs, self.ahead = tuple(inputs), tuple(ahead)
+        self.inputs, self.ahead = tuple(check_inputs(ID, inputs)), _times(ahead)
         self.spread = spread if spread is None or callable(spread) else read_mismatch(spread)[0]
         self.duration_s, self.lost_m = positive(duration, "s", "duration"), positive(lost, "m", "lost")
         self._reference, self._reward = reference, reward
@@ -127,7 +127,7 @@ class PositionEnv(gymnasium.Env):
         #: Command of the law that runs beside, at the sample that waits for an action; not a number without a law.
         self.law_command = float("nan")
         # What an episode begins with but its drive and reference; it also refuses what is wrong now.
-        self._first = self._prepare(self.drive, "0 m; 0.1 s: 1 um in 0.1 s" if reference is None else reference)
+        self._first = self._prepare(self.drive, self._middle() if reference is None else reference)
         self._prepared = self._first
         for late in self._true(self._first, np.random.default_rng(0)).truth.setup.later_than(self.duration_s):
             warn(late)
@@ -144,6 +144,10 @@ class PositionEnv(gymnasium.Env):
         told = {"setup": self._setup, "duration": self.duration_s, "believes": self.drive}
         return prepare(drive, law, along, controller=self._controller, **told)
 
+    def _middle(self) -> Reference:
+        """Return a stand-in of a reference that is drawn: at rest at mid stroke."""
+        return Reference("mid stroke", 0.5 * tune(self.drive, setup=self._setup).plant.stroke_m)
+
     def _true(self, prepared: Prepared, random: np.random.Generator) -> Prepared:
         """Draw the drive of an episode from the spread. Comparisons draw with seed 0, members from 1 on."""
         if not isinstance(self.spread, Mismatch):
@@ -157,7 +161,10 @@ class PositionEnv(gymnasium.Env):
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
         """Begin an episode; `options` may hold a reference for it. Equal seeds give equal bits."""
         super().reset(seed=seed)
-        along = (options or {}).get("reference", self._reference)
+        options = options or {}
+        if options.keys() - {"reference"}:
+            raise CommandError(f"options = {options!r}", rule="the one option of an episode is reference")
+        along = options.get("reference", self._reference)
         if along is None:
             along = self._drawn()
         drive = self.spread(self.drive, self.np_random) if callable(self.spread) else self.drive
@@ -184,10 +191,16 @@ class PositionEnv(gymnasium.Env):
         return observation, info | {"reference": prepared.reference.text, "truth": dict(truth.values)}
 
     def step(self, action: Any) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:  # noqa: ANN401
-        """Give the command and go on to the next sample."""
+        """Give the command and go on to the next sample.
+
+        Raises
+        ------
+        CommandError
+            The action is not one finite number, or no episode goes on.
+        """
         if self._loop is None:
-            raise CommandError("the episode has not begun", remedy="Call reset first.")
-        command = float(np.asarray(action).reshape(()) if np.ndim(action) == 0 else action[0])
+            raise CommandError("no episode goes on", remedy="Call reset first.")
+        command = _command(action)
         try:
             self._loop.give(min(max(command, -1.0), 1.0))
             self._tick += 1
@@ -230,6 +243,26 @@ class PositionEnv(gymnasium.Env):
             moves.append(f"{t!r} s: {to!r} m in {takes!r} s")
             place, t = to, t + takes + draw(*REST_S)
         return reference("; ".join([f"{start!r} m", *moves]))
+
+
+def _times(ahead: Sequence[str | float]) -> tuple[float, ...]:
+    rule = "a sequence of finite times, from 0 s on"
+    if isinstance(ahead, str) or not isinstance(ahead, Iterable):
+        raise CommandError(f"ahead = {ahead!r} is no sequence", rule=rule, remedy='ahead=("0 s", "10 ms")')
+    found = tuple(units.parse(one, "s") if isinstance(one, str) else float(one) for one in ahead)
+    if not all(0.0 <= one < np.inf for one in found):
+        raise CommandError(f"ahead = {ahead!r} is out of bounds", rule=rule)
+    return found
+
+
+def _command(action: Any) -> float:  # noqa: ANN401 - of any learner
+    try:
+        (command,) = np.asarray(action, dtype=float).reshape(-1)
+    except (TypeError, ValueError):
+        command = np.nan
+    if not np.isfinite(command):
+        raise CommandError(f"the action is {reprlib.repr(action)}", rule="one finite number, the command -1 .. 1")
+    return float(command)
 
 
 class ResidualCommand(gymnasium.ActionWrapper):

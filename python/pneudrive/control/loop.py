@@ -197,11 +197,16 @@ def prepare(
         what = f"duration = {seconds:g} s at a period of {1e3 * tuning.period_s:g} ms makes {samples:.3g} samples"
         raise CommandError(what, rule=f"1 to {MOST_SAMPLES:.0e} samples")
     _tell_missed(to_follow, read)
+    _check_switches(read, to_follow, plant.stroke_m)
     start = _start(drive, plant, float(to_follow.at([0.0])[0, 0]), initial)
     truth, called = Truth(circuit.core_json(), {}, read, {}), ""
     if mismatch is not None:
         own, called = read_mismatch(mismatch)
-        truth = mismatched(circuit.core_json(), plant, read, own, one_value(own, called))
+        drawn = one_value(own, called)
+        truth = mismatched(circuit.core_json(), plant, read, own, drawn)
+        without = next(iter(drawn.keys() - truth.values.keys()), "").removesuffix("_b")
+        if without:
+            warn(f"mismatch {called}: {without} has no effect, as the setup has no pressure sensors")
     short = read.short_of(supply_of(truth.core_json)[0], circuit.ambient.pressure_pa)
     for said in (*short, *truth.setup.later_than(seconds)):
         warn(said)
@@ -282,6 +287,20 @@ def _check_jitter(setup: Setup, period_s: float) -> None:
         if part is not None and not part.jitter_s < period_s:
             rule = f"shorter than the period, {1e3 * period_s:g} ms"
             raise CommandError(f"setup: {name}.jitter = {1e3 * part.jitter_s:g} ms", rule=rule)
+
+
+def _check_switches(setup: Setup, along: Reference, stroke_m: float) -> None:
+    """Refuse limit switches that no drive can be between, and warn of a reference that leads beyond one."""
+    if setup.switches is None:
+        return
+    low_m, high_m = setup.switches.low_m, setup.switches.high_m
+    said = f"setup: switches from {1e3 * low_m:g} mm to {1e3 * high_m:g} mm"
+    if not (low_m < stroke_m and high_m > 0.0):
+        raise CommandError(said, rule=f"about a part of the stroke, 0 mm to {1e3 * stroke_m:g} mm")
+    reach = along.reach()
+    if not low_m <= reach.lowest_m <= reach.highest_m <= high_m:
+        leads = f"{1e3 * reach.lowest_m:g} mm to {1e3 * reach.highest_m:g} mm"
+        warn(f"{said}: the reference leads from {leads}, and beyond a switch the command may only lead away")
 
 
 def _tell_missed(along: Reference, setup: Setup) -> None:

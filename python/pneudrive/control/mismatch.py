@@ -17,7 +17,7 @@ from pneudrive.describe.marks import Choice
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from pneudrive.control.tuning import Plant
 
@@ -90,7 +90,7 @@ class Mismatch(Described):
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
     about: str = ""
-    friction_level: Factor = _factor("the Coulomb and the breakaway friction")
+    friction_level: Factor = _factor("the law's Coulomb and breakaway friction; what pressure adds to them stays")
     viscous: Factor = _factor("the viscous friction")
     stribeck_velocity: Factor = _factor("the Stribeck velocity")
     bristle_stiffness: Factor = _factor("the stiffness of the contact in stick")
@@ -169,6 +169,7 @@ _VALVE = {
     "leakage": "leakage",
     "hysteresis": "hysteresis",
 }
+_CONDUCTANCES = {"conductance", "exhaust_conductance"}
 _SENSORS = {"pressure_zero_pa": "zero_pa", "pressure_gain": "gain_error"}
 PLACES = (
     *_FRICTION,
@@ -222,14 +223,7 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
         if name == "moving_mass":
             for load in (one for one in form["components"] if one["kind"] == "load"):
                 load["numbers"]["mass"] *= value
-        if name in _VALVE:
-            if "frequency" not in valves[0]["numbers"]:
-                what = f"{name}: {valves[0]['name']} is a switching valve, which has no spool that could deviate"
-                raise wrong(name, what, remedy="Leave it out of the mismatch.")
-            for valve in valves:
-                valve["numbers"][_VALVE[name]] = value
-    for valve in valves:
-        valve["numbers"]["conductance"] = conductance * drawn.get("conductance", 1.0)
+    _valves(valves, drawn)
     if mismatch.friction_law is not None:
         if mismatch.friction_law == cylinder["friction"]["law"]:
             what = f"friction_law: the friction of the drive is {mismatch.friction_law} already"
@@ -237,7 +231,21 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
         cylinder["friction"] |= _other_law(mismatch.friction_law, cylinder["friction"]["parameters"])
         cylinder["friction"].pop("formula", None)  # of a law of one's own: it is no more that law
     start = _supply(form, drawn, conductance)
-    return Truth(json.dumps(form, sort_keys=True), start, _sensors(setup, mismatch, drawn), dict(drawn))
+    values = {name: value for name, value in drawn.items() if _has_sensor(setup, name)}
+    return Truth(json.dumps(form, sort_keys=True), start, _sensors(setup, mismatch, drawn), values)
+
+
+def _valves(valves: list[dict[str, Any]], drawn: Mapping[str, float]) -> None:
+    """Deviate the valves of a drive in place, which a law takes for equal."""
+    for name, key in _VALVE.items():
+        if name in drawn and "frequency" not in valves[0]["numbers"]:
+            what = f"{name}: {valves[0]['name']} is a switching valve, which has no spool that could deviate"
+            raise wrong(name, what, remedy="Leave it out of the mismatch.")
+        for numbers in (valve["numbers"] for valve in valves if name in drawn):
+            numbers[key] = drawn[name]
+    for numbers in (valve["numbers"] for valve in valves):
+        for key in _CONDUCTANCES & numbers.keys():
+            numbers[key] *= drawn.get("conductance", 1.0)
 
 
 def _scale(numbers: dict[str, float], keys: tuple[str, ...], name: str, factor: float) -> None:
@@ -264,7 +272,7 @@ def _other_law(word: str, has: dict[str, float]) -> dict[str, Any]:
 
 def _supply(form: dict[str, Any], drawn: Mapping[str, float], conductance: float) -> dict[str, float]:
     """Deviate the supply in place; return the start of the volume behind it."""
-    reservoirs = [one for one in form["components"] if one["kind"] == "reservoir"]
+    reservoirs = [one for one in form["components"] if one["kind"].startswith("reservoir")]
     for one in reservoirs:
         one["numbers"]["pressure"] *= drawn.get("supply_pressure", 1.0)
     if "supply_conductance" not in drawn:
@@ -293,6 +301,11 @@ def _supply(form: dict[str, Any], drawn: Mapping[str, float], conductance: float
     return {f"{volume}.pressure_pa": pressure, f"{volume}.temperature_k": temperature}
 
 
+def _has_sensor(setup: Setup, name: str) -> bool:
+    """Return whether a setup has what is to deviate: some have no pressure sensors."""
+    return name.removesuffix("_b") not in _SENSORS or setup.sensors.pressure_a is not None
+
+
 def _sensors(setup: Setup, mismatch: Mismatch, drawn: Mapping[str, float]) -> Setup:
     changed = setup.sensors
     for sensor, mark in (("pressure_a", ""), ("pressure_b", "_b")):
@@ -300,8 +313,18 @@ def _sensors(setup: Setup, mismatch: Mismatch, drawn: Mapping[str, float]) -> Se
         if own is not None:
             values = {key: drawn[name + mark] for name, key in _SENSORS.items() if name + mark in drawn}
             changed = changed.model_copy(update={sensor: own.model_copy(update=values)})
-    each = sorted((*setup.disturbances, *mismatch.disturbances), key=lambda one: one.at_s)
-    return setup.model_copy(update={"sensors": changed, "disturbances": tuple(each)})
+    forces = _added(setup.disturbances, mismatch.disturbances)
+    return setup.model_copy(update={"sensors": changed, "disturbances": forces})
+
+
+def _added(*each: Sequence[Disturbance]) -> tuple[Disturbance, ...]:
+    """Add forces that each hold from a time on until the next one of their own."""
+
+    def force_n(of: Sequence[Disturbance], at_s: float) -> float:
+        return next((one.force_n for one in reversed(of) if one.at_s <= at_s), 0.0)
+
+    times = sorted({one.at_s for of in each for one in of})
+    return tuple(Disturbance.model_construct(at_s=at, force_n=sum(force_n(of, at) for of in each)) for at in times)
 
 
 def ready_mismatches() -> dict[str, Path]:

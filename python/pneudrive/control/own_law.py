@@ -159,26 +159,42 @@ def own_law(given: object, *, allow_code: str | None = None, found_in: str = "")
 
 
 def _inputs(name: str, law: object) -> list[str]:
-    known = list(signals())
     inputs, step = own_code.guarded(
         name, CommandError, lambda: (getattr(law, "inputs", None), getattr(law, "step", None))
     )
-    if isinstance(inputs, str):
-        raise CommandError(f"{name}: inputs is the text {inputs!r}", rule=_RULE, remedy=f"inputs = ({inputs!r},)")
-    if not isinstance(inputs, (tuple, list)) or not callable(step):
-        lacks = "step" if isinstance(inputs, (tuple, list)) else "inputs"
-        remedy = f"The names of inputs: {', '.join(known)}."
-        raise CommandError(f"{name} has no {lacks}: it is no law", rule=_RULE, remedy=remedy)
-    for one in inputs:
-        if one not in known:
-            raise CommandError(f"{name}: there is no input {one!r}", remedy=nearest(str(one), known))
-        if list(inputs).count(one) > 1:
-            raise CommandError(f"{name}: the input {one!r} stands twice", rule="each input once")
+    if inputs is None or not callable(step):
+        remedy = f"The names of inputs: {', '.join(signals())}."
+        raise CommandError(
+            f"{name} has no {'step' if inputs is not None else 'inputs'}: it is no law", rule=_RULE, remedy=remedy
+        )
+    found = check_inputs(name, inputs)
     with suppress(ValueError):  # code that does not tell what it takes
         try:
             inspect.signature(step).bind(0.0, None, None)
         except TypeError as error:
             raise CommandError(f"{name}: step cannot be called: {error}", rule=_RULE) from None
+    return found
+
+
+def check_inputs(name: str, inputs: object) -> list[str]:
+    """Return the names of the signals that a law, or an environment, asks for.
+
+    Raises
+    ------
+    CommandError
+        These are no names of signals, or one stands twice.
+    """
+    known = list(signals())
+    if not isinstance(inputs, (tuple, list)):
+        is_text = isinstance(inputs, str)
+        what = f"inputs is {'the text ' if is_text else ''}{inputs!r}"
+        remedy = f"inputs = ({inputs!r},)" if is_text else f"The names: {', '.join(known)}."
+        raise CommandError(f"{name}: {what}", rule="a tuple of names", remedy=remedy)
+    for one in inputs:
+        if one not in known:
+            raise CommandError(f"{name}: there is no input {one!r}", remedy=nearest(str(one), known))
+        if inputs.count(one) > 1:
+            raise CommandError(f"{name}: the input {one!r} stands twice", rule="each input once")
     return list(inputs)
 
 

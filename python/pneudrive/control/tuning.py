@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import _core, units
+from pneudrive.control.axis import check_axis, unknown_numbers
 from pneudrive.control.controller import (
     AFTER_S,
     BAND_M,
@@ -25,6 +27,7 @@ from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.supervision import USUAL, Supervision
 from pneudrive.describe import toml
 from pneudrive.describe.base import wrong
+from pneudrive.describe.catalogue import PREFIX
 from pneudrive.errors import CommandError, DescriptionError, nearest, warn
 from pneudrive.own_code import COMPILED, split
 from pneudrive.show import Card, Shown
@@ -107,7 +110,8 @@ class Plant(Shown):
     valves : list of str
         Names of the valves in the order of their commands.
     left_out : list of str
-        Components of which the law knows nothing but the volume of tubes at the chambers.
+        Components of which the law knows nothing but the volume of tubes at the chambers, and parts of cylinder and
+        valve that it does not know.
     pressure_decay_1_s : list of float
         Rates at which the pressures of both shut chambers return by leakage and heat, mid stroke.
     least_force_shares : list of float
@@ -174,7 +178,7 @@ class Tuning(Shown):
     belief : Circuit
         The drive as the law believes it to be.
     source : str
-        File of that drive, where a controller file names one.
+        File of that drive, or its name in the catalogue, where a controller file names one.
     limits : tuple of str
         What limits the law, in words.
     own : OwnLaw or None
@@ -228,12 +232,12 @@ class Tuning(Shown):
         form |= _chosen_form(self.choices, self.factors)
         return form | self.supervision.core(self.belief.ambient.pressure_pa)
 
-    def to_toml(self) -> str:
-        """Write it as a controller file, with meaning and rule beside each gain."""
-        word = self.law if self.own is None or split(self.law) else OWN
+    def to_toml(self, folder: str | Path = "") -> str:
+        """Write it as a controller file for a folder, with meaning and rule beside each gain."""
+        word = self.law if self.own is None else _code_seen_from(folder, self.law)
         lines = ["schema = 1", f'law = "{word}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
         if self.source:
-            lines.append(f"drive = {toml.value_text(self.source)}")
+            lines.append(f"drive = {toml.value_text(_seen_from(folder, self.source))}")
         if self.factors != USUAL_FACTORS:
             given = ", ".join(f"{key} = {value!r}" for key, value in self.factors.to_dict().items())
             lines.append(f"factors = {{ {given} }}  # of {_factored(self.law)}")
@@ -261,7 +265,9 @@ class Tuning(Shown):
         return "\n".join([*lines, ""])
 
     def save(self, path: str | Path) -> Path:
-        """Write it as a controller file.
+        """Write it as a controller file. Files that it names are named from its folder.
+
+        A drive that was given as `believes` is no file: name one as ``drive`` in what is written.
 
         Raises
         ------
@@ -269,7 +275,7 @@ class Tuning(Shown):
             The file cannot be written.
         """
         with whole(Path(path)) as temporary:
-            temporary.write_text(self.to_toml(), encoding="utf-8")
+            temporary.write_text(self.to_toml(Path(path).parent), encoding="utf-8")
         return Path(path)
 
     def _card(self) -> Card:
@@ -402,7 +408,7 @@ def _table(law: object, controller: Controller | str | Path | None) -> tuple[Con
     fits = {table.law, _beside(table.law, folder)} | (
         {named} if table.law == OWN and isinstance(law, OwnLaw) else set()
     )
-    if named is not None and named not in fits:
+    if named is not None and not {named, _beside(str(named), Path())} & fits:
         what = f'law "{named}" and a controller of law "{table.law}" are given'
         raise CommandError(what, where=where, remedy="Give one.")
     if table.law == OWN and named is None:
@@ -413,7 +419,7 @@ def _table(law: object, controller: Controller | str | Path | None) -> tuple[Con
 def _beside(law: str, folder: Path) -> str:
     """Return the name of code whose file lies beside a controller's; other words as they are."""
     module, name = split(law) or ("", "")
-    return f"{folder / module}:{name}" if module.endswith((".py", *COMPILED)) else law
+    return f"{os.path.normpath(folder / module)}:{name}" if _is_file(module) else law
 
 
 def _core_form(
@@ -460,6 +466,8 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
             if str(error).startswith(place):
                 raise wrong(place, str(error)) from None
         raise DescriptionError(str(error), where=belief.name) from None
+    check_axis(belief, plant)
+    plant["left_out"] += unknown_numbers(belief)
     gains = _numbers_of("gains", table.law, table.gains, ruled[0], lambda given: asked(gains=given))
     if table.valves and not ruled[1]:
         what = "the controller has a table [valves], and the drive one proportional 5/3 valve"
@@ -506,7 +514,8 @@ def _numbers_of(
     given: dict[str, float] = {}
     for key, value in values.items():
         if key not in known:
-            raise wrong(f"{table}.{key}", f"{table}.{key} is no gain of {whose}", remedy=nearest(key, known))
+            remedy = nearest(key, known) if known else "There is none: leave the table out."
+            raise wrong(f"{table}.{key}", f"{table}.{key} is no gain of {whose}", remedy=remedy)
         given[key] = known[key].read_at(f"{table}.{key}", value)
         try:
             check({key: given[key]})
@@ -535,17 +544,32 @@ def believed_by(controller: str | None) -> Drive | Circuit:
 
 
 def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:
-    """Load the drive that a controller file names, relative to its folder."""
+    """Load the drive that a controller file names, relative to its folder; return its name from here, too."""
     from pneudrive.describe.load import load_described
 
-    path = source if source.startswith("catalogue:") else str(folder / source)
-    return load_described(path), source
+    path = source if source.startswith(PREFIX) else str(folder / source)
+    return load_described(path), path
+
+
+def _seen_from(folder: str | Path, source: str) -> str:
+    """Return the name of a drive or a file as a controller file in a folder has it."""
+    return source if source.startswith(PREFIX) else Path(os.path.relpath(source, folder or ".")).as_posix()
+
+
+def _code_seen_from(folder: str | Path, law: str) -> str:
+    """Return the name of a law of one's own as a controller file in a folder has it."""
+    module, name = split(law) or ("", OWN)
+    return f"{_seen_from(folder, module)}:{name}" if _is_file(module) else law if module else name
+
+
+def _is_file(module: str) -> bool:
+    return module.endswith((".py", *COMPILED))
 
 
 def supply_of(core_json: str) -> tuple[float, float]:
     """Return absolute pressure, Pa, and temperature, K, of the supply of a circuit in the core's form."""
     form = json.loads(core_json)
-    numbers = next(one["numbers"] for one in form["components"] if one["kind"] == "reservoir")
+    numbers = next(one["numbers"] for one in form["components"] if one["kind"].startswith("reservoir"))
     return numbers["pressure"], numbers.get("temperature", form["ambient"]["temperature_k"])
 
 

@@ -1,0 +1,82 @@
+"""Whether a circuit is the axis that the laws have a model of, and what of it they do not know."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.errors import DescriptionError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.describe.circuit import Circuit
+
+_DOUBLE_ACTING = ("cylinder/rodless", "cylinder/through-rod", "cylinder/single-rod")
+_CROSSED = ("valve/proportional-5/3", "valve/switching-5/3")
+#: Numbers that change the motion and that no law knows: kind -> how a key begins -> what it is.
+_UNKNOWN = {
+    "cylinder/": {"cushion_": "cushion", "leakage": "leakage"},
+    "valve/proportional": {"stroke_time": "stroke_time"},
+    "reservoir/": {"amplitude": "amplitude"},
+}
+
+
+def check_axis(belief: Circuit, plant: Mapping[str, Any]) -> None:
+    """Refuse a circuit of which the laws have no model: it would be commanded as another drive.
+
+    Parameters
+    ----------
+    belief : Circuit
+    plant : dict
+        What the core makes of it: ``cylinder`` and ``valves`` are names of components.
+
+    Raises
+    ------
+    DescriptionError
+        The cylinder is single-acting or a tandem, or ports 4 and 2 of its 5/3 valve do not lead to chambers a and b.
+    """
+    form = json.loads(belief.core_json())
+    kinds = {one["name"]: one["kind"] for one in form["components"]}
+    cylinder, valves = plant["cylinder"], plant["valves"]
+    ends = {cylinder, *valves, *(name for name, kind in kinds.items() if kind.startswith("reservoir"))}
+    if kinds[cylinder] not in _DOUBLE_ACTING:
+        rule = f"laws have a model of {', '.join(_DOUBLE_ACTING)}"
+        raise DescriptionError(f"{cylinder} is a {kinds[cylinder]}", where=belief.name, rule=rule)
+    for port, chamber in (("4", "a"), ("2", "b")) if kinds[valves[0]] in _CROSSED else ():
+        found = _chambers(form["joints"], f"{valves[0]}.{port}", cylinder, ends)
+        if f"{cylinder}.{chamber}" not in found:
+            to = " and ".join(sorted(found)) or "no chamber"
+            rule = "port 4 leads to chamber a and port 2 to chamber b: then a command above 0 moves the piston in +x"
+            remedy = f'Connect "{valves[0]}.4 -> {cylinder}.a" and "{valves[0]}.2 -> {cylinder}.b".'
+            raise DescriptionError(f"{valves[0]}.{port} leads to {to}", where=belief.name, rule=rule, remedy=remedy)
+
+
+def unknown_numbers(belief: Circuit) -> list[str]:
+    """Return what no law knows of cylinder, valves and supply, ``cylinder.cushion`` for instance."""
+    each = json.loads(belief.core_json())["components"]
+    return [
+        f"{one['name']}.{what}"
+        for one in each
+        for kind, known in _UNKNOWN.items()
+        for begin, what in known.items()
+        if one["kind"].startswith(kind)
+        and any(key.startswith(begin) and value > 0.0 for key, value in one["numbers"].items())
+    ]
+
+
+def _chambers(joints: list[list[str]], port: str, cylinder: str, ends: set[str]) -> set[str]:
+    """Return the chambers to which a port leads, through all that is no end, and not by the ambient."""
+    left, reached = [joint for joint in joints if port in joint], []
+    while left:
+        joint = left.pop()
+        if joint in reached or "ambient" in joint:
+            continue
+        reached.append(joint)
+        through = {_component(one) for one in joint} - ends
+        left += [other for other in joints if any(_component(one) in through for one in other)]
+    return {one for joint in reached for one in joint if _component(one) == cylinder}
+
+
+def _component(port: str) -> str:
+    return port.rpartition(".")[0]
