@@ -91,14 +91,20 @@ export function BesideChoices() {
   );
 }
 
-const short = (path: string): string => path.replace("catalogue:", "").replace(/^.*\//, "");
+/** The name of a file without its folder, unless another one beside it has that name too. */
+export function short(path: string, all: string[]): string {
+  const name = (one: string): string => one.replace("catalogue:", "").replace(/^.*\//, "");
+  return all.filter((one) => name(one) === name(path)).length > 1 ? path : name(path);
+}
+
+const named = (path: string): string => short(path, [...others.value, opened.value?.path ?? ""]);
 
 /** Curves of a column from the other runs. */
 export function otherCurves(now: Frame<BesideHead>, column: string, label: string): Curve[] {
   const out: Curve[] = [];
   now.head.others?.forEach((one, index) => {
     const name = `${index + 1}/${column}`;
-    if (now.arrays.has(name)) out.push(curveOf(now.arrays, now.arrays.get(`${index + 1}/time_s`)!, name, `${label} (${short(one.path)})`));
+    if (now.arrays.has(name)) out.push(curveOf(now.arrays, now.arrays.get(`${index + 1}/time_s`)!, name, `${label} (${named(one.path)})`));
   });
   return out;
 }
@@ -136,8 +142,8 @@ export function Differences({ head, panels, ends }: { head: BesideHead; panels: 
               <th scope="col">At the end</th>
               <th scope="col">this run</th>
               {head.band && <th scope="col">5 to 95 % of the members</th>}
-              {compared.map((one) => <th scope="col" key={one.path}>{short(one.path)}</th>)}
-              {compared.map((one) => <th scope="col" key={one.path}>largest difference to {short(one.path)}</th>)}
+              {compared.map((one) => <th scope="col" key={one.path}>{named(one.path)}</th>)}
+              {compared.map((one) => <th scope="col" key={one.path}>largest difference to {named(one.path)}</th>)}
             </tr>
           </thead>
           <tbody>
@@ -168,7 +174,7 @@ const BAR = 1e5;
 /** Pressure over volume of each chamber. */
 export function Loops({ now }: { now: Frame<BesideHead> }) {
   const names = now.head.loops ?? [];
-  if (!names.length) return null;
+  if (!names.length) return <p class="note" data-without="loops">No p-V loop: loops are those of double-acting cylinders, and there is none.</p>;
   const of = (name: string, axis: string, unit: number) => Array.from(now.arrays.get(`loop/${name}/${axis}`)!, (one) => one / unit);
   const curves = names.map((name) => ({ label: name.replace(/\.([ab])$/, ", chamber $1"), x: of(name, "volume_m3", LITRE), y: of(name, "pressure_pa", BAR) }));
   return <Strip title="Pressure over volume of the chambers, bar absolute over l" x="volume, l" y="pressure, bar" curves={curves} />;
@@ -239,7 +245,13 @@ export function MovingCircuit({ now, drawing }: { now: Frame<BesideHead>; drawin
     });
     return () => cancelAnimationFrame(request);
   }, [isPlaying.value, end]);
-  if (!cylinders.length) return <Circuit drawing={drawing} />;
+  if (!cylinders.length)
+    return (
+      <div>
+        <Circuit drawing={drawing} />
+        <p class="note" data-without="motion">No piston moves in the drawing: those of double-acting cylinders do, and there is none.</p>
+      </div>
+    );
   const row = indexAt(time, at);
   const valueOf = (name: string) => (now.arrays.get(`${name}/at`) ?? now.arrays.get(name)!)[row]!;
   const moved = Object.fromEntries(

@@ -125,7 +125,8 @@ function Start() {
       wrong.value = frame.head.problems ?? [];
       if (!frame.head.problems) {
         answer.value = frame;
-        if (!Object.keys(gains.peek()).length) tuned.value = frame.head.gains;
+        const before = new Map(tuned.peek().map((one) => [one.key, one]));
+        tuned.value = frame.head.gains.map((one) => (one.key in gains.peek() && before.get(one.key)) || one);
       }
       isRunning.value = live.isWaiting;
       const page = document.documentElement.dataset;
@@ -326,8 +327,8 @@ function Compare() {
     attempting(notBegun)(async () => {
       const references = [...along.value, ...(other.value.trim() ? [other.value] : [])];
       const asked = { drive: drive.value, laws: laws.value, references, setup: setup.value, count: count.value, name: name.value };
-      await ask("/api/comparisons", { ...asked, ...(spread.value ? { spread: spread.value } : { mismatch: mismatch.value }) });
-      await follow();
+      const { number } = await ask<{ number: number }>("/api/comparisons", { ...asked, ...(spread.value ? { spread: spread.value } : { mismatch: mismatch.value }) });
+      await follow(number);
       await list();
     });
   return (

@@ -49,8 +49,8 @@ export interface Profile {
   probability: number[];
 }
 
-const behind = signal<BehindFit | null>(null);
-const next = signal<Next | null>(null);
+const behind = signal<(BehindFit & { of: string }) | null>(null);
+const next = signal<(Next & { of: string }) | null>(null);
 const points = signal("");
 const name = signal("next-points");
 const wrong = signal<Problem[]>([]);
@@ -75,8 +75,8 @@ const titled = ({ name: of, unit }: Axis) => (unit && unit !== "1" ? `${of}, ${u
 
 /** Residuals, profiles, ellipses and next points of a fit, asked for when they are opened. */
 export function Behind({ path }: { path: string }) {
-  const found = behind.value;
-  const load = () => attempt(async () => void (behind.value = await read<BehindFit>("/api/behind", { path })));
+  const found = behind.value?.of === path ? behind.value : null; // another fit may be shown by now
+  const load = () => attempt(async () => void (behind.value = { ...(await read<BehindFit>("/api/behind", { path })), of: path }));
   return (
     <section aria-label="Behind the fit">
       <Problems of={wrong.value} />
@@ -130,14 +130,13 @@ function NextPoints({ path }: { path: string }) {
   const propose = () =>
     attempt(async () => {
       const many = count();
-      next.value = await read<Next>("/api/next", { path, ...(many !== null && { points: String(many) }) });
+      next.value = { ...(await read<Next>("/api/next", { path, ...(many !== null && { points: String(many) }) })), of: path };
     });
   const write = () =>
     attempt(async () => {
-      await ask("/api/jobs", { kind: "design", fit: path, points: count(), name: name.value });
-      await follow();
+      await follow((await ask<{ number: number }>("/api/jobs", { kind: "design", fit: path, points: count(), name: name.value })).number);
     });
-  const found = next.value;
+  const found = next.value?.of === path ? next.value : null;
   return (
     <>
       <h2>Next points to measure</h2>

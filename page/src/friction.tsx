@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits } from "./looks";
 import { follow, JobList } from "./jobs";
-import { Copied, folderOf, Problems, ReportOf } from "./parts";
+import { Copied, folderOf, Problems, ReportOf, useCopied } from "./parts";
 import { Behind, FitTable, forget, type Fit } from "./fit";
 import { Heat } from "./heat";
 import { Scatter, type Group } from "./plot";
@@ -48,7 +48,6 @@ const law = signal("stribeck gaussian");
 const pressure = signal("none");
 const name = signal("fit-2");
 const drawn = signal("");
-const copied = signal<{ command: string; python: string } | null>(null);
 
 /** Draw the curves of another fit beside the map. */
 const choose = (path: string, of: string): Promise<void> =>
@@ -66,9 +65,9 @@ const choose = (path: string, of: string): Promise<void> =>
 /** Fit a law to the map as a job, then draw it. */
 const refit = (path: string): Promise<void> =>
   attempt(async () => {
-    const job = await ask<{ out: string }>("/api/jobs", { kind: "fit", map: path, law: law.value, pressure: pressure.value, name: name.value });
-    await follow();
-    await choose(path, job.out);
+    const job = await ask<{ out: string; number: number }>("/api/jobs", { kind: "fit", map: path, law: law.value, pressure: pressure.value, name: name.value });
+    await follow(job.number);
+    if (route.value.path === path) await choose(path, job.out);
   });
 
 function Refit({ path, found }: { path: string; found: FrictionMap }) {
@@ -77,14 +76,15 @@ function Refit({ path, found }: { path: string; found: FrictionMap }) {
       {words} <select value={value.value} onChange={(event) => (value.value = event.currentTarget.value)}>{all.map((one) => <option key={one}>{one}</option>)}</select>
     </label>
   );
-  const given = { kind: "fit", map: path, law: law.value, pressure: pressure.value, name: name.value };
+  const [copy, copied] = useCopied({ kind: "fit", map: path, law: law.value, pressure: pressure.value, name: name.value }, attempt);
   return (
     <section aria-label="Fit again">
       <p class="row">
         {found.fits.length > 0 && (
           <label>
             Curves of{" "}
-            <select value={drawn.value || found.fits.find((one) => /(^|\/)fit\.toml$/.test(one))} onChange={(event) => void choose(path, event.currentTarget.value)}>
+            <select value={drawnFit(path)} onChange={(event) => event.currentTarget.value && void choose(path, event.currentTarget.value)}>
+              {!drawnFit(path) && <option value="">choose</option>}
               {found.fits.map((one) => <option key={one}>{one}</option>)}
             </select>
           </label>
@@ -95,9 +95,9 @@ function Refit({ path, found }: { path: string; found: FrictionMap }) {
           Into <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />.toml
         </label>
         <button type="button" onClick={() => void refit(path)}>Fit again</button>
-        <button type="button" onClick={() => void attempt(async () => void (copied.value = await ask("/api/work", given)))}>Copy as command or Python</button>
+        {copy}
       </p>
-      {copied.value && <Copied {...copied.value} />}
+      {copied}
       <JobList />
     </section>
   );
@@ -105,8 +105,11 @@ function Refit({ path, found }: { path: string; found: FrictionMap }) {
 
 const besideOf = (path: string): string => `${path.slice(0, path.lastIndexOf("/") + 1)}fit.toml`;
 
-/** The fit that is shown: the file itself, the one that was chosen, or the one beside the map. */
-const pathOfFit = (path: string): string => (path.endsWith(".toml") ? path : drawn.value || besideOf(path));
+/** The fit whose curves are drawn: the one that was chosen, or the one beside the map; empty where that is none. */
+const drawnFit = (path: string): string => drawn.value || (map.value?.fit ? "" : besideOf(path));
+
+/** The fit that is shown: the file itself, or the one that is drawn. */
+const pathOfFit = (path: string): string => (path.endsWith(".toml") ? path : drawnFit(path));
 
 let generation = 0;
 
@@ -115,7 +118,6 @@ async function open(path: string): Promise<void> {
   forget();
   only.value = drawn.value = "";
   slice.value = difference.value = null;
-  copied.value = null;
   map.value = fit.value = null;
   wrong.value = [];
   const isFit = path.endsWith(".toml");
@@ -145,7 +147,7 @@ export function FrictionView() {
       {map.value && <Refit path={path} found={map.value} />}
       {map.value && <Map path={path} found={map.value} />}
       {fit.value && <FitTable found={fit.value} />}
-      {(fit.value || map.value?.fits.length) && <Behind path={pathOfFit(path)} />}
+      {(fit.value || map.value) && pathOfFit(path) && <Behind path={pathOfFit(path)} />}
     </div>
   );
 }
@@ -161,8 +163,8 @@ interface Slice {
 type Difference = Pick<FrictionMap, "groups" | "fit"> & { command: string; python: string };
 
 const only = signal("");
-const slice = signal<(Slice & { speed: number }) | null>(null);
-const difference = signal<(Difference & { other: string }) | null>(null);
+const slice = signal<(Slice & { speed: number; of: string }) | null>(null);
+const difference = signal<(Difference & { other: string; of: string }) | null>(null);
 const NEAR = 0.05; // speeds that differ by less, relatively, are one level
 
 /** The speeds of a map, each level once. */
@@ -184,12 +186,13 @@ function drawnGroups<Key extends "speed" | "gauge">(key: Key, size: number, grou
 /** A part of the map: one pressure, one speed; or what another map lies above it. */
 function Cuts({ path, found }: { path: string; found: FrictionMap }) {
   const fit = (drawn.value || besideOf(path)).replace(/^.*\//, "");
+  const of = `${path} ${fit}`; // another map may be shown by the time of an answer
   const others = (studies.value?.files ?? []).filter((one) => one.kind === "friction map" && one.path !== path).map((one) => one.path);
   const cut = (speed: string) =>
-    attempt(async () => void (slice.value = speed ? { ...(await read<Slice>("/api/slice", { path, fit, speed })), speed: Number(speed) } : null));
+    attempt(async () => void (slice.value = speed ? { ...(await read<Slice>("/api/slice", { path, fit, speed })), speed: Number(speed), of } : null));
   const compare = (other: string) =>
-    attempt(async () => void (difference.value = other ? { ...(await read<Difference>("/api/map-difference", { path, fit, other })), other } : null));
-  const [shown, apart] = [slice.value, difference.value];
+    attempt(async () => void (difference.value = other ? { ...(await read<Difference>("/api/map-difference", { path, fit, other })), other, of } : null));
+  const [shown, apart] = [slice.value, difference.value].map((one) => (one?.of === of ? one : null)) as [typeof slice.value, typeof difference.value];
   return (
     <>
       <p class="row">

@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { follow, JobList } from "./jobs";
 import { digits } from "./looks";
-import { Copied, DriveChoice, InFolder, Problems } from "./parts";
+import { DriveChoice, InFolder, Problems, useCopied } from "./parts";
 import { link, route } from "./routes";
 import { ask, attempting, read, type Problem } from "./server";
 import { list, studies } from "./studies";
@@ -42,7 +42,6 @@ const initial = signal("");
 const name = signal("drive");
 const found = signal<Fmu | null>(null);
 const wrong = signal<Problem[]>([]);
-const copied = signal<{ command: string; python: string } | null>(null);
 const attempt = attempting(wrong);
 
 const request = () => {
@@ -54,7 +53,7 @@ export function HandoverView() {
   const { view, path } = route.value;
   const at = view === "handover" && path.endsWith(".fmu") ? path : "";
   useEffect(() => {
-    [found.value, copied.value, wrong.value] = [null, null, []];
+    [found.value, wrong.value] = [null, []];
     let gone = false;
     const show = async () => {
       const one = await read<Fmu>("/api/fmu", { path: at });
@@ -76,6 +75,7 @@ export function HandoverView() {
 
 function Start() {
   const files = studies.value?.files ?? [];
+  const [copy, copied] = useCopied(drive.value ? request() : null, attempt);
   const drives = [...files.filter((one) => one.kind === "drive" || one.kind === "circuit"), ...(studies.value?.catalogue ?? [])].map((one) => one.path);
   return (
     <>
@@ -106,11 +106,11 @@ function Start() {
         </p>
       )}
       <p class="row">
-        <button type="button" disabled={!drive.value} onClick={() => void attempt(async () => void (await ask("/api/jobs", request()), follow().then(list)))}>Export</button>
-        <button type="button" disabled={!drive.value} onClick={() => void attempt(async () => void (copied.value = await ask("/api/work", request())))}>Copy as command or Python</button>
+        <button type="button" disabled={!drive.value} onClick={() => void attempt(async () => void follow((await ask<{ number: number }>("/api/jobs", request())).number).then(list))}>Export</button>
+        {copy}
       </p>
       <Problems of={wrong.value} />
-      {copied.value && <Copied {...copied.value} />}
+      {copied}
       <JobList />
       <InFolder files={files.filter((one) => one.kind === "fmu")} title="FMUs" view="handover" />
     </>

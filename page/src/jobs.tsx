@@ -30,17 +30,33 @@ const RESULTS: Record<string, [View, string, string]> = {
 /** Jobs whose results are shown while they are made. */
 const WATCHED = ["control", "size"];
 
-/** Look at the jobs until none runs. */
-export async function follow(): Promise<void> {
-  for (;;) {
-    try {
-      jobs.value = (await read<{ jobs: Job[] }>("/api/jobs")).jobs;
-    } catch (error) {
-      if (!(error instanceof Refused)) throw error;
-    }
-    if (!jobs.value.some((one) => one.state === "running")) return;
-    await new Promise((resolve) => setTimeout(resolve, LOOK_MS));
+const pause = () => new Promise((resolve) => setTimeout(resolve, LOOK_MS));
+const runs = (job?: number): boolean => jobs.value.some((one) => one.state === "running" && (job === undefined || one.number === job));
+
+async function look(): Promise<void> {
+  try {
+    jobs.value = (await read<{ jobs: Job[] }>("/api/jobs")).jobs;
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
   }
+}
+
+let isLooking = false;
+
+/** Look at the jobs until none runs, once for all views; return when the job of a number has ended, whatever else runs. */
+export async function follow(job = 0): Promise<void> {
+  await look();
+  if (!isLooking) void lookOn();
+  while (runs(job)) await pause();
+}
+
+async function lookOn(): Promise<void> {
+  isLooking = true;
+  while (runs()) {
+    await pause();
+    await look();
+  }
+  isLooking = false;
 }
 
 /** All jobs, or those of one folder; `output` alone where the view has progress and an end of its own. */
@@ -54,7 +70,7 @@ export function JobList({ of, output }: { of?: string; output?: boolean }) {
           <p key={one.number} class="row">
             {one.out} runs{one.progress && `, ${one.progress.task}: ${one.progress.done} of ${one.progress.total}`}
             {one.progress && <progress aria-label={`Progress of ${one.out}`} value={one.progress.done} max={Math.max(one.progress.total, one.progress.done, 1)} />}
-            <button type="button" onClick={() => void ask("/api/cancel", { number: one.number }).then(follow)}>Cancel {one.out}</button>
+            <button type="button" onClick={() => void ask("/api/cancel", { number: one.number }).then(() => follow())}>Cancel {one.out}</button>
           </p>
         ))}
       {shown.map((one) => (

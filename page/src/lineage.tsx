@@ -1,7 +1,7 @@
 /** What a file was made from, by the hashes that it carries, and what was made from it. */
 import { signal } from "@preact/signals";
 import { follow, JobList } from "./jobs";
-import { Copied, Problems } from "./parts";
+import { Problems, useCopied } from "./parts";
 import { link, route, VIEW_OF } from "./routes";
 import { ask, attempting, read, Refused, type Listed, type Problem } from "./server";
 import { list } from "./studies";
@@ -40,7 +40,6 @@ const STATES: Record<Made["state"], string> = {
 
 export const stale = signal<Stale>({ stale: {}, unchecked: 0 });
 const shown = signal<Lineage | null>(null);
-const copied = signal<{ command: string; python: string } | null>(null);
 const wrong = signal<Problem[]>([]);
 const attempt = attempting(wrong);
 
@@ -56,6 +55,7 @@ export function lookForStale(): void {
 async function checkAll(): Promise<void> {
   try {
     stale.value = await read<Stale>("/api/stale");
+    if (shown.value) await trace(shown.value.path);
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
   }
@@ -63,9 +63,14 @@ async function checkAll(): Promise<void> {
 
 export const trace = (path: string): Promise<void> =>
   attempt(async () => {
-    copied.value = null;
-    shown.value = await read<Lineage>("/api/lineage", { path });
-    document.getElementById("lineage")?.scrollIntoView({ block: "nearest" });
+    const isOpen = shown.value?.path === path;
+    try {
+      shown.value = await read<Lineage>("/api/lineage", { path });
+    } catch (error) {
+      shown.value = null;
+      throw error;
+    }
+    if (!isOpen) document.getElementById("lineage")?.scrollIntoView({ block: "nearest" });
   });
 
 const where = (files: Listed[], path: string) => {
@@ -94,9 +99,9 @@ function Inputs({ of, files }: { of: Made[]; files: Listed[] }) {
 /** The chain of the file that was asked for. */
 export function Chain({ files }: { files: Listed[] }) {
   const now = shown.value;
+  const [copy, copied] = useCopied(now?.again ?? null, attempt, "making it again");
   const again = async () => {
-    await ask("/api/jobs", now!.again);
-    await follow();
+    await follow((await ask<{ number: number }>("/api/jobs", now!.again)).number);
     await list();
   };
   return (
@@ -114,12 +119,12 @@ export function Chain({ files }: { files: Listed[] }) {
             {now.again && (
               <>
                 <button type="button" onClick={() => void attempt(again)}>Make it again, under a new name</button>
-                <button type="button" onClick={() => void attempt(async () => void (copied.value = await ask("/api/work", now.again)))}>Copy as command or Python</button>
+                {copy}
               </>
             )}
             <button type="button" onClick={() => (shown.value = null)}>Close</button>
           </p>
-          {copied.value && <Copied of="making it again" {...copied.value} />}
+          {now.again && copied}
           <JobList />
         </>
       )}

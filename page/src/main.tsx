@@ -1,5 +1,5 @@
 import { effect, signal, untracked } from "@preact/signals";
-import { render } from "preact";
+import { Component, render, type ComponentChildren } from "preact";
 import { CampaignView } from "./campaign";
 import { ControlView } from "./control";
 import { DriveView } from "./drive";
@@ -39,8 +39,26 @@ function toContent(event: Event): void {
   document.getElementById("main")!.focus();
 }
 
+/** A view that nobody foresaw to fail: it says so, in place of one that stands still. */
+class Guarded extends Component<{ at: string; children: ComponentChildren }, { fault: string; at: string }> {
+  override componentDidCatch(error: unknown): void {
+    console.error(error);
+    this.setState({ fault: String(error), at: this.props.at });
+  }
+  override render() {
+    const { fault, at } = this.state;
+    if (!fault || at !== this.props.at) return this.props.children;
+    return (
+      <div class="problem" role="alert">
+        <p>This view failed by a fault of the page: {fault}.</p>
+        <p>Hint: Reload the page; save texts under Drive or Sizing first. Report the fault with the files that were open.</p>
+      </div>
+    );
+  }
+}
+
 function Page() {
-  const { view } = route.value;
+  const { view, path } = route.value;
   const described = opened.value?.path ?? "";
   return (
     <>
@@ -60,16 +78,20 @@ function Page() {
       {isOld.value && <div class="banner" role="status">The server has another version of this page. Reload it.</div>}
       <main id="main" tabIndex={-1}>
         {connection.value === "locked" && hasUsers() && <Login />}
-        {connection.value !== "locked" && view === "studies" && <StudiesView />}
-        {connection.value !== "locked" && view === "drive" && <DriveView />}
-        {connection.value !== "locked" && view === "simulate" && <SimulateView />}
-        {connection.value !== "locked" && view === "recording" && <RecordingView />}
-        {connection.value !== "locked" && view === "friction" && <FrictionView />}
-        {connection.value !== "locked" && view === "validation" && <ValidationView />}
-        {connection.value !== "locked" && view === "sizing" && <SizingView />}
-        {connection.value !== "locked" && view === "campaign" && <CampaignView />}
-        {connection.value !== "locked" && view === "control" && <ControlView />}
-        {connection.value !== "locked" && view === "handover" && <HandoverView />}
+        {connection.value !== "locked" && (
+          <Guarded at={link(view, path)}>
+            {view === "studies" && <StudiesView />}
+            {view === "drive" && <DriveView />}
+            {view === "simulate" && <SimulateView />}
+            {view === "recording" && <RecordingView />}
+            {view === "friction" && <FrictionView />}
+            {view === "validation" && <ValidationView />}
+            {view === "sizing" && <SizingView />}
+            {view === "campaign" && <CampaignView />}
+            {view === "control" && <ControlView />}
+            {view === "handover" && <HandoverView />}
+          </Guarded>
+        )}
       </main>
       <footer>This page shows and simulates. It is no safety function.</footer>
     </>

@@ -181,7 +181,7 @@ const fetchMeasured = newest(async () => {
     wrong.value = [];
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
-    wrong.value = error.problems;
+    if (of === asked) wrong.value = error.problems; // else another recording is opened by now
   }
 });
 

@@ -80,7 +80,10 @@ export async function open(path: string): Promise<void> {
     const found = await read<Found>("/api/file", { path, checked: "1" });
     if (mine !== asked) return;
     const own = draft && (isSaved(draft) ? null : draft);
-    if (isOpen && (found.sha256 ?? "") === before.sha256) return;
+    if (isOpen && (found.sha256 ?? "") === before.sha256) {
+      said.value = ""; // it may have been away
+      return;
+    }
     onDisk.value = own && own.sha256 !== (found.sha256 ?? "") ? found : null;
     if (!own) return show(path, found, mine);
     if (isOpen) return;

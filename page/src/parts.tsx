@@ -2,7 +2,7 @@
 import type { Signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
 import { link, type View } from "./routes";
-import { connection, hasUsers, logIn, read, Refused, type Listed, type Problem } from "./server";
+import { ask, type attempting, connection, hasUsers, logIn, read, Refused, type Listed, type Problem } from "./server";
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
 
@@ -102,6 +102,15 @@ export function Copied({ command, python, of = "" }: { command?: string; python:
       <pre data-copy="python" tabIndex={0} aria-label="Python">{python}</pre>
     </section>
   );
+}
+
+/** What shows a job as lines to copy, and those lines: none once it is another job that is asked for. */
+export function useCopied(job: object | null, attempt: ReturnType<typeof attempting>, of = "") {
+  const [held, hold] = useState({ asked: "", command: "", python: "" });
+  const asked = JSON.stringify(job);
+  const copy = () => attempt(async () => hold({ asked, ...(await ask<{ command: string; python: string }>("/api/work", job)) }));
+  const button = <button type="button" disabled={!job} onClick={() => void copy()}>Copy as command or Python</button>;
+  return [button, held.asked === asked && <Copied of={of} command={held.command} python={held.python} />] as const;
 }
 
 interface NumberProps {

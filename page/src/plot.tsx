@@ -1,5 +1,6 @@
 /** One plot over time: the only file that touches uPlot. */
 import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
+import "./language"; // before uPlot, which reads it
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import type { Numbers } from "./frame";
@@ -70,6 +71,7 @@ export interface PlotProps {
   onHover?: (time: number) => void; // of the value that is pointed at
   onPick?: (time: number) => void; // a click that is no drag
   log?: boolean; // both axes logarithmic: a spectrum
+  extreme?: boolean; // values are the lowest and the highest of each pixel, in turn
 }
 
 /** Where many runs lie, shaded behind the curves. */
@@ -264,6 +266,8 @@ function curve(u: uPlot, series: number): void {
   else lines(u, series);
 }
 
+const DOT = 1.5; // radius of a value between two gaps, pixels
+
 /** Draw straight lines between values; of those in one column of pixels only the first, the lowest, the highest and the last. */
 export function lines(u: uPlot, series: number): void {
   const { x, y, left, top, width, height, first, most, perX, perY } = placed(u, series);
@@ -288,13 +292,18 @@ export function lines(u: uPlot, series: number): void {
     if (!isOne) ctx.lineTo(endX, endY);
     [column, isOne] = [Number.NaN, true];
   };
-  let isDown = false;
+  let [isDown, isAlone] = [false, false];
+  /** End a line before a gap: a value alone in its column of pixels, between two gaps, becomes a dot, as it has no line. */
+  const end = () => {
+    leave();
+    if (isDown && isAlone && low === high) ctx.arc(endX, endY, DOT * devicePixelRatio, 0, 2 * Math.PI);
+    isDown = false;
+  };
   for (let i = Math.max(from, 0); i <= Math.min(to, x.length - 1); i++) {
     const value = y[i];
     if (value === undefined || (value === null && own.spanGaps)) continue;
     if (value === null) {
-      leave();
-      isDown = false;
+      end();
       continue;
     }
     const [atX, atY] = [left + (x[i]! - first) * perX, top + (most - value) * perY];
@@ -304,6 +313,7 @@ export function lines(u: uPlot, series: number): void {
       if (atY > high) high = atY;
     } else {
       leave();
+      isAlone = !isDown;
       if (isDown) ctx.lineTo(atX, atY);
       else ctx.moveTo(atX, atY);
       isDown = true;
@@ -312,7 +322,7 @@ export function lines(u: uPlot, series: number): void {
     }
     [endX, endY] = [atX, atY];
   }
-  leave();
+  end();
   ctx.strokeStyle = (own.stroke as () => string)();
   ctx.lineWidth = own.width! * devicePixelRatio;
   ctx.lineJoin = "round";
@@ -441,12 +451,13 @@ function fill(u: uPlot, bands: Band[], size: number): void {
   u.ctx.restore();
 }
 
-function Values({ curves, size, unit, xUnit, title }: PlotProps) {
+function Values({ curves, size, unit, xUnit, title, extreme }: PlotProps) {
   const first = curves[0];
   if (!first) return <p>No curve.</p>;
   const at = Array.from({ length: ROWS }, (_, row) => Math.round(((first.x.length - 1) * row) / (ROWS - 1)));
   return (
     <div class="scroll" tabIndex={0} role="region" aria-label={`Table of ${title}`}>
+      {extreme && <p class="note">Each value is the lowest or the highest of a pixel; a closer view has the samples.</p>}
       <table>
         <thead>
           <tr>

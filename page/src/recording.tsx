@@ -4,7 +4,7 @@ import { useEffect } from "preact/hooks";
 import type { Frame, Numbers } from "./frame";
 import { follow, JobList } from "./jobs";
 import { digits } from "./looks";
-import { Copied, Problems } from "./parts";
+import { Problems, useCopied } from "./parts";
 import { pixelsOfPlots, Plot, type Curve, type Shade } from "./plot";
 import { route } from "./routes";
 import { ask, attempting, frame, Live, read, Refused, write, type Problem } from "./server";
@@ -57,6 +57,7 @@ const views = signal<{ head: Head; time: Numbers; channels: Map<string, Numbers>
 const strokes = signal<Stroke[]>([]);
 const faults = signal<Faults>({});
 const without = signal(""); // why neither is shown
+const unmoved = signal<Problem[]>([]); // why they could not be read
 const wrong = signal<Problem[]>([]);
 const proposal = signal<Proposal | null>(null);
 const proposals = new Map<string, Proposal>(); // of each recording the last one, with what was typed into it
@@ -79,7 +80,7 @@ async function open(path: string): Promise<void> {
   strokes.value = [];
   faults.value = {};
   without.value = "";
-  wrong.value = refused.value = [];
+  wrong.value = refused.value = unmoved.value = [];
   said.value = "";
   forgetBeside();
   try {
@@ -95,10 +96,15 @@ async function open(path: string): Promise<void> {
       await pause(150);
     }
     if (about.value!.layout === null && !about.value!.time) return;
+  } catch (error) {
+    if (mine === generation && error instanceof Refused) wrong.value = error.problems;
+    return;
+  }
+  try {
     const found = await read<{ strokes: Stroke[]; faults: Faults; note?: string }>("/api/strokes", { path });
     if (mine === generation) [strokes.value, faults.value, without.value] = [found.strokes, found.faults, found.note ?? ""];
   } catch (error) {
-    if (mine === generation && error instanceof Refused) wrong.value = error.problems;
+    if (mine === generation && error instanceof Refused) unmoved.value = error.problems;
   }
 }
 
@@ -135,8 +141,8 @@ function take({ head, arrays }: Frame<Head>): void {
 }
 
 /** Digits that tell the ends of a span apart. */
-const enough = (from: number, to: number): number =>
-  Math.min(Math.max(Math.ceil(Math.log10(Math.max(Math.abs(from), Math.abs(to)) / (to - from))) + 4, 7), 16);
+export const enough = (from: number, to: number): number =>
+  Math.min(Math.max(Math.ceil(Math.log10(Math.max(Math.abs(from), Math.abs(to)) / (to - from || 1))) + 4, 7), 16);
 
 function zoom(factor: number): void {
   const [from, to] = span.value;
@@ -169,7 +175,7 @@ export function RecordingView() {
   return (
     <div class="recording">
       <h2>{path}</h2>
-      <Problems of={wrong.value} />
+      <Problems of={[...wrong.value, ...unmoved.value]} />
       {!found?.channels && !wrong.value.length && (
         <p role="status">
           The file is read for the first time. <progress aria-label="Read so far" value={found?.share ?? 0} max={1} />
@@ -302,6 +308,7 @@ function Plots({ found }: { found: Opened }) {
             cursors={cursors.value ?? undefined}
             onPick={pick}
             gaps
+            extreme={!now.head.raw}
             onZoom={(from, to) => look([from, to])}
           />
         );
@@ -385,19 +392,17 @@ function Wizard({ path }: { path: string }) {
 }
 
 const folder = signal("");
-const copied = signal<{ command: string; python: string } | null>(null);
 
 /** The friction of a recording, by the same command as in a terminal. */
 function Characterise({ path }: { path: string }) {
   useEffect(() => {
     folder.value = path.replace(/^.*\//, "").replace(/\..*$/, "");
-    copied.value = null;
     void follow();
   }, [path]);
   const work = { recordings: [path], name: folder.value };
   const attempt = attempting(refused);
   const start = () => attempt(async () => (await ask("/api/jobs", work), void follow()));
-  const copy = () => attempt(async () => (copied.value = await ask("/api/work", work)));
+  const [copy, copied] = useCopied(work, attempt);
   return (
     <section aria-label="Friction">
       <h2>Friction of this recording</h2>
@@ -406,10 +411,10 @@ function Characterise({ path }: { path: string }) {
           Results in results/ <input value={folder.value} onInput={(event) => (folder.value = event.currentTarget.value)} />
         </label>
         <button type="button" onClick={() => void start()}>Characterise</button>
-        <button type="button" onClick={() => void copy()}>Copy as command or Python</button>
+        {copy}
       </p>
       <Problems of={refused.value} />
-      {copied.value && <Copied {...copied.value} />}
+      {copied}
       <JobList />
     </section>
   );

@@ -23,4 +23,4 @@ function decoded(part: string): string {
 }
 
 /** The view that shows a file of a kind. */
-export const VIEW_OF: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction", campaign: "campaign", comparison: "control", validation: "validation", task: "sizing", sizing: "sizing", fmu: "handover" };
+export const VIEW_OF: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction", campaign: "campaign", comparison: "control", validation: "validation", task: "sizing", sizing: "sizing", fmu: "handover", other: "drive" };

@@ -26,6 +26,7 @@ export interface Studies {
   protocols: string[];
   control: boolean;
   left_out: number;
+  is_cut: boolean; // of more files than are listed
   files: Listed[];
   catalogue: { path: string; title: string }[];
 }

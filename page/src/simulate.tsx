@@ -6,7 +6,7 @@ import type { Frame, Numbers } from "./frame";
 import { Circuit } from "./circuit";
 import { withFile } from "./command";
 import { digits } from "./looks";
-import { drawing, opened, problems as textProblems, set, valid, type Field } from "./opened";
+import { drawing, opened, problems as textProblems, said, set, valid, type Field } from "./opened";
 import { Copied, KINDS, NumberField, Problems } from "./parts";
 import { curveOf, Plot, type Curve } from "./plot";
 import { ask, Live, Refused, type Problem } from "./server";
@@ -44,13 +44,19 @@ const command = signal("0 s: 1, 1 s: -1");
 const duration = signal("2 s");
 const initial = signal("");
 const shown = signal<string[]>([]);
-const numbers = signal<Record<string, number>>({});
+const moved = signal<Record<string, number>>({}); // by `placeOf` a value
 const ranges = signal<Record<string, [number, number]>>({});
 const frozen = signal<Trace[]>([]);
 const answer = signal<Frame<Head> | null>(null);
 const wrong = signal<Problem[]>([]);
 
 const fields = computed(() => new Map((valid.value?.values ?? []).map((one) => [one.key, one])));
+
+/** A slider's number holds for its value in its unit: in another one, as absolute in place of gauge, it is another pressure. */
+const placeOf = ({ key, unit = "" }: Field): string => `${key} ${unit}`;
+
+/** Numbers of the sliders that were moved, by the keys of their values. */
+const numbers = computed(() => Object.fromEntries([...fields.value.values()].flatMap((one) => (placeOf(one) in moved.value ? [[one.key, moved.value[placeOf(one)]!]] : []))));
 
 const changes = computed(() => {
   const out: Record<string, string | number> = {};
@@ -87,7 +93,7 @@ effect(() => {
   answer.value = null;
   wrong.value = [];
   shown.value = now.sliders ?? [];
-  numbers.value = {};
+  moved.value = {};
   ranges.value = {};
   frozen.value = [];
   forget();
@@ -150,6 +156,7 @@ export function SimulateView() {
     <div class="simulate">
       <section class="controls" aria-label="What is simulated">
         <h2>{valid.value.name}</h2>
+        {said.value && <p class="note" role="status">{said.value}</p>}
         <Sliders />
         <AddSlider />
         <Run />
@@ -323,7 +330,7 @@ function Slider({ field }: { field: Field }) {
   const [low, high] = ranges.value[field.key] ?? [field.low!, field.high!];
   const value = numbers.value[field.key] ?? field.number!;
   const isChanged = value !== field.number;
-  const put = (next: number) => (numbers.value = { ...numbers.value, [field.key]: next });
+  const put = (next: number) => (moved.value = { ...moved.value, [placeOf(field)]: next });
   const name = `slider-${field.key}`;
   const unit = field.unit ?? "";
   return (
@@ -415,7 +422,7 @@ function Run() {
       </label>
       <label>
         Start
-        <input value={initial.value} placeholder="position = 50 mm" onInput={(event) => (initial.value = event.currentTarget.value)} />
+        <input value={initial.value} placeholder={isCircuit ? "NAME.position = 50 mm" : "position = 50 mm"} onInput={(event) => (initial.value = event.currentTarget.value)} />
       </label>
     </div>
   );

@@ -4,7 +4,7 @@ import { useEffect, useRef } from "preact/hooks";
 import type { Editor } from "./editor";
 import { follow, JobList, jobs } from "./jobs";
 import { digits } from "./looks";
-import { Copied, InFolder, NumberField, Problems, ReportOf } from "./parts";
+import { InFolder, NumberField, Problems, ReportOf, useCopied } from "./parts";
 import { link, route } from "./routes";
 import { ask, attempting, read, Refused, write, type Problem } from "./server";
 import { list, studies } from "./studies";
@@ -83,7 +83,6 @@ const name = signal("sizing");
 const least = signal(100);
 const draws = signal(256);
 const found = signal<Sizing | null>(null);
-const copied = signal<{ command: string; python: string } | null>(null);
 const chosen = signal("");
 const pinned = signal<string[]>([]);
 const order = signal<{ by: string; down: boolean }>({ by: "air", down: false });
@@ -107,7 +106,6 @@ function type(next: string): Promise<void> {
 /** Take another text for the task and have it checked; only the newest answer counts. */
 async function change(next: string): Promise<void> {
   text.value = next;
-  copied.value = null;
   const mine = ++asked;
   await attempt(async () => {
     const one = await ask<Task>("/api/task", { text: next });
@@ -165,15 +163,10 @@ async function look(folder: string): Promise<void> {
 const LOOK_MS = 500;
 const request = (resume?: string) => ({ kind: "size", task: resume ? found.value!.task : file.value, name: name.value, least: least.value, draws: draws.value, ...(resume && { resume }) });
 
-/** Show the command and the Python of a search: of the next one, or of one that is done. */
-async function copy(done?: string): Promise<void> {
-  await attempt(async () => void (copied.value = await ask("/api/work", done ? { ...request(done), ...found.value!.asked } : request())));
-}
-
 async function run(resume?: string): Promise<void> {
   await attempt(async () => {
-    const { out } = await ask<{ out: string }>("/api/jobs", request(resume));
-    void follow().then(list);
+    const { out, number } = await ask<{ out: string; number: number }>("/api/jobs", request(resume));
+    void follow(number).then(list);
     if (!resume) location.hash = link("sizing", out);
   });
 }
@@ -182,7 +175,6 @@ export function SizingView() {
   const state = jobs.value.find((one) => one.out === path.value)?.state;
   useEffect(() => {
     wrong.value = [];
-    copied.value = null;
     void follow();
     if (path.value && !isFile.value) [found.value, chosen.value, pinned.value] = [null, "", []];
     else void load(path.value);
@@ -228,6 +220,7 @@ function TaskView() {
   const files = studies.value?.files ?? [];
   const results = files.filter((one) => one.kind === "sizing");
   const isSaved = sha256.value !== "" && text.value === saved.value;
+  const [copy, copied] = useCopied(isSaved ? request() : null, attempt);
   return (
     <>
       <div class="drive">
@@ -275,10 +268,10 @@ function TaskView() {
           </label>
           <Counts />
           <button type="button" disabled={!isSaved || Boolean(now?.problems.length)} onClick={() => void run()}>Size</button>
-          <button type="button" disabled={!isSaved} onClick={() => void copy()}>Copy as command or Python</button>
+          {copy}
           {!isSaved && <span class="note">Save the task first.</span>}
         </p>
-        {copied.value && <Copied {...copied.value} />}
+        {isSaved && copied}
         <JobList />
         <InFolder files={results} title="Sizings" view="sizing" />
       </section>
@@ -301,6 +294,8 @@ function Counts() {
 
 function Result({ now, folder }: { now: Sizing; folder: string }) {
   const running = jobs.value.find((one) => one.out === folder && one.state === "running");
+  const done = now.asked && now.task ? { ...request(folder), ...now.asked } : null;
+  const [copy, copied] = useCopied(done, attempt);
   const meets = now.candidates.filter((one) => one.meets).length;
   return (
     <>
@@ -314,7 +309,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
         <p class="row">
           <progress aria-label="Progress of the search" value={running.progress?.done ?? 0} max={Math.max(running.progress?.total ?? 1, 1)} />
           {running.progress && `${running.progress.task}: ${running.progress.done} of ${running.progress.total}`}
-          <button type="button" onClick={() => void ask("/api/cancel", { number: running.number }).then(follow)}>Cancel the search</button>
+          <button type="button" onClick={() => void ask("/api/cancel", { number: running.number }).then(() => follow())}>Cancel the search</button>
         </p>
       )}
       {!running && now.searched && <p class="note">A process that this server did not start searches in this folder.</p>}
@@ -334,12 +329,8 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
           <p><b>Nothing meets the task.</b> {now.miss.gives}</p>
         </div>
       )}
-      {now.asked && now.task && (
-        <p>
-          <button type="button" onClick={() => void copy(folder)}>Copy as command or Python</button>
-        </p>
-      )}
-      {copied.value && <Copied {...copied.value} />}
+      {done && <p>{copy}</p>}
+      {done && copied}
       {now.said.length > 0 && (
         <details>
           <summary>How the search went</summary>
@@ -429,7 +420,7 @@ const MOST_ROWS = 200;
 function Table({ now }: { now: Sizing }) {
   const { by, down } = order.value;
   const value = COLUMNS.find((one) => one[1] === by)![2];
-  const at = (one: Candidate) => value(one) ?? Infinity;
+  const at = (one: Candidate) => value(one) ?? (down ? -Infinity : Infinity); // without a value: last either way
   const rows = [...now.candidates].sort((a, b) => {
     const pins = Number(pinned.value.includes(b.name)) - Number(pinned.value.includes(a.name));
     return pins || (down ? -1 : 1) * (at(a) === at(b) ? 0 : at(a) - at(b));

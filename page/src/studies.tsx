@@ -4,7 +4,7 @@ import { useEffect } from "preact/hooks";
 import { Differences, type Compared } from "./differences";
 import { Chain, lookForStale, stale, trace } from "./lineage";
 import { Copied, Problems } from "./parts";
-import { ask, attempting, connection, drop, read, Refused, type Listed, type Problem, type Studies } from "./server";
+import { ask, connection, drop, read, Refused, type Listed, type Problem, type Studies } from "./server";
 import { link, VIEW_OF } from "./routes";
 
 declare const __BUILD__: string;
@@ -26,6 +26,7 @@ async function readFolder(): Promise<void> {
     studies.value = await read<Studies>("/api/studies");
     isOld.value = studies.value.build !== __BUILD__;
     lookForStale();
+    compare();
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
     if (error.status) refused.value = error.problems; // a server that is gone has a line of its own
@@ -90,6 +91,9 @@ const TITLES: Record<string, string> = {
   rig: "Rigs",
   setup: "Setups",
   controller: "Controllers",
+  formula: "Laws of friction and other parts as formulas",
+  other: "Other TOML files",
+  unreadable: "Files that cannot be read",
 };
 const MOST = 200; // rows of a kind on the page; the filter finds the others
 
@@ -114,6 +118,7 @@ export function StudiesView() {
         <span>
           {found.files.length} files in {found.folder}
           {found.left_out > 0 && `; ${found.left_out} names are no UTF-8 and left out`}
+          {found.is_cut && "; those beyond are not listed: start pneudrive web in a folder below"}
         </span>
       </p>
       <p class="row">
@@ -154,16 +159,25 @@ const apart = signal<Problem[]>([]);
 
 /** Choose a file to be compared; the newest two count. */
 const tick = (path: string): void => {
-  compared.value = null;
   pair.value = pair.value.includes(path) ? pair.value.filter((one) => one !== path) : [...pair.value, path].slice(-2);
-  const [before, after] = pair.value;
-  const compare = async () => {
-    const found = await ask<Compared>("/api/compare", { before, after });
-    if (pair.value[0] === before && pair.value[1] === after) compared.value = found; // others may be ticked by now
-  };
-  if (before && after) void attempting(apart)(compare);
-  else apart.value = [];
+  compared.value = null;
+  compare();
 };
+
+/** Compare the two that are ticked as they stand by now. */
+function compare(): void {
+  const [before, after] = pair.value;
+  apart.value = [];
+  if (!before || !after) return;
+  const isSame = () => pair.value[0] === before && pair.value[1] === after; // others may be ticked by now
+  void ask<Compared>("/api/compare", { before, after }).then(
+    (found) => void (isSame() && (compared.value = found)),
+    (error: unknown) => {
+      if (!(error instanceof Refused)) throw error;
+      if (isSame()) [compared.value, apart.value] = [null, error.problems];
+    },
+  );
+}
 
 function Compare() {
   if (!pair.value.length) return null;

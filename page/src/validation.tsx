@@ -6,7 +6,7 @@ import type { Frame } from "./frame";
 import { follow, JobList, jobs } from "./jobs";
 import { digits, instant } from "./looks";
 import { open as openDrive, valid, type Field } from "./opened";
-import { Copied, DriveChoice, folderOf, InFolder, KINDS, NumberField, Problems, ReportOf } from "./parts";
+import { DriveChoice, folderOf, InFolder, KINDS, NumberField, Problems, ReportOf, useCopied } from "./parts";
 import { curveOf, Plot } from "./plot";
 import { link, route } from "./routes";
 import { ask, attempting, Live, read, Refused, type Problem } from "./server";
@@ -87,7 +87,6 @@ const record = signal(0);
 const span = signal<[number, number]>([0, 1]);
 const key = signal("");
 const number = signal<number | null>(null);
-const copied = signal<{ command: string; python: string } | null>(null);
 
 /** What a new validation is made of. */
 const drive = signal("");
@@ -105,7 +104,7 @@ const changes = computed<Record<string, string | number>>(() => {
 });
 
 async function load(at: string): Promise<void> {
-  found.value = frame.value = number.value = difference.value = copied.value = null;
+  found.value = frame.value = number.value = difference.value = null;
   free.value = after.value = "";
   wrong.value = [];
   record.value = 0;
@@ -124,8 +123,8 @@ async function load(at: string): Promise<void> {
 
 async function start(given: Record<string, unknown>): Promise<void> {
   await attempt(async () => {
-    await ask("/api/jobs", given);
-    await follow();
+    const { number: job } = await ask<{ number: number }>("/api/jobs", given);
+    await follow(job);
     await list();
   });
 }
@@ -144,7 +143,7 @@ export function ValidationView() {
     });
     const end = effect(() => {
       const now = found.value;
-      if (!now) return;
+      if (!now || !path.value) return; // the list of validations, after one of them
       live.request({ what: "validation", path: path.value, record: record.value, span: span.value, pixels: 1000, changes: changes.value, drive: now.drive });
       count();
     });
@@ -172,7 +171,9 @@ function Start() {
   const drives = [...files.filter((one) => one.kind === "drive" || one.kind === "fit").map((one) => one.path), ...(studies.value?.catalogue ?? []).map((one) => one.path)];
   const recordings = files.filter((one) => one.kind === "recording");
   const results = files.filter((one) => one.kind === "validation");
-  const given = { kind: "validate", drive: drive.value, recordings: chosen.value, name: name.value };
+  const there = chosen.value.filter((one) => recordings.some((other) => other.path === one)); // without what is gone by now
+  const given = { kind: "validate", drive: drive.value, recordings: there, name: name.value };
+  const [copy, copied] = useCopied(given, attempt);
   return (
     <>
       <h2>Does my model hold?</h2>
@@ -201,10 +202,10 @@ function Start() {
       </fieldset>
       <p class="row">
         <button type="button" onClick={() => void start(given)}>Validate</button>
-        <button type="button" onClick={() => void attempt(async () => void (copied.value = await ask("/api/work", given)))}>Copy as command or Python</button>
+        {copy}
       </p>
       <Problems of={wrong.value} />
-      {copied.value && <Copied {...copied.value} />}
+      {copied}
       <JobList />
       <InFolder files={results} title="Validations" view="validation" />
     </>
@@ -426,14 +427,17 @@ function Refit({ now, folder }: { now: Validation; folder: string }) {
   const has = (file: string) => files.some((one) => one.path === file);
   const given = { kind: "identify", drive: now.drive, recordings: now.record.map((one) => one.file), free: wanted, out: fit };
   const applied = { kind: "apply", drive: now.drive, fit, out: target };
-  const busy = jobs.value.some((one) => one.state === "running");
+  const [copy, copied] = useCopied(has(fit) ? applied : given, attempt);
+  const busy = jobs.value.some((one) => one.state === "running" && [fit, target].includes(one.out));
+  const isWithout = now.record.some((one) => !one.file);
   return (
     <>
       <p class="row">
         <label>
           Identify <input value={wanted} onInput={(event) => (free.value = event.currentTarget.value)} />
         </label>
-        <button type="button" disabled={busy || has(fit) || now.record.some((one) => !one.file)} onClick={() => void start(given)}>Identify from these recordings</button>
+        <button type="button" disabled={busy || has(fit) || isWithout} onClick={() => void start(given)}>Identify from these recordings</button>
+        {isWithout && <span class="note">A recording of this validation is not in the folder any more, or others have its name.</span>}
         {has(fit) && <a href={link("friction", fit)}>{fit}</a>}
       </p>
       {has(fit) && (
@@ -450,10 +454,8 @@ function Refit({ now, folder }: { now: Validation; folder: string }) {
           )}
         </p>
       )}
-      <p class="row">
-        <button type="button" onClick={() => void attempt(async () => void (copied.value = await ask("/api/work", has(fit) ? applied : given)))}>Copy as command or Python</button>
-      </p>
-      {copied.value && <Copied {...copied.value} />}
+      <p class="row">{copy}</p>
+      {copied}
       <JobList />
       {difference.value && <Differences {...difference.value} />}
     </>

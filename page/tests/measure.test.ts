@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { alike, marksOf, nextPlace, shiftOf, told, type Stroke } from "../src/measure";
+import { enough } from "../src/recording";
 import { newest } from "../src/server";
 
 const stroke = (from: number, direction: number): Stroke => ({ from, to: from + 1, direction, speed: 0.1 * direction });
@@ -19,6 +20,12 @@ describe("the time of a cursor", () => {
   it("is told to the sample, on the clock of a computer too", () => {
     expect(told(1772000001.234, [1772000000, 1772000060])).toBe("1772000001.234");
     expect(told(12.3456, [0, 60])).toBe("12.3456");
+  });
+});
+
+describe("the ends of a view", () => {
+  it("are told apart, on the clock of a computer too, and of one time alone", () => {
+    expect([enough(0, 60), enough(1772000000, 1772000001), enough(0, 0), enough(3, 3)]).toEqual([7, 14, 7, 7]);
   });
 });
 

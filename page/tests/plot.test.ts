@@ -20,7 +20,7 @@ function drawn(x: number[], y: (number | null | undefined)[], idxs: [number, num
   const scale = { min: 0, max: 10 };
   const series = [{ idxs }, { spanGaps, stroke: () => "#111111", width: 1 }];
   const bbox = { left: 0, top: 0, width: 10, height: 10 };
-  lines({ data: [x, y], bbox, scales: { x: scale, y: scale }, series, ctx: { ...ctx, moveTo: put("to"), lineTo: put("line") } } as unknown as uPlot, 1);
+  lines({ data: [x, y], bbox, scales: { x: scale, y: scale }, series, ctx: { ...ctx, moveTo: put("to"), lineTo: put("line"), arc: (x: number, y: number) => put("dot")(x, y) } } as unknown as uPlot, 1);
   return out;
 }
 
@@ -36,8 +36,17 @@ describe("the lines of a curve", () => {
   });
   it("stop at a gap, unless it is to be spanned, and pass over times of other curves", () => {
     const [x, y] = [[1, 2, 3, 4, 5], [1, undefined, 2, null, 3]];
-    expect(drawn(x, y, [0, 4])).toEqual(["to 1 9", "line 3 8", "to 5 7"]);
+    expect(drawn(x, y, [0, 4])).toEqual(["to 1 9", "line 3 8", "to 5 7", "dot 5 7"]);
     expect(drawn(x, y, [0, 4], true)).toEqual(["to 1 9", "line 3 8", "line 5 7"]);
+  });
+});
+
+describe("a value between two gaps", () => {
+  it("is a dot, as one of a channel of a slower clock", () => {
+    expect(drawn([1, 2, 3, 4, 5], [null, 5, null, 7, null], [0, 4])).toEqual(["to 2 5", "dot 2 5", "to 4 3", "dot 4 3"]);
+  });
+  it("is a dot also as the lowest and the highest of a pixel", () => {
+    expect(drawn([1, 2, 2.4, 3], [null, 5, 5, null], [0, 3])).toEqual(["to 2 5", "line 2.4 5", "dot 2.4 5"]);
   });
 });
 

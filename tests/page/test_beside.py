@@ -10,6 +10,40 @@ from page.conftest import DRIVE, Server
 from page.test_journeys import Open, at_end, drag, settled, violations
 from pneudrive.trajectory import save_columns
 
+SINGLE_ACTING = """\
+name = "clamp"
+connections = ["mains -> valve.1", "valve.2 -> cylinder.a"]
+
+[components.mains]
+kind = "reservoir"
+pressure = "6 bar gauge"
+
+[components.valve]
+kind = "valve/switching-3/2"
+time_on = "10 ms"
+time_off = "10 ms"
+conductance = "1.2 dm3/(s bar)"
+critical_pressure_ratio = 0.3
+
+[components.cylinder]
+kind = "cylinder/single-acting"
+bore = "32 mm"
+rod_diameter = "12 mm"
+stroke = "50 mm"
+dead_volume = { a = "8 cm3", b = "8 cm3" }
+moving_mass = "0.3 kg"
+spring_stiffness = "1000 N/m"
+spring_preload = "30 N"
+breather_conductance = "0.5 dm3/(s bar)"
+
+[components.cylinder.friction]
+law = "stribeck"
+coulomb = "10 N"
+breakaway = "15 N"
+stribeck_velocity = "20 mm/s"
+viscous = "40 N s/m"
+"""
+
 
 def test_a_run_beside_others(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     (server.folder / "heavy.toml").write_text(DRIVE.replace("[friction]", '[load]\nmass = "5 kg"\n[friction]'))
@@ -86,6 +120,10 @@ def test_a_run_beside_others(server: Server, open_tab: Open, monkeypatch: pytest
     page.keyboard.press("Home")
     page.click("button:text-is('Play')")
     page.wait_for_selector(f".motion[data-row='{len(run.time) - 1}']")
+    (server.folder / "clamp.toml").write_text(SINGLE_ACTING)
+    page.evaluate("location.hash = '#/simulate/clamp.toml'")
+    page.wait_for_selector("[data-without=loops]")  # what cannot be drawn is not left out without a word
+    page.wait_for_selector("[data-without=motion]")
     tab.check()
     assert pn.Drive.load("axis.toml").load.mass_kg == 0.0  # nothing was written
 

@@ -7,6 +7,7 @@ from urllib.parse import quote
 
 import polars as pl
 
+import pneudrive as pn
 from page.conftest import DRIVE, Server
 from page.test_journeys import Open, at_end, settled
 from pneudrive.characterise import write_map
@@ -84,6 +85,7 @@ def test_late_and_other_answers(server: Server, open_tab: Open) -> None:
         write_map(curves, server.folder / name / "map.parquet")
     span = pl.Series([0.001 * i for i in range(3000)])
     pl.DataFrame({"time": span, "level": span}).write_csv(server.folder / "log.csv")
+    pl.DataFrame({"time_s": [3.0], "level": [1.0]}).write_parquet(server.folder / "one.parquet")
     (server.folder / os.fsdecode(b"bad\xffname.csv")).write_text("a\n1\n")
     tab = open_tab(server.address)
     page = tab.page
@@ -104,6 +106,17 @@ def test_late_and_other_answers(server: Server, open_tab: Open) -> None:
         held[0].continue_()
     page.wait_for_timeout(100)
     assert page.inner_text("main") == before
+    page.unroute("**/api/map?path=worn*")
+    # Of fits beside a map none is said to be drawn before it is.
+    pn.fit_friction(curves).to_toml(server.folder / "worn" / "other.toml")
+    show("worn/map.parquet", "friction")
+    choice = page.locator("label:has-text('Curves of') select")
+    assert choice.input_value() == ""
+    choice.select_option("worn/other.toml")
+    page.wait_for_selector("[aria-label='Behind the fit'] >> text=worn/other.toml")
+    # A recording of one sample is shown, and the next one after it.
+    show("one.parquet", "recording")
+    page.wait_for_selector("[role=status][data-to='3.5'] >> text=1 of 1 samples")
     # A recording that is another one by now is shown whole.
     show("log.csv", "recording")
     page.wait_for_selector("[role=status][data-to='2.999']")
@@ -111,6 +124,15 @@ def test_late_and_other_answers(server: Server, open_tab: Open) -> None:
     pl.DataFrame({"time": long, "level": long}).write_csv(server.folder / "log.csv")
     page.click("text=Closer")
     page.wait_for_selector("[role=status][data-to='19.999']")
+    # Two files that are compared are those of the folder as it was read last.
+    (server.folder / "other.toml").write_text(DRIVE.replace("28 N", "20 N"))
+    page.click("nav >> text=Studies")
+    for name in ("axis.toml", "other.toml"):
+        page.check(f"input[aria-label='Compare {name}']")
+    page.wait_for_selector("[data-differs='friction.coulomb'] >> text=20 N")
+    (server.folder / "other.toml").write_text(DRIVE.replace("28 N", "21 N"))
+    page.click("text=Read the folder again")
+    page.wait_for_selector("[data-differs='friction.coulomb'] >> text=21 N")
     # An address that was cut within a letter is one without such a file.
     page.evaluate("location.hash = '#/simulate/100%'")
     page.wait_for_selector(".problem")

@@ -508,6 +508,15 @@ def test_text_of_files_stays_text(server: Server, open_tab: Open) -> None:
     tab.check()
 
 
+def test_a_browser_whose_system_has_no_language(server: Server, browser: object) -> None:
+    """Chromium says so under LANG=C, and what formats numbers refuses that."""
+    page = browser.new_page()
+    page.add_init_script("Object.defineProperty(Navigator.prototype, 'language', {get: () => 'en-US@posix'})")
+    page.goto(server.address)
+    page.wait_for_selector("text=axis.toml", timeout=15_000)
+    page.close()
+
+
 def test_the_first_page_is_small() -> None:
     import gzip
     import re
@@ -536,7 +545,11 @@ def test_hand_over(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPat
     page.click("nav >> text=Hand over")
     page.select_option("label:has-text('Drive or circuit') select", "axis.toml")
     page.fill("label:has-text('Start state') input", "position = 50 mm")
+    page.fill("label:has-text('Into results/') input", "another")
+    page.click("text=Copy as command or Python")
+    page.wait_for_selector("[data-copy=python]")
     page.fill("label:has-text('Into results/') input", "axis")
+    page.wait_for_selector("[data-copy=python]", state="detached")  # they were those of another export
     page.click("text=Copy as command or Python")
     page.wait_for_selector("[data-copy=python]")
     assert violations(tab) == []

@@ -58,6 +58,17 @@ def test_a_comma_is_refused_in_words_and_no_digit_is_taken(server: Server, open_
     width.press("Tab")
     page.wait_for_selector("[role=alert] >> text=from 0.1 up to 90")
     assert width.input_value() == "10"
+    # A slider's number is not that of another unit: an absolute pressure is no gauge pressure.
+    page.locator("input[aria-label='supply.pressure, bar abs']").fill("5")
+    page.keyboard.press("Enter")
+    go(page, "drive", "axis.toml")
+    page.fill("input[aria-label='supply.pressure']", "6 bar gauge")
+    page.keyboard.press("Tab")
+    page.wait_for_selector(".cm-content >> text=6 bar gauge")
+    go(page, "simulate", "axis.toml")
+    page.wait_for_selector("input[aria-label='supply.pressure, bar gauge']")
+    assert page.input_value("input[aria-label='supply.pressure, bar gauge']") == "6"
+    assert field.input_value() == "12.5"
     tab.check()
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -98,6 +100,15 @@ def test_other_drives_and_files_are_those_of_python(served: Served, monkeypatch:
     shell(served, copied["command"])
     assert np.array_equal(pl.read_parquet("light.parquet")["position_m"], arrays["1/position_m"])
     assert np.array_equal(pl.read_parquet("axis.parquet")["position_m"], arrays["position_m"])
+
+
+def test_a_drive_beside_that_takes_no_such_command_is_named(served: Served) -> None:
+    shutil.copy(Path(__file__).parents[2] / "examples" / "two_cylinders.toml", served.folder)
+    beside = {"others": ["two_cylinders.toml"]}
+    head, _ = unpack(answer(Workspace.at(served.folder), json.dumps(ASKED | {"initial": ""} | beside)))
+    (problem,) = head["problems"]
+    assert problem["file"] == "two_cylinders.toml"
+    assert "valve_l, valve_r" in problem["what"]
 
 
 def test_a_gap_at_the_end_of_a_file_is_no_number_of_the_table(served: Served) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import shlex
 import shutil
 from pathlib import Path
@@ -24,6 +26,7 @@ RUN, FIT, AFTER = "run.parquet", "fit.toml", "after.toml"
 LAWS = "results/laws"
 CHECK, CHECKED = "results/check/validation.toml", "results/check/run-1.parquet"
 MAP = "results/rings/map.parquet"
+LAW = Path(__file__).parents[2] / "examples" / "laws" / "lugre.toml"
 MEASURED = Path(__file__).parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
 
 
@@ -115,10 +118,63 @@ def test_a_map_is_stale_once_the_file_of_a_recording_has_other_content(chain: Se
     names = [f"O-ring_{pressure}bar.csv.xz" for pressure in (1, 5)]
     write_map(pn.characterise([folder / name for name in names]), folder / out)
     assert states(get(chain, "/api/lineage", path=out)["inputs"]) == dict.fromkeys(names, "same")
+    # Another recording of the name in a newer folder is not the one; it is only asked about where there are two.
+    (folder / "tuesday").mkdir()
+    other = shutil.copy(folder / names[0], folder / "tuesday" / names[1])
+    assert states(get(chain, "/api/lineage", path=out)["inputs"]) == dict.fromkeys(names, "same")
+    assert get(chain, "/api/map", path=out)["recordings"] == {"O-ring_1bar": names[0], "O-ring_5bar": names[1]}
     shutil.copy(folder / names[0], folder / names[1])
+    assert get(chain, "/api/stale")["stale"] == {out: ["O-ring_5bar"]}
+    assert get(chain, "/api/lineage", path=out)["again"] is None  # nobody knows from which of the two
+    assert get(chain, "/api/map", path=out)["recordings"] == {"O-ring_1bar": names[0]}
+    other.unlink()
     assert get(chain, "/api/stale")["stale"] == {out: names[1:]}
     (folder / names[1]).unlink()
     assert states(get(chain, "/api/lineage", path=out)["inputs"]) == {names[0]: "same", "O-ring_5bar": "missing"}
+
+
+def test_a_validation_keeps_its_recording_beside_another_of_its_name(chain: Served) -> None:
+    (chain.folder / "tuesday").mkdir()
+    another = pl.read_parquet(chain.folder / "monday.parquet").with_columns(pl.col("position_m") + 1e-9)
+    another.write_parquet(chain.folder / "tuesday" / "monday.parquet")
+    shown = get(chain, "/api/validation", path=CHECK)
+    assert [one["file"] for one in shown["record"]] == ["monday.parquet"]
+    assert {each["file"] for one in shown["values"] for each in one.get("source", [])} == {
+        ""
+    }  # known by its name alone
+
+
+def test_the_rig_of_a_campaign_is_told_from_another_of_its_name(served: Served) -> None:
+    campaign = served.folder / "campaigns" / "first"
+    campaign.mkdir(parents=True)
+    texts = {"monday/rig.toml": "kind = 'opc-ua'\n", "tuesday/rig.toml": "kind = 'opc-ua' # mine\n"}
+    for name, text in texts.items():
+        (served.folder / name).parent.mkdir()
+        (served.folder / name).write_text(text)
+    digest = hashlib.sha256(texts["tuesday/rig.toml"].encode()).hexdigest()
+    for name in ("campaign.json", "rig.json"):
+        (campaign / name).write_text(json.dumps({"rig": "/rigs/rig.toml", "rig_sha256": digest}))
+    assert states(get(served, "/api/lineage", path="campaigns/first")["inputs"]) == {"tuesday/rig.toml": "same"}
+    (served.folder / "tuesday/rig.toml").write_text("kind = 'opc-ua' # yours\n")
+    assert get(served, "/api/stale")["stale"] == {"campaigns/first": ["/rigs/rig.toml"]}
+    (served.folder / "monday/rig.toml").unlink()
+    assert get(served, "/api/stale")["stale"] == {"campaigns/first": ["tuesday/rig.toml"]}
+
+
+def test_a_law_of_its_own_that_changed_is_a_change_of_the_drive(served: Served) -> None:
+    shutil.copy(LAW, served.folder)
+    numbers = 'coulomb = "30 N"\nbreakaway = "45 N"\nstribeck_velocity = "20 mm/s"\n'
+    numbers += 'bristle_stiffness = "1e5 N/m"\nbristle_damping = "300 N s/m"\n'
+    (served.folder / "own.toml").write_text(
+        f'drive = "catalogue:reference"\n[friction]\nlaw = "file:{LAW.name}"\n{numbers}'
+    )
+    pn.save(pn.simulate(pn.Drive.load(served.folder / "own.toml"), "0.3", "20 ms"), served.folder / RUN)
+    assert states(get(served, "/api/lineage", path=RUN)["inputs"]) == {"own.toml": "same"}
+    shown = get(served, "/api/file", path="own.toml", checked="1")["checked"]["values"]
+    assert {one["key"]: one["kind"] for one in shown}["friction.law"] == "given"
+    law = served.folder / LAW.name
+    law.write_text(law.read_text().replace("(v/stribeck_velocity)^2", "(v/stribeck_velocity)^4"))
+    assert states(get(served, "/api/lineage", path=RUN)["inputs"]) == {"own.toml": "differs"}
 
 
 def test_a_fit_that_was_made_anew_makes_its_drive_stale(chain: Served) -> None:

@@ -77,6 +77,40 @@ def test_a_measured_file_its_layout_and_its_strokes(served: Served) -> None:
     assert len(view) < 64_000
 
 
+@pytest.mark.parametrize("times", [[3.0], [0.0, 0.0, 0.0], [1.7e9]])
+def test_a_recording_of_one_time_has_a_view(served: Served, times: list[float]) -> None:
+    pl.DataFrame({"time_s": times, "force_N": [7.0] * len(times)}).write_parquet(served.folder / "one.parquet")
+    found = read(served, "one.parquet")
+    first, last = found["span"]
+    assert first < times[0] < last
+    query = {"path": "one.parquet", "from": first, "to": last, "pixels": 500, "columns": "force_N"}
+    head, arrays = unpack(window(served, query))
+    assert head["samples"] == len(times)
+    assert list(arrays["force_N"]) == [7.0] * len(times)
+
+
+def test_a_recording_whose_name_misses_the_pattern_of_its_layout_is_shown_with_a_word(served: Served) -> None:
+    shutil.copy(MEASURED / "friction" / "O-ring_1bar.csv.xz", served.folder / "odd.csv.xz")
+    shutil.copy(MEASURED / "layout.toml", served.folder)
+    found = read(served, "odd.csv.xz")
+    assert len(found["channels"]) > 4
+    assert "labels.pattern" in found["notes"][0]
+    assert "correct the pattern" in found["notes"][0]
+    measured = pn.measure(served.folder / "odd.csv.xz", 10, 20)  # as the command of the page does
+    assert found["notes"][0] in measured.notes[0]
+    assert "labels.pattern" in measured.unknown
+
+
+def test_a_layout_above_the_folder_is_told_of_and_not_read(served: Served) -> None:
+    pl.DataFrame({"time_s": np.arange(50.0), "force_N": np.ones(50)}).write_csv(served.folder / "log.csv")
+    pn.save(pn.simulate(pn.Drive.load("catalogue:reference"), "0.3", "20 ms"), served.folder / "run.parquet")
+    assert read(served, "log.csv")["notes"] == []
+    (served.folder.parent / "layout.toml").write_text("nonsense =")
+    (note,) = read(served, "log.csv")["notes"]
+    assert "the folder above has a layout.toml" in note
+    assert read(served, "run.parquet")["notes"] == []  # it needs none
+
+
 def test_a_simulated_run_is_a_recording(served: Served) -> None:
     run = pn.simulate(pn.Drive.load("catalogue:reference"), "0 s: 0.2, 2 s: -0.2, 4 s: 0.2", "6 s")
     pn.save(run, served.folder / "run.parquet")

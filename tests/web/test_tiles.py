@@ -86,6 +86,7 @@ def test_a_close_view_is_the_samples(recorded: tuple) -> None:
     view = recording.window((500.0, 500.2), PIXELS, ["force_n"])
     assert view.raw
     rows = slice(499_999, 500_202)  # one sample beyond each end
+    assert view.samples == 201
     assert np.array_equal(view.time_s, table["time_s"][rows])
     assert np.array_equal(view.channels["force_n"], table["force_n"][rows])
 

@@ -541,6 +541,13 @@ def test_texts_and_names_that_cannot_be_are_refused_in_words(served: Served) -> 
     assert command.endswith("--out axis.parquet")
 
 
+def test_a_list_that_is_cut_says_so(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert served.client.get("/api/studies", headers=served.headers).json()["is_cut"] is False
+    for module in ("app", "workspace"):
+        monkeypatch.setattr(f"pneudrive.web.{module}.MOST_FILES", 1)
+    assert served.client.get("/api/studies", headers=served.headers).json()["is_cut"] is True
+
+
 def test_what_is_left_out_of_a_panel_and_of_the_impacts_is_counted(served: Served) -> None:
     text = (EXAMPLES / "two_cylinders.toml").read_text()
     (served.folder / "pair.toml").write_text(text)

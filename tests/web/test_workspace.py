@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pneudrive.errors import CommandError
-from pneudrive.web.workspace import ChangedError, Workspace, fingerprint
+from pneudrive.web.workspace import _KINDS, ChangedError, Workspace, _folder_marks, fingerprint
 
 PARTS = [
     "..",
@@ -118,7 +119,26 @@ def test_kinds_are_told_by_content(tmp_path: Path) -> None:
         ".hidden.toml": "[components.left]\n",
         "notes.md": "x",
         "run.csv": "time_s\n",
+        "run.csv.gz": "",
+        "run.h5": "",
+        "lip.toml": "[let]\n[output]\n",
+        "begun.toml": "",
     }.items():
         (tmp_path / name).write_text(text)
     found = {one.path: one.kind for one in Workspace.at(tmp_path).files()}
-    assert found == {"axis.toml": "drive", "pair.toml": "circuit", "layout.toml": "layout", "run.csv": "recording"}
+    assert found == {
+        "axis.toml": "drive",
+        "pair.toml": "circuit",
+        "layout.toml": "layout",
+        **dict.fromkeys(("run.csv", "run.csv.gz", "run.h5"), "recording"),
+        "lip.toml": "formula",
+        "begun.toml": "other",
+    }
+
+
+def test_the_page_lists_files_of_every_kind() -> None:
+    text = (Path(__file__).parents[2] / "page" / "src" / "studies.tsx").read_text()
+    titles = re.findall(r'^  "?([\w ]+)"?: "', text.split("const TITLES")[1].split("};")[0], re.MULTILINE)
+    folders = [kind for kind, _ in _folder_marks()]
+    told = ["fmu", "recording", "friction map", "task", "other", "unreadable", *folders]
+    assert set(titles) == {*told, *(kind for kind, _ in _KINDS)}

@@ -51,7 +51,8 @@ def values_of(described: Drive | Circuit) -> list[DescribedValue]:
     assumed = _assumptions(described, is_circuit=is_circuit)
     origins = _origins(described, is_circuit=is_circuit)
     identified = getattr(described, "provenance", None) or {}
-    given = {key for key, _ in leaves(described.to_dict())}
+    # With the tables above each: a law of one's own is a table where the defaults have its name.
+    given = {key.rsplit(".", depth)[0] for key, _ in leaves(described.to_dict()) for depth in range(key.count(".") + 1)}
     out = []
     for key, value in leaves(described.with_defaults()):
         if key.partition(".")[0] in _BESIDE:

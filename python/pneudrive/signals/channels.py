@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.errors import CommandError, DescriptionError, RecordingError
+from pneudrive.errors import CommandError, DescriptionError, LayoutError, RecordingError
 from pneudrive.files.tables import open_table
 from pneudrive.signals.load import read_table
 from pneudrive.signals.tables.formats import TEXT_KINDS, names_of
@@ -176,23 +176,23 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
 
     Raises
     ------
-    RecordingError
-        The file cannot be read, or has no column of numbers.
-    LayoutError
-        A value of the layout is wrong for this file.
+    RecordingError, LayoutError
+        The file cannot be read, neither by its layout nor as it stands, or has no column of numbers.
     """
-    said = None if layout is None else _for_file(layout, path)
+    said: SampledLayout | None = None
     notes: tuple[str, ...] = ()
     try:
+        said = None if layout is None else _for_file(layout, path)
         opened = _open(path, said, cache)
-    except RecordingError as error:
-        if said is None:
+    except (RecordingError, LayoutError) as error:
+        if layout is None:
             raise
         try:
             said, opened = None, _open(path, None, cache)
         except RecordingError:
             raise error from None
-        notes = (f"the layout does not fit this file: {error.what}; its columns are shown as they stand",)
+        told = (f"the layout does not fit this file: {error.what}", "its columns are shown as they stand", error.remedy)
+        notes = ("; ".join(filter(None, told)),)
     kinds = _kinds(opened.table)
     if not any(kind in "iuf" for kind in kinds.values()):
         raise RecordingError("the file has no column of numbers", where=path.name)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.errors import CommandError, RecordingError
+from pneudrive.errors import CommandError, LayoutError, RecordingError
 from pneudrive.files.content import exists
 from pneudrive.show import Card, Shown
 from pneudrive.signals.channels import first_fall, open_channels, pairs
@@ -152,7 +152,7 @@ def measure(
     times, shift, unknown = (time_of(at), time_of(to)), 0.0, ""
     try:
         moved = motion_of(path, layout)
-    except RecordingError as error:  # what can be read can be measured; aligned it cannot be
+    except (RecordingError, LayoutError) as error:  # what can be read can be measured; aligned it cannot be
         if other is not None:
             raise
         moved, unknown = None, error.what

@@ -36,7 +36,16 @@ from pneudrive.web.messages import pack, problems_of
 from pneudrive.web.pages import BuiltPage
 from pneudrive.web.reach import Door, WebReach
 from pneudrive.web.reports import SANDBOX, OpenReports
-from pneudrive.web.workspace import BUILT, TABLES, ChangedError, NewNames, Workspace, built_page, fingerprint
+from pneudrive.web.workspace import (
+    BUILT,
+    MOST_FILES,
+    TABLES,
+    ChangedError,
+    NewNames,
+    Workspace,
+    built_page,
+    fingerprint,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -209,7 +218,7 @@ class _Views:
         files, left_out = self.workspace.listed()
         folder = self.workspace.root
         about: dict[str, Any] = {"folder": folder.name or str(folder), "version": __version__, "build": self.build}
-        about |= {"protocols": READY, "control": self.control, "left_out": left_out}
+        about |= {"protocols": READY, "control": self.control, "left_out": left_out, "is_cut": len(files) == MOST_FILES}
         return {**about, "files": [vars(one) for one in files], "catalogue": drives}
 
     def lineage(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
@@ -278,14 +287,15 @@ class _Views:
 
     def recording(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Open a recording, or say how far its first reading is."""
-        from pneudrive.web.recordings import layout_in
+        from pneudrive.web.recordings import layout_above, layout_in
 
         name = given.get("path", "")
         reading = self.recordings.opened(name)
         if reading.done is None and reading.error is None:
             return {"share": reading.share}
         found = self.recordings.need(name)
-        layout = layout_in(self.workspace, self.workspace.path(name, TABLES))
+        path = self.workspace.path(name, TABLES)
+        layout = layout_in(self.workspace, path)
         return {
             "key": found.key,
             "channels": [{"column": one.column, "label": one.label, "unit": one.unit} for one in found.channels],
@@ -293,7 +303,7 @@ class _Views:
             "samples": found.pyramid.count,
             "time": found.time is not None,
             "layout": None if layout is None else layout.kind,
-            "notes": found.notes,
+            "notes": found.notes if layout else found.notes + layout_above(self.workspace, path),
         }
 
     def window(self, given: Mapping[str, Any]) -> bytes:
@@ -349,8 +359,8 @@ class _Views:
 
     def map(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return a friction map with the curves of its fit, and which recordings are in the workspace."""
-        from pneudrive.signals.layout import stem
         from pneudrive.web.friction import FIT, shown_map
+        from pneudrive.web.lineage import recordings_of_map
 
         path = given.get("path", "")
         fits = [one.path for one in self.workspace.files() if one.kind == "fit" and dirname(one.path) == dirname(path)]
@@ -358,10 +368,7 @@ class _Views:
         if fit and fit not in fits:
             raise CommandError(f"there is no fit {fit[:80]} beside the map")
         found = shown_map(self.workspace.path(path, (".parquet", ".csv")), Path(fit).name or FIT)
-        names = {point["recording"] for group in found["groups"] for point in group["points"]}
-        recordings = (one.path for one in self.workspace.files() if one.kind == "recording")
-        there = {stem(Path(path)): path for path in recordings}
-        return {**found, "fits": fits, "recordings": {name: there[name] for name in names if name in there}}
+        return {**found, "fits": fits, "recordings": recordings_of_map(self.workspace, path)}
 
     def slice(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return a friction map at one speed, over pressure."""

@@ -7,9 +7,10 @@ import re
 import shlex
 import time
 from dataclasses import dataclass
+from functools import lru_cache, wraps
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.load import described_in
@@ -21,12 +22,14 @@ from pneudrive.watch import Watch
 from pneudrive.web.workspace import COMMANDS, is_in_catalogue, safe
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.simulate import Run
     from pneudrive.watch import Flag
     from pneudrive.web.workspace import Workspace
+
+Found = TypeVar("Found")
 
 MOST_SAMPLES = 1_000_000
 MOST_SECONDS = 2.0  # of a run, on the clock: the page waits for it
@@ -253,6 +256,32 @@ def described_at(workspace: Workspace, path: str, text: str | None = None) -> Dr
             _read.pop(next(iter(_read)))
         _read[key] = found
     return found
+
+
+def kept(most: int) -> Callable[[Callable[..., Found]], Callable[..., Found]]:
+    """Keep what is found in a file: by workspace, name, and last the time of its change.
+
+    Not of one that names files, which may have changed.
+    """
+
+    def decorate(function: Callable[..., Found]) -> Callable[..., Found]:
+        held = lru_cache(most)(function)
+
+        @wraps(function)
+        def found(workspace: Workspace, name: str, *key: Any) -> Found:  # noqa: ANN401 - of any type that has a hash
+            return (function if _names_files(workspace, name, key[-1]) else held)(workspace, name, *key)
+
+        return found
+
+    return decorate
+
+
+@lru_cache(10_000)
+def _names_files(workspace: Workspace, name: str, _changed: float) -> bool:
+    try:
+        return FILE_PREFIX in workspace.read(name)[0]
+    except CommandError:
+        return False
 
 
 def check_changes(given: Any) -> None:  # noqa: ANN401 - plain data of a request

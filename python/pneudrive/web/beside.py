@@ -269,7 +269,11 @@ def _other(
 ) -> dict[str, Array]:
     """Return columns of another drive with the same command, or of a trajectory file."""
     if _is_described(path):
-        found = replace(asked, path=path, text=None, changes={}).run(workspace, limit).columns
+        try:
+            found = replace(asked, path=path, text=None, changes={}).run(workspace, limit).columns
+        except PneudriveError as error:
+            error.where = error.where or path  # it is not the run's own file
+            raise
         return {name: np.asarray(found[name]) for name in columns if name in found}
     place = workspace.path(path, TRAJECTORIES)
     names = columns_in(place, columns)

@@ -37,10 +37,10 @@ from pneudrive.signals.drive_recording import NEEDED, read_drive_recordings, rea
 from pneudrive.signals.layout import stem
 from pneudrive.signals.load import hashes_of
 from pneudrive.trajectory import SUFFIXES, columns_in
-from pneudrive.web.asked_run import described_at
+from pneudrive.web.asked_run import described_at, kept
+from pneudrive.web.drives import drive_at, hash_at
 from pneudrive.web.jobs import RESULTS
-from pneudrive.web.recordings import layout_in
-from pneudrive.web.validation import drive_at, hash_at
+from pneudrive.web.recordings import by_stem, layout_in
 from pneudrive.web.workspace import is_in_catalogue
 
 if TYPE_CHECKING:
@@ -132,8 +132,8 @@ class Lineage:
         return {_hash_at(self.workspace, one.path, one.changed): one.path for one in reversed(self._of_kind("fit"))}
 
     @cached_property
-    def _recordings(self) -> dict[str, str]:
-        return {stem(Path(one.path)): one.path for one in reversed(self._newest) if one.kind == "recording"}
+    def _recordings(self) -> dict[str, list[str]]:
+        return by_stem(self._newest)
 
     def edges(self, path: str) -> list[Edge]:
         """Return the inputs of a file, each with the file that it is now."""
@@ -197,34 +197,49 @@ class Lineage:
         return None
 
     def _recording(self, each: Input, _of: str) -> tuple[str, str]:
-        name = each.name
-        path = name if self.files.get(name) else self._recordings.get(stem(Path(name)), "")
-        if not path:
+        """Return the file of a recording: of several of its name the one of its hash, or none."""
+        own, alike = each.name in self.files, self._recordings.get(stem(Path(each.name)), [])
+        paths = list(dict.fromkeys([each.name, *alike])) if own else alike
+        path = paths[0] if own or len(paths) == 1 else ""
+        if not paths:
             return "", MISSING
         if not each.digest:
             return path, NAMED
+        states = {one: self._state(each, one) for one in paths}
+        same = next((one for one, state in states.items() if state == SAME), "")
+        if same or path:
+            return same or path, states[same or path]
+        return "", UNREAD if UNREAD in states.values() else CHANGED
+
+    def _state(self, each: Input, path: str) -> str:
         one = self.files[path]
         if one.size > MOST_BYTES:
-            return path, UNREAD
+            return UNREAD
         if each.part == "file":
             digests = _contents(self.workspace, path, one.changed)
         else:
             digests = _samples(self.workspace, path, one.changed, is_volume=each.part == "volume")
-        return path, SAME if each.digest in digests else CHANGED if digests else UNREAD
+        return SAME if each.digest in digests else CHANGED if digests else UNREAD
+
+    def file_of(self, each: Input) -> str:
+        """Return the file of a recording by its name; of several of that name the one of its hash, or none."""
+        alike = [each.name] if each.name in self.files else self._recordings.get(stem(Path(each.name)), [])
+        return alike[0] if len(alike) == 1 else self._recording(each, "")[0]
 
     def _rig(self, each: Input, _of: str) -> tuple[str, str]:
-        path = next((one for one in self.files if one == each.name or Path(each.name).name == Path(one).name), "")
-        if not path:
-            return "", MISSING
-        digest = hashlib.sha256(self.workspace.path(path).read_bytes()).hexdigest()
-        return path, SAME if digest == each.digest else CHANGED
+        paths = [one for one in self.files if Path(one).name == Path(each.name).name]
+        for path in paths:
+            if hashlib.sha256(self.workspace.path(path).read_bytes()).hexdigest() == each.digest:
+                return path, SAME
+        own = paths if len(paths) == 1 else [one for one in paths if one == each.name]
+        return (own[0] if own else ""), CHANGED if paths else MISSING
 
     def why_stale(self, path: str, seen: tuple[str, ...] = ()) -> list[str]:
         """Return the names of the inputs that changed since, of the result or of what it was made from."""
         said = []
         for one in self.edges(path):
             if one.state == CHANGED:
-                said.append(one.path)
+                said.append(one.path or one.input.name)
             elif one.path not in ("", *seen):
                 said += self.why_stale(one.path, (*seen, path))
         return list(dict.fromkeys(said))
@@ -301,13 +316,13 @@ def _catalogue_circuits() -> dict[str, str]:
     return {Drive.load(name).circuit.description_hash: name for name in _catalogue().values()}
 
 
-@lru_cache(maxsize=2 * MOST_TRACED)
+@kept(2 * MOST_TRACED)
 def _circuit_hash(workspace: Workspace, path: str, changed: float) -> str:
     drive = drive_at(workspace, path, changed)
     return "" if drive is None else drive.circuit.description_hash
 
 
-@lru_cache(maxsize=2 * MOST_TRACED)
+@kept(2 * MOST_TRACED)
 def _described(workspace: Workspace, path: str, kind: str, changed: float) -> tuple[str, str]:
     """Return hash and name of the description in a file; empty where there is none."""
     try:
@@ -418,6 +433,13 @@ def _fit_at(workspace: Workspace, path: str, _changed: float) -> AnyFit | None:
         return read_fit(workspace.path(path))
     except PneudriveError:
         return None
+
+
+def recordings_of_map(workspace: Workspace, path: str) -> dict[str, str]:
+    """Return the files of a friction map's recordings by their names, as far as they can be told."""
+    found = Lineage(workspace, MOST_TRACED)
+    files = {one.name: found.file_of(one) for one in _of_map(workspace, path)}
+    return {name: file for name, file in files.items() if file}
 
 
 @lru_cache(maxsize=64)

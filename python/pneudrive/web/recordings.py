@@ -6,13 +6,14 @@ import hashlib
 import threading
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.errors import CommandError, PneudriveError, RecordingError
 from pneudrive.signals.channels import open_channels, pairs
-from pneudrive.signals.layout import Layout
+from pneudrive.signals.layout import Layout, stem
 from pneudrive.signals.measuring import motion_of, nearest_sample, strokes_in
 from pneudrive.signals.samples import find_faults
 from pneudrive.signals.spectrum import amplitude_density
@@ -24,13 +25,12 @@ from pneudrive.web.tiles import BLOCK, Pyramid, TileWindow
 from pneudrive.web.workspace import CACHE, TABLES, safe
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
     from pneudrive.signals.channels import ChannelFile, FileChannel
-    from pneudrive.web.workspace import Workspace
+    from pneudrive.web.workspace import Listed, Workspace
 
     Array = NDArray[Any]
 
@@ -110,8 +110,9 @@ class OpenRecording:
 
     @cached_property
     def span(self) -> tuple[float, float]:
-        """First and last time, s."""
-        return float(self.pyramid.time[0, 0]), float(self.pyramid.time[-1, 1])
+        """First and last time, s; about one time alone a second, as a view has a width."""
+        first, last = float(self.pyramid.time[0, 0]), float(self.pyramid.time[-1, 1])
+        return (first, last) if first < last else (first - 0.5, last + 0.5)
 
 
 @dataclass
@@ -225,6 +226,15 @@ class Recordings:
         return {"beside/time": found.time_s + shift, **values}
 
 
+def by_stem(files: Iterable[Listed]) -> dict[str, list[str]]:
+    """Return the recordings of each name without folder and suffix, by which results may name them."""
+    out: dict[str, list[str]] = {}
+    for one in files:
+        if one.kind == "recording":
+            out.setdefault(stem(Path(one.path)), []).append(one.path)
+    return out
+
+
 def _hindrance(name: str, opened: OpenRecording, layout: Layout | None) -> str:
     """Return why no strokes and faults of a recording are shown; empty if nothing hinders."""
     count = opened.pyramid.count
@@ -246,15 +256,30 @@ def layout_in(workspace: Workspace, path: Path) -> Layout | None:
 
     A trajectory needs none, and another file's does not fit it.
     """
-    if path.suffix in SUFFIXES and path.is_file():
-        status = path.stat()
-        if _is_trajectory(path, status.st_size, status.st_mtime_ns):
-            return None
+    if _needs_none(path):
+        return None
     for folder in (path.parent, path.parent.parent):
         place = folder / "layout.toml"
         if place.is_file() and place.resolve().is_relative_to(workspace.root):
             return Layout.load(place)
     return None
+
+
+def layout_above(workspace: Workspace, path: Path) -> tuple[str, ...]:
+    """Return a word on a layout above the workspace, which commands read for a file in it, and the page does not."""
+    above = path.parent == workspace.root and (workspace.root.parent / "layout.toml").is_file()
+    if not above or _needs_none(path):
+        return ()
+    remedy = "copy it into this folder, or start pneudrive web in that one"
+    return (f"the folder above has a layout.toml, which commands use and the page does not open: {remedy}",)
+
+
+def _needs_none(path: Path) -> bool:
+    """Return whether a file is a trajectory."""
+    if path.suffix not in SUFFIXES or not path.is_file():
+        return False
+    status = path.stat()
+    return _is_trajectory(path, status.st_size, status.st_mtime_ns)
 
 
 @lru_cache(maxsize=4 * MOST_OPEN)

@@ -212,12 +212,16 @@ class Pyramid:
         end = min(int(np.searchsorted(seconds, span[1], "right")) + 1, len(seconds))
         seconds = seconds[begin:end]
         values = {name: own[begin:end] for name, own in values.items()}
-        missing = sum(int(np.isnan(own).sum()) for own in values.values())
+        inside = slice(
+            *(int(np.searchsorted(seconds, at, side)) for at, side in zip(span, ("left", "right"), strict=True))
+        )
+        missing = sum(int(np.isnan(own[inside]).sum()) for own in values.values())
+        count = inside.stop - inside.start
         if len(seconds) <= 2 * pixels:
-            return TileWindow(seconds, values, missing, len(seconds), raw=True)
+            return TileWindow(seconds, values, missing, count, raw=True)
         edges = _edges(seconds, span, pixels)
         width = (span[1] - span[0]) / pixels
-        columns = _Pixels(seconds[edges[:-1]], seconds[edges[1:] - 1], width, missing, len(seconds))
+        columns = _Pixels(seconds[edges[:-1]], seconds[edges[1:] - 1], width, missing, count)
         return columns.filled({name: low_high(own, edges) for name, own in values.items()})
 
     def _of_blocks(

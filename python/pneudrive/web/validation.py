@@ -15,13 +15,11 @@ from pneudrive.describe import toml
 from pneudrive.describe.all_values import DescribedValue, values_of
 from pneudrive.describe.catalogue import entries
 from pneudrive.describe.drive import Drive
-from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.errors import CommandError
 from pneudrive.free.parameters import find
 from pneudrive.identify.differences import differences
-from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.files import read_fit
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
-from pneudrive.signals.layout import stem
 from pneudrive.start import is_circuit
 from pneudrive.trajectory import SUFFIXES, columns_in, read_columns
 from pneudrive.units import readable
@@ -31,9 +29,11 @@ from pneudrive.validate.simulation import run_model
 from pneudrive.validate.validation import CHANNELS
 from pneudrive.web.asked_run import MOST_PIXELS, WRONG_REQUEST, check_changes, described_at, with_changes
 from pneudrive.web.description import field_of
+from pneudrive.web.drives import MOST_DRIVES, drive_at, hash_at, is_fit
 from pneudrive.web.jobs import MOST_RECORDINGS, RESULTS, AskedJob, folder_name
+from pneudrive.web.lineage import MOST_TRACED, Input, Lineage
 from pneudrive.web.messages import pack, plain
-from pneudrive.web.recordings import layout_in
+from pneudrive.web.recordings import by_stem, layout_in
 from pneudrive.web.tiles import drawn_columns
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, is_in_catalogue, safe
 
@@ -45,7 +45,6 @@ if TYPE_CHECKING:
 
 RESULT = "validation.toml"
 MOST_LIVE = 300_000  # samples of a recording that is run again while a slider moves
-MOST_DRIVES = 500  # files that are looked at for the one that was validated
 
 
 def validate_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
@@ -136,14 +135,9 @@ def _new_file(given: Mapping[str, Any], workspace: Workspace) -> str:
 
 def _loaded(drive: str, workspace: Workspace) -> str:
     """Return the line of Python that reads a drive, or the fit of one."""
-    if not is_in_catalogue(drive) and _is_fit(workspace.path(drive)):
+    if not is_in_catalogue(drive) and is_fit(workspace.path(drive)):
         return f"from pneudrive.identify.files import read_fit\n\ndrive = read_fit({drive!r})\n"
     return f"drive = pn.Drive.load({drive!r})\n"
-
-
-def _is_fit(path: Path) -> bool:
-    tables, _ = toml.read(path)
-    return tables.get("kind") == DriveFit.KIND and "values" in tables
 
 
 def shown_validation(workspace: Workspace, name: str) -> dict[str, Any]:
@@ -156,12 +150,12 @@ def shown_validation(workspace: Workspace, name: str) -> dict[str, Any]:
     """
     content = _read(workspace, name)
     provenance = content["provenance"]
-    files = workspace.files()
-    recordings = {stem(Path(one.path)): one.path for one in files if one.kind == "recording"}
+    recordings = {name: paths[0] for name, paths in by_stem(workspace.files()).items() if len(paths) == 1}
+    lineage = Lineage(workspace, MOST_TRACED)
     path, drive = _of_hash(workspace, provenance["description_hash"])
     for record in content["record"]:
-        source = record["source"]
-        record["file"] = source if source in recordings.values() else recordings.get(record["name"], "")
+        named = Input("recording", record["source"] or record["name"], record["sha256"])
+        record["file"] = lineage.file_of(named)
         record["span"] = [0.0, record["duration_s"]]
     return plain(
         {
@@ -170,7 +164,7 @@ def shown_validation(workspace: Workspace, name: str) -> dict[str, Any]:
             "name": provenance["drive"],
             "version": provenance["version"],
             "drive": path,
-            "editable": drive is not None and (is_in_catalogue(path) or not _is_fit(workspace.path(path))),
+            "editable": drive is not None and (is_in_catalogue(path) or not is_fit(workspace.path(path))),
             "suspects": _suspects(drive, content["diagnosis"]),
             "values": _values(workspace, drive, recordings, provenance.get("identified", {})),
             "channels": [{"column": column, "label": label, **_unit(column)} for column, label in CHANNELS.items()],
@@ -207,20 +201,6 @@ def _of_hash(workspace: Workspace, wanted: str) -> tuple[str, Drive | None]:
         if one.is_drive and (drive := Drive.load(f"catalogue:{one.name}")).description_hash == wanted:
             return f"catalogue:{one.name}", drive
     return "", None
-
-
-@lru_cache(maxsize=MOST_DRIVES)
-def drive_at(workspace: Workspace, name: str, _changed: float) -> Drive | None:
-    """Return the drive of a file, or of the fit of one; None for another file, or one that is not valid."""
-    try:
-        path = workspace.path(name)
-        if _is_fit(path):
-            fit = read_fit(path)
-            return fit.apply() if isinstance(fit, DriveFit) and fit.converged else None
-        found = described_at(workspace, name)
-    except PneudriveError:
-        return None
-    return None if is_circuit(found) else found  # type: ignore[return-value]
 
 
 def _suspects(drive: Drive | None, diagnosis: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -263,15 +243,6 @@ def _fits(workspace: Workspace) -> dict[str, str]:
     """Return the files of fits by the hash that values carry."""
     found = [one for one in workspace.files() if one.kind == "fit"][:MOST_DRIVES]
     return {hash_at(workspace.path(one.path), one.changed): one.path for one in found}
-
-
-@lru_cache(maxsize=MOST_DRIVES)
-def hash_at(path: Path, _changed: float) -> str:
-    """Return the hash of a fit as values that came from it carry it; empty for another file."""
-    try:
-        return read_fit(path).identified_as({}).fit
-    except PneudriveError:
-        return ""
 
 
 def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> bytes:

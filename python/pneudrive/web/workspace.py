@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 DESCRIPTIONS = (".toml",)
-TABLES = (".csv", ".parquet", ".nc", ".tdms", ".mf4", ".mat", ".xz", ".txt")
+TABLES = (".csv", ".parquet", ".nc", ".h5", ".hdf5", ".tdms", ".mf4", ".mat", ".txt", ".xz", ".gz", ".bz2")
 FMUS = (".fmu",)
 COMMANDS = (".csv",)  # of a valve over time
 SUFFIXES = (*DESCRIPTIONS, *TABLES, *FMUS)
@@ -42,6 +42,7 @@ _KINDS = tuple(
         ("circuit", r"\[\s*components\b|connections\s*="),
         ("drive", r"\[\s*supply\b|drive\s*=\s*[\"']catalogue:"),
         ("layout", r"\[\s*columns\b"),
+        ("formula", r"\[\s*output\b"),
         ("protocol", r"\[\s*(?:speed|stop)\b"),
         ("controller", r"law\s*="),
         ("setup", r"\[\s*sensors\b"),
