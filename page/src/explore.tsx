@@ -3,7 +3,7 @@ import { render as draw } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import "./explore.css";
 import { unpack, type Frame } from "./frame";
-import { digits } from "./looks";
+import { digits, followInk, isDark } from "./looks";
 import { curveOf, Plot } from "./plot";
 
 interface Field {
@@ -20,8 +20,12 @@ interface Begin {
   sliders: Field[];
 }
 
+type Changes = Record<string, string | number>;
+
 interface Head {
   number: number;
+  view: string; // which of the views of one drive has asked
+  changes: Changes;
   problems?: { what: string; remedy: string | null }[];
   panels?: { title: string; unit: string; size: number; curves: { column: string; label: string }[] }[];
   ends?: Record<string, number>;
@@ -33,6 +37,7 @@ type Heard = (content: unknown, buffers: DataView[]) => void;
 /** What a notebook gives a widget (anywidget.dev). */
 interface Model {
   get(name: "begin"): Begin;
+  get(name: "changes"): Changes;
   send(content: unknown): void;
   on(event: "msg:custom", heard: Heard): void;
   off(event: "msg:custom", heard: Heard): void;
@@ -40,13 +45,15 @@ interface Model {
 
 const STEPS = 400;
 
+const numbersOf = (changes: Changes): Record<string, number> => Object.fromEntries(Object.entries(changes).map(([key, value]) => [key, parseFloat(String(value))]));
+
 function Explore({ model }: { model: Model }) {
   const begin = model.get("begin");
-  const [numbers, setNumbers] = useState<Record<string, number>>({});
+  const [numbers, setNumbers] = useState(() => numbersOf(model.get("changes")));
   const [answer, setAnswer] = useState<Frame<Head> | null>(null);
   const [wrong, setWrong] = useState<Head["problems"]>([]);
   const place = useRef<HTMLDivElement>(null);
-  const link = useRef({ sent: 0, onTheWay: 0, most: 0, waiting: null as Record<string, string | number> | null });
+  const link = useRef({ view: String(Math.random()), sent: 0, onTheWay: 0, most: 0, waiting: null as Changes | null });
 
   /** At most one request is on its way, the newest waits. */
   const pump = () => {
@@ -55,11 +62,11 @@ function Explore({ model }: { model: Model }) {
     at.sent += 1;
     at.onTheWay += 1;
     at.most = Math.max(at.most, at.onTheWay);
-    model.send({ number: at.sent, changes: at.waiting, pixels: 1000 });
+    model.send({ number: at.sent, view: at.view, changes: at.waiting, pixels: 1000 });
     at.waiting = null;
   };
   const ask = (values: Record<string, number>) => {
-    const changes: Record<string, string | number> = {};
+    const changes: Changes = {};
     for (const one of begin.sliders) {
       const value = values[one.key];
       if (value !== undefined && value !== one.number) changes[one.key] = one.unit ? `${value} ${one.unit}` : value;
@@ -76,22 +83,23 @@ function Explore({ model }: { model: Model }) {
 
   useEffect(() => {
     const heard: Heard = (_, [bytes]) => {
-      link.current.onTheWay -= 1;
-      const view = bytes!;
-      const frame = unpack<Head>(new Uint8Array(view.buffer, view.byteOffset, view.byteLength).slice().buffer);
+      const frame = unpack<Head>(new Uint8Array(bytes!.buffer, bytes!.byteOffset, bytes!.byteLength).slice().buffer);
+      const isOwn = frame.head.view === link.current.view;
+      if (isOwn) link.current.onTheWay -= 1;
+      else setNumbers(numbersOf(frame.head.changes)); // the sliders of another view were moved
       setWrong(frame.head.problems ?? []);
       if (!frame.head.problems) setAnswer(frame);
-      Object.assign(place.current!.dataset, { sent: link.current.sent, drawn: frame.head.number, most: link.current.most });
+      if (isOwn) Object.assign(place.current!.dataset, { sent: link.current.sent, drawn: frame.head.number, most: link.current.most });
       pump();
     };
     model.on("msg:custom", heard);
-    ask({});
+    ask(numbers);
     return () => model.off("msg:custom", heard);
   }, []);
 
   const head = answer?.head;
   return (
-    <div class="pneudrive" ref={place}>
+    <div class={isDark() ? "pneudrive dark" : "pneudrive"} ref={place}>
       <strong>{begin.name}</strong>
       {begin.sliders.map((one) => (
         <label key={one.key}>
@@ -142,7 +150,11 @@ function Explore({ model }: { model: Model }) {
 
 export default {
   render({ model, el }: { model: Model; el: HTMLElement }): () => void {
+    const unfollow = followInk(el);
     draw(<Explore model={model} />, el);
-    return () => draw(null, el);
+    return () => {
+      unfollow();
+      draw(null, el);
+    };
   },
 };

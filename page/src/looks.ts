@@ -27,6 +27,27 @@ DARK?.addEventListener("change", ({ matches }) => (dark.value = matches));
 /** Whether the paper is dark; what is drawn by it is drawn again when that changes. */
 export const isDark = (): boolean => dark.value;
 
+/** In a notebook the paper is the notebook's: dark where the text around an element is light. Ends with what it returns. */
+export function followInk(at: Element): () => void {
+  const ink = document.createElement("canvas").getContext("2d", { willReadFrequently: true })!;
+  const follow = () => {
+    ink.fillStyle = getComputedStyle(at).color;
+    ink.fillRect(0, 0, 1, 1); // whatever the notation of the colour, as bytes
+    const [red, green, blue] = ink.getImageData(0, 0, 1, 1).data;
+    dark.value = 0.299 * red! + 0.587 * green! + 0.114 * blue! > 128;
+  };
+  const seen = new MutationObserver(follow);
+  for (const one of [document.documentElement, document.body]) seen.observe(one, { attributes: true });
+  const placed = new ResizeObserver(follow); // an element has no colour before it has a place
+  placed.observe(at);
+  DARK?.addEventListener("change", follow);
+  return () => {
+    seen.disconnect();
+    placed.disconnect();
+    DARK?.removeEventListener("change", follow);
+  };
+}
+
 export function look(index: number): { color: string; dash: number[] } {
   const found = LOOKS[index % LOOKS.length] as Look;
   return { color: isDark() ? found.dark : found.light, dash: found.dash };

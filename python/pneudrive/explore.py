@@ -85,9 +85,9 @@ class Explorer:
         from pneudrive.web.live import frame_of
         from pneudrive.web.messages import pack, problems_of
 
-        head = {"number": asked.get("number")}
+        changes = dict(asked.get("changes") or {})
+        head = {"number": asked.get("number"), "view": asked.get("view"), "changes": changes}
         try:
-            changes = dict(asked.get("changes") or {})
             described = self._base.replace(changes) if changes else self._base
             done = run(described, self._command, self._duration, initial=self._initial, watch=Watch(cancel=RunLimit()))
         except Cancelled:
@@ -129,9 +129,14 @@ class Explorer:
             _esm = _BUILT / "widget.js"
             _css = _BUILT / "widget.css"
             begin = traitlets.Dict().tag(sync=True)
+            changes = traitlets.Dict().tag(sync=True)
 
-        made = Sliders(begin=self.begin())
-        made.on_msg(lambda widget, asked, _buffers: widget.send({}, [self.answer(asked)]))
+        def follow(widget: Any, asked: Mapping[str, Any], _buffers: object) -> None:  # noqa: ANN401
+            widget.send({}, [self.answer(asked)])
+            widget.changes = self.changes  # a view that is opened later begins with them
+
+        made = Sliders(begin=self.begin(), changes=self.changes)
+        made.on_msg(follow)
         return made
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import lzma
 import re
 import subprocess
@@ -14,8 +15,8 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy import extract, read_model_description, simulate_fmu
-from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
-from fmpy.fmi3 import FMU3Slave
+from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.fmi3 import FMU3Model, FMU3Slave
 from fmpy.model_description import ModelDescription
 from fmpy.validation import validate_fmu
 
@@ -116,6 +117,24 @@ def test_fmus_are_valid_and_move_as_simulate_does(made):
                 away = np.abs(seen[f"{of}position"][at] - position).max()
                 assert away < (0.02e-6 if kind == "CoSimulation" else 1e-6), (name, version, kind)
                 assert np.abs(seen[f"{of}{'a.pressure' if of else 'pressure_a'}"][at] - pressure).max() < 50.0
+
+
+def test_every_state_is_described_with_its_size(made):
+    """Without one a tool takes 1: for the mass of the gas, 1e-5 kg, no tolerance at all."""
+    for version, slave in (("2.0", FMU2Model), ("3.0", FMU3Model)):
+        path = made("smooth", version)
+        about = read_model_description(path)
+        token = about.guid or about.instantiationToken
+        fmu = slave(guid=token, unzipDirectory=extract(path), modelIdentifier="pneudrive")
+        fmu.instantiate()
+        fmu.enterInitializationMode()
+        fmu.exitInitializationMode()
+        sizes = (ctypes.c_double * len(about.derivatives))()
+        fmu.getNominalsOfContinuousStates(sizes, len(sizes))
+        states = [one.variable.derivative for one in about.derivatives]
+        assert [float(one.nominal) for one in states] == list(sizes)
+        assert 1e-6 < float(next(one.nominal for one in states if one.name == "mass_a")) < 1e-4
+        assert not [one.name for one in about.modelVariables if one.nominal and one not in states]
 
 
 def test_rollbacks_across_stick_and_slip_give_the_same_bits(made):
@@ -426,6 +445,13 @@ def test_a_wheel_has_the_library_packed_and_a_copy_without_it_says_so(tmp_path, 
     monkeypatch.setattr(binary, "binary_bytes", binary.binary_bytes.__wrapped__)
     with pytest.raises(CommandError, match=r"cannot be loaded[\s\S]*TMPDIR"):
         binary.load_library.__wrapped__()
+
+
+def test_a_name_that_xml_cannot_hold_gives_an_fmu_that_tools_read(tmp_path):
+    drive = SMOOTH.replace({"name": 'a\x01b\ud800 <&"> \n Ü \U0001f600'})
+    path = str(pn.export_fmu(drive, tmp_path / "named.fmu").path)
+    assert validate_fmu(path) == []
+    assert read_model_description(path).modelName == 'a\ufffdb\ufffd <&"> \n Ü \U0001f600'
 
 
 def test_a_user_exports_a_drive_file_and_runs_it_in_fmpy(tmp_path, capsys):

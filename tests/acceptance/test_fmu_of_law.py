@@ -42,6 +42,7 @@ def test_equal_samples_give_the_bits_of_a_run(tmp_path, law, version):
     run = pn.control.run(AXIS, reference=MOVE, controller=tuning, setup="ideal", duration="0.5 s")
     path = str(pn.control.export(tuning, "fmu", tmp_path / "law.fmu", setup="ideal", along=MOVE, version=version)[0])
     assert validate_fmu(path) == []
+    assert float(read_model_description(path).defaultExperiment.stepSize) == 1e-3, "a tool steps with its period"
     if version != "2.0":
         return
     tool, given, read = _begun(path)

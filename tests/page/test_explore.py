@@ -18,14 +18,19 @@ NOTEBOOK = """<!doctype html><title>notebook</title><link rel=stylesheet href=/w
 <script type=module>
 import widget from "/widget.js";
 const heard = [];
+const traits = { begin: BEGIN, changes: {} };
 const model = {
-  get: () => (BEGIN), on: (_, one) => heard.push(one), off: () => {},
+  get: (name) => traits[name], on: (_, one) => heard.push(one), off: () => {},
   send: async (content) => {
     const bytes = Uint8Array.from(atob(await answer(content)), (one) => one.charCodeAt(0));
     heard.forEach((one) => one({}, [new DataView(bytes.buffer)]));
   },
 };
-widget.render({ model, el: document.getElementById("at") });
+const at = document.getElementById("at");
+at.remove(); // as Jupyter does it: without a place while it is rendered
+widget.render({ model, el: at });
+document.body.append(at);
+window.again = () => widget.render({ model, el: document.body.appendChild(document.createElement("div")) });
 </script>"""
 COMMAND, DURATION = "0 s: 0.6, 0.5 s: -0.6", "1 s"
 
@@ -35,6 +40,15 @@ def drive() -> pn.Drive:
     return pn.Drive.load("catalogue:reference")
 
 
+def serve(route: object, shown: object) -> None:
+    """Answer a notebook's requests."""
+    name = route.request.url.rpartition("/")[2]
+    if name in ("widget.js", "widget.css"):
+        route.fulfill(path=BUILT / name)
+    else:
+        route.fulfill(body=NOTEBOOK.replace("BEGIN", json.dumps(shown.begin())), content_type="text/html")
+
+
 def test_sliders_in_a_notebook_give_the_run_of_python(browser: object, drive: pn.Drive) -> None:
     shown = pn.explore(drive, COMMAND, DURATION, sliders=["friction.coulomb", "supply.pressure"])
     page = browser.new_page(viewport={"width": 1200, "height": 900}, locale="en-GB")
@@ -42,20 +56,12 @@ def test_sliders_in_a_notebook_give_the_run_of_python(browser: object, drive: pn
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
 
-    def serve(route: object) -> None:
-        name = route.request.url.rpartition("/")[2]
-        if not route.request.url.startswith("http://notebook/"):
-            foreign.append(route.request.url)
-        if name in ("widget.js", "widget.css"):
-            route.fulfill(path=BUILT / name)
-        else:
-            route.fulfill(body=NOTEBOOK.replace("BEGIN", json.dumps(shown.begin())), content_type="text/html")
-
     def answer(content: dict) -> str:
         asked.append(content)
         return base64.b64encode(shown.answer(content)).decode()
 
-    page.route("**/*", serve)
+    page.on("request", lambda one: None if one.url.startswith("http://notebook/") else foreign.append(one.url))
+    page.route("**/*", lambda route: serve(route, shown))
     page.expose_function("answer", answer)
     page.goto("http://notebook/")
     page.wait_for_selector("figure.plot canvas")
@@ -87,6 +93,34 @@ def test_sliders_in_a_notebook_give_the_run_of_python(browser: object, drive: pn
     PICTURES.mkdir(parents=True, exist_ok=True)
     page.screenshot(path=PICTURES / "explore.png")
     assert (foreign, complaints) == ([], [])
+    page.close()
+
+
+def test_two_views_move_together_on_the_paper_of_the_notebook(browser: object, drive: pn.Drive) -> None:
+    """The paper of a notebook is not that of the browser: dark curves on a dark page would not be seen."""
+    shown = pn.explore(drive, 0.6, "50 ms", sliders="friction.coulomb")
+    page = browser.new_page(color_scheme="light")
+    page.route("**/*", lambda route: serve(route, shown))
+    page.expose_function("answer", lambda content: base64.b64encode(shown.answer(content)).decode())
+    page.goto("http://notebook/")
+    page.wait_for_selector("figure.plot canvas")
+    page.evaluate("void again()")
+    page.wait_for_selector(".pneudrive >> nth=1 >> canvas >> nth=0")
+    marks = ".u-series:nth-child(2) .u-marker"
+    assert "rgb(17, 17, 17)" in page.eval_on_selector(marks, "one => one.style.background")
+    page.evaluate("document.body.style.color = 'oklch(0.95 0 0)'")
+    page.wait_for_function(f"() => document.querySelector('{marks}').style.background.includes('rgb(242, 242, 242)')")
+    page.locator("input[type=range]").first.focus()
+    page.keyboard.press("ArrowLeft")
+    page.wait_for_function("() => new Set([...document.querySelectorAll('output')].map((one) => one.value)).size === 1")
+    seen = page.locator("output").all_inner_texts()
+    assert seen == [str(shown.drive.friction.coulomb)] * 2 != [str(drive.friction.coulomb)] * 2
+    ends = page.eval_on_selector_all("[data-end=position_m]", "all => all.map((one) => Number(one.dataset.si))")
+    assert ends == [float(shown.simulate().position[-1])] * 2
+    page.keyboard.press("End")  # above the breakaway force
+    page.wait_for_selector(".wrong")
+    colour = page.eval_on_selector(".wrong", "one => getComputedStyle(one).color")
+    assert colour == "rgb(255, 157, 157)", "red on dark paper"
     page.close()
 
 

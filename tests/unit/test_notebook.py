@@ -57,6 +57,21 @@ def test_a_drawing_has_every_shape_where_it_is_with_y_down(drive):
             assert drawn * [1, -1] == pytest.approx(np.array(shape.points), rel=1e-3, abs=1e-3)
 
 
+def test_a_notebook_that_is_not_trusted_keeps_the_texts_apart(drive):
+    """It takes the tags of a drawing away and shows what is left, one word run into the other."""
+    left = " ".join("".join(ET.fromstring(f"<div>{drive._repr_html_()}</div>")[0].itertext()).split())
+    assert "valve b 0.3 cylinder bore 25 mm stroke 500 mm Reference rodless drive Symbols" in left
+
+
+def test_a_long_name_of_a_drive_is_wrapped_above_its_figure(drive):
+    name = f"Starter: {'rodless cylinder, ' * 6}whose friction depends on pressure, direction and stops"
+    figure = pn.report.plot(pn.simulate(drive.replace({"name": name}), 0.1, 0.01))
+    figure.draw_without_rendering()
+    (title,) = figure.texts
+    assert title.get_window_extent().x1 <= figure.bbox.x1
+    assert title.get_text().replace("\n", " ") == f"{name} (simulated)"
+
+
 def test_one_unit_converts_all_columns_of_its_quantity(run):
     shown = run.pneu.to("bar", "mm", "degC", "ms")
     assert shown.pressure_a.to_numpy() == pytest.approx(run.pressure_a.to_numpy() / 1e5)

@@ -14,8 +14,10 @@ import pneudrive as pn
 from pneudrive import show, units
 from pneudrive.describe.base import Described
 from pneudrive.errors import DescriptionError
+from pneudrive.identify.files import read_fit
 
 REFERENCE = Path(__file__).parents[2] / "docs/reference/python.md"
+OLD = Path(__file__).parents[1] / "old_files"
 #: No card is longer, whatever it shows.
 MOST = 12_000
 
@@ -94,6 +96,14 @@ def test_long_lists_are_cut_and_say_so():
     assert len(text.splitlines()) < 50
     assert "970 more" in text
     assert "92 more" in text
+
+
+def test_every_parameter_of_a_fit_is_a_row_of_its_card():
+    """The longest name, not determined, fell out of the table."""
+    fit = read_fit(OLD / "4f85f3b" / "map-fit.toml")
+    shown = {row[0]: row[1] for row in fit._card().rows}
+    assert shown.keys() >= {"coulomb", "breakaway", "stribeck_velocity", "stribeck_exponent", "viscous"}
+    assert shown["stribeck_velocity"] == "not determined"
 
 
 def results():

@@ -76,13 +76,22 @@ def load_library() -> ctypes.CDLL:
 _LOG = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
 
 
-def count_events(json: str, token: str) -> int:
-    """Return how many event indicators the library has for a plan, which it reads, checks and starts.
+def try_plan(json: str, token: str, states: int) -> tuple[int, list[float]]:
+    """Return what the library has for a plan, which it reads, checks and starts: event indicators, sizes of its states.
 
     Parameters
     ----------
     json, token : str
         Of a `pneudrive.fmu.variables.FmuPlan`.
+    states : int
+        How many states the other tool integrates.
+
+    Returns
+    -------
+    int
+        How many event indicators there are.
+    list of float
+        Nominal values of the states, SI.
 
     Raises
     ------
@@ -101,7 +110,7 @@ def count_events(json: str, token: str) -> int:
         (Path(folder) / "drive.json").write_text(json, encoding="utf-8")
         text = [ctypes.c_char_p(one.encode()) for one in ("export", token, folder)]
         instance = ctypes.c_void_p(library.fmi3InstantiateModelExchange(*text, False, False, None, callback))
-    count = ctypes.c_size_t()
+    count, sizes = ctypes.c_size_t(), (ctypes.c_double * states)()
     try:
         start = (instance, False, ctypes.c_double(0.0), ctypes.c_double(0.0), False, ctypes.c_double(0.0))
         done = instance.value is not None and all(
@@ -110,10 +119,11 @@ def count_events(json: str, token: str) -> int:
                 library.fmi3EnterInitializationMode(*start),
                 library.fmi3ExitInitializationMode(instance),
                 library.fmi3GetNumberOfEventIndicators(instance, ctypes.byref(count)),
+                library.fmi3GetNominalsOfContinuousStates(instance, sizes, ctypes.c_size_t(states)),
             )
         )
         if not done:
             raise DescriptionError("the library refuses the drive: " + "; ".join(dict.fromkeys(messages)))
     finally:
         library.fmi3FreeInstance(instance)
-    return count.value
+    return count.value, list(sizes)

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 #: Name of the library without its suffix, in every FMU.
 IDENTIFIER = "pneudrive"
 _STRUCTURED = re.compile(r"(der\()?[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+\])?\)?")
+#: Characters that XML cannot hold, in whatever way they are written.
+_FOREIGN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _ABOUT = (
     "Pressures are absolute. Positions and velocities grow towards the end of chamber b. In model exchange a step of "
     "the command has to be an event of the input: a steep ramp in its place gives wrong results without a message."
@@ -54,7 +56,10 @@ def description(plan: FmuPlan, version: str) -> bytes:
     _units(root, plan)
     categories = ElementTree.SubElement(root, "LogCategories")
     ElementTree.SubElement(categories, "Category", name="logStatusError", description="What went wrong, and what to do")
-    ElementTree.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", tolerance=repr(plan.rtol))
+    experiment = {"startTime": "0", "stopTime": "1", "tolerance": repr(plan.rtol)}
+    if plan.law is not None:
+        experiment["stepSize"] = repr(plan.law["controller"]["period_s"])
+    ElementTree.SubElement(root, "DefaultExperiment", experiment)
     variables = ElementTree.SubElement(root, "ModelVariables")
     places = {one.name: i for i, one in enumerate(plan.variables)}
     for one in plan.variables:
@@ -80,7 +85,8 @@ def description(plan: FmuPlan, version: str) -> bytes:
             for place in each:
                 ElementTree.SubElement(structure, tag, valueReference=str(place))
     ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    text = _FOREIGN.sub("\ufffd", ElementTree.tostring(root, encoding="unicode"))
+    return f"<?xml version='1.0' encoding='utf-8'?>\n{text}".encode()
 
 
 def _interfaces(root: ElementTree.Element, plan: FmuPlan, is_two: bool) -> None:
@@ -124,8 +130,8 @@ def _kind(one: FmuVariable) -> dict[str, str]:
 
 def _shown(one: FmuVariable) -> dict[str, str]:
     shown = {"displayUnit": DISPLAYED[one.unit][0]} if one.unit in DISPLAYED else {}
-    start = {} if one.start is None else {"start": repr(float(one.start))}
-    return {"unit": one.unit, **shown, **start}
+    numbers = {"start": one.start, "nominal": one.nominal}
+    return {"unit": one.unit, **shown, **{name: repr(float(own)) for name, own in numbers.items() if own is not None}}
 
 
 def _variable_two(variables: ElementTree.Element, one: FmuVariable, places: dict[str, int]) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError, DescriptionError, nearest
-from pneudrive.fmu.binary import PLATFORMS, binary_bytes, count_events
+from pneudrive.fmu.binary import PLATFORMS, binary_bytes, try_plan
 from pneudrive.fmu.description import IDENTIFIER, description
 from pneudrive.fmu.variables import RTOL, FmuVariable, plan_of
 from pneudrive.show import Shown
@@ -66,7 +66,8 @@ def complete_plan(
     require(drive, "core_json" if not hasattr(drive, "si_form") else "si_form", "drive", 'pn.Drive.load("drive.toml")')
     check_tolerance(rtol)
     plan = plan_of(drive, initial, rtol=rtol, actuator=actuator)
-    count = count_events(plan.json(), plan.token)
+    states = [one.rate_of for one in plan.variables if one.rate_of]
+    count, sizes = try_plan(plan.json(), plan.token, len(states))
     if actuator and count > 0:
         raise DescriptionError(
             f"the law {drive.friction.law} sticks by a mode of its own, which motion from outside does not have",  # type: ignore[union-attr]
@@ -76,7 +77,9 @@ def complete_plan(
     what = "above zero while the present mode of friction or of a valve holds"
     roles = [(f"event_indicator[{i + 1}]", {"role": "event", "of": i}) for i in range(count)]
     events = [FmuVariable(name, "1", what, "local", role) for name, role in roles]
-    return replace(plan, variables=(*plan.variables, *events))
+    nominals = dict(zip(states, sizes, strict=True))
+    sized = (replace(one, nominal=nominals.get(one.name)) for one in plan.variables)
+    return replace(plan, variables=(*sized, *events))
 
 
 def export_fmu(

@@ -50,6 +50,8 @@ class FmuVariable:
         Whether it changes at events only.
     rate_of : str
         Name of the state of which it is the rate.
+    nominal : float or None
+        Size of a state, from which a tool derives its absolute tolerance; absent, tools take 1.
     """
 
     name: str
@@ -60,6 +62,7 @@ class FmuVariable:
     start: float | None = None
     is_discrete: bool = False
     rate_of: str = ""
+    nominal: float | None = None
 
 
 @dataclass(frozen=True)

@@ -481,7 +481,7 @@ class Fit(Shown):
     def _line(self, name: str, value: float) -> str:
         number, unit, state, expanded, model = self._row(name, value)
         if not number:
-            return state
+            return f" {state}"  # two spaces behind the longest name too: a column of its own
         ends = f"95 %: {state}" if name in self.intervals else state
         text = f"{number:>13} {unit:<12} {ends}".rstrip()
         return text + (f", U(k=2) {expanded}" if expanded else "") + (f"; model ± {model}" if model else "")

@@ -1,4 +1,7 @@
-"""The drawing of a circuit as SVG text, for a notebook: no script, no style sheet, every text escaped."""
+"""The drawing of a circuit as SVG text, for a notebook: no script, no style sheet, every text escaped.
+
+A notebook that is not trusted takes the tags away: ends of lines keep its texts apart.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +55,7 @@ def _element(shape: Shape) -> str:
         size = shape.size * PT
         return (
             f'<text x="{x:.4g}" y="{y + down * size:.4g}" font-size="{size:.3g}" text-anchor="{ANCHORS[side]}" '
-            f'fill="currentColor" stroke="none">{escape(shape.text)}</text>'
+            f'fill="currentColor" stroke="none">{escape(shape.text)}</text>\n'
         )
     if shape.word == "dot":
         return f'<circle cx="{x:.4g}" cy="{y:.4g}" r="{shape.size:.3g}" fill="currentColor" stroke="none"/>'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.report import style
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 #: Names of rows in the table of provenance -> attribute that lists them.
 LISTS = {"warning": "warnings", "assumed": "assumed"}
 MOST_IN_A_ROW = 4  # entries of a legend
+TITLE_LETTERS = 100  # of a line
 ENDINGS = (*PICTURES, ".html")
 #: Panels: label, factor from SI, name of the variable or last part of it, its unit.
 PANELS = (
@@ -93,7 +95,7 @@ def draw(run: xr.Dataset) -> Figure:
     axes[-1].set_xlabel("time / s")
     title = run.attrs.get("title")
     if title:
-        figure.suptitle(f"{title} (simulated)", fontsize=9, x=0.01, ha="left")
+        figure.suptitle(fill(f"{title} (simulated)", TITLE_LETTERS), fontsize=9, x=0.01, ha="left")
     figure.align_ylabels()
     return figure
 
