@@ -29,12 +29,20 @@ impl<const N: usize> Fit<N> {
         let spread = 1.0 + (0..N).map(|i| phi[i] * p_phi[i]).sum::<f64>();
         let miss = y - (0..N).map(|i| phi[i] * self.theta[i]).sum::<f64>();
         for i in 0..N {
-            let [low, high] = within[i];
-            self.theta[i] = (self.theta[i] + p_phi[i] / spread * miss).clamp(low, high);
+            self.theta[i] += p_phi[i] / spread * miss;
             for j in 0..N {
                 p[i][j] -= p_phi[i] * p_phi[j] / spread;
             }
         }
+        // What one number may not take, the others take as far as they are known to go with it; a number that is cut alone
+        // leaves them where they fit the past no longer.
+        for i in 0..N {
+            let beyond = self.theta[i] - self.theta[i].clamp(within[i][0], within[i][1]);
+            if beyond != 0.0 {
+                (0..N).for_each(|j| self.theta[j] -= p[j][i] / p[i][i] * beyond);
+            }
+        }
+        (0..N).for_each(|i| self.theta[i] = self.theta[i].clamp(within[i][0], within[i][1]));
         // What is not excited is not forgotten beyond what was not known at first.
         let most = (0..N).fold(0.0, |most: f64, i| most.max(p[i][i]));
         if most / KEPT < UNSURE {
@@ -91,7 +99,10 @@ const SETTLED: f64 = 4.0;
 /// Deviation of the balance of forces, N, at full weight, and of energy as a share of the full flow's (assumed).
 const FORCE_DEVIATION: f64 = 5.0;
 const FLOW_DEVIATION: f64 = 0.05;
-/// Unit of a force that stays the same in both directions, N (assumed).
+/// The former as a pressure on the piston, Pa, where that is more: what gains and zeros of pressure sensors miss grows with
+/// its area (assumed).
+const PRESSURE_DEVIATION: f64 = 6e3;
+/// Unit of a force that stays the same in both directions, N, at that least deviation (assumed).
 const OFFSET: f64 = 10.0;
 /// Shares of the described value within which estimates stay (assumed).
 const FRICTION_WITHIN: [f64; 2] = [0.3, 3.0];
@@ -163,9 +174,11 @@ impl Adaptation {
         if self.rests > 0.0 {
             return;
         }
-        let deviation = FORCE_DEVIATION * (FAST / v.abs()).max(1.0);
-        let phi = [coulomb, viscous, OFFSET, inertia].map(|own| own / deviation);
-        let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-level / OFFSET, level / OFFSET], MASS_WITHIN];
+        let area = 0.5 * self.described.sides.iter().map(|side| side.area).sum::<f64>();
+        let least = FORCE_DEVIATION.max(PRESSURE_DEVIATION * area);
+        let (deviation, offset) = (least * (FAST / v.abs()).max(1.0), OFFSET * (least / FORCE_DEVIATION));
+        let phi = [coulomb, viscous, offset, inertia].map(|own| own / deviation);
+        let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-level / offset, level / offset], MASS_WITHIN];
         self.friction.observe(phi, force / deviation, within);
         let [coulomb, viscous, _, mass] = self.friction.theta;
         model.friction_shares = [coulomb, viscous];

@@ -107,6 +107,9 @@ pub struct Hold<S = f64> {
     vain: S,
 }
 
+/// Force that no model knows, as a share of that of the supply on the piston, at least: a drive without friction has some,
+/// too (assumed).
+const LEAST_UNKNOWN: f64 = 1e-3;
 /// Speed below which a drive may hold, m/s.
 const REST: f64 = 1e-3;
 /// Rates at which the contact is drawn to where it is to be, and at which the gas follows the force that is kept, 1/s
@@ -314,7 +317,10 @@ impl Controller {
     pub fn tuned(key: &str, model: &Model, period: f64, deviation: f64) -> Option<Self> {
         let middle = 0.5 * (model.supply.pressure + model.ambient.pressure);
         let plant = Plant::of(model, 0.5 * model.stroke, [middle; 2], period);
-        let noise = Noise { disturbance: 0.5 * plant.coulomb, position: deviation };
+        let full =
+            (model.supply.pressure - model.ambient.pressure) * model.sides[0].area.min(model.sides[1].area);
+        let unknown = plant.coulomb.max(LEAST_UNKNOWN * full);
+        let noise = Noise { disturbance: 0.5 * unknown, position: deviation };
         let standby = AnyLaw::tuned(STANDBY, model, &plant)?;
         Some(Controller {
             law: AnyLaw::tuned(key, model, &plant)?,

@@ -90,7 +90,7 @@ pub fn demand(
         disturbance: 0.0,
         friction: 0.0,
         pressures: model.rest_pressures(),
-        temperatures: [model.supply.temperature; 2],
+        temperatures: [model.wall_temperature; 2],
     };
     let mut found = Demand {
         opening: 0.0,

@@ -98,7 +98,7 @@ impl Rules {
 const ROUNDING: f64 = 1e-9;
 
 /// What others tell a supervisor at a sample.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inputs {
     /// The drive may move.
     pub enabled: bool,
@@ -108,11 +108,13 @@ pub struct Inputs {
     pub switches: [bool; 2],
     /// The law has not been ready in time.
     pub late: bool,
+    /// Standard deviation of the time at which a position is read, s.
+    pub jitter: f64,
 }
 
 impl Default for Inputs {
     fn default() -> Self {
-        Inputs { enabled: true, emergency_stop: false, switches: [false; 2], late: false }
+        Inputs { enabled: true, emergency_stop: false, switches: [false; 2], late: false, jitter: 0.0 }
     }
 }
 
@@ -195,8 +197,9 @@ const NEAR: f64 = 2e-3;
 /// (assumed).
 const APART: f64 = 2e-3;
 const TRUSTED: f64 = 0.08;
-/// Shares of the way by which the model may be wrong before it brakes, and while it does (assumed).
-const MARGINS: [f64; 2] = [0.5, 1.5];
+/// Shares of the way by which the model may be wrong before it brakes, before it does so by trapped air alone, and while it
+/// brakes (assumed).
+const MARGINS: [f64; 3] = [0.5, 1.0, 1.5];
 /// Command that is full, and for how long, s, until a reference is slowed, by this share of its rate, down to this rate
 /// (assumed).
 const FULL: f64 = 0.95;
@@ -351,10 +354,10 @@ impl Supervisor {
         };
         let before = own.state()?;
         let was_lost = self.position.is_lost();
-        let scale = (own.grain(), own.plant.speed, own.period);
+        let scale = (own.grain(), own.plant.speed, (own.period, self.inputs.jitter));
         let reading = (sample.time, sample.position);
         self.measures_gas = sample.pressures.is_some();
-        let by_gas = self.measures_gas && !own.observing.differentiates();
+        let by_gas = self.measures_gas && !self.gas.is_lost() && !own.observing.differentiates();
         let seen = (&foreseen, self.is_held, by_gas);
         let model = (&own.model, &before, edges);
         sample.position = self.position.checked(reading, seen, scale, model, &mut self.log);
@@ -555,14 +558,14 @@ impl Supervisor {
             model.supply.pressure = model.ambient.pressure;
             Box::new(model)
         });
-        let [first, goes_on] = MARGINS;
-        let margin = if self.brakes { goes_on } else { first };
+        let has_none = self.gas.has_no_supply();
+        let first = MARGINS[usize::from(has_none)];
+        let margin = if self.brakes { MARGINS[2] } else { first };
         // Without pressure sensors a supply that has fallen is a force that is missing.
         let d = own.state().map_or(0.0, |state| state.disturbance);
         let misses = d.abs() > MISSING * own.plant.coulomb;
         self.explained_for = if misses { 0.0 } else { self.explained_for + own.period };
         let is_weak = !self.measures_gas && self.explained_for < MISSED_FOR;
-        let has_none = self.gas.has_no_supply();
         // Shut it stops whatever the supply does; where that is not enough, a supply that presses brakes best, as most doubts
         // pass.
         let best = |found: Brake| {

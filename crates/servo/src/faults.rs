@@ -69,6 +69,7 @@ impl Faults {
             emergency_stop: has(FaultKind::EmergencyStop),
             switches: self.switches.map_or([false; 2], |[low, high]| [x <= low, x >= high]),
             late: has(FaultKind::Late),
+            ..Inputs::default()
         }
     }
 

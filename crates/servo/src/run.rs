@@ -9,7 +9,7 @@ use crate::sensor::{Encoder, Sensor};
 use crate::specification;
 use circuit::{Error, Look, Session};
 use control::{
-    Answer, AnyLaw, CHOICES, Controller, FACTORS, Gain, Inference, LAWS, Nmpc, OBSERVERS, Observing,
+    Answer, AnyLaw, CHOICES, Controller, FACTORS, Gain, Inference, Inputs, LAWS, Nmpc, OBSERVERS, Observing,
     Predicting, Reference, Rules, Sample, Tuned, Valves,
 };
 use std::collections::BTreeMap;
@@ -337,7 +337,7 @@ impl Loop {
         let sample = self.sample(tick, period, truth);
         let t = sample.time;
         if let Some(supervisor) = &mut controller.supervisor {
-            supervisor.inputs = self.faults.inputs(t, truth[0]);
+            supervisor.inputs = Inputs { jitter: self.jitter[0], ..self.faults.inputs(t, truth[0]) };
         }
         let (begin, end) = (t - 0.5 * period, t + 0.5 * period);
         for &(_, factors) in self.factors.iter().filter(|own| (begin..end).contains(&own.0)) {

@@ -4,10 +4,12 @@ use super::event::{EventKind, Log};
 use crate::model::{Edges, Model};
 use crate::observer::State;
 
-/// Grains by which a reading may leave the model beside what the speed allows, and grains that the model moves while a
-/// reading rests until that is stuck (assumed).
+/// Grains, and deviations of its time, by which a reading may leave the model beside what the speed allows, and grains that the model moves while a
+/// reading rests until that is stuck, beside what it moves by a force as wrong as the Coulomb friction, for the time in which
+/// the observer corrects that, s: a contact may break away later than the model's (assumed).
 const JUMP: f64 = 5.0;
 const STUCK: f64 = 20.0;
+const CORRECTED: f64 = 5e-3;
 /// Speed up to which a model without measured pressures, or one that follows the position alone, may creep while its drive
 /// rests, m/s (assumed).
 const CREEPS: f64 = 5e-3;
@@ -63,13 +65,13 @@ impl Position {
     }
 
     /// A reading, or what the model foresees where that is not credible. `grain` is how finely the model can know a
-    /// position, m, `fastest` the highest speed, m/s; `is_held`: the law held at the last sample; `by_gas`: the model
+    /// position, m, `fastest` the highest speed, m/s, `jitter` the standard deviation of the time of a reading, s; `is_held`: the law held at the last sample; `by_gas`: the model
     /// follows measured pressures; `seen` is the state at the last sample, `edges` how far edges were open since.
     pub fn checked(
         &mut self,
         (time, reading): (f64, f64),
         (foreseen, is_held, by_gas): (&State, bool, bool),
-        (grain, fastest, period): (f64, f64, f64),
+        (grain, fastest, (period, jitter)): (f64, f64, (f64, f64)),
         (model, seen, edges): (&Model, &State, Edges<f64>),
         log: &mut Log,
     ) -> f64 {
@@ -81,7 +83,8 @@ impl Position {
         let creeps = is_held || !by_gas && foreseen.velocity.abs() < CREEPS;
         let way = if creeps { 0.0 } else { foreseen.velocity * period };
         self.moved = if self.last == Some(reading) { self.moved + way } else { 0.0 };
-        let jumps = miss.abs() > JUMP * grain + SPEED_SHARE * fastest * period * f64::from(1 + self.bad);
+        let apart = (SPEED_SHARE * period).max(JUMP * jitter) * fastest;
+        let jumps = miss.abs() > JUMP * grain + apart * f64::from(1 + self.bad);
         // Without measured pressures a law that holds drives its gas by the model alone, for as long as it rests.
         let rests = self.last == Some(reading) && (by_gas || !is_held);
         if !rests {
@@ -100,7 +103,9 @@ impl Position {
         if is_gone {
             miss = -gone;
         }
-        let is_stuck = is_gone || self.moved.abs() > STUCK * grain;
+        let [level, _] = model.friction_levels([reading, 0.0], seen.pressures);
+        let breaks_away = 0.5 * level / model.mass * CORRECTED * CORRECTED;
+        let is_stuck = is_gone || self.moved.abs() > STUCK * grain + breaks_away.min(GONE);
         if !jumps && !is_stuck && reading.is_finite() {
             self.bad = 0;
             self.last = Some(reading);

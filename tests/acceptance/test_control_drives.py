@@ -1,0 +1,108 @@
+"""Healthy drives far from the size of the examples: laws lead them, and the supervisor is silent."""
+
+import pytest
+
+import pneudrive as pn
+from pneudrive.control.setup import read_setup
+
+
+def axis(cylinder: str, friction: str, valve: str, supply: str = 'pressure = "7 bar abs"') -> pn.Circuit:
+    return pn.Circuit.load(f"""
+schema = 1
+name = "axis"
+connections = ["supply -> valve.1", "valve.4 -> cylinder.a", "valve.2 -> cylinder.b"]
+[components.supply]
+kind = "reservoir"
+{supply}
+[components.valve]
+kind = "valve/proportional-5/3"
+damping_ratio = 0.7
+{valve}
+[components.cylinder]
+kind = "cylinder/rodless"
+{cylinder}
+friction = {{ {friction} }}
+""")
+
+
+COMMON = """conductance = "2 dm3/(s bar)"
+critical_pressure_ratio = 0.3
+frequency = "100 Hz"
+delay = "1 ms"
+overlap = 0.02
+leakage = 0.003
+hysteresis = 0.004"""
+SMALL = 'bore = "25 mm"\nstroke = "500 mm"\ndead_volume_a = "10 cm3"\ndead_volume_b = "10 cm3"\nmoving_mass = "2 kg"'
+LUGRE = 'law = "lugre", coulomb = "{} N", breakaway = "{} N", stribeck_velocity = "20 mm/s", viscous = "{} N s/m", '
+LUGRE += 'bristle_stiffness = "{} N/m", bristle_damping = "{} N s/m"'
+
+
+def test_what_is_learned_of_a_heavy_vertical_drive_stays_with_what_was_measured():
+    """A number at its bound no longer leaves the others where they fit nothing: 4.7 mm after 5 s, 50 mm after 15."""
+    drive = axis(
+        'bore = "80 mm"\nstroke = "200 mm"\ndead_volume_a = "348 cm3"\ndead_volume_b = "61.5 cm3"\n'
+        'moving_mass = "64 kg"\nincline = "90 deg"',
+        'law = "stribeck", coulomb = "340 N", breakaway = "509 N", stribeck_velocity = "24 mm/s", '
+        'viscous = "276 N s/m"',
+        'conductance = "9.75 dm3/(s bar)"\ncritical_pressure_ratio = 0.15\nfrequency = "107 Hz"\ndelay = "3.32 ms"\n'
+        "overlap = 0\nleakage = 0.006\nhysteresis = 0.004",
+    )
+    run = pn.control.run(drive, "nmpc", reference="sine 60 mm 0.5 Hz around 100 mm", duration="5 s", seed=1)
+    assert run.attrs["score"]["max_error_m"] < 5e-4
+
+
+def test_a_light_drive_that_breaks_away_late_keeps_its_position_sensor():
+    """The model moved on while the contact still held: the sensor was taken for stuck, and the drive hit its end."""
+    drive = axis(
+        'bore = "16 mm"\nstroke = "300 mm"\ndead_volume_a = "13.4 cm3"\ndead_volume_b = "6.17 cm3"\n'
+        'moving_mass = "0.164 kg"\nincline = "30 deg"',
+        'law = "stribeck", coulomb = "3.736 N", breakaway = "6.096 N", stribeck_velocity = "10.9 mm/s", '
+        'viscous = "7.592 N s/m"',
+        'conductance = "0.715 dm3/(s bar)"\ncritical_pressure_ratio = 0.18\nfrequency = "83.4 Hz"\ndelay = "1.19 ms"\n'
+        "overlap = 0.03\nleakage = 0.006\nhysteresis = 0.01",
+        'pressure = "5 bar abs"',
+    )
+    along = "138 mm; 1 s: 198 mm in 0.3 s; 3 s: 138 mm in 0.3 s; 5 s: 240 mm in 0.5 s; 7 s: 60 mm in 0.6 s"
+    run = pn.control.run(drive, "pid", reference=along, duration="8 s", seed=1)
+    assert not run.attrs["events"]
+    assert run.attrs["score"]["max_error_m"] < 0.015
+
+
+def test_a_large_drive_does_not_learn_from_its_pressure_sensors():
+    """Gains and zeros of pressures on a bore of 160 mm are large forces, and were taken for friction and mass."""
+    drive = axis(
+        SMALL.replace("25", "160").replace("10 cm3", "300 cm3").replace("2 kg", "100 kg"),
+        LUGRE.format(360, 500, 720, 1.8e6, 3600),
+        COMMON.replace("2 dm3", "12 dm3"),
+    )
+    run = pn.control.run(drive, "nmpc", reference="sine 60 mm 0.5 Hz around 250 mm", duration="5 s")
+    assert run.attrs["score"]["max_error_m"] < 1e-4
+
+
+def test_a_drive_without_friction_keeps_its_position_sensor():
+    drive = axis(SMALL, LUGRE.format(0.001, 0.001, 1, 1e5, 300), COMMON)
+    run = pn.control.run(
+        drive, "pva", reference="230 mm; 0.2 s: 290 mm in 0.3 s; 1 s: 230 mm in 0.3 s", duration="1.5 s"
+    )
+    assert not run.attrs["events"]
+    assert run.attrs["score"]["max_error_m"] < 3e-3
+
+
+def test_a_hot_supply_does_not_heat_a_drive_at_rest():
+    """Feasibility begins with gas as warm as the walls, as a run does."""
+    drive = axis(SMALL, LUGRE.format(30, 45, 40, 1e5, 300), COMMON, 'pressure = "7 bar abs"\ntemperature = "450 K"')
+    along = "150 mm; 0.2 s: 350 mm in 0.193 s"
+    found = pn.control.feasibility(pn.control.tune(drive, "super-twisting"), pn.control.reference(along))
+    run = pn.control.run(drive, "super-twisting", reference=along, setup="ideal", duration="0.6 s")
+    assert found.demand.valve_share == pytest.approx(float(abs(run.command).max()), rel=0.05)
+
+
+def test_samples_whose_times_jitter_are_no_lost_sensor():
+    """At 0.6 m/s a reading is off by 0.2 mm for each deviation of 0.3 ms: every law lost its sensor."""
+    setup, _ = read_setup("real")
+    position = setup.sensors.position.model_copy(update={"jitter_s": 3e-4})
+    setup = setup.model_copy(update={"sensors": setup.sensors.model_copy(update={"position": position})})
+    drive = axis(SMALL, LUGRE.format(30, 45, 40, 1e5, 300), COMMON)
+    run = pn.control.run(drive, "nmpc", reference="sine 100 mm 1 Hz around 250 mm", setup=setup, duration="2 s")
+    assert not run.attrs["events"]
+    assert run.attrs["score"]["max_error_m"] < 5e-3
