@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, AIR_HEAT_CAPACITY_RATIO, ANR_DENSITY_KG_M3
+from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, AIR_HEAT_CAPACITY_RATIO
 from pneudrive.control.motion import ReferenceMove, moves_of, ways_of
+from pneudrive.describe.parts import anr_density_kg_m3
 from pneudrive.errors import CommandError
 from pneudrive.show import Card, Shown
 from pneudrive.trajectory import attributes
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 #: Time from the start that is scored apart, and the end of a sine that is scored, s.
 FIRST_S, LAST_S = 4.0, 4.0
 REST_S, HUNTING_S = 0.2, 0.6  # ends of a dwell in which rest and hunting are measured
+ROUNDING_S = 1e-9  # of times that are sums
 LEAST_DWELL = 2  # samples of a dwell: the next move may begin as one ends
 LONG_DWELL_S = 10.0  # a dwell that lasts longer is looked at behind this time, for hunting
 BANDS_M = (1e-4, 5e-4, 1e-3)  # of settling
@@ -280,8 +282,7 @@ def air_of(
     (p, t), (p0, t0), (k, r) = supply, ambient, gas
     cp = k * r / (k - 1.0)
     specific = cp * (t - t0) - t0 * (cp * math.log(t / t0) - r * math.log(p / p0))
-    density = ANR_DENSITY_KG_M3 * (AIR_GAS_CONSTANT_J_KG_K / r)
-    return {"mass_kg": mass_kg, "anr_m3": mass_kg / density, "exergy_j": mass_kg * specific}
+    return {"mass_kg": mass_kg, "anr_m3": mass_kg / anr_density_kg_m3(k, r), "exergy_j": mass_kg * specific}
 
 
 _Moves = tuple[float, list[ReferenceMove]]
@@ -301,7 +302,7 @@ def _of_targets(time: Array, x: Array, of: _Moves) -> dict[str, Any]:
     visits: dict[float, tuple[list[float], list[float]]] = {}
     for move, start, until in _spans(of, float(time[-1])):
         rest = (time >= max(move.end_s, until - REST_S)) & (time <= until)
-        if until - move.end_s >= REST_S and rest.any():
+        if until - move.end_s >= REST_S - ROUNDING_S and rest.any():
             up, down = visits.setdefault(round(move.to_m, 9), ([], []))
             (up if move.to_m > start else down).append(float(x[rest].mean()) - move.to_m)
     often = [both for both in visits.values() if min(map(len, both)) >= LEAST_APPROACHES]
@@ -367,7 +368,7 @@ def _of_moves(time: Array, x: Array, v: Array, error: Array, of: _Moves) -> dict
             outside = np.abs(error[dwell]) > band
             last = float(time[dwell][outside][-1]) - move.end_s if outside.any() else 0.0
             times.append(math.inf if outside[-1] else last)
-        length = until - move.end_s
+        length = until - move.end_s + ROUNDING_S
         if length >= REST_S:
             found["rest_error_m"].append(float(np.abs(error[dwell & (time >= until - REST_S)]).mean()))
         if length >= HUNTING_S:

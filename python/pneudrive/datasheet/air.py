@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive.constants import ANR_DENSITY_KG_M3
+from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
 from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
 from pneudrive.datasheet.motion import cycle
 from pneudrive.datasheet.strokes import litres_anr
@@ -120,20 +120,20 @@ def losses(accounts: dict[str, float], ambient_k: float) -> dict[str, float]:
 def _air(plant: HeldDrive, command: float = 1.0, half_period: float | None = None) -> Found:
     full = drawn_mass(plant, command, FULL_S)
     half = cycle(plant, command).half_s if half_period is None else half_period
-    own = drawn_mass(plant, command, half)
+    own, gas = drawn_mass(plant, command, half), plant.circuit.gas
+    density = gas.anr_density_kg_m3
+    normal = NORMAL_DENSITY_KG_M3 * (AIR_GAS_CONSTANT_J_KG_K / gas.gas_constant_j_kg_k)
     return {}, {
         "full": number(
-            litres_anr(full),
+            litres_anr(full, density),
             "l ANR",
             "litres at 100 kPa, 20 degC and 65 % humidity (ISO 8778), chambers filled and vented",
         ),
-        "full_normal": number(
-            full / NORMAL_DENSITY_KG_M3 * 1e3, "l", "the same in normal litres: 101325 Pa, 0 degC, dry"
-        ),
-        "cycle": number(litres_anr(own), "l ANR", "in a cycle of the half period below"),
+        "full_normal": number(full / normal * 1e3, "l", "the same in normal litres: 101325 Pa, 0 degC, dry"),
+        "cycle": number(litres_anr(own, density), "l ANR", "in a cycle of the half period below"),
         "half_period": number(half, "s", "half of the period of that cycle"),
         "mean_flow": number(
-            own / ANR_DENSITY_KG_M3 / (2.0 * half) * 6e4, "l/min ANR", "mean flow from the supply in that cycle"
+            60.0 * litres_anr(own, density) / (2.0 * half), "l/min ANR", "mean flow from the supply in that cycle"
         ),
     }
 

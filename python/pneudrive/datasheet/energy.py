@@ -42,17 +42,20 @@ class EnergyBalance(Shown):
         Component and cause -> exergy lost, J: ambient temperature times the entropy produced; the largest first.
     air_kg : dict of str to float
         Reservoir -> mass that it gave, kg; negative where it took more.
+    anr_density_kg_m3 : float
+        Of the gas at the standard reference atmosphere.
     """
 
     accounts_j: dict[str, float]
     open_share: float
     lost_j: dict[str, float]
     air_kg: dict[str, float]
+    anr_density_kg_m3: float
 
     @property
     def air_litres_anr(self) -> dict[str, float]:
         """Reservoir -> litres at the standard reference atmosphere (ISO 8778)."""
-        return {name: litres_anr(mass) for name, mass in self.air_kg.items()}
+        return {name: litres_anr(mass, self.anr_density_kg_m3) for name, mass in self.air_kg.items()}
 
     def _card(self) -> Card:
         rows = [
@@ -103,8 +106,10 @@ def energy_balance(
     done = run(drive, command, duration, initial=initial, rtol=rtol, ledger=True, watch=Watch(cancel=cancel))
     ledger = done.provenance["ledger"]
     accounts = {name.removesuffix(_JOULE): value for name, value in ledger["accounts"].items() if name.endswith(_JOULE)}
-    lost = losses(ledger["accounts"], float(circuit_of(drive).ambient.temperature_k))
-    return EnergyBalance(accounts, ledger["energy_error"], lost, _air(drive, command, duration, initial, rtol, cancel))
+    circuit = circuit_of(drive)
+    lost = losses(ledger["accounts"], float(circuit.ambient.temperature_k))
+    air = _air(drive, command, duration, initial, rtol, cancel)
+    return EnergyBalance(accounts, ledger["energy_error"], lost, air, circuit.gas.anr_density_kg_m3)
 
 
 def _air(

@@ -29,8 +29,8 @@ SLOW = 0.05  # m/s: an effective force is one in slow motion
 
 
 def _alone(drive: Drive) -> Drive:
-    """Return a drive as makers test its parts: level, without lines and load."""
-    beside = ("tubing", "flow_control", "load", "provenance")
+    """Return a drive as makers test its parts: level, with air, without lines and load."""
+    beside = ("tubing", "flow_control", "load", "gas", "provenance")
     tables = {name: one for name, one in drive.to_dict().items() if name not in beside}
     return type(drive).model_validate(tables | {"cylinder": tables["cylinder"] | {"incline": "0 deg"}})
 

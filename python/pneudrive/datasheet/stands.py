@@ -68,18 +68,20 @@ def _flow(stand: Circuit) -> float:
     return abs(float(run["upstream.mass_flow"][-1]))
 
 
-def reduce_flow(upstream: float, ratios: Array, flows: Array, index: float) -> tuple[float, float, float]:
+def reduce_flow(
+    upstream: float, ratios: Array, flows: Array, index: float, density: float = ANR_DENSITY_KG_M3
+) -> tuple[float, float, float]:
     """Return sonic conductance, critical pressure ratio and largest relative misfit of measured flows.
 
     The least flow ratio gives C; b and C are then fitted to all points by least squares on the core's flow function.
     """
     from scipy.optimize import least_squares
 
-    first = float(flows[np.argmin(ratios)]) / (ANR_DENSITY_KG_M3 * upstream)
+    first = float(flows[np.argmin(ratios)]) / (density * upstream)
 
     def misfit(z: Array) -> Array:
         model = [_core.flow_ratio(float(r), float(z[1]), index) for r in ratios]
-        return z[0] * np.array(model) * first * ANR_DENSITY_KG_M3 * upstream / flows - 1.0
+        return z[0] * np.array(model) * first * density * upstream / flows - 1.0
 
     found = least_squares(misfit, [1.0, 0.3], bounds=([0.1, 0.0], [10.0, 0.99]), xtol=1e-15, ftol=1e-15, gtol=1e-15)
     return float(found.x[0]) * first, float(found.x[1]), float(np.max(np.abs(found.fun)))
@@ -87,14 +89,14 @@ def reduce_flow(upstream: float, ratios: Array, flows: Array, index: float) -> t
 
 def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
     before = plant.supply_pa if upstream is None else upstream
-    ratios = np.array(RATIOS)
+    ratios, density = np.array(RATIOS), plant.circuit.gas.anr_density_kg_m3
     index = float(getattr(plant.circuit.components[plant.valve], "subsonic_index", 0.5))
     named, flows, rows = [], [], []
     for side in "ab":
         for inward in (True, False):
             named.append(f"{'supply to' if inward else 'exhaust of'} {side}")
             flows.append(flow_through(plant, side, inward=inward, upstream=before, ratios=ratios))
-            rows.append(reduce_flow(before, ratios, flows[-1], index))
+            rows.append(reduce_flow(before, ratios, flows[-1], index, density))
     values = np.array(rows)
     axes = {
         "path": ResultValue(("path",), named, "1", "valve edge with the lines to the chamber"),
@@ -103,11 +105,11 @@ def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
     return axes, {
         "flow": ResultValue(
             ("path", "ratio"),
-            np.array(flows) / ANR_DENSITY_KG_M3 * 6e4,
+            np.array(flows) / density * 6e4,
             "l/min ANR",
             f"steady flow, {1e-5 * before:g} bar abs before the path",
         ),
-        "conductance": ResultValue(("path",), values[:, 0], "m3/(s Pa)", "sonic conductance C"),
+        "conductance": ResultValue(("path",), values[:, 0], "m3/(s Pa)", "sonic conductance C, of the drive's gas"),
         "critical_ratio": ResultValue(("path",), values[:, 1], "1", "critical back-pressure ratio b"),
         "misfit": ResultValue(
             ("path",), values[:, 2], "1", "largest relative difference of a flow from the fitted function"

@@ -296,15 +296,17 @@ def first_passage(t: Array, x: Array, level: float, rate: Array | None = None) -
     return float(t[k - 1] + h * brentq(value, 0.0, 1.0, xtol=1e-12))
 
 
-def litres_anr(mass_kg: float) -> float:
-    """Return a mass of air as litres at the standard reference atmosphere, ISO 8778: 100 kPa, 20 degC, 65 % humidity.
+def litres_anr(mass_kg: float, density_kg_m3: float = ANR_DENSITY_KG_M3) -> float:
+    """Return a mass as litres at the standard reference atmosphere, ISO 8778: 100 kPa, 20 degC, 65 % humidity.
+
+    Of air, unless another density there is given, see `Gas.anr_density_kg_m3`.
 
     Examples
     --------
     >>> litres_anr(1.185e-3)
     1.0
     """
-    return mass_kg / ANR_DENSITY_KG_M3 / LITRE
+    return mass_kg / density_kg_m3 / LITRE
 
 
 def drawn_mass(columns: Mapping[str, Any], begin_s: float = 0.0, end_s: float = math.inf) -> float:

@@ -66,12 +66,12 @@ def _air(drive: Drive, recording: VolumeRecording) -> TankAir:
     volume, half = _label(recording, "tank_volume", "m3"), _label(recording, "half_period", "s")
     cycles = _label(recording, "cycles", "")
     before, after = _at_rest(recording)
-    room = drive.ambient.temperature_k
+    room, density = drive.ambient.temperature_k, drive.gas.anr_density_kg_m3
     mass = volume * (before - after) / (cycles * drive.gas.gas_constant_j_kg_k * room)
     fed = HeldDrive(drive.replace({"supply.pressure": f"{0.5 * (before + after)!r} Pa abs"}))
     cycle = f"half period {recording.labels['half_period']}"
-    simulated = litres_anr(drawn_mass(fed, 1.0, half))
-    return TankAir(recording.name, cycle, litres_anr(mass), simulated, "synthetic" in recording.labels)
+    simulated = litres_anr(drawn_mass(fed, 1.0, half), density)
+    return TankAir(recording.name, cycle, litres_anr(mass, density), simulated, "synthetic" in recording.labels)
 
 
 def _label(recording: VolumeRecording, key: str, unit: str) -> float:

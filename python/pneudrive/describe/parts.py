@@ -10,6 +10,8 @@ from pneudrive import units
 from pneudrive.constants import (
     AIR_GAS_CONSTANT_J_KG_K,
     AIR_HEAT_CAPACITY_RATIO,
+    ANR_DENSITY_KG_M3,
+    ANR_PRESSURE_PA,
     ANR_TEMPERATURE_K,
     MOLAR_GAS_CONSTANT_J_MOL_K,
     STANDARD_ATMOSPHERE_PA,
@@ -61,6 +63,16 @@ VIRIAL: dict[str, tuple[float, float, float]] = {
 }
 
 
+def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float:
+    """Return the density of a gas at the standard reference atmosphere, kg/m3: air is humid there, others are dry.
+
+    The core's conductances are of the same densities.
+    """
+    if (heat_capacity_ratio, gas_constant) == (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K):
+        return ANR_DENSITY_KG_M3
+    return ANR_PRESSURE_PA / (gas_constant * ANR_TEMPERATURE_K)
+
+
 class Gas(Described):
     """Gas in the drive, by name or by numbers; the default is dry air.
 
@@ -105,6 +117,11 @@ class Gas(Described):
                 '5.3 % at 10 bar; gas.model = "virial" corrects this'
             )
         return self
+
+    @property
+    def anr_density_kg_m3(self) -> float:
+        """Density at the standard reference atmosphere, kg/m3."""
+        return anr_density_kg_m3(self.heat_capacity_ratio, self.gas_constant_j_kg_k)
 
     def core(self) -> dict[str, Any]:
         """Return the gas in the core's form, in SI."""
