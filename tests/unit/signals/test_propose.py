@@ -83,6 +83,14 @@ def test_inches_pounds_and_absolute_psi_are_read_as_named(make, tmp_path, name, 
     assert recording.force_n == pytest.approx(10.0 * truth.force_n, abs=1e-3)
 
 
+def test_names_in_quotes_with_quotes_and_delimiters(make, tmp_path):
+    truth, *rows = columns(make)
+    head = ['"time ""t"" [s]", "position, ""x"" [mm]", "pressure B [bar]", "force F [N]"']
+    write(tmp_path / "a.csv", head, rows, delimiter=",")
+    proposal = check(tmp_path / "a.csv", truth)
+    assert {g.column for g in proposal.guesses} >= {'time "t" [s]', 'position, "x" [mm]'}
+
+
 def test_a_campaign_file(make, tmp_path):
     import polars as pl
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.describe.toml import value_text
 from pneudrive.signals.proposal.guesses import WORDS, force_levels
 from pneudrive.units import converter
 
@@ -40,7 +41,7 @@ def layout_text(
     roles = {guess.role for guess in guesses}
     cycle = [name for name in reading.names if re.search(WORDS["cycle"], name.strip().lower())]
     if cycle and reading.format == "parquet":
-        lines.append(f'cycle = {{ column = "{cycle[0]}" }}  # guess: numbers the cycles of a campaign')
+        lines.append(f"cycle = {{ column = {value_text(cycle[0])} }}  # guess: numbers the cycles of a campaign")
     if kind != "rig":
         return "\n".join([*lines, ""])
     lines += [f"# not found: {needed}" for needed in ("time", "position", "force") if needed not in roles]
@@ -73,7 +74,7 @@ def _file_lines(path: Path, reading: FileForm, kind: str) -> list[str]:
 
 def _column_line(guess: Guess, reading: FileForm, values: NDArray[np.float64], sign: str) -> str:
     """Return the line of a column."""
-    place = f'"{guess.column}"' if isinstance(guess.column, str) else str(guess.column)
+    place = value_text(guess.column)
     if guess.role == "command":
         return f"command = {{ column = {place}{_signal(guess, values)} }}  # guess: {guess.reason}"
     is_pressure = guess.role.startswith("pressure")

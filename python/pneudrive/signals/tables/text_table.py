@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -87,8 +88,11 @@ def decode(data: bytes, path: Path) -> str:
 
 
 def split_row(line: str, delimiter: str | None) -> list[str]:
-    """Return the fields of one line, without white space around them."""
-    return line.split() if delimiter is None else [part.strip().strip('"') for part in line.split(delimiter)]
+    """Return the fields of one line, without white space and quotes around them."""
+    if delimiter is None:
+        return line.split()
+    quoted = csv.reader([line], delimiter=delimiter, skipinitialspace=True) if '"' in line else [line.split(delimiter)]
+    return [part.strip() for part in next(iter(quoted))]
 
 
 def to_number(text: str, form: TextForm) -> float:
