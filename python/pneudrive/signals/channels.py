@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import reprlib
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -156,11 +157,12 @@ class SharedChannel:
 
 @dataclass(frozen=True)
 class _OpenTable:
-    """A table with the units that its file states, by column, and what its layout calls its columns."""
+    """A table with the units that its file states, what its layout calls its columns, and which hold texts."""
 
     table: Table
     units: dict[str, str] = field(default_factory=dict)
     roles: dict[str, str] = field(default_factory=dict)
+    texts: Sequence[str] = ()
 
 
 def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile:
@@ -209,6 +211,9 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
     ]
     notes += () if time is not None else ("no column of times: samples are counted",)
     notes += _delays(said)
+    shown = {one.column for one in (*found, *([time] if time else []))}
+    if others := [*opened.texts, *(name for name in opened.table.names[:MOST_COLUMNS] if name not in shown)]:
+        notes += (f"no numbers, and not shown: {reprlib.repr(', '.join(others))[1:-1]}",)
     if len(found) > MOST_CHANNELS:
         notes += (f"the first {MOST_CHANNELS} of {len(found)} channels are taken",)
     return ChannelFile(path.name, opened.table, time, tuple(found[:MOST_CHANNELS]), first, origin, notes)
@@ -275,27 +280,25 @@ def _open(path: Path, said: SampledLayout | None, cache: Path) -> _OpenTable:
     how = (said.format, said.text, said.columns) if said is not None else ()
     converted = cache / f"table-{hashlib.sha256(repr(how).encode()).hexdigest()[:16]}.parquet"
     if not converted.is_file():
-        columns, units, roles = _converted(path, said)
+        columns, about = _converted(path, said)
         cache.mkdir(parents=True, exist_ok=True)
-        save_columns(columns, {"units": units, "roles": roles}, converted)
+        save_columns(columns, about, converted)
     table = open_table(converted, "parquet")
-    about = json.loads(table.metadata["pneudrive"])
-    return _OpenTable(table, about["units"], about["roles"])
+    return _OpenTable(table, **json.loads(table.metadata["pneudrive"]))
 
 
-def _converted(path: Path, said: SampledLayout | None) -> tuple[dict[str, Array], dict[str, str], dict[str, str]]:
-    """Read every column of numbers: by name, with the units that the file states, and what the layout calls them."""
+def _converted(path: Path, said: SampledLayout | None) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Read every column of numbers by name; beside, what else an open table knows."""
     if said is not None:
         found = read_table(path, said, others=True)
         roles = dict(zip(found.names, said.columns, strict=False))
-        return (
-            dict(zip(found.names, found.columns, strict=True)),
-            dict(zip(found.names, found.units, strict=True)),
-            roles,
-        )
+        units = dict(zip(found.names, found.units, strict=True))
+        return dict(zip(found.names, found.columns, strict=True)), {"units": units, "roles": roles}
     form, columns = read_raw_table(path)
     names = form.names if len(set(form.names)) == len(columns) else [f"column {at}" for at in range(len(columns))]
-    return dict(zip(names, columns, strict=True)), dict(zip(names, form.units, strict=False)), {}
+    numbers = {name: one for at, (name, one) in enumerate(zip(names, columns, strict=True)) if at not in form.words}
+    units = dict(zip(names, form.units, strict=False))
+    return numbers, {"units": units, "texts": [names[at] for at in sorted(form.words)]}
 
 
 def _for_file(layout: Layout, path: Path) -> SampledLayout:

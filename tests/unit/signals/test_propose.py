@@ -5,6 +5,7 @@ import pytest
 
 from pneudrive.characterise import Layout, characterise, load_recordings
 from pneudrive.errors import RecordingError
+from pneudrive.signals.channels import open_channels
 from pneudrive.signals.proposal.propose import propose_layout
 
 
@@ -89,6 +90,19 @@ def test_names_in_quotes_with_quotes_and_delimiters(make, tmp_path):
     write(tmp_path / "a.csv", head, rows, delimiter=",")
     proposal = check(tmp_path / "a.csv", truth)
     assert {g.column for g in proposal.guesses} >= {'time "t" [s]', 'position, "x" [mm]'}
+
+
+def test_columns_of_texts_are_no_signals(make, tmp_path):
+    truth, *rows = columns(make)
+    write(tmp_path / "a.csv", ["state,t [s],position state,x [mm],p_b [bar],f [N]"], rows, delimiter=",")
+    head, *lines = (tmp_path / "a.csv").read_text().splitlines()
+    moved = [",".join(["ok", line.split(",")[0], "moves", *line.split(",")[1:]]) for line in lines]
+    (tmp_path / "a.csv").write_text("\n".join([head, *moved]) + "\n")
+    found = {g.role: g.column for g in check(tmp_path / "a.csv", truth).guesses}
+    assert found == {"time": "t [s]", "position": "x [mm]", "pressure_b": "p_b [bar]", "force": "f [N]"}
+    shown = open_channels(tmp_path / "a.csv", None, tmp_path / "cache")
+    assert [one.column for one in shown.channels] == ["t [s]", "x [mm]", "p_b [bar]", "f [N]"]
+    assert shown.notes[-1:] == ("no numbers, and not shown: state, position state",)
 
 
 def test_a_campaign_file(make, tmp_path):

@@ -57,6 +57,8 @@ def _roles_by_name(reading: FileForm) -> dict[str, tuple[int, str]]:
     """Return role -> column and reason for columns identified by name; of several the first."""
     roles: dict[str, tuple[int, str]] = {}
     for index, name in enumerate(reading.names):
+        if index in reading.words:
+            continue
         bare = name.rpartition("/")[2] if reading.format in GROUPED else name
         for role, pattern in WORDS.items():
             if re.search(pattern, bare.strip().lower()):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from pneudrive.signals.tables.formats import read_all
 from pneudrive.signals.tables.sniff import FileForm, sniff_format, sniff_text
 from pneudrive.signals.tables.text_table import TextForm, read_bytes, read_text
@@ -11,12 +13,11 @@ from pneudrive.signals.tables.text_table import TextForm, read_bytes, read_text
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import numpy as np
     from numpy.typing import NDArray
 
 
 def read_raw_table(path: Path) -> tuple[FileForm, list[NDArray[np.float64]]]:
-    """Return the form of a file and its columns of numbers.
+    """Return the form of a file and its columns of numbers; those of texts hold none.
 
     Raises
     ------
@@ -26,7 +27,10 @@ def read_raw_table(path: Path) -> tuple[FileForm, list[NDArray[np.float64]]]:
     form = sniff_format(path)
     if form == "csv":
         reading = sniff_text(path)
-        wanted: list[int | str] = list(range(reading.columns))
-        return reading, read_text(path, read_bytes(path), reading.form, wanted, {**reading.dates}).columns
+        wanted: list[int | str] = [at for at in range(reading.columns) if at not in reading.words]
+        found = iter(read_text(path, read_bytes(path), reading.form, wanted, {**reading.dates}).columns)
+        columns = {at: next(found) for at in wanted}
+        none = np.full_like(columns[wanted[0]], np.nan)
+        return reading, [columns.get(at, none) for at in range(reading.columns)]
     names, columns, dates, units = read_all(form, path)
     return FileForm(form, TextForm(), names, units, len(names), dates), columns

@@ -23,6 +23,7 @@ MAGIC = {b"PAR1": "parquet", b"\x89HDF": "netcdf", b"TDSm": "tdms", b"MDF ": "mf
 DELIMITERS: tuple[str | None, ...] = ("\t", ";", ",", "|", None)
 TABLE_ROWS = 3  # successive rows of numbers that make a table
 NO_UNIT = ("-", "1", "%", "V", "mV", "A", "mA", "raw", "date-time")  # appear in rows of units beside known units
+_WORD = re.compile(r"[^\W\d_]")  # a text that nobody takes for a number begins with a letter
 _GROUPED = re.compile(r"[-+]?\d{1,3}([.,'])\d{3}(?:\1\d{3})+$")
 
 
@@ -30,7 +31,7 @@ _GROUPED = re.compile(r"[-+]?\d{1,3}([.,'])\d{3}(?:\1\d{3})+$")
 class FileForm:
     """Form of a file: ``form`` for text, names of the columns if any, their number.
 
-    ``dates`` holds the columns of dates and times, by number, with their formats.
+    ``dates`` holds the columns of dates and times, by number, with their formats, ``words`` those of texts.
     """
 
     format: str
@@ -39,6 +40,7 @@ class FileForm:
     units: list[str]
     columns: int
     dates: dict[int, str] = field(default_factory=dict)
+    words: frozenset[int] = frozenset()
 
 
 def sniff_format(path: Path) -> str:
@@ -65,12 +67,13 @@ def sniff_text(path: Path) -> FileForm:
     tail = [line for line in lines if line.strip() and not line.startswith("#")]
     step = max(len(tail) // SAMPLED_LINES, 1)
     sample = tail[len(tail) // 10 :: step][:SAMPLED_LINES] or tail
-    best: tuple[float, TextForm, int] | None = None
+    best: tuple[float, TextForm, int, frozenset[int]] | None = None
     for form in _candidates(sample):
-        share, width = _score(sample, form)
+        share, width, words = _score(sample, form)
+        numbers = width - len(words)
         # More columns of numbers explain a line better than fewer; among equals the earlier candidate wins.
-        if share >= MOSTLY and width >= 2 and (best is None or width * share > best[0] + 1e-9):
-            best = (width * share, form, width)
+        if share >= MOSTLY and numbers >= 2 and (best is None or numbers * share > best[0] + 1e-9):
+            best = (numbers * share, form, width, words)
     if best is None:
         raise RecordingError(
             "no table of numbers was found",
@@ -78,7 +81,7 @@ def sniff_text(path: Path) -> FileForm:
             value=(sample[0].strip()[:120] if sample else "no lines"),
             remedy="write the layout by hand: delimiter, decimal, header, skip_lines",
         )
-    return _with_header(lines, best[1], best[2])
+    return _with_header(lines, *best[1:])
 
 
 def _candidates(sample: list[str]) -> list[TextForm]:
@@ -93,31 +96,42 @@ def _candidates(sample: list[str]) -> list[TextForm]:
     return forms
 
 
-def _score(sample: list[str], form: TextForm) -> tuple[float, int]:
-    """Return the share of lines that are numbers in the usual number of columns, and that number."""
+def _score(sample: list[str], form: TextForm) -> tuple[float, int, frozenset[int]]:
+    """Return the share of lines that are numbers in the usual number of columns, that number, and columns of texts."""
     rows = [split_row(line, form.delimiter) for line in sample]
     widths = [len(row) for row in rows]
     usual = max(set(widths), key=widths.count)
-    good = sum(len(row) == usual and _is_numbers(row, form) for row in rows)
-    return good / len(rows), usual
+    right = [row for row in rows if len(row) == usual]
+    words: frozenset[int] = frozenset()
+    if form.delimiter is not None:  # white space stands in texts, too
+        words = frozenset(at for at in range(usual) if all(_is_word(row[at], form) for row in right))
+    good = sum(_is_numbers(row, form, words) for row in right)
+    return good / len(rows), usual, words
 
 
-def _is_numbers(fields: list[str], form: TextForm) -> bool:
-    """Return whether a row holds numbers, dates and empty fields, and not only empty ones."""
-    if not any(fields):
-        return False
-    try:
-        for text in fields:
-            if not looks_like_date_time(text):
-                to_number(text, form)
-    except ValueError:
-        return False
+def _is_number(text: str, form: TextForm) -> bool:
+    """Return whether a field is a number, a date, or empty."""
+    if not looks_like_date_time(text):
+        try:
+            to_number(text, form)
+        except ValueError:
+            return False
     return True
 
 
-def _with_header(lines: list[str], form: TextForm, width: int) -> FileForm:
+def _is_word(text: str, form: TextForm) -> bool:
+    return bool(_WORD.match(text)) and not _is_number(text, form)
+
+
+def _is_numbers(fields: list[str], form: TextForm, words: frozenset[int]) -> bool:
+    """Return whether a row holds numbers, dates and empty fields, and not only empty ones, but for columns of texts."""
+    own = [text for at, text in enumerate(fields) if at not in words]
+    return any(own) and all(_is_number(text, form) for text in own)
+
+
+def _with_header(lines: list[str], form: TextForm, width: int, words: frozenset[int]) -> FileForm:
     """Find the first row of numbers and the header above it."""
-    first = _first_of_numbers(lines, form, width)
+    first = _first_of_numbers(lines, form, width, words)
     names, units, skip = _names_above(lines[:first], form, width)
     delimiter = None if form.delimiter == "\t" and not names else form.delimiter
     found = TextForm(
@@ -127,10 +141,11 @@ def _with_header(lines: list[str], form: TextForm, width: int) -> FileForm:
         thousands=form.thousands,
         skip_lines=skip if names else first,
     )
-    return FileForm("csv", found, names, units, width, _dates([lines[first], *lines[-SAMPLED_LINES:]], form, width))
+    dates = _dates([lines[first], *lines[-SAMPLED_LINES:]], form, width)
+    return FileForm("csv", found, names, units, width, dates, words)
 
 
-def _first_of_numbers(lines: list[str], form: TextForm, width: int) -> int:
+def _first_of_numbers(lines: list[str], form: TextForm, width: int, words: frozenset[int]) -> int:
     """Return the first line of the table: a row of numbers followed by others, since a preamble may hold some, too."""
     first = length = 0
     longest = (0, 0)
@@ -138,7 +153,7 @@ def _first_of_numbers(lines: list[str], form: TextForm, width: int) -> int:
         if not line.strip(" ") or line.startswith(form.comment):
             continue
         fields = split_row(line, form.delimiter)
-        is_row = len(fields) == width and _is_numbers(fields, form)
+        is_row = len(fields) == width and _is_numbers(fields, form, words)
         first, length = (i if length == 0 else first, length + 1) if is_row else (first, 0)
         if length > longest[0]:
             longest = (length, first)
