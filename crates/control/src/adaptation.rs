@@ -22,8 +22,8 @@ impl<const N: usize> Fit<N> {
         Fit { theta, covariance }
     }
 
-    /// Takes over an observation whose variance is one; theta stays within its box.
-    fn observe(&mut self, phi: [f64; N], y: f64, within: [[f64; 2]; N]) {
+    /// Takes over an observation whose variance is one.
+    fn observe(&mut self, phi: [f64; N], y: f64) {
         let p = &mut self.covariance;
         let p_phi: [f64; N] = std::array::from_fn(|i| (0..N).map(|j| p[i][j] * phi[j]).sum());
         let spread = 1.0 + (0..N).map(|i| phi[i] * p_phi[i]).sum::<f64>();
@@ -34,20 +34,27 @@ impl<const N: usize> Fit<N> {
                 p[i][j] -= p_phi[i] * p_phi[j] / spread;
             }
         }
-        // What one number may not take, the others take as far as they are known to go with it; a number that is cut alone
-        // leaves them where they fit the past no longer.
-        for i in 0..N {
-            let beyond = self.theta[i] - self.theta[i].clamp(within[i][0], within[i][1]);
-            if beyond != 0.0 {
-                (0..N).for_each(|j| self.theta[j] -= p[j][i] / p[i][i] * beyond);
-            }
-        }
-        (0..N).for_each(|i| self.theta[i] = self.theta[i].clamp(within[i][0], within[i][1]));
         // What is not excited is not forgotten beyond what was not known at first.
         let most = (0..N).fold(0.0, |most: f64, i| most.max(p[i][i]));
         if most / KEPT < UNSURE {
             p.iter_mut().flatten().for_each(|own| *own /= KEPT);
         }
+    }
+
+    /// Numbers beyond their bounds are cut.
+    fn cut(&mut self, within: [[f64; 2]; N]) {
+        (0..N).for_each(|i| self.theta[i] = self.theta[i].clamp(within[i][0], within[i][1]));
+    }
+
+    /// The same; what one number may not take, the others take as far as they are known to go with it. One that is cut alone
+    /// leaves them where they fit the past no longer.
+    fn project(&mut self, within: [[f64; 2]; N]) {
+        for i in 0..N {
+            let beyond = self.theta[i] - self.theta[i].clamp(within[i][0], within[i][1]);
+            let share = beyond / self.covariance[i][i];
+            (0..N).for_each(|j| self.theta[j] -= self.covariance[j][i] * share);
+        }
+        self.cut(within);
     }
 }
 
@@ -179,7 +186,8 @@ impl Adaptation {
         let (deviation, offset) = (least * (FAST / v.abs()).max(1.0), OFFSET * (least / FORCE_DEVIATION));
         let phi = [coulomb, viscous, offset, inertia].map(|own| own / deviation);
         let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-level / offset, level / offset], MASS_WITHIN];
-        self.friction.observe(phi, force / deviation, within);
+        self.friction.observe(phi, force / deviation);
+        self.friction.project(within);
         let [coulomb, viscous, _, mass] = self.friction.theta;
         model.friction_shares = [coulomb, viscous];
         // Where it weighs little, other errors of the balance look like mass: they are not friction's, but not believed either.
@@ -217,7 +225,8 @@ impl Adaptation {
             let d = OVERLAP_WITHIN;
             let [low, high] = CONDUCTANCE_WITHIN;
             let within = [[low, high / (1.0 - d[1])], [-high * d[1] / (1.0 - d[1]), 0.0]];
-            self.valve.observe(phi.map(|own| own / FLOW_DEVIATION), y / FLOW_DEVIATION, within);
+            self.valve.observe(phi.map(|own| own / FLOW_DEVIATION), y / FLOW_DEVIATION);
+            self.valve.cut(within);
         }
         let [slope, offset] = self.valve.theta;
         model.valve.overlap = (-offset / slope).clamp(OVERLAP_WITHIN[0], OVERLAP_WITHIN[1]);

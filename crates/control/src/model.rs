@@ -363,7 +363,8 @@ impl Model {
             }
             Slip::AtLevel => spring,
         };
-        let rest = left.times(1.0 / h);
+        // Its derivatives take the sign as it is: through rest that is as steep as no step can follow.
+        let rest = (level * (v / speed).constant() - f).times(1.0 / h);
         let elastic = S::select(rest.abs().lt(sprung.abs()), rest, sprung);
         S::select((left * v).lt(S::zero()), rate * left, elastic)
     }

@@ -17,6 +17,9 @@ pub struct Spool<S = f64> {
     beside: Beside<S>,
 }
 
+/// Share of a piece that is none but rounding of its times.
+const ROUNDING: f64 = 1e-6;
+
 /// Values by the times from which on they act, s; the first one acts now.
 type Line<S> = VecDeque<(f64, S)>;
 
@@ -124,9 +127,12 @@ impl<S: Number> Spool<S> {
     /// Goes on from a time to another, s; commands that are over are forgotten.
     pub fn advance(&mut self, from: f64, to: f64) {
         let mut t = from;
+        // A spool without a lag is where its command is: one that acts at the end alone is none of this piece, however its
+        // times are rounded.
+        let least = if self.angular_frequency.is_infinite() { ROUNDING * (to - from) } else { 0.0 };
         for place in 0..self.acts.len() {
             let until = self.acts.get(place + 1).map_or(to, |next| next.0.min(to));
-            if until > t {
+            if until > t + least {
                 self.state = self.step(self.state, self.acts[place].1, until - t);
                 t = until;
             }
@@ -210,5 +216,30 @@ impl Spool {
         let [x, v] = self.state;
         let whole = 1.0 / (1.0 - overlap);
         [x.signum() * ((x.abs() - overlap) * whole).max(0.0), v * whole]
+    }
+}
+
+#[cfg(test)]
+mod ties {
+    use super::*;
+
+    /// A command that acts halfway between two samples, by times that are rounded: the opening halfway is the old one.
+    #[test]
+    fn a_spool_without_a_lag_does_not_go_by_the_rounding_of_times() {
+        let mut spool = Spool::<f64> {
+            state: [0.0; 2],
+            acts: line(),
+            angular_frequency: f64::INFINITY,
+            damping_ratio: 1.0,
+            beside: Beside::Nothing,
+        };
+        let (period, delay) = (1e-3, 2.5e-3);
+        for k in 0..2000_u32 {
+            let t = f64::from(k) * period;
+            let middle = spool.middle(t - period, t);
+            let expected = (f64::from(k) - 4.0).max(0.0);
+            assert_eq!(middle, expected, "sample {k}");
+            spool.command(t + delay, f64::from(k));
+        }
     }
 }

@@ -183,6 +183,10 @@ impl<R: Real, const N: usize> Real for Dual<R, N> {
     fn select(mask: R::Mask, a: Self, b: Self) -> Self {
         once!(a.with(R::select(mask, a.re, b.re), |i, eps| R::select(mask, eps, b.eps[i])))
     }
+    #[inline(always)]
+    fn constant(self) -> Self {
+        Self::from(self.re.constant())
+    }
 }
 
 impl<R: Real, const N: usize> Over<R> for Dual<R, N> {

@@ -62,6 +62,11 @@ pub trait Real:
     }
     /// `a` where `mask` holds, else `b`.
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
+    /// The same value, constant to derivatives.
+    #[inline(always)]
+    fn constant(self) -> Self {
+        self
+    }
 
     /// 0.
     #[inline(always)]

@@ -5,8 +5,8 @@ use crate::model::{Edges, Model};
 use crate::observer::State;
 
 /// Grains, and deviations of its time, by which a reading may leave the model beside what the speed allows, and grains that the model moves while a
-/// reading rests until that is stuck, beside what it moves by a force as wrong as the Coulomb friction, for the time in which
-/// the observer corrects that, s: a contact may break away later than the model's (assumed).
+/// reading rests until that is stuck, beside what it moves, from rest, by a force as wrong as the Coulomb friction, for the
+/// time in which the observer corrects that, s: a contact may break away later than the model's (assumed).
 const JUMP: f64 = 5.0;
 const STUCK: f64 = 20.0;
 const CORRECTED: f64 = 5e-3;
@@ -33,6 +33,8 @@ pub struct Position {
     last: Option<f64>,
     /// Way of the model since the reading changed, m.
     moved: f64,
+    /// The drive rested when the reading changed.
+    from_rest: bool,
     /// Where the model would be without readings since the reading changed: the observer's own is held by them, as what moves
     /// it is taken for a force that is missing.
     twin: Option<Twin>,
@@ -82,7 +84,11 @@ impl Position {
         // A contact that is held may creep in the model and stick in truth: each reading puts the model back.
         let creeps = is_held || !by_gas && foreseen.velocity.abs() < CREEPS;
         let way = if creeps { 0.0 } else { foreseen.velocity * period };
-        self.moved = if self.last == Some(reading) { self.moved + way } else { 0.0 };
+        if self.last == Some(reading) {
+            self.moved += way;
+        } else {
+            (self.moved, self.from_rest) = (0.0, foreseen.velocity.abs() < CREEPS);
+        }
         let apart = (SPEED_SHARE * period).max(JUMP * jitter) * fastest;
         let jumps = miss.abs() > JUMP * grain + apart * f64::from(1 + self.bad);
         // Without measured pressures a law that holds drives its gas by the model alone, for as long as it rests.
@@ -104,8 +110,11 @@ impl Position {
             miss = -gone;
         }
         let [level, _] = model.friction_levels([reading, 0.0], seen.pressures);
-        let breaks_away = 0.5 * level / model.mass * CORRECTED * CORRECTED;
-        let is_stuck = is_gone || self.moved.abs() > STUCK * grain + breaks_away.min(GONE);
+        let breaks_away = (0.5 * level / model.mass * CORRECTED * CORRECTED).min(GONE);
+        let late = if self.from_rest { breaks_away } else { 0.0 };
+        // A reading may come as late as the next one, whose time jitters by so much beyond what the speed is unsure anyway.
+        let jittered = (JUMP * jitter - SPEED_SHARE * period).max(0.0) * foreseen.velocity.abs();
+        let is_stuck = is_gone || self.moved.abs() > STUCK * grain + late + jittered;
         if !jumps && !is_stuck && reading.is_finite() {
             self.bad = 0;
             self.last = Some(reading);
