@@ -108,6 +108,33 @@ def test_another_law_takes_the_place_of_formulas(axis):
     assert found.drop_vars(CLOCKS).equals(expected.drop_vars(CLOCKS))
 
 
+ELEMENTS = [{"stiffness": "3e4 N/m", "share": 0.15}, {"stiffness": "7e4 N/m", "share": 0.85}]
+SLIDES = {"coulomb": "30 N", "breakaway": "45 N", "stribeck_velocity": "20 mm/s", "viscous": "40 N s/m"}
+
+
+@pytest.mark.parametrize(
+    ("described", "true"),
+    [
+        (
+            SLIDES | {"law": "gms", "attraction": "900 N/s", "elements": ELEMENTS},
+            {"law": "dahl", "coulomb": "30 N", "viscous": "40 N s/m", "bristle_stiffness": "1e5 N/m"},
+        ),
+        (
+            SLIDES | {"law": "stribeck", "stribeck_shape": "exponential"},
+            {"law": "coulomb", "coulomb": "30 N", "viscous": "40 N s/m"},
+        ),
+    ],
+    ids=["elements", "shape"],
+)
+def test_another_law_leaves_choices_that_it_has_not(axis, described, true):
+    """The stiffness of all elements is that of the contact in stick."""
+    drives = [axis.replace({"components.cylinder.friction": one}) for one in (described, true)]
+    told = {"reference": STEP, "duration": "0.3 s"}
+    expected = pn.control.run(drives[1], "pva", believes=drives[0], **told)
+    found = pn.control.run(drives[0], "pva", mismatch=Mismatch(friction_law=true["law"]), **told)
+    assert found.drop_vars(CLOCKS).equals(expected.drop_vars(CLOCKS))
+
+
 def test_ready_mismatches_change_what_a_law_that_does_not_learn_reaches(axis, tmp_path):
     """Each makes another run; a weak supply and a force of 20 N a worse one."""
     (tmp_path / "fixed.toml").write_text('schema = 1\nlaw = "super-twisting"\nadaptation = false\n')
@@ -364,6 +391,31 @@ def test_two_moves_without_a_dwell_settle_behind_the_second():
     assert score_of(time, named, motion).settling_100_um_s == 0.0
 
 
+def test_a_dwell_of_just_the_time_that_is_looked_at_counts():
+    """0.2 s + 0.4 s is more than 0.6 s in binary: the drive is off by 1 mm and swings by 2 mm in that dwell alone."""
+    time = np.arange(0.0, 4.0, 1e-3)
+    for begin, dwell, name, size in ((0.2, 0.2, "rest_error_m", 1e-3), (0.2, 0.6, "hunting_m", 2e-3)):
+        end = begin + 0.4
+        until = round(end + dwell, 9)
+        assert until - end < dwell
+        motion = {"kind": "moves", "start_m": 0.2, "moves": [[begin, 0.4, 0.3], [until, 0.3, 0.2]]}
+        swings = np.where((time > end) & (time < until), 1e-3 * (-1.0) ** np.arange(len(time)), 0.0)
+        named = dict.fromkeys(SCORED, 0.0 * time) | {"position": swings}
+        assert getattr(score_of(time, named, motion), name) == pytest.approx(size, rel=0.02)
+
+
+def test_a_path_may_end_where_the_stroke_ends(tmp_path, axis):
+    """Sums of steps miss zero by 1e-19 m; what leaves the stroke by 1 um is refused."""
+    (tmp_path / "back.gcode").write_text("G0 X0\nG91\nG1 X1 F60\nX1\nX1\nG90 X0\n")
+    back = pn.control.reference(tmp_path / "back.gcode")
+    assert back.reach().lowest_m < 0.0
+    tuning = pn.control.tune(axis, "pva")
+    assert pn.control.feasibility(tuning, back).is_feasible
+    assert not pn.control.run(axis, controller=tuning, reference=back, duration="0.1 s").attrs["score"]["lost"]
+    with pytest.raises(pn.errors.CommandError, match=r"leads to 500.001 mm"):
+        pn.control.run(axis, "pva", reference="490 mm; 0.1 s: 500.001 mm in 0.3 s")
+
+
 def test_a_run_that_was_read_again_has_its_score(axis, tmp_path):
     import xarray as xr
 
@@ -425,6 +477,21 @@ def test_a_reference_is_checked_against_the_valve_and_slowed(axis, capsys):
     for reference, bound in ((found.reference, 1e-3), (slower.reference, 5e-4)):
         reached = pn.control.run(axis, "nmpc", reference=reference, setup="ideal").attrs["score"]["max_error_m"]
         assert (reached > bound) is (reference is found.reference)
+
+
+def test_what_a_verdict_advises_is_feasible(capsys):
+    """A sine whose peaks lie between other steps once it is slowed; a path without a text is not quoted."""
+    upright = AXIS.parent / "axes" / "upright.toml"
+    tuning = pn.control.tune(pn.Circuit.load(upright))
+    found = pn.control.feasibility(tuning, pn.control.reference("sine 100 mm 3 Hz around 150 mm"))
+    slower = found.reference.stretched(found.factor)
+    assert 1.7 < found.factor < 1.8
+    assert pn.control.feasibility(tuning, pn.control.reference(slower.text)).is_feasible
+    assert found.slowed.valve_share <= 0.85
+    assert run(["control", "reference", "order 9; 100 mm; 1 s: 250 mm in 0.05 s", "--drive", str(upright)]) == 2
+    said = capsys.readouterr()
+    assert re.search(r"slower by 4\.\d+\n", said.out)
+    assert re.search(r"Stretch it in time by 3\.\d+\.\n", said.err)
 
 
 SPREADS = {
@@ -513,6 +580,10 @@ def test_what_is_damaged_is_run_again_and_a_lost_law_is_drawn_as_nothing(axis, t
     lost = tuple(one._replace(score=None) if one.law == "pid" else one for one in made.runs)
     for runs in (lost, tuple(one._replace(score=None) for one in made.runs)):
         boxes(dataclasses.replace(made, runs=runs), pn.control.reference(STEP).text).savefig(tmp_path / "boxes.png")
+    table = tmp_path / "score.parquet"
+    table.write_bytes(table.read_bytes()[:-9])
+    with pytest.raises(pn.errors.CommandError, match="cut off"):
+        pn.control.read_comparison(tmp_path)
 
 
 def test_a_comparison_takes_one_reference_of_any_kind(axis, tmp_path):

@@ -91,3 +91,17 @@ def test_switching_valves_tell_of_a_fallen_supply_and_of_no_other(at):
     supplies = [one for one in run.attrs["events"] if one["kind"] == "supply"]
     assert len(supplies) == len(at)
     assert all(2.0 < one["time_s"] < 4.5 and one["value"] < 4.5e5 for one in supplies)
+
+
+def test_a_valve_whose_flow_is_a_table_is_refused_with_a_way_out(tmp_path):
+    """The remedy is not to add a conductance: a description takes one of the two."""
+    text = (AXES / "controlled_axis.toml").read_text()
+    points = (
+        '{ opening = -1, supply_2 = "2 dm3/(s bar)" }, { opening = 0 }, { opening = 1, supply_4 = "2 dm3/(s bar)" }'
+    )
+    text = text.replace('conductance = "2 dm3/(s bar)"', f"flow_table = [{points}]")
+    for key in ("overlap = 0.02", "leakage = 0.003"):
+        text = text.replace(key, "")
+    (tmp_path / "table.toml").write_text(text)
+    with pytest.raises(DescriptionError, match=r"valve has a flow_table[\s\S]*in place of the table"):
+        pn.control.tune(pn.Circuit.load(tmp_path / "table.toml"))

@@ -186,6 +186,15 @@ def test_a_search_that_was_interrupted_goes_on(tmp_path, found: SizingResult):
     assert (tmp_path / "s" / "choices.jsonl").read_text().splitlines()[: len(lines)] == lines
 
 
+@pytest.mark.parametrize(
+    ("incline", "expected"), [("90 deg", 0.0), ("-90 deg", 0.0), ("60 deg", 0.15 * 2.0 * 9.80665 / 2.0)]
+)
+def test_a_guide_rubs_by_what_lies_on_it(incline: str, expected: float):
+    """Upright none, and so no 4e-16 N of it in the reason of a cylinder's friction."""
+    task = SizingTask(**TASK | {"guide": "plain", "incline": incline})
+    assert task.guide_friction_n == pytest.approx(expected, rel=1e-12, abs=0.0)
+
+
 def test_a_task_is_written_and_read_again_with_its_energy():
     task = SizingTask(**TASK | {"impact_energy": "500 mJ"})
     assert task.to_dict()["impact_energy"] == "0.5 J"

@@ -12,6 +12,8 @@ from pneudrive.cli.output import console, show_table, tell
 from pneudrive.errors import CommandError, nearest
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import xarray as xr
 
     from pneudrive.datasheet.characteristic import Characteristic
@@ -100,7 +102,7 @@ def _show(found: xr.Dataset) -> None:
     for line in (found.attrs["title"], found.attrs["definition"], f"Standard: {found.attrs['standard']}"):
         screen.print(line)
     rows, long = [], []
-    for name, place, value, low, high in rows_of(found):
+    for name, place, value, low, high in rows_of(found, written_value):
         if found[name].size > MOST:
             long += [] if name in long else [name]
             continue
@@ -115,8 +117,10 @@ def _show(found: xr.Dataset) -> None:
 MOST = 24  # values of one result on the terminal
 
 
-def rows_of(found: xr.Dataset) -> list[tuple[str, str, float, float | None, float | None]]:
-    """Return each value with its place and its interval; single numbers first."""
+def rows_of(
+    found: xr.Dataset, write: Callable[[float, str], str] = lambda value, _: f"{value:.5g}"
+) -> list[tuple[str, str, float, float | None, float | None]]:
+    """Return each value with its place, whose numbers are written, and its interval; single numbers first."""
     import numpy as np
 
     names = [str(name) for name in found.data_vars]
@@ -127,7 +131,7 @@ def rows_of(found: xr.Dataset) -> list[tuple[str, str, float, float | None, floa
         ends = [found[f"{name}_{end}"].to_numpy() if f"{name}_{end}" in found else None for end in ("low", "high")]
         for index in np.ndindex(value.shape):
             place = ", ".join(
-                f"{dim} {found[dim].to_numpy()[k]:.5g}"
+                f"{dim} {write(found[dim].to_numpy()[k], found[dim].attrs['units'])}"
                 if found[dim].dtype.kind == "f"
                 else str(found[dim].to_numpy()[k])
                 for dim, k in zip(found[name].dims, index, strict=True)

@@ -52,6 +52,25 @@ def check_axis(belief: Circuit, plant: Mapping[str, Any]) -> None:
             raise DescriptionError(f"{valves[0]}.{port} leads to {to}", where=belief.name, rule=rule, remedy=remedy)
 
 
+def check_valves(belief: Circuit) -> None:
+    """Refuse valves whose flow is a table: laws know one conductance.
+
+    Parameters
+    ----------
+    belief : Circuit
+
+    Raises
+    ------
+    DescriptionError
+        A valve has a ``flow_table``.
+    """
+    for one in json.loads(belief.core_json())["components"]:
+        if one["kind"].startswith("valve/") and one.get("points"):
+            rule = "laws have a model of valves of one conductance"
+            remedy = "Describe it by conductance, overlap and leakage in place of the table."
+            raise DescriptionError(f"{one['name']} has a flow_table", where=belief.name, rule=rule, remedy=remedy)
+
+
 def unknown_numbers(belief: Circuit) -> list[str]:
     """Return what no law knows of cylinder, valves and supply, ``cylinder.cushion`` for instance."""
     each = json.loads(belief.core_json())["components"]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive import _core
+from pneudrive.control.motion import rounded_up
 from pneudrive.control.references import beyond_stroke
 from pneudrive.show import Card, Shown
 from pneudrive.simulate import require
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 SHARE = 0.85
 _PERIODS = 3.0  # of a sine that are looked at: the first one begins it
 _SEEN_S = 0.2  # behind the last move
+_TRIES = 8  # of a factor on the reference that it gives
 
 
 class Demand(NamedTuple):
@@ -109,8 +111,9 @@ class Feasibility(Shown):
             return f"no: {beyond[0]}; {beyond[1]}"
         if self.factor is None:
             return f"no, however slow: it never takes less than {limit}"
-        slower = self.reference.stretched(self.factor).text
-        return f"no: {limit} would be kept if it were slower by {self.factor:.3g}, as {slower}"
+        slower = self.reference.stretched(self.factor)
+        written = "" if slower.pieces else f", as {slower.text}"  # polynomials have no text
+        return f"no: {limit} would be kept if it were slower by {rounded_up(self.factor):g}{written}"
 
     def _card(self) -> Card:
         return Card(self.reference.text, rows=self.rows())
@@ -118,6 +121,14 @@ class Feasibility(Shown):
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:.0f} %" if share < 1e3 else "more than all"
+
+
+def _asked(form: str, reference: Reference) -> tuple[dict[str, float], tuple[float, dict[str, float]] | None]:
+    """Return what a reference takes, and the least factor in time with what it takes then."""
+    seen_s = (
+        _PERIODS / reference.frequency_hz if reference.is_sine else reference.duration_s - reference.rest_s + _SEEN_S
+    )
+    return _core.control_feasibility(form, json.dumps(reference.core()), seen_s, SHARE)
 
 
 def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
@@ -142,20 +153,23 @@ def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
     """
     require(tuning, "plant", "tuning", "pn.control.tune(drive)")
     require(reference, "is_sine", "reference", 'pn.control.reference("250 mm; 1 s: 280 mm in 0.3 s")')
-    seen_s = (
-        _PERIODS / reference.frequency_hz if reference.is_sine else reference.duration_s - reference.rest_s + _SEEN_S
-    )
-    motion, form = json.dumps(reference.core()), json.dumps(tuning.core())
-    told, slowed = _core.control_feasibility(form, motion, seen_s, SHARE)
-    plant = tuning.plant
+    plant, form = tuning.plant, json.dumps(tuning.core())
+    told, slowed = _asked(form, reference)
     if beyond_stroke(reference, plant.stroke_m) is not None:
         slowed = None
-    factor: Any = None if slowed is None else slowed[0]
+    factor, taken = (None, None) if slowed is None else slowed
+    for _ in range(_TRIES):  # its peaks lie between other steps once it is slowed and written
+        if factor is None or factor == 1.0:
+            break
+        taken, more = _asked(form, reference.stretched(factor))
+        if more is None or more[0] == 1.0:
+            break
+        factor *= more[0]
     return Feasibility(
         reference,
         Demand(**told),
         factor,
-        None if slowed is None else Demand(**slowed[1]),
+        None if taken is None else Demand(**taken),
         plant.stroke_m,
         plant.speed_m_s,
         tuple(plant.left_out),

@@ -13,6 +13,7 @@ from pydantic import Field
 from pneudrive import _core, units
 from pneudrive.control.setup import Disturbance, Setup, read_ready
 from pneudrive.describe.base import Bounds, Described, Mark, WrongValueError, number, quantity, wrong
+from pneudrive.describe.friction import friction_laws, has_bristles, has_stribeck_curve
 from pneudrive.describe.marks import Choice
 from pneudrive.errors import CommandError
 
@@ -228,8 +229,7 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
         if mismatch.friction_law == cylinder["friction"]["law"]:
             what = f"friction_law: the friction of the drive is {mismatch.friction_law} already"
             raise wrong("friction_law", what, remedy="Choose another law.")
-        cylinder["friction"] |= _other_law(mismatch.friction_law, cylinder["friction"]["parameters"])
-        cylinder["friction"].pop("formula", None)  # of a law of one's own: it is no more that law
+        cylinder["friction"] = _other_law(mismatch.friction_law, cylinder["friction"])
     start = _supply(form, drawn, conductance)
     values = {name: value for name, value in drawn.items() if _has_sensor(setup, name)}
     return Truth(json.dumps(form, sort_keys=True), start, _sensors(setup, mismatch, drawn), values)
@@ -257,8 +257,11 @@ def _scale(numbers: dict[str, float], keys: tuple[str, ...], name: str, factor: 
         numbers[key] *= factor
 
 
-def _other_law(word: str, has: dict[str, float]) -> dict[str, Any]:
-    law = next(one for one in _core.friction_laws() if one["name"] == word)
+def _other_law(word: str, friction: Mapping[str, Any]) -> dict[str, Any]:
+    """Return friction by another law: with the numbers and choices that both have, and without a formula."""
+    law, has = friction_laws()[word], dict(friction["parameters"])
+    if friction.get("elements"):
+        has["bristle_stiffness"] = sum(one["stiffness_n_m"] for one in friction["elements"])
     parameters = {}
     for one in law["parameters"]:
         name, usual = one["key"], one["default"]
@@ -267,7 +270,12 @@ def _other_law(word: str, has: dict[str, float]) -> dict[str, Any]:
         elif usual is None:
             what = f"friction_law: {word} needs {name}, which the friction of the drive does not have"
             raise wrong("friction_law", what, remedy="Choose a law with the same numbers.")
-    return {"law": word, "parameters": parameters}
+    lacks = {"formula", "elements"}
+    lacks |= set() if law["evolves"] else {"evolution"}
+    lacks |= set() if has_stribeck_curve(word) else {"stribeck_shape"}
+    lacks |= set() if has_bristles(word) else {"relaxation"}
+    kept = {key: value for key, value in friction.items() if key not in lacks}
+    return kept | {"law": word, "parameters": parameters}
 
 
 def _supply(form: dict[str, Any], drawn: Mapping[str, float], conductance: float) -> dict[str, float]:

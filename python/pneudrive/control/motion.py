@@ -138,7 +138,7 @@ class Reference(Shown):
         """Return it slower by a factor in time, rounded up to a thousandth; unchanged for a factor of up to 1."""
         if factor <= 1.0:
             return self
-        factor = float(np.ceil(1e3 * factor) / 1e3)
+        factor = rounded_up(factor)
         if self.is_sine:
             return sine(self.amplitude_m, round(self.frequency_hz / factor, 9), self.start_m)
         if self.pieces:
@@ -160,6 +160,11 @@ class Reference(Shown):
         if self.points_missed_m is not None:
             rows.append(("points missed by", f"{1e6 * self.points_missed_m:.3g} um at most"))
         return Card(self.text, rows=rows)
+
+
+def rounded_up(factor: float) -> float:
+    """Return a factor in time, rounded up to a thousandth."""
+    return float(np.ceil(1e3 * factor) / 1e3)
 
 
 def moves_of(motion: Mapping[str, Any]) -> list[ReferenceMove]:

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from pneudrive import units
 from pneudrive.control import gcode, paths
-from pneudrive.control.motion import Reach, Reference, ReferenceMove, polynomials
+from pneudrive.control.motion import Reach, Reference, ReferenceMove, polynomials, rounded_up
 from pneudrive.describe import toml
 from pneudrive.describe.base import Bounds, Described, Position, Quantity, wrong
 from pneudrive.describe.marks import Choice
@@ -23,6 +23,7 @@ from pneudrive.trajectory import read_columns
 LONGEST_S = gcode.LONGEST_S
 LONGEST_REMEDY = 200  # characters of a slower reference in a message
 KNOT_S = 0.05  # distance of the knots of the spline through a record (assumed)
+ROUNDING_M = 1e-9  # by which the end of a path may miss the end of the stroke
 BEYOND_SHARE, BEYOND_M = 0.5, 1e-3  # of the span of a record's samples, and m, that its curve may leave it by (assumed)
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*[A-Za-zµ]+"
 _SINE = re.compile(rf"sine\s+({_NUMBER})\s+({_NUMBER})\s+around\s+({_NUMBER})", re.IGNORECASE)
@@ -344,7 +345,7 @@ def beyond_stroke(of: Reference, stroke_m: float) -> tuple[str, str] | None:
     """Return to where a reference leads beyond the stroke, and the rule that it breaks; None: it stays within."""
     reach = of.reach()
     for end in (reach.lowest_m, reach.highest_m):
-        if not 0.0 <= end <= stroke_m:
+        if not -ROUNDING_M <= end <= stroke_m + ROUNDING_M:
             return f"it leads to {1e3 * end:g} mm", f"within the stroke, 0 mm to {1e3 * stroke_m:g} mm"
     return None
 
@@ -370,10 +371,10 @@ def check_reach(of: Reference, stroke_m: float, speed_m_s: float) -> None:
     if reach.fastest_m_s > speed_m_s:
         factor = reach.fastest_m_s / speed_m_s
         slower = of.stretched(factor).text
-        by = f"Stretch it in time by {factor:.3g}"
+        by = f"Stretch it in time by {rounded_up(factor):g}"
         raise CommandError(
             f"reference: {reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s is faster than the drive",
             value=of.text,
             rule=f"at most {speed_m_s:.3g} m/s, the steady speed at full opening",
-            remedy=f"{by}: {slower}" if len(slower) < LONGEST_REMEDY else f"{by}.",
+            remedy=f"{by}." if of.pieces or len(slower) >= LONGEST_REMEDY else f"{by}: {slower}",
         )

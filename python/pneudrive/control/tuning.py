@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import _core, units
-from pneudrive.control.axis import check_axis, unknown_numbers
+from pneudrive.control.axis import check_axis, check_valves, unknown_numbers
 from pneudrive.control.controller import (
     AFTER_S,
     BAND_M,
@@ -446,6 +446,7 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
         drive, source = _believed(table.drive, folder)
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     belief = circuit_of(drive)
+    check_valves(belief)
 
     kind, of_observer = _observer(table.observer)
 

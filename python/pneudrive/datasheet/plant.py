@@ -158,6 +158,13 @@ class HeldDrive:
         tables["components"][self.piston]["friction"] = {"law": "coulomb", "coulomb": f"{NO_FRICTION_N!r} N"}
         return HeldDrive(type(self.circuit).model_validate(tables))
 
+    @cached_property
+    def heatless(self) -> HeldDrive:
+        """The same with walls of the cylinder that take no heat."""
+        tables = self.circuit.to_dict()
+        tables["components"][self.piston]["heat_transfer"] = "0 W/(m2 K)"
+        return HeldDrive(type(self.circuit).model_validate(tables))
+
     def session(
         self,
         command: float,

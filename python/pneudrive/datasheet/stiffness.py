@@ -24,6 +24,8 @@ SHARES = (0.0, 0.02, 0.05, 0.1, 0.175, 0.25, 0.375, 0.5, 0.625, 0.75, 0.825, 0.9
 LEVELS = (2.0, 3.0, 4.0, 5.0)  # bar absolute, as far as the supply reaches
 FREQUENCIES = tuple(float(f) for f in np.geomspace(0.01, 10.0, 61))  # Hz
 MASSES = (0.5, 1.0, 2.0, 4.0)  # times the moving mass
+CHAMBERS, ROUNDS = 2, 3  # gas nodes without lines; times the frequency is taken at which gas in lines follows
+SLOWEST = 1e-4  # rad/s: slower pairs are masses of gas that stay the same, by rounding
 
 
 def dynamic_stiffness(linear: Linear, piston: str, s: complex) -> complex:
@@ -43,6 +45,20 @@ def _at(plant: HeldDrive, position: float, pressures: Any) -> Linear:  # noqa: A
     return linear_model(plant, SIDE, position, gas_at(plant, pressures))
 
 
+def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times: float = 1.0) -> float:  # noqa: ANN401
+    """Return the stiffness of gas without heat, N/m, at the natural frequency of a mass, times the moving one.
+
+    Gas in lines follows as far as they let it.
+    """
+    found = dynamic_stiffness(_at(plant, position, pressures), plant.piston, 1j * FAST).real
+    if len(plant.nodes) == CHAMBERS:
+        return found
+    without_heat = _at(plant.heatless, position, pressures)
+    for _ in range(ROUNDS):
+        found = dynamic_stiffness(without_heat, plant.piston, 1j * math.sqrt(found / (times * plant.mass))).real
+    return found
+
+
 def levels_of(plant: HeldDrive, pressures: Any) -> list[float]:  # noqa: ANN401 - a sequence, or None
     """Return the pressures at which a map is made, Pa."""
     if pressures is not None:
@@ -55,9 +71,8 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     positions = [share * plant.stroke_m for share in SHARES]
     levels = levels_of(plant, pressures)
     models = [[_at(plant, x, p) for p in levels] for x in positions]
-    fast, slow = (
-        [[dynamic_stiffness(one, plant.piston, 1j * w).real for one in row] for row in models] for w in (FAST, SLOW)
-    )
+    fast = [[adiabatic_stiffness(plant, x, p) for p in levels] for x in positions]
+    slow = [[dynamic_stiffness(one, plant.piston, 1j * SLOW).real for one in row] for row in models]
     middle = _at(plant, 0.5 * plant.stroke_m, levels[min(1, len(levels) - 1)])
     over = np.asarray([dynamic_stiffness(middle, plant.piston, 2j * math.pi * f) for f in FREQUENCIES])
     loss = np.imag(over) / np.real(over)
@@ -85,9 +100,7 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
 def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN401
     positions = [share * plant.stroke_m for share in SHARES]
     levels = levels_of(plant, pressures)
-    bare = np.array(
-        [[dynamic_stiffness(_at(plant, x, p), plant.piston, 1j * FAST).real for p in levels] for x in positions]
-    )
+    bare = np.array([[adiabatic_stiffness(plant, x, p) for p in levels] for x in positions])
     modes = np.array(
         [[_mode(linear_model(plant, SIDE, x, gas_at(plant, p), friction="sliding")) for p in levels] for x in positions]
     )
@@ -97,8 +110,11 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
         "mass": ResultValue(("mass",), [k * plant.mass for k in MASSES], "kg", "moving mass"),
     }
     grid = ("position", "pressure")
-    middle = bare[len(SHARES) // 2]
-    by_mass = [[math.sqrt(k / (m * plant.mass)) / (2.0 * math.pi) for k in middle] for m in MASSES]
+    half = 0.5 * plant.stroke_m
+    by_mass = [
+        [math.sqrt(adiabatic_stiffness(plant, half, p, m) / (m * plant.mass)) / (2.0 * math.pi) for p in levels]
+        for m in MASSES
+    ]
     return axes, {
         "natural_frequency": ResultValue(
             grid,
@@ -118,7 +134,7 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
 
 def _mode(linear: Linear) -> tuple[float, float]:
     """Return frequency, Hz, and damping ratio of the slowest oscillating pair; zero and 1 if nothing oscillates."""
-    pairs = [one for one in np.linalg.eigvals(linear.A) if one.imag > 1e-6 * max(abs(one), 1e-12)]
+    pairs = [one for one in np.linalg.eigvals(linear.A) if one.imag > max(1e-6 * abs(one), SLOWEST)]
     if not pairs:
         return 0.0, 1.0
     slowest = min(pairs, key=abs)

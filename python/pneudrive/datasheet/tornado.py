@@ -10,11 +10,10 @@ import numpy as np
 from pneudrive import units
 from pneudrive.datasheet.characteristic import Characteristic, ResultValue
 from pneudrive.datasheet.equilibrium import under_load
-from pneudrive.datasheet.linear import SIDE, gas_at, linear_model
 from pneudrive.datasheet.motion import one_stroke
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.steady import full_force
-from pneudrive.datasheet.stiffness import FAST, dynamic_stiffness
+from pneudrive.datasheet.stiffness import adiabatic_stiffness
 from pneudrive.describe.base import StatedPressure
 from pneudrive.describe.provenance import values
 from pneudrive.errors import CommandError, PneudriveError, nearest
@@ -56,9 +55,7 @@ def _part(drive: Drive, name: str) -> units.Pressure:
 def _of(plant: HeldDrive) -> dict[str, float]:
     """Return the results of one drive."""
     x = 0.5 * plant.stroke_m
-    spring = dynamic_stiffness(
-        linear_model(plant.static, SIDE, x, gas_at(plant, "3 bar abs")), plant.piston, 1j * FAST
-    ).real
+    spring = adiabatic_stiffness(plant.static, x, "3 bar abs")
     stroke = one_stroke(plant, 1.0, 0.0, (plant.ambient[0], plant.supply_pa)).strokes[0]
     return {
         "steady_speed": under_load(plant.static, 1.0, x, 0.0).velocity_m_s,

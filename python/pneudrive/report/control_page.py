@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 SAID = (
     "Simulated: the laws predict with the equations by which the drive is simulated, so that only what they were told "
     "of it can be wrong. Each number is the median of the seeds. Errors are reference less true position; of a sine "
-    "they are those of its last 4 s. Times of a step are of the machine that made this page."
+    "they are those of its last 4 s, or of its last period where that is longer. Times of a step are of the machine "
+    "that made this page."
 )
 
 

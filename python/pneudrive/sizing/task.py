@@ -212,7 +212,8 @@ class SizingTask(Described):
     @property
     def guide_friction_n(self) -> float:
         """Friction of the guide under the weight of the load, N."""
-        return GUIDES[self.guide] * self.mass_kg * STANDARD_GRAVITY_M_S2 * math.cos(self.incline_rad)
+        across = 0.0 if abs(self.incline_rad) == 0.5 * math.pi else math.cos(self.incline_rad)  # else 6e-17
+        return GUIDES[self.guide] * self.mass_kg * STANDARD_GRAVITY_M_S2 * across
 
 
 class TaskValue(NamedTuple):

@@ -2,6 +2,7 @@
 
 import csv
 import math
+import types
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from pneudrive.datasheet.equilibrium import at_velocity
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import characteristics
 from pneudrive.datasheet.steady import velocity_gain
-from pneudrive.datasheet.stiffness import dynamic_stiffness
+from pneudrive.datasheet.stiffness import _mode, dynamic_stiffness
 from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.describe.circuit import Circuit
 
@@ -94,6 +95,26 @@ def test_stiffness_and_natural_frequency():
     frequency = pn.characteristic(DRIVE, "natural-frequency", pressures=["3 bar abs"]).natural_frequency[:, 0]
     shown = [f"{float(frequency.sel(position=x)):.{n}f}" for x, n in ((0.25, 3), (0.125, 3), (0.5, 2))]
     assert shown == ["4.395", "4.956", "11.54"]
+
+
+def test_gas_in_tubes_is_part_of_the_air_spring():
+    """All of it, up to the valve: 3 m of 6 mm, without heat k p A^2 (1/V_a + 1/V_b)."""
+    drive = DRIVE.replace({"tubing": {side: {"length": "3 m", "diameter": "6 mm"} for side in "ab"}})
+    found = pn.characteristic(drive, "natural-frequency", pressures=["3 bar abs"]).sel(pressure=3e5)
+    x, area = found.position.values, 0.25 * math.pi * 0.025**2
+    before = 1e-5 + 3.0 * 0.25 * math.pi * 0.006**2
+    spring = 1.4 * 3e5 * area**2 * (1.0 / (before + area * x) + 1.0 / (before + area * (0.5 - x)))
+    assert found.natural_frequency.values == pytest.approx(np.sqrt(spring / 2.0) / (2.0 * math.pi), rel=2e-3)
+    assert found.mode_frequency.values == pytest.approx(found.natural_frequency.values, rel=0.01)
+    middle = found.natural_frequency.sel(position=0.25)
+    assert found.frequency_by_mass.sel(mass=2.0) == pytest.approx(float(middle), rel=1e-9)
+
+
+def test_a_mode_is_no_mass_of_gas_that_stays_the_same():
+    """Two zeros of a matrix, which rounding makes a pair of 1e-12 rad/s, beside a mode of 20 rad/s."""
+    matrix = np.zeros((4, 4))
+    matrix[:2, :2], matrix[2:, 2:] = [[0.0, 1.0], [-400.0, -4.0]], [[0.0, 1e-12], [-1e-12, 0.0]]
+    assert _mode(types.SimpleNamespace(A=matrix)) == pytest.approx((20.0 / (2.0 * math.pi), 0.1))
 
 
 def test_the_linear_model_follows_a_small_step():
@@ -200,6 +221,9 @@ def test_every_characteristic_says_what_it_is(tmp_path, capsys):
         rows = [row for row in csv.DictReader(stream) if row["result"] == "adiabatic_stiffness"]
     assert {row["unit"] for row in rows} == {"N/m"}
     assert len(rows) == 15 * 4
+    assert rows[1]["at"] == "position 0, pressure 3e+05"  # in SI, as all of the table
+    assert run(["characteristic", "catalogue:reference", "natural-frequency"]) == 0
+    assert "mass 4 kg, pressure 3 bar" in capsys.readouterr().out
     assert run(["characteristic", "catalogue:reference", "stiffness-map"]) == 2
     step = ["characteristic", "catalogue:reference", "step-response", "--set", "command = 0.6"]
     start = ["--set", "position = 0.05", "--set", "pressures = 3 bar abs"]
