@@ -1,14 +1,15 @@
 /** A campaign as it runs: state, cycles, map so far, journal; requests where the server allows them. */
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { follow, JobList } from "./jobs";
+import { word } from "./command";
+import { follow, JobList, jobs } from "./jobs";
 import { digits } from "./looks";
 import { Copied, InFolder, Problems, ReportOf } from "./parts";
 import { Scatter } from "./plot";
 import { link, route } from "./routes";
 import { ask, attempting, frame, read, Refused, typed, type Problem } from "./server";
 import { Behind, Strip } from "./strip";
-import { studies } from "./studies";
+import { list, studies } from "./studies";
 
 interface Campaign {
   name: string;
@@ -82,6 +83,7 @@ export function CampaignView() {
   useEffect(() => {
     found.value = null;
     wrong.value = unread.value = [];
+    void follow();
     if (!path) return;
     let gone = false;
     const watch = async () => {
@@ -145,6 +147,7 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
       </p>
       {now.cycle && now.state !== "paused" && <p class="note">now: {now.cycle}{running && `, ${running.left} left by the clock`}</p>}
       <Requests now={now} path={path} />
+      {!now.state && now.done > 0 && <p class="note">Its friction map, in a terminal: pneudrive characterise {word(path)} --out results/NAME</p>}
       <ReportOf folder={path} />
       {running && running.position.length > 1 && (
         <div data-cycle={running.cycle} data-samples={running.samples}>
@@ -195,7 +198,7 @@ function Requests({ now, path }: { now: Campaign; path: string }) {
       <p><button type="button" onClick={() => void resume()}>Resume on the simulated rig</button></p>
     ) : null;
   if (!studies.value?.control)
-    return <p class="note">This server only watches. Requests: pneudrive campaign pause {path}, or start the server with --control.</p>;
+    return <p class="note">This server only watches. Requests: pneudrive campaign pause {word(path)}, or start the server with --control.</p>;
   return (
     <p class="row" role="group" aria-label="Requests">
       <button type="button" onClick={() => void send("pause")}>Pause after the cycle</button>
@@ -225,16 +228,20 @@ function Start() {
   const campaigns = files.filter((one) => one.kind === "campaign");
   const start = () =>
     attempt(async () => {
-      const job = await ask<{ out: string }>("/api/campaigns", { protocol: protocol.value, name: name.value, ...paced() });
+      const job = await ask<{ number: number; out: string }>("/api/campaigns", { protocol: protocol.value, name: name.value, ...paced() });
       void follow();
+      const isHere = () => route.peek().view === "campaign" && !route.peek().path;
+      const isOver = () => jobs.value.some((one) => one.number === job.number && one.state !== "running");
       // The folder is there once the first file of it is.
-      for (let look = 0; look < 100; look++) {
+      for (let look = 0; look < 100 && isHere(); look++) {
         try {
           await read("/api/campaign", { path: job.out });
-          location.hash = link("campaign", job.out);
+          void list();
+          if (isHere()) location.hash = link("campaign", job.out);
           return;
         } catch (error) {
           if (!(error instanceof Refused)) throw error;
+          if (isOver()) return; // the list of jobs says why
         }
         await new Promise((resolve) => setTimeout(resolve, 100));
       }

@@ -4,3 +4,6 @@ export function withFile(command: string, valve: string, path: string): string {
   const others = command.split("\n").filter((one) => one.trim() && !new RegExp(`^\\s*${valve}(\\.command)?\\s*:`).test(one));
   return [...others, `${valve}: ${path}`].join("\n");
 }
+
+/** A name as one word of a shell. */
+export const word = (name: string): string => (/^[\w./-]+$/.test(name) ? name : `'${name.replaceAll("'", `'\\''`)}'`);

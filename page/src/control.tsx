@@ -7,9 +7,9 @@ import { digits } from "./looks";
 import { opened } from "./opened";
 import { Copied, InFolder, NumberField, Problems } from "./parts";
 import { curveOf, pixelsOfPlots, Plot } from "./plot";
-import { route } from "./routes";
+import { isToml, route } from "./routes";
 import { ask, attempting, Live, read, type Problem } from "./server";
-import { list, studies } from "./studies";
+import { studies } from "./studies";
 import { Gains, ScoreCard, Table } from "./score";
 import { Unsaved } from "./unsaved";
 
@@ -39,6 +39,8 @@ interface Head {
   plant: [string, string][];
   limits: string[];
   setup: [string, string];
+  mismatch: [string, string];
+  warnings: string[];
   true: { name: string; value: string }[];
   score: { name: string; title: string; text: string; value: number | null }[];
   events: { time_s: number; text: string; kind: string }[];
@@ -121,6 +123,7 @@ function Start() {
     if (first && !all.includes(drive.value)) void choose(first);
   }, [all.join()]);
   useEffect(() => {
+    void follow();
     const live = new Live<Head>((frame) => {
       wrong.value = frame.head.problems ?? [];
       if (!frame.head.problems) {
@@ -128,7 +131,7 @@ function Start() {
         const before = new Map(tuned.peek().map((one) => [one.key, one]));
         tuned.value = frame.head.gains.map((one) => (one.key in gains.peek() && before.get(one.key)) || one);
       }
-      isRunning.value = live.isWaiting;
+      isRunning.value = live.isRunning;
       const page = document.documentElement.dataset;
       page["sent"] = String(live.sent + Number(live.isWaiting)); // the test waits for the newest
       page["drawn"] = String(frame.head.number);
@@ -157,7 +160,7 @@ function Start() {
         <Choice label="True drive" value={mismatch.value} put={(one) => (mismatch.value = one)} of={choices.value?.mismatches ?? []} none="as described" />
         <p class="row">
           <label>
-            Seed <NumberField low={0} whole value={seed.value} put={(one) => (seed.value = one)} />
+            Seed <NumberField low={0} high={Number.MAX_SAFE_INTEGER} whole value={seed.value} put={(one) => (seed.value = one)} />
           </label>
           <label>
             Duration <input size={8} value={duration.value} placeholder="reference's" onChange={(event) => (duration.value = event.currentTarget.value)} />
@@ -210,7 +213,7 @@ function ReferenceField() {
 const STEPS = 400;
 
 function GainSliders() {
-  if (law.value.endsWith(".toml")) return <p class="note">The gains are those of the file.</p>;
+  if (isToml(law.value)) return <p class="note">The gains are those of the file.</p>;
   return (
     <>
       {tuned.value.map((gain) => {
@@ -251,6 +254,7 @@ function Shown() {
   return (
     <section aria-label="The run">
       {wrong.value.length > 0 && <p class="banner">Curves and numbers below are those of the last run.</p>}
+      {head.warnings.map((one) => <p class="note" key={one}>{one}.</p>)}
       {head.lost && <p class="banner">Lost: the error exceeded 20 mm.</p>}
       <section class="plots" aria-label="Curves" data-samples={head.samples}>
         {head.panels.map((panel) => (
@@ -265,11 +269,8 @@ function Shown() {
           <Table heads={["The drive to its law", ""]} rows={head.plant} label="The drive to its law" />
           <ul>{head.limits.map((one) => <li key={one}>{one}</li>)}</ul>
           <h2>What was true</h2>
-          {head.true.length ? (
-            <Table heads={["Deviation of the true drive", "factor, or SI"]} rows={head.true.map((one) => [one.name, one.value])} label="Deviations" />
-          ) : (
-            <p>The drive {head.drive}, as described.</p>
-          )}
+          <p>The drive {head.drive}, {head.mismatch[0] ? `changed by ${head.mismatch[0]}. ${head.mismatch[1]}` : "as described."}</p>
+          {head.true.length > 0 && <Table heads={["Deviation of the true drive", "factor, or SI"]} rows={head.true.map((one) => [one.name, one.value])} label="Deviations" />}
           <p class="note">{head.assumed} values are assumed: Drive lists those of the drive.</p>
         </div>
         <div>
@@ -329,12 +330,14 @@ function Compare() {
       const asked = { drive: drive.value, laws: laws.value, references, setup: setup.value, count: count.value, name: name.value };
       const { number } = await ask<{ number: number }>("/api/comparisons", { ...asked, ...(spread.value ? { spread: spread.value } : { mismatch: mismatch.value }) });
       await follow(number);
-      await list();
     });
   return (
     <section aria-label="Compare laws">
       <h2>Compare laws</h2>
-      <p class="note">With the drive, the setup and the true drive chosen above.</p>
+      <p class="note">
+        With the drive, the setup and the true drive chosen above
+        {Object.keys(gains.value).length > 0 && ", not with the gains changed there: the copied command writes these to a controller file, which can be compared"}.
+      </p>
       <Checks legend="Laws" of={[...found.laws, ...filesOf("controller")]} chosen={laws.value} put={(one) => (laws.value = one)} />
       <Checks legend="Standard references" of={found.references.map((one) => one.name)} chosen={along.value} put={(one) => (along.value = one)} />
       <label class="choice">

@@ -4,7 +4,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { Circuit } from "./circuit";
 import type { Editor } from "./editor";
 import { change, drawing, onDisk, opened, problems, said, save, set, setNumber, takeFromDisk, valid, type Field } from "./opened";
-import { isIn, KINDS, Problems } from "./parts";
+import { isIn, KINDS, Problems, SaveButton } from "./parts";
 
 const chosen = signal("");
 const name = signal("");
@@ -52,7 +52,7 @@ export function DriveView() {
               <button type="button" disabled={!name.value} onClick={() => void save(name.value)}>Save as a new file</button>
             </>
           ) : (
-            <button type="button" disabled={now.text === now.saved} onClick={() => void save(now.path)}>Save</button>
+            <SaveButton isSaved={now.text === now.saved} save={() => save(now.path)} />
           )}
           <span role="status">{said.value || (now.text !== now.saved ? "Not saved." : "")}</span>
         </p>

@@ -7,7 +7,7 @@ import { Copied, folderOf, Problems, ReportOf, useCopied } from "./parts";
 import { Behind, FitTable, forget, type Fit } from "./fit";
 import { Heat } from "./heat";
 import { Scatter, type Group } from "./plot";
-import { link, route } from "./routes";
+import { isToml, link, route } from "./routes";
 import { ask, attempting, read, Refused, type Problem } from "./server";
 import { studies } from "./studies";
 
@@ -109,7 +109,7 @@ const besideOf = (path: string): string => `${path.slice(0, path.lastIndexOf("/"
 const drawnFit = (path: string): string => drawn.value || (map.value?.fit ? "" : besideOf(path));
 
 /** The fit that is shown: the file itself, or the one that is drawn. */
-const pathOfFit = (path: string): string => (path.endsWith(".toml") ? path : drawnFit(path));
+const pathOfFit = (path: string): string => (isToml(path) ? path : drawnFit(path));
 
 let generation = 0;
 
@@ -120,7 +120,7 @@ async function open(path: string): Promise<void> {
   slice.value = difference.value = null;
   map.value = fit.value = null;
   wrong.value = [];
-  const isFit = path.endsWith(".toml");
+  const isFit = isToml(path);
   try {
     const found = isFit ? null : await read<FrictionMap>("/api/map", { path });
     if (mine !== generation) return;

@@ -6,7 +6,7 @@ import { digits } from "./looks";
 import { DriveChoice, InFolder, Problems, useCopied } from "./parts";
 import { link, route } from "./routes";
 import { ask, attempting, read, type Problem } from "./server";
-import { list, studies } from "./studies";
+import { studies } from "./studies";
 import { Unsaved } from "./unsaved";
 
 interface Variable {
@@ -51,7 +51,7 @@ const request = () => {
 
 export function HandoverView() {
   const { view, path } = route.value;
-  const at = view === "handover" && path.endsWith(".fmu") ? path : "";
+  const at = view === "handover" && path.toLowerCase().endsWith(".fmu") ? path : "";
   useEffect(() => {
     [found.value, wrong.value] = [null, []];
     let gone = false;
@@ -106,7 +106,7 @@ function Start() {
         </p>
       )}
       <p class="row">
-        <button type="button" disabled={!drive.value} onClick={() => void attempt(async () => void follow((await ask<{ number: number }>("/api/jobs", request())).number).then(list))}>Export</button>
+        <button type="button" disabled={!drive.value} onClick={() => void attempt(async () => (await ask("/api/jobs", request()), void follow()))}>Export</button>
         {copy}
       </p>
       <Problems of={wrong.value} />

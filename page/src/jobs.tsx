@@ -2,6 +2,7 @@
 import { signal } from "@preact/signals";
 import { link, type View } from "./routes";
 import { ask, read, Refused } from "./server";
+import { list } from "./studies";
 
 interface Job {
   number: number;
@@ -53,8 +54,10 @@ export async function follow(job = 0): Promise<void> {
 async function lookOn(): Promise<void> {
   isLooking = true;
   while (runs()) {
+    const ran = jobs.value.filter((one) => one.state === "running");
     await pause();
     await look();
+    if (ran.some((one) => !runs(one.number))) void list(); // what it wrote is in the folder
   }
   isLooking = false;
 }
@@ -73,6 +76,7 @@ export function JobList({ of, output }: { of?: string; output?: boolean }) {
             <button type="button" onClick={() => void ask("/api/cancel", { number: one.number }).then(() => follow())}>Cancel {one.out}</button>
           </p>
         ))}
+      <p class="hidden" role="status">{shown.map((one) => `${one.out}: ${one.state}`).join("; ")}</p>
       {shown.map((one) => (
         <details key={one.number} class="job" data-state={one.state} open={one.state === "failed"}>
           <summary>

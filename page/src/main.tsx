@@ -1,5 +1,6 @@
 import { effect, signal, untracked } from "@preact/signals";
 import { Component, render, type ComponentChildren } from "preact";
+import { useEffect, useRef } from "preact/hooks";
 import { CampaignView } from "./campaign";
 import { ControlView } from "./control";
 import { DriveView } from "./drive";
@@ -57,8 +58,19 @@ class Guarded extends Component<{ at: string; children: ComponentChildren }, { f
   }
 }
 
+/** Where a link leads to another view and is gone with its own, the focus is in the new one. */
+function useFocus({ view, path }: { view: View; path: string }): void {
+  const before = useRef("");
+  useEffect(() => {
+    const at = link(view, path);
+    if (before.current && before.current !== at && document.activeElement === document.body) document.getElementById("main")!.focus({ preventScroll: true });
+    before.current = at;
+  }, [view, path]);
+}
+
 function Page() {
   const { view, path } = route.value;
+  useFocus(route.value);
   const described = opened.value?.path ?? "";
   return (
     <>

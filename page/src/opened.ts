@@ -2,6 +2,7 @@
 import { effect, signal, untracked } from "@preact/signals";
 import { answering, ask, isAnswering, newest, read, Refused, typed, write, type Problem } from "./server";
 import type { Drawing } from "./circuit";
+import { link, route } from "./routes";
 
 export interface Field {
   key: string;
@@ -81,7 +82,7 @@ export async function open(path: string): Promise<void> {
     if (mine !== asked) return;
     const own = draft && (isSaved(draft) ? null : draft);
     if (isOpen && (found.sha256 ?? "") === before.sha256) {
-      said.value = ""; // it may have been away
+      if (said.value !== wasSaved(path)) said.value = ""; // it may have been away
       return;
     }
     onDisk.value = own && own.sha256 !== (found.sha256 ?? "") ? found : null;
@@ -202,6 +203,8 @@ function leave({ path, text }: Opened, now: Pick<Opened, "saved" | "sha256">): v
   else if (left) drafts.set(path, { ...left, ...now });
 }
 
+export const wasSaved = (path: string): string => `Saved ${path}.`;
+
 /** Save; a file that changed on disk meanwhile is not overwritten. */
 export async function save(path: string): Promise<void> {
   const now = opened.value;
@@ -211,16 +214,18 @@ export async function save(path: string): Promise<void> {
     if (opened.value?.path !== now.path) return leave(now, { saved: now.text, sha256 });
     opened.value = { ...opened.value!, path, saved: now.text, sha256 };
     onDisk.value = null;
-    said.value = `Saved ${path}.`;
+    said.value = wasSaved(path);
     void check(); // what was wrong with another name is not wrong with the text
-    if (path !== now.path) location.hash = location.hash.replace(encodeURIComponent(now.path), encodeURIComponent(path));
+    if (path !== now.path) location.hash = link(route.peek().view, path);
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
     said.value = "";
     if (opened.value?.path !== now.path) said.value = `${path} was not saved: ${error.message}. Its text is kept.`;
     else if (error.status !== 412) problems.value = error.problems;
-    else if (path !== now.path) said.value = `${path} is there already: nothing was written. Choose another name.`;
-    else {
+    else if (path !== now.path) {
+      said.value = `${path} is there already: nothing was written. Choose another name.`;
+      void check();
+    } else {
       said.value = `${path} changed on disk: nothing was written.`;
       await open(path); // shows what stands there
     }

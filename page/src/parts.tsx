@@ -113,6 +113,11 @@ export function useCopied(job: object | null, attempt: ReturnType<typeof attempt
   return [button, held.asked === asked && <Copied of={of} command={held.command} python={held.python} />] as const;
 }
 
+/** What saves a text: it stays reachable where there is nothing to save, as a button that is disabled drops the focus. */
+export function SaveButton({ isSaved, save }: { isSaved: boolean; save: () => Promise<void> }) {
+  return <button type="button" aria-disabled={isSaved} onClick={() => void (isSaved || save())}>Save</button>;
+}
+
 interface NumberProps {
   label?: string;
   value: number | string;

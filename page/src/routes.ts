@@ -7,6 +7,9 @@ export const route = signal<{ view: View; path: string }>({ view: "studies", pat
 
 export const link = (view: View, path = ""): string => `#/${view}/${encodeURIComponent(path)}`;
 
+/** Whether a name is that of a TOML file, whoever wrote its ending. */
+export const isToml = (path: string): boolean => path.toLowerCase().endsWith(".toml");
+
 export function follow(): void {
   const [, view, path] = /^#\/(\w+)\/?(.*)$/.exec(location.hash) ?? [];
   const known: View[] = ["studies", "drive", "simulate", "recording", "friction", "campaign", "validation", "sizing", "control", "handover"];

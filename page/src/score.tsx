@@ -7,7 +7,7 @@ import { digits, look } from "./looks";
 import { Copied, Problems, ReportOf } from "./parts";
 import { curveOf, Plot } from "./plot";
 import { link } from "./routes";
-import { ask, frame, read, Refused, type Problem } from "./server";
+import { ask, attempting, frame, read, Refused, type Problem } from "./server";
 
 interface ToldGain {
   key: string;
@@ -54,6 +54,7 @@ const tracks = signal<Frame<Tracks> | null>(null);
 const measure = signal("max_error_m");
 const along = signal("");
 const wrong = signal<Problem[]>([]);
+const notResumed = signal<Problem[]>([]); // it stays while the card is read again
 const grownAt = signal(0); // when runs were last seen to come in
 const STILL_MS = 10_000; // without a run of another process: it has ended, or is slow
 
@@ -82,6 +83,7 @@ export function ScoreCard({ path }: { path: string }) {
   const found = card.value?.path === path ? card.value : null;
   const isUnfinished = found?.finished === false; // whatever process does its runs, they come in
   useEffect(() => {
+    notResumed.value = [];
     void follow();
   }, [path]);
   useEffect(() => {
@@ -126,7 +128,7 @@ export function ScoreCard({ path }: { path: string }) {
     <div class="score">
       <h2>{path}</h2>
       <p><a href={link("control")}>A run, a new comparison, and all comparisons</a></p>
-      <Problems of={wrong.value} />
+      <Problems of={[...wrong.value, ...notResumed.value]} />
       {found && <About found={found} />}
       <ReportOf folder={path} changed={found?.finished} />
       {found && !found.finished && <p data-done={found.done}>{found.done} of {found.total} runs are done. The medians below are of those, and can change.</p>}
@@ -160,15 +162,11 @@ function About({ found }: { found: Card }) {
 
 function Unfinished({ path, isRunning }: { path: string; isRunning: boolean }) {
   const isElsewhere = card.value !== null && Date.now() - grownAt.value < STILL_MS; // asked again at each look
-  const resume = async () => {
-    try {
+  const resume = () =>
+    attempting(notResumed)(async () => {
       await ask("/api/comparisons", { resume: path });
       await follow();
-    } catch (error) {
-      if (error instanceof Refused) wrong.value = error.problems;
-      else throw error;
-    }
-  };
+    });
   return (
     <p class="row" role="status">
       Not finished: runs that are done are kept.{" "}
@@ -355,7 +353,7 @@ function Told({ found }: { found: Card }) {
       {found.true.length ? (
         <Table heads={["Deviation of the true drive: factor, or SI", "least", "largest"]} rows={found.true.map((one) => [one.name, one.least, one.largest])} label="What was true" />
       ) : (
-        <p>{found.finished ? `The drive ${found.drive}, as described; sensors and converters as the setup has them.` : "Not known before the runs are done."}</p>
+        <p>{found.finished ? `The drive ${found.drive}, ${found.mismatch ? `changed by ${found.mismatch}` : "as described"}; sensors and converters as the setup has them.` : "Not known before the runs are done."}</p>
       )}
     </section>
   );

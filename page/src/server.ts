@@ -228,7 +228,7 @@ export async function frame<Head>(path: string, given: Record<string, string>): 
   return unpack<Head>(await (await fetched(`${path}?${new URLSearchParams(given)}`)).arrayBuffer());
 }
 
-const OF_A_FILE = ["path", "record"];
+const OF_ANOTHER = ["path", "record", "law"];
 const ROOM_MS = 11; // of a frame of 60 Hz in which a drawing may begin
 
 /** The socket: at most one request is on its way, the newest waits, older ones are dropped, only the newest is drawn. */
@@ -260,7 +260,7 @@ export class Live<Head extends { number: number }> {
     };
     socket.onmessage = (event: MessageEvent<ArrayBuffer>) => {
       this.onTheWay -= 1;
-      const isOfAnother = OF_A_FILE.some((key) => this.asked?.[key] !== this.last?.[key]);
+      const isOfAnother = OF_ANOTHER.some((key) => this.asked?.[key] !== this.last?.[key]);
       const frame = unpack<Head>(event.data);
       this.pump();
       if (isOfAnother) return; // its curves would stand under the name of the file that is shown by now
@@ -292,6 +292,11 @@ export class Live<Head extends { number: number }> {
   /** Whether a request waits for the one that is on its way. */
   get isWaiting(): boolean {
     return this.waiting !== null;
+  }
+
+  /** Whether an answer is still to come. */
+  get isRunning(): boolean {
+    return this.isWaiting || this.onTheWay > 0;
   }
 
   /** Ask for a run; a request that waits is dropped. */

@@ -4,8 +4,9 @@ import { useEffect, useRef } from "preact/hooks";
 import type { Editor } from "./editor";
 import { follow, JobList, jobs } from "./jobs";
 import { digits } from "./looks";
-import { InFolder, NumberField, Problems, ReportOf, useCopied } from "./parts";
-import { link, route } from "./routes";
+import { wasSaved } from "./opened";
+import { InFolder, NumberField, Problems, ReportOf, SaveButton, useCopied } from "./parts";
+import { isToml, link, route } from "./routes";
 import { ask, attempting, read, Refused, write, type Problem } from "./server";
 import { list, studies } from "./studies";
 import { ticks } from "./strip";
@@ -82,13 +83,13 @@ const file = signal("task.toml");
 const name = signal("sizing");
 const least = signal(100);
 const draws = signal(256);
-const found = signal<Sizing | null>(null);
+const found = signal<(Sizing & { folder: string }) | null>(null);
 const chosen = signal("");
 const pinned = signal<string[]>([]);
 const order = signal<{ by: string; down: boolean }>({ by: "air", down: false });
 
 const path = computed(() => (route.value.view === "sizing" ? route.value.path : ""));
-const isFile = computed(() => path.value.endsWith(".toml"));
+const isFile = computed(() => isToml(path.value));
 
 let asked = 0;
 
@@ -116,7 +117,8 @@ async function change(next: string): Promise<void> {
 }
 
 async function load(at: string): Promise<void> {
-  [text.value, saved.value, sha256.value, said.value] = ["", "", "", ""];
+  [text.value, saved.value, sha256.value] = ["", "", ""];
+  if (said.value !== wasSaved(at)) said.value = "";
   task.value = meant.value = null;
   await attempt(async () => {
     const one = at ? await read<{ text: string; sha256: string }>("/api/file", { path: at }) : { ...(await ask<{ text: string }>("/api/task", {})), sha256: "" };
@@ -136,6 +138,7 @@ function dropChanges(): void {
 
 async function save(): Promise<void> {
   const [at, into, now] = [path.value, file.value, text.value];
+  said.value = "";
   await attempt(async () => {
     try {
       const { sha256: written } = await write(into, now, sha256.value);
@@ -143,7 +146,7 @@ async function save(): Promise<void> {
       drafts.delete(at);
       if (left !== undefined && left !== now) drafts.set(into, { text: left, sha256: written }); // typed meanwhile
       if (path.value !== at) return;
-      [saved.value, sha256.value, said.value] = [now, written, `Saved ${into}.`];
+      [saved.value, sha256.value, said.value] = [now, written, wasSaved(into)];
       location.hash = link("sizing", into);
       await list();
     } catch (error) {
@@ -156,7 +159,7 @@ async function save(): Promise<void> {
 async function look(folder: string): Promise<void> {
   await attempt(async () => {
     const one = await read<Sizing | { waits: true }>("/api/sizing", { path: folder });
-    if (path.value === folder && !("waits" in one)) found.value = one;
+    if (path.value === folder && !("waits" in one)) found.value = { ...one, folder };
   });
 }
 
@@ -165,13 +168,14 @@ const request = (resume?: string) => ({ kind: "size", task: resume ? found.value
 
 async function run(resume?: string): Promise<void> {
   await attempt(async () => {
-    const { out, number } = await ask<{ out: string; number: number }>("/api/jobs", request(resume));
-    void follow(number).then(list);
+    const { out } = await ask<{ out: string }>("/api/jobs", request(resume));
+    void follow();
     if (!resume) location.hash = link("sizing", out);
   });
 }
 
 export function SizingView() {
+  const now = found.value?.folder === path.value ? found.value : null; // not that of the folder before
   const state = jobs.value.find((one) => one.out === path.value)?.state;
   useEffect(() => {
     wrong.value = [];
@@ -183,21 +187,24 @@ export function SizingView() {
     const folder = path.value;
     if (!folder || isFile.value) return;
     void look(folder);
-    if (state !== "running" && !found.value?.searched) return;
+    if (state !== "running" && !now?.searched) return;
     const timer = setInterval(() => void look(folder), LOOK_MS);
     return () => clearInterval(timer);
-  }, [path.value, state, found.value?.searched]);
+  }, [path.value, state, now?.searched]);
   if (path.value && !isFile.value)
     return (
       <div class="sizing">
-        <h2>{found.value?.name ?? path.value}</h2>
+        <h2>{now?.name ?? path.value}</h2>
+        <All />
         <Problems of={wrong.value} />
-        {found.value ? <Result now={found.value} folder={path.value} /> : <p>{state === "running" ? "There is no candidate yet." : wrong.value.length ? "" : "No search has begun in this folder."}</p>}
+        {now ? <Result now={now} folder={path.value} /> : <p>{state === "running" ? "There is no candidate yet." : wrong.value.length ? "" : "No search has begun in this folder."}</p>}
         <JobList of={path.value} output />
       </div>
     );
   return <TaskView />;
 }
+
+const All = () => <p><a href={link("sizing")}>A new task, and all sizings</a></p>;
 
 function TaskView() {
   const place = useRef<HTMLDivElement>(null);
@@ -226,12 +233,13 @@ function TaskView() {
       <div class="drive">
         <section aria-label="Task">
           <h2>{path.value || "A new task"}</h2>
+          {path.value && <All />}
           <div ref={place} class="editor" />
           <p class="row">
             <label>
               File <input value={file.value} disabled={sha256.value !== ""} onInput={(event) => (file.value = event.currentTarget.value)} />
             </label>
-            <button type="button" disabled={isSaved} onClick={() => void save()}>Save</button>
+            <SaveButton isSaved={isSaved} save={save} />
             {path.value && text.value !== saved.value && <button type="button" onClick={dropChanges}>Drop these changes and show the file</button>}
             <span role="status">{said.value}</span>
           </p>
@@ -279,12 +287,16 @@ function TaskView() {
   );
 }
 
+const Least = () => (
+  <label>
+    Choices to simulate at least <NumberField low={1} high={1000} whole value={least.value} put={(one) => (least.value = one)} />
+  </label>
+);
+
 function Counts() {
   return (
     <>
-      <label>
-        Choices to simulate at least <NumberField low={1} high={1000} whole value={least.value} put={(one) => (least.value = one)} />
-      </label>
+      <Least />
       <label>
         Draws of each <NumberField low={1} high={4096} whole value={draws.value} put={(one) => (draws.value = one)} />
       </label>
@@ -316,11 +328,13 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
       {!running && !now.searched && !now.done && (
         <p class="row">
           The search was ended before its end.
-          {now.task && (
+          {now.task ? (
             <>
-              <Counts />
+              <Least />
               <button type="button" onClick={() => void ((draws.value = now.draws), run(folder))}>Resume</button>
             </>
+          ) : (
+            `It goes on once the folder has its task again: ${folder}/sizing.json has its values.`
           )}
         </p>
       )}

@@ -159,6 +159,7 @@ export function ValidationView() {
   return (
     <div class="validation">
       <h2>{found.value?.name ?? path.value}</h2>
+      <p><a href={link("validation")}>A new validation, and all of them</a></p>
       <Problems of={wrong.value} />
       <ReportOf folder={folderOf(path.value)} />
       {found.value && <Result now={found.value} />}

@@ -15,7 +15,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.control.measures import written
-from pneudrive.errors import Cancelled, CommandError
+from pneudrive.errors import Cancelled, CommandError, PneudriveWarning
 from pneudrive.web.live import answer
 from pneudrive.web.messages import unpack
 from pneudrive.web.workspace import Workspace
@@ -86,10 +86,22 @@ def test_run_command_and_python_give_the_same_bits(served: Served, monkeypatch: 
     assert not np.array_equal(other["position_m"], drawn["position_m"])
 
 
+def test_what_a_terminal_warns_of_is_told(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A deviation without a number is one all the same."""
+    head, _ = asked(served, mismatch="load-step")
+    assert head["true"] == []
+    assert head["mismatch"] == ["load-step", "A force of 20 N that comes and goes; assumed."]
+    monkeypatch.chdir(served.folder)
+    with pytest.warns(PneudriveWarning) as told:
+        exec(head["python"], {})
+    assert head["warnings"] == [str(one.message) for one in told]
+    assert "what begins at 6.2 s has no effect" in head["warnings"][0]
+
+
 def test_a_controller_file_is_run_too(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     drive = pn.Drive.load(served.folder / "axis.toml")
-    pn.control.tune(drive, "inversion").save(served.folder / "mine.toml")
-    head, drawn = asked(served, law="mine.toml", gains={}, setup="real", mismatch="")
+    pn.control.tune(drive, "inversion").save(served.folder / "MINE.TOML")
+    head, drawn = asked(served, law="MINE.TOML", gains={}, setup="real", mismatch="")
     monkeypatch.chdir(served.folder)
     names: dict = {}
     exec(head["python"], names)

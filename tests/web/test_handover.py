@@ -53,6 +53,7 @@ def test_page_command_and_python_write_the_same_fmu(
         {"to": "simscape"},
         {"fmi": "1.0"},
         {"name": "a/b"},
+        {"name": "\U0001d49c" * 81},
         {"initial": ["position"]},
     ],
 )

@@ -154,6 +154,7 @@ def test_a_task_says_what_it_holds_and_what_is_wrong_with_it(served: Served) -> 
         {"task": "../push.toml"},
         {"task": 3},
         {"name": "a/b"},
+        {"name": "push.toml"},
         {"least": 0},
         {"draws": True},
         {"draws": 1e9},

@@ -309,6 +309,22 @@ def test_a_value_of_copies_is_that_of_all_and_says_so(served: Served) -> None:
         assert "is not a table" in refused["problems"][0]["what"]
 
 
+def test_what_no_field_can_write_says_where_it_stands(served: Served) -> None:
+    text = """\
+[components.hose]
+formula = "file:flow.toml"
+[components.valve]
+flow_table = [{ opening = -1 }, { opening = 1 }]
+"""
+    said = {
+        "components.hose.formula.name": "components.hose.formula.name stands in flow.toml",
+        "components.valve.flow_table": "components.valve.flow_table is a table of points",
+    }
+    for key, what in said.items():
+        refused = post(served, "/api/edit", {"text": text, "key": key, "value": "x"}, 400)
+        assert refused["problems"][0]["what"] == what
+
+
 @pytest.mark.parametrize("name", ["pwm_axis", "axes/switching", "two_cylinders", "cushioned_axis"])
 def test_the_first_command_of_a_circuit_draws_a_curve(served: Served, name: str) -> None:
     text = (EXAMPLES / f"{name}.toml").read_text()

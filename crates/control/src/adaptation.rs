@@ -49,8 +49,8 @@ impl<const N: usize> Fit<N> {
     /// The same; what one number may not take, the others take as far as they are known to go with it. One that is cut alone
     /// leaves them where they fit the past no longer.
     fn project(&mut self, within: [[f64; 2]; N]) {
-        for i in 0..N {
-            let beyond = self.theta[i] - self.theta[i].clamp(within[i][0], within[i][1]);
+        for (i, [low, high]) in within.into_iter().enumerate() {
+            let beyond = self.theta[i] - self.theta[i].clamp(low, high);
             let share = beyond / self.covariance[i][i];
             (0..N).for_each(|j| self.theta[j] -= self.covariance[j][i] * share);
         }

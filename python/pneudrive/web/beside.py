@@ -261,7 +261,7 @@ def _ends(key: object, given: object) -> tuple[str, str]:
 
 
 def _is_described(path: str) -> bool:
-    return is_in_catalogue(path) or path.endswith(DESCRIPTIONS)
+    return is_in_catalogue(path) or path.lower().endswith(DESCRIPTIONS)
 
 
 def _other(

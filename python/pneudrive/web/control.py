@@ -20,7 +20,7 @@ from pneudrive.control.measures import SHOWN, Score, written
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
 from pneudrive.control.references import PROGRAMS, RECORDS, reference
 from pneudrive.control.setup import ready_setups
-from pneudrive.control.tuning import laws
+from pneudrive.control.tuning import laws, supply_of
 from pneudrive.describe import toml
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.start import is_circuit
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from pneudrive.web.workspace import Workspace
 
 MOST_SECONDS = 10.0  # of a run under control, on the clock
-MOST_SEED, MOST_MEMBERS = 2**31 - 1, 10_000
+MOST_MEMBERS = 10_000
 MOST_EACH = 20_000  # runs of which the values of a measure are sent
 SMALL_M = 5e-3  # largest error that is drawn in micrometres
 SLIDER = 4.0  # a gain's slider goes from a quarter of what follows from the drive to four times it
@@ -131,8 +131,18 @@ class AskedControl:
             setup=_ready(workspace, self.setup, ready_setups(), "setup"),
             duration=self.duration or None,
             controller=controller,
-            mismatch=_ready(workspace, self.mismatch, ready_mismatches(), "mismatch") if self.mismatch else None,
+            mismatch=self.place_of_mismatch(workspace) if self.mismatch else None,
         )
+
+    def place_of_mismatch(self, workspace: Workspace) -> str:
+        """Return the name of a ready mismatch, or the place of its file.
+
+        Raises
+        ------
+        CommandError
+            It is neither ready nor a file of the workspace.
+        """
+        return _ready(workspace, self.mismatch, ready_mismatches(), "mismatch")
 
     def run(self, workspace: Workspace, limit: RunLimit | None = None) -> tuple[Prepared, Run]:
         """Run it.
@@ -188,7 +198,7 @@ def _controller_text(law: str, gains: Mapping[str, str | float]) -> str:
 
 
 def _is_file(law: str) -> bool:
-    return law.endswith(DESCRIPTIONS)
+    return law.lower().endswith(DESCRIPTIONS)
 
 
 def _controller(workspace: Workspace, name: str) -> str:
@@ -245,6 +255,8 @@ def answer(workspace: Workspace, asked: Mapping[str, Any], limit: RunLimit | Non
     circuit = is_circuit(described_at(workspace, request.path))
     head = {"number": asked.get("number"), "panels": panels, "samples": len(columns["time_s"]), "took_s": took}
     head |= {"command": request.as_command(NewNames(workspace)), "python": request.as_python(circuit=circuit)}
+    deviation = read_mismatch(request.place_of_mismatch(workspace))[0].about if request.mismatch else ""
+    head |= {"mismatch": [prepared.mismatch, deviation], "warnings": _warnings(prepared)}
     return pack({**head, **_about(prepared, run)}, drawn_columns(columns, request.pixels))
 
 
@@ -280,6 +292,12 @@ def _about(prepared: Prepared, run: Run) -> dict[str, Any]:
         "synthetic": True,
         "lost": score.lost,
     }
+
+
+def _warnings(prepared: Prepared) -> list[str]:
+    """Return what a run in a terminal warns of: a part of the setup or of the mismatch that has no effect."""
+    supply_pa, ambient_pa = supply_of(prepared.truth.core_json)[0], prepared.circuit.ambient.pressure_pa
+    return [*prepared.setup.short_of(supply_pa, ambient_pa), *prepared.truth.setup.later_than(prepared.duration_s)]
 
 
 def _score(score: Score) -> list[dict[str, Any]]:

@@ -13,6 +13,7 @@ from pneudrive.describe import toml
 from pneudrive.describe.all_values import leaves, values_of
 from pneudrive.describe.components import COMMAND
 from pneudrive.describe.short import expanded
+from pneudrive.describe.written import FILE_PREFIX
 from pneudrive.errors import CommandError, PneudriveError, Problems
 from pneudrive.start import is_circuit, start
 from pneudrive.units import like
@@ -188,11 +189,16 @@ def edited(text: str, key: str, value: str | float) -> str:
         else:
             break
         at = at[name]
+        if (file := str(at)).startswith(FILE_PREFIX):
+            file = file.removeprefix(FILE_PREFIX).strip()
+            raise CommandError(f"{key} stands in {file}", remedy="Change it in that file.")
         if not hasattr(at, "keys") or hasattr(at.get("value"), "keys"):
             raise CommandError(f"{key}: {name} is not a table of values in this file", remedy="Change it in the text.")
     if last == "kind":
         at.pop("model", None)  # of a tube of a drive: the same in other words
     old = at.get(last)
+    if isinstance(old, list):
+        raise CommandError(f"{key} is a table of points", remedy="Change it in the text.")
     if hasattr(old, "keys") and "value" in old:  # a value with its origin: what it said holds no longer
         old["value"] = value
     else:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 TOKEN_BYTES = 24  # 192 bits
 MOST_BODY = 1 << 20  # bytes
+TOO_LONG = f"more than {MOST_BODY} bytes are too many for the page: open a file of that size in an editor"
 MOST_SOCKETS = 8
 LOGIN = "/api/login"  # open where the server has users
 PROTOCOL = "pneudrive"  # subprotocol of the socket; a second one carries the token
@@ -132,7 +133,7 @@ class Guard:
         length = _one(headers, "content-length")
         is_number = length is not None and length.isascii() and length.isdigit()
         if length is not None and not (is_number and (_is_drop(scope) or int(length) <= MOST_BODY)):
-            raise RefusedError(413, f"more than {MOST_BODY} bytes")
+            raise RefusedError(413, TOO_LONG)
 
     def _check_token(self, scope: Scope, headers: dict[str, list[str]], *, is_socket: bool) -> None:
         path = scope["path"]
@@ -162,7 +163,7 @@ class Guard:
                 return
             body, is_more = body + message.get("body", b""), message.get("more_body", False)
             if len(body) > MOST_BODY:
-                await _refuse(scope, receive, send, RefusedError(413, f"more than {MOST_BODY} bytes"))
+                await _refuse(scope, receive, send, RefusedError(413, TOO_LONG))
                 return
         whole = iter([] if _is_drop(scope) else [{"type": "http.request", "body": body, "more_body": False}])
 

@@ -32,6 +32,7 @@ FASTEST = 1e6
 LAST_LINES, LAST_BYTES = 40, 1 << 16
 REPORT = '{"done": '  # how a line of progress begins
 MOST_RECORDINGS = 500
+MOST_BYTES = 243  # of a name: the system takes 255, with the ending
 _NAME = re.compile(r"[\w][\w .-]{0,80}")
 
 
@@ -120,8 +121,9 @@ def protocol_named(given: Mapping[str, Any], workspace: Workspace) -> str:
 
 def folder_name(given: object) -> str:
     """Return a name that a folder may have."""
-    if not isinstance(given, str) or not _NAME.fullmatch(given):
-        raise CommandError(f"{str(given)[:80]!r} is no name of a folder", rule="letters, digits, spaces, -, _ and .")
+    if not isinstance(given, str) or not _NAME.fullmatch(given) or len(given.encode()) > MOST_BYTES:
+        rule = f"letters, digits, spaces, -, _ and .; at most 81 of them and {MOST_BYTES} bytes"
+        raise CommandError(f"{str(given)[:80]!r} is no name of a folder", rule=rule)
     return given
 
 

@@ -45,6 +45,8 @@ def size_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
             raise CommandError(f"{name} = {value} is out of bounds", rule=f"a whole number, 1 to {most}")
     if folder is None:
         out, is_new = f"{RESULTS}/{folder_name(given.get('name'))}", True
+        if out.lower().endswith(DESCRIPTIONS):
+            raise CommandError(f"{out} is the name of a task, not of a folder", remedy="Leave out the ending.")
     elif is_held(workspace.folder(folder) / LOCK):
         raise CommandError(f"a process searches in {folder} already", remedy="Wait until it ends.")
     elif workspace.folder(folder).is_dir():
