@@ -363,8 +363,10 @@ impl Model {
             }
             Slip::AtLevel => spring,
         };
-        // Its derivatives take the sign as it is: through rest that is as steep as no step can follow.
-        let rest = (level * (v / speed).constant() - f).times(1.0 / h);
+        // Through rest the sign is steeper than a step can follow: its derivatives are no more so than would bring the mass to
+        // rest within one.
+        let slope = || (S::c(SMOOTH * SMOOTH) / (speed * speed * speed)).min(S::c(self.mass / h) / level);
+        let rest = (level * (v / speed).sloped(v, slope) - f).times(1.0 / h);
         let elastic = S::select(rest.abs().lt(sprung.abs()), rest, sprung);
         S::select((left * v).lt(S::zero()), rate * left, elastic)
     }

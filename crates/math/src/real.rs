@@ -62,9 +62,9 @@ pub trait Real:
     }
     /// `a` where `mask` holds, else `b`.
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
-    /// The same value, constant to derivatives.
+    /// The same value; its derivatives are those of `x` by a slope.
     #[inline(always)]
-    fn constant(self) -> Self {
+    fn sloped(self, _x: Self, _slope: impl FnOnce() -> Self) -> Self {
         self
     }
 

@@ -109,10 +109,12 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
     let Some(friction) = &cylinder.friction else {
         return refuse(format!("{} has no friction", cylinder.name));
     };
+    let of_elements = friction.elements.iter().map(|own| own.stiffness_n_m).reduce(|sum, own| sum + own);
     let bristle = |key: &str| friction.parameters.get(key).copied();
+    let stiffness = of_elements.or(bristle("bristle_stiffness"));
     let contact = friction_law(friction)?;
-    let stick_stiffness = bristle("bristle_stiffness").unwrap_or(STICK_STIFFNESS * mass);
-    let stick_damping_time = match (bristle("bristle_stiffness"), bristle("bristle_damping")) {
+    let stick_stiffness = stiffness.unwrap_or(STICK_STIFFNESS * mass);
+    let stick_damping_time = match (stiffness, bristle("bristle_damping")) {
         (None, _) => STICK_DAMPING,
         (_, damping) => damping.unwrap_or(0.0) / stick_stiffness,
     };

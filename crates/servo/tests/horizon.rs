@@ -130,6 +130,32 @@ fn circuit_and_model_foresee_the_same() {
     assert!(went_on >= 16, "{went_on} of 48 go on");
 }
 
+/// Through rest the sign of a motion is steeper than a step can follow: slopes doubled at each, up to 1e12 m, where a
+/// contact slips slowly at its level.
+#[test]
+fn slopes_of_a_contact_that_slips_slowly_are_bounded() {
+    const NEAR: f64 = 0.95;
+    for mass in [0.7, 4.7, 40.0] {
+        let (model, _) = belief(&rubbing(mass, "stribeck", &STICKY[..4])).expect("a belief");
+        for (speed, way) in [1e-5, 5e-5, 2e-4, 5e-4, 1e-3].into_iter().flat_map(|v| [(v, 1.0), (v, -1.0)]) {
+            let level = model.friction_levels([START, speed], [MEAN; 2])[0];
+            let half = way * 0.5 * NEAR * level / model.sides[0].area;
+            let pressures = [MEAN + half, MEAN - half];
+            let moment = Moment {
+                name: "slips",
+                velocity: way * speed,
+                pressures,
+                friction: way * NEAR,
+                opening: 0.0,
+            };
+            let seen = at(&model, &moment, |tick| by_the_model(tick, &seeded([way * 1e-3; MOVES])));
+            let slope =
+                seen.iter().flat_map(|own| own[0].eps).fold(0.0, |most: f64, own| most.max(own.abs()));
+            assert!(slope < 1.0, "{mass} kg at {} m/s: {slope} m", way * speed);
+        }
+    }
+}
+
 /// The end of the horizon by a session of the circuit, its valve without overlap and dead time, from rest under the plan.
 fn end_of(plant: &Circuit, plan: [f64; MOVES]) -> f64 {
     let mut session = session(plant, START);

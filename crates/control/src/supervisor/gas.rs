@@ -11,6 +11,9 @@ const FOR: f64 = 0.02;
 /// valve and supply may be wrong (assumed).
 const FOLLOWS: f64 = 0.1;
 const FLOW_SHARE: f64 = 0.4;
+/// Share of the full flow up to which all of a flow may be wrong: overlap and hysteresis of a valve that is hardly open
+/// (assumed).
+const HARDLY_OPEN: f64 = 0.025;
 /// Unknown force as a share of the friction up to which it is friction's (assumed).
 const BEYOND: f64 = 1.0;
 /// Time in which the pressure of a chamber that runs by the model takes what is missing beyond that, s (assumed).
@@ -136,7 +139,8 @@ impl Gas {
             let own = &mut chambers[i];
             let reading = readings[i];
             let by_flow = (open[i] - shut[i]) * period;
-            own.unsure += FLOW_SHARE * (modelled[i] - still[i]).abs() * period - share * own.unsure;
+            let (flow, full) = ((modelled[i] - still[i]).abs(), model.most_rate(i, twin.position));
+            own.unsure += (FLOW_SHARE * flow).max(flow.min(HARDLY_OPEN * full)) * period - share * own.unsure;
             let measured = reading - own.last - shut[i] * period;
             own.rests = if reading == own.last { own.rests + 1 } else { 0 };
             let before = own.last;

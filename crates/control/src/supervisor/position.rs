@@ -10,9 +10,9 @@ use crate::observer::State;
 const JUMP: f64 = 5.0;
 const STUCK: f64 = 20.0;
 const CORRECTED: f64 = 5e-3;
-/// Speed up to which a model without measured pressures, or one that follows the position alone, may creep while its drive
-/// rests, m/s (assumed).
-const CREEPS: f64 = 5e-3;
+/// Speed up to which a model may creep while its drive rests, m/s (assumed): with measured pressures, as its contact gives way
+/// smoothly below breakaway; without, or where it follows the position alone.
+const CREEPS: [f64; 2] = [5e-4, 5e-3];
 /// Share of the highest speed by which the speed of the model may be wrong (assumed).
 const SPEED_SHARE: f64 = 0.1;
 /// A twin that goes on without readings while a reading rests: the friction that it has of the model's, with measured
@@ -82,12 +82,12 @@ impl Position {
         }
         let mut miss = reading - foreseen.position;
         // A contact that is held may creep in the model and stick in truth: each reading puts the model back.
-        let creeps = is_held || !by_gas && foreseen.velocity.abs() < CREEPS;
+        let creeps = is_held || foreseen.velocity.abs() < CREEPS[usize::from(!by_gas)];
         let way = if creeps { 0.0 } else { foreseen.velocity * period };
         if self.last == Some(reading) {
             self.moved += way;
         } else {
-            (self.moved, self.from_rest) = (0.0, foreseen.velocity.abs() < CREEPS);
+            (self.moved, self.from_rest) = (0.0, foreseen.velocity.abs() < CREEPS[1]);
         }
         let apart = (SPEED_SHARE * period).max(JUMP * jitter) * fastest;
         let jumps = miss.abs() > JUMP * grain + apart * f64::from(1 + self.bad);
