@@ -131,7 +131,7 @@ def rows_of(
         ends = [found[f"{name}_{end}"].to_numpy() if f"{name}_{end}" in found else None for end in ("low", "high")]
         for index in np.ndindex(value.shape):
             place = ", ".join(
-                f"{dim} {write(found[dim].to_numpy()[k], found[dim].attrs['units'])}"
+                f"{dim} {write(float(found[dim].to_numpy()[k]), found[dim].attrs['units'])}"
                 if found[dim].dtype.kind == "f"
                 else str(found[dim].to_numpy()[k])
                 for dim, k in zip(found[name].dims, index, strict=True)
