@@ -218,28 +218,3 @@ impl Spool {
         [x.signum() * ((x.abs() - overlap) * whole).max(0.0), v * whole]
     }
 }
-
-#[cfg(test)]
-mod ties {
-    use super::*;
-
-    /// A command that acts halfway between two samples, by times that are rounded: the opening halfway is the old one.
-    #[test]
-    fn a_spool_without_a_lag_does_not_go_by_the_rounding_of_times() {
-        let mut spool = Spool::<f64> {
-            state: [0.0; 2],
-            acts: line(),
-            angular_frequency: f64::INFINITY,
-            damping_ratio: 1.0,
-            beside: Beside::Nothing,
-        };
-        let (period, delay) = (1e-3, 2.5e-3);
-        for k in 0..2000_u32 {
-            let t = f64::from(k) * period;
-            let middle = spool.middle(t - period, t);
-            let expected = (f64::from(k) - 4.0).max(0.0);
-            assert_eq!(middle, expected, "sample {k}");
-            spool.command(t + delay, f64::from(k));
-        }
-    }
-}

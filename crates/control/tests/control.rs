@@ -428,3 +428,19 @@ fn every_law_gives_a_command_for_any_sample() {
         assert!(commands.iter().flatten().all(|u| u.is_finite() && u.abs() <= 1.0), "{key}");
     }
 }
+
+/// A command that acts halfway between two samples, by times that are rounded: halfway the spool is where it was.
+#[test]
+fn a_spool_without_a_lag_does_not_go_by_the_rounding_of_times() {
+    let model = drive();
+    let mut spool = Spool::new(&Valve { angular_frequency: f64::INFINITY, ..model.valve });
+    let delay = 2.5 * PERIOD;
+    for k in 0..2000_u32 {
+        let t = f64::from(k) * PERIOD;
+        let mut halfway = spool.clone();
+        halfway.advance(t - PERIOD, 0.5 * (t - PERIOD + t));
+        assert_eq!(halfway.position(), f64::from(k.saturating_sub(4)) / 2048.0, "sample {k}");
+        spool.advance(t - PERIOD, t);
+        spool.command(t + delay, f64::from(k) / 2048.0);
+    }
+}
