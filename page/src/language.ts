@@ -3,5 +3,5 @@
 try {
   Intl.getCanonicalLocales(navigator.language);
 } catch {
-  Object.defineProperty(navigator, "language", { value: "en", configurable: true });
+  if (typeof navigator !== "undefined") Object.defineProperty(navigator, "language", { value: "en", configurable: true });
 }
