@@ -31,7 +31,7 @@ interface Head {
   number: number;
   problems?: Problem[];
   path: string;
-  key: string;
+  key: string | null; // none while it is read
   missing: number;
   samples: number;
   raw: boolean;

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
+import threading
 import time
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import pneudrive as pn
 from pneudrive.cli.main import run as run_command
 from pneudrive.signals.load import load_recordings
 from pneudrive.signals.motion import find_strokes
+from pneudrive.web import recordings
 from pneudrive.web.messages import unpack
 from web.conftest import Served
 
@@ -383,6 +385,27 @@ def test_the_file_states_the_unit_of_its_time(served: Served) -> None:
     found = read(served, "thick.csv")  # a thickness is no time
     assert (found["span"], found["time"]) == ([0.0, 99.0], False)
     assert {one["column"]: one["unit"] for one in found["channels"]} == {"t": "mm", "way": "mm", "force": "N"}
+
+
+def test_a_view_of_a_file_that_is_another_one_by_now_and_not_read_yet_says_so(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page opens it anew then, however long the reading takes: it got a refusal, and stood still."""
+    in_si(served.folder / "run.parquet")
+    before = read(served, "run.parquet")["key"]
+    go_on, opened = threading.Event(), recordings._opened
+
+    def slow(*given: object) -> object:
+        go_on.wait(10.0)
+        return opened(*given)
+
+    monkeypatch.setattr(recordings, "_opened", slow)
+    pl.DataFrame({"time_s": [0.0, 1.0], "x": [0.0, 1.0]}).write_parquet(served.folder / "run.parquet")
+    head, _ = unpack(window(served, {"path": "run.parquet", "from": 0.0, "to": 1.0, "pixels": 100, "columns": "x"}))
+    assert "problems" not in head
+    assert (head["path"], head["key"] == before) == ("run.parquet", False)
+    go_on.set()
+    assert read(served, "run.parquet")["samples"] == 2
 
 
 @pytest.mark.parametrize("kind", ["dates", "texts", "nanoseconds"])

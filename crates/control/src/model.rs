@@ -353,7 +353,8 @@ impl Model {
         let speed = (v * v + S::c(SMOOTH * SMOOTH)).sqrt();
         let rate = (speed.times(self.stick_stiffness) / level).min(S::c(1.0 / h));
         // g sgn v |v| = g v: no sign at rest.
-        let left = level * (v / speed) - f;
+        let sign = v / speed;
+        let left = level * sign - f;
         let spring = v.times(self.stick_stiffness);
         let sprung = match self.slip {
             Slip::Always => return rate * left,
@@ -366,7 +367,7 @@ impl Model {
         // Through rest the sign is steeper than a step can follow: its derivatives are no more so than would bring the mass to
         // rest within one.
         let slope = || (S::c(SMOOTH * SMOOTH) / (speed * speed * speed)).min(S::c(self.mass / h) / level);
-        let rest = (level * (v / speed).sloped(v, slope) - f).times(1.0 / h);
+        let rest = (level * sign.sloped(v, slope) - f).times(1.0 / h);
         let elastic = S::select(rest.abs().lt(sprung.abs()), rest, sprung);
         S::select((left * v).lt(S::zero()), rate * left, elastic)
     }

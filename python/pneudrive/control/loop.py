@@ -24,7 +24,7 @@ from pneudrive.trajectory import meaning
 from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     import xarray as xr
@@ -56,7 +56,11 @@ MEANINGS = {
 
 
 class Prepared(NamedTuple):
-    """All that decides a run under control but its seed; `plant` is the drive that is run, as it is described."""
+    """All that decides a run under control but its seed.
+
+    `plant` is the drive that is run, as it is described; `warnings` tell what of it has no effect, or another one than
+    its words.
+    """
 
     circuit: Circuit
     tuning: Tuning
@@ -69,6 +73,7 @@ class Prepared(NamedTuple):
     rtol: float
     truth: Truth
     mismatch: str = ""
+    warnings: tuple[str, ...] = ()
     step_repeats: int = 1
 
 
@@ -175,7 +180,7 @@ def prepare(
     rtol: float = RTOL,
     allow_code: str | None = None,
 ) -> Prepared:
-    """Read and check all that decides a run but its seed. Arguments and errors are those of `run`."""
+    """Read and check all that decides a run but its seed, and warn. Arguments and errors are those of `run`."""
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     if believes is not None:
         require(believes, "core_json", "believes", 'pn.Drive.load("drive.toml")')
@@ -196,8 +201,7 @@ def prepare(
     if not 1.0 <= round(samples) <= MOST_SAMPLES:
         what = f"duration = {seconds:g} s at a period of {1e3 * tuning.period_s:g} ms makes {samples:.3g} samples"
         raise CommandError(what, rule=f"1 to {MOST_SAMPLES:.0e} samples")
-    _tell_missed(to_follow, read)
-    _check_switches(read, to_follow, plant.stroke_m)
+    warnings = [*_missed(to_follow, read), *_beyond_switches(read, to_follow, plant.stroke_m)]
     start = _start(drive, plant, float(to_follow.at([0.0])[0, 0]), initial)
     truth, called = Truth(circuit.core_json(), {}, read, {}), ""
     if mismatch is not None:
@@ -206,11 +210,12 @@ def prepare(
         truth = mismatched(circuit.core_json(), plant, read, own, drawn)
         without = next(iter(drawn.keys() - truth.values.keys()), "").removesuffix("_b")
         if without:
-            warn(f"mismatch {called}: {without} has no effect, as the setup has no pressure sensors")
-    short = read.short_of(supply_of(truth.core_json)[0], circuit.ambient.pressure_pa)
-    for said in (*short, *truth.setup.later_than(seconds)):
+            warnings.append(f"mismatch {called}: {without} has no effect, as the setup has no pressure sensors")
+    warnings += read.short_of(supply_of(truth.core_json)[0], circuit.ambient.pressure_pa)
+    warnings += truth.setup.later_than(seconds)
+    for said in warnings:
         warn(said)
-    return Prepared(circuit, tuning, plant, to_follow, read, name, start, seconds, rtol, truth, called)
+    return Prepared(circuit, tuning, plant, to_follow, read, name, start, seconds, rtol, truth, called, tuple(warnings))
 
 
 def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run:
@@ -289,8 +294,8 @@ def _check_jitter(setup: Setup, period_s: float) -> None:
             raise CommandError(f"setup: {name}.jitter = {1e3 * part.jitter_s:g} ms", rule=rule)
 
 
-def _check_switches(setup: Setup, along: Reference, stroke_m: float) -> None:
-    """Refuse limit switches that no drive can be between, and warn of a reference that leads beyond one."""
+def _beyond_switches(setup: Setup, along: Reference, stroke_m: float) -> Iterator[str]:
+    """Tell of a reference that leads beyond a limit switch; refuse switches that no drive can be between."""
     if setup.switches is None:
         return
     low_m, high_m = setup.switches.low_m, setup.switches.high_m
@@ -300,15 +305,15 @@ def _check_switches(setup: Setup, along: Reference, stroke_m: float) -> None:
     reach = along.reach()
     if not low_m <= reach.lowest_m <= reach.highest_m <= high_m:
         leads = f"{1e3 * reach.lowest_m:g} mm to {1e3 * reach.highest_m:g} mm"
-        warn(f"{said}: the reference leads from {leads}, and beyond a switch the command may only lead away")
+        yield f"{said}: the reference leads from {leads}, and beyond a switch the command may only lead away"
 
 
-def _tell_missed(along: Reference, setup: Setup) -> None:
-    """Warn where a reference misses the points that it was made of by more than a sensor would show."""
+def _missed(along: Reference, setup: Setup) -> Iterator[str]:
+    """Tell where a reference misses the points that it was made of by more than a sensor would show."""
     least = max(setup.sensors.position.resolution_m or 0.0, LEAST_MISSED_M)
     if along.points_missed_m is not None and along.points_missed_m > least:
         missed = f"the curve of the reference misses its points by up to {1e3 * along.points_missed_m:.3g} mm"
-        warn(f"{along.text}: {missed}; errors are those from the curve")
+        yield f"{along.text}: {missed}; errors are those from the curve"
 
 
 def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:

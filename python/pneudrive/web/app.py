@@ -291,7 +291,7 @@ class _Views:
 
         name = given.get("path", "")
         reading = self.recordings.opened(name)
-        if reading.done is None and reading.error is None:
+        if reading.goes_on:
             return {"share": reading.share}
         found = self.recordings.need(name)
         path = self.workspace.path(name, TABLES)
@@ -307,11 +307,13 @@ class _Views:
         }
 
     def window(self, given: Mapping[str, Any]) -> bytes:
-        """Return a view of a recording as a frame."""
+        """Return a view of a recording as a frame; without a key where its name is another file's, not read yet."""
+        head: dict[str, Any] = {"number": given.get("number"), "path": given.get("path"), "key": None}
+        if self.recordings.opened(str(given.get("path", ""))).goes_on:
+            return pack(head, {})
         found, columns, span, pixels = self._view(given)
         view = found.window(span, pixels, columns)
-        head = {"number": given.get("number"), "path": given.get("path"), "from": span[0], "to": span[1]}
-        head["key"] = found.key
+        head |= {"key": found.key, "from": span[0], "to": span[1]}
         head |= {"missing": view.missing, "samples": view.samples, "raw": view.raw}
         arrays = {"time": view.time_s, **view.channels}
         if other := given.get("beside"):

@@ -20,7 +20,7 @@ from pneudrive.control.measures import SHOWN, Score, written
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
 from pneudrive.control.references import PROGRAMS, RECORDS, reference
 from pneudrive.control.setup import ready_setups
-from pneudrive.control.tuning import laws, supply_of
+from pneudrive.control.tuning import laws
 from pneudrive.describe import toml
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.start import is_circuit
@@ -256,7 +256,7 @@ def answer(workspace: Workspace, asked: Mapping[str, Any], limit: RunLimit | Non
     head = {"number": asked.get("number"), "panels": panels, "samples": len(columns["time_s"]), "took_s": took}
     head |= {"command": request.as_command(NewNames(workspace)), "python": request.as_python(circuit=circuit)}
     deviation = read_mismatch(request.place_of_mismatch(workspace))[0].about if request.mismatch else ""
-    head |= {"mismatch": [prepared.mismatch, deviation], "warnings": _warnings(prepared)}
+    head |= {"mismatch": [prepared.mismatch, deviation], "warnings": prepared.warnings}
     return pack({**head, **_about(prepared, run)}, drawn_columns(columns, request.pixels))
 
 
@@ -292,12 +292,6 @@ def _about(prepared: Prepared, run: Run) -> dict[str, Any]:
         "synthetic": True,
         "lost": score.lost,
     }
-
-
-def _warnings(prepared: Prepared) -> list[str]:
-    """Return what a run in a terminal warns of: a part of the setup or of the mismatch that has no effect."""
-    supply_pa, ambient_pa = supply_of(prepared.truth.core_json)[0], prepared.circuit.ambient.pressure_pa
-    return [*prepared.setup.short_of(supply_pa, ambient_pa), *prepared.truth.setup.later_than(prepared.duration_s)]
 
 
 def _score(score: Score) -> list[dict[str, Any]]:

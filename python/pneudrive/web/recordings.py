@@ -124,6 +124,11 @@ class Reading:
     done: OpenRecording | None = None
     ended: threading.Event = field(default_factory=threading.Event)
 
+    @property
+    def goes_on(self) -> bool:
+        """It has not ended yet."""
+        return self.done is None and self.error is None
+
 
 class Recordings:
     """The recordings of a workspace that are open; each is read once, in the background."""

@@ -4,9 +4,9 @@ use super::event::{EventKind, Log};
 use crate::model::{Edges, Model};
 use crate::observer::State;
 
-/// Grains, and deviations of its time, by which a reading may leave the model beside what the speed allows, and grains that the model moves while a
-/// reading rests until that is stuck, beside what it moves, from rest, by a force as wrong as the Coulomb friction, for the
-/// time in which the observer corrects that, s: a contact may break away later than the model's (assumed).
+/// Grains, and deviations of its time, by which a reading may leave the model beside what the speed allows; grains that the
+/// model moves while a reading rests until that is stuck, beside what it moves, from rest, by a force as wrong as the Coulomb
+/// friction, for the time in which the observer corrects that, s: a contact may break away later than the model's (assumed).
 const JUMP: f64 = 5.0;
 const STUCK: f64 = 20.0;
 const CORRECTED: f64 = 5e-3;
@@ -67,8 +67,9 @@ impl Position {
     }
 
     /// A reading, or what the model foresees where that is not credible. `grain` is how finely the model can know a
-    /// position, m, `fastest` the highest speed, m/s, `jitter` the standard deviation of the time of a reading, s; `is_held`: the law held at the last sample; `by_gas`: the model
-    /// follows measured pressures; `seen` is the state at the last sample, `edges` how far edges were open since.
+    /// position, m, `fastest` the highest speed, m/s, `jitter` the standard deviation of the time of a reading, s;
+    /// `is_held`: the law held at the last sample; `by_gas`: the model follows measured pressures; `seen` is the state at
+    /// the last sample, `edges` how far edges were open since.
     pub fn checked(
         &mut self,
         (time, reading): (f64, f64),
