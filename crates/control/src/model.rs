@@ -3,7 +3,7 @@
 use crate::number::Number;
 use crate::observer::State;
 use crate::valves::Arrangement;
-use math::Over;
+use math::{Function, Over};
 use physics::chamber::{EnergyBalance, Exchange, GasState};
 use physics::flow::{End, Iso6358, leaking, opened};
 use physics::friction::{AnyLaw, At, Contact, plastic_share};
@@ -331,13 +331,14 @@ impl Model {
     /// Level of steady friction without its viscous part at |v|, and the viscous coefficient: g(v), N, and Fv, N s/m.
     #[inline(always)]
     pub fn friction_levels<S: Over<f64>>(&self, [x, v]: [S; 2], pressures: [S; 2]) -> [S; 2] {
-        // Formulas may say that friction is none at rest, where it has no direction.
-        let speed = v.abs().max(S::c(LEAST_SPEED));
-        let at = self.at([x, S::select(v.lt(S::zero()), -speed, speed)], pressures);
-        let viscous = self.friction.law.levels().viscous;
-        let level = self.friction.steady(&at).abs() - speed.times(viscous);
+        let [a, b] = pressures;
+        let level = if self.friction.is_of_velocity() {
+            S::composed(&Steady(self), [v])
+        } else {
+            S::composed(&Steady(self), [v, x, a, b])
+        };
         let [share, slope] = self.friction_shares;
-        [level.times(share).max(S::c(f64::MIN_POSITIVE)), S::c(slope * viscous)]
+        [level.times(share).max(S::c(f64::MIN_POSITIVE)), S::c(slope * self.friction.law.levels().viscous)]
     }
 
     /// Rate of the friction force f that the contact carries, N/s, beside its viscous part: a spring that slips at the
@@ -382,6 +383,28 @@ impl Model {
     #[inline(always)]
     pub fn acceleration<S: Over<f64>>(&self, gas: S, v: S, viscous: S, f: S, d: S) -> S {
         (gas + S::c(self.load) - f - viscous * v + d).times(1.0 / self.mass)
+    }
+}
+
+/// Level of the friction that is described, N, at a velocity, m/s, a position, m, and the pressures of both chambers, Pa.
+struct Steady<'a>(&'a Model);
+
+impl Function<f64, 4> for Steady<'_> {
+    #[inline(always)]
+    fn at<S: Over<f64>>(&self, [v, x, a, b]: [S; 4]) -> S {
+        let Steady(model) = self;
+        // Formulas may say that friction is none at rest, where it has no direction.
+        let speed = v.abs().max(S::c(LEAST_SPEED));
+        let at = model.at([x, S::select(v.lt(S::zero()), -speed, speed)], [a, b]);
+        model.friction.steady(&at).abs() - speed.times(model.friction.law.levels().viscous)
+    }
+}
+
+/// Where it depends on the velocity alone.
+impl Function<f64, 1> for Steady<'_> {
+    #[inline(always)]
+    fn at<S: Over<f64>>(&self, [v]: [S; 1]) -> S {
+        self.at([v, S::zero(), S::zero(), S::zero()])
     }
 }
 

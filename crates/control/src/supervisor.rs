@@ -282,12 +282,17 @@ impl Supervisor {
     pub(crate) fn decide(&mut self, own: &mut Controller, sample: &Sample, reference: &Reference) -> Answer {
         let mut sample = *sample;
         let skipped = self.keep_time(own.period, &mut sample);
-        let returns = self.inputs.enabled && self.mode == Mode::Off;
+        let mut returns = self.inputs.enabled && self.mode == Mode::Off;
         if returns {
             (self.slows, self.slowed) = (false, None);
         }
         let asked = Course::from(reference).by(self.slowed).at(sample.time);
-        if returns && (self.position.is_lost() || self.gas.is_lost() || self.stands_by) {
+        let place = own.state().map_or(f64::NAN, |state| state.position);
+        if returns && self.position.is_off(sample.position, place) {
+            self.log.tell(sample.time, EventKind::PositionLost, sample.position - place);
+            self.mode = Mode::Shut;
+            returns = false;
+        } else if returns && (self.position.is_lost() || self.gas.is_lost() || self.stands_by) {
             // What was lost may be back: all begins anew.
             own.restart();
             (self.position, self.gas) = (Position::default(), Gas::default());

@@ -1,6 +1,6 @@
 //! Forward-mode automatic differentiation.
 
-use crate::real::{Lane, Over, Real};
+use crate::real::{Function, Lane, Over, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// `re + sum_i eps[i] e_i` with `e_i e_j = 0`: a value with `N` directional derivatives, over any
@@ -198,6 +198,15 @@ impl<R: Real, const N: usize> Over<R> for Dual<R, N> {
     #[inline(always)]
     fn times_plus(self, a: R, b: Self) -> Self {
         once!(self.with(self.re.fma(a, b.re), |i, eps| eps.fma(a, b.eps[i])))
+    }
+    #[inline(always)]
+    fn composed<const K: usize>(f: &impl Function<R, K>, x: [Self; K]) -> Self {
+        if K >= N {
+            return f.at(x);
+        }
+        let own = f.at(std::array::from_fn(|k| Dual::<R, K>::variable(x[k].re, k)));
+        let slopes = |i: usize| (0..K).fold(R::zero(), |sum, k| x[k].eps[i].fma(own.eps[k], sum));
+        Dual { re: own.re, eps: std::array::from_fn(slopes) }
     }
 }
 

@@ -108,9 +108,21 @@ pub trait Over<P: Real>: Real<Mask = P::Mask> + From<P> {
     fn times_plus(self, a: P, b: Self) -> Self {
         self.fma(Self::from(a), b)
     }
+
+    /// A function of few numbers. Its derivatives by these are found first where there are more directions than numbers.
+    #[inline(always)]
+    fn composed<const K: usize>(f: &impl Function<P, K>, x: [Self; K]) -> Self {
+        f.at(x)
+    }
 }
 
 impl<P: Real> Over<P> for P {}
+
+/// A function of K numbers of any kind.
+pub trait Function<P: Real, const K: usize> {
+    /// Its value at `x`.
+    fn at<S: Over<P>>(&self, x: [S; K]) -> S;
+}
 
 /// A piece of work on numbers of one type. Its method must be in line always, with all that it calls often.
 pub trait Work {

@@ -387,6 +387,11 @@ macro_rules! laws {
                 }
             }
 
+            /// Whether steady friction depends on more than velocity and levels: on place or pressures.
+            fn is_of_place(&self) -> bool {
+                matches!(self, AnyLaw::FilmLuGre(_) | AnyLaw::Formula(_))
+            }
+
             fn is_usual(&self) -> bool {
                 !matches!(self, $(AnyLaw::$other(_))|* | AnyLaw::Formula(_))
             }

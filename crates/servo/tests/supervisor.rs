@@ -270,6 +270,20 @@ fn after_enable_the_drive_returns_to_its_reference_without_a_bump() {
     assert!(steepest(&rows, 0.9) < 0.15, "{}", steepest(&rows, 0.9));
 }
 
+/// An encoder that has lost counts is off for good: to begin anew with it would lead into an end stop.
+#[test]
+fn a_drive_whose_position_is_off_still_is_not_enabled_again() {
+    let offset = |end_s| Fault { end_s: Some(end_s), ..on(Channel::Position, FaultKind::Offset, 0.09) };
+    for (until, may_move) in [(9.0, false), (0.8, true)] {
+        let (rows, controller) = run(vec![offset(until), fault(FaultKind::EnableLost, 0.85, 0.95)]);
+        let lost = count(&controller, EventKind::PositionLost);
+        assert_eq!(lost, if may_move { 1 } else { 2 }, "{:?}", told(&controller));
+        let [after, end] = [1000, rows.len() - 1].map(|tick| rows[tick][1]);
+        assert_eq!((end - 0.28).abs() < 1e-3, may_move, "it ends at {end} m");
+        assert!(may_move || (end - after).abs() < 1e-3, "it moves from {after} m to {end} m");
+    }
+}
+
 #[test]
 fn a_drive_that_does_not_move_or_settle_is_told_with_its_cause() {
     let with = |change: &dyn Fn(&mut Circuit), law: &str, faults: Vec<Fault>| {

@@ -15,7 +15,11 @@ from pneudrive.show import aligned
 
 if TYPE_CHECKING:
     from pneudrive.control.comparison import ControlComparison
+    from pneudrive.control.measures import Score
     from pneudrive.control.tuning import Tuning
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+    from pneudrive.simulate import Run
 
 control = group(dict.fromkeys(("tune", "run", "compare", "reference", "export", "header"), "pneudrive.cli.control"))
 
@@ -47,6 +51,8 @@ MismatchOption = Annotated[
         "other-friction, load-step, ... (their values are assumed), or a TOML file."
     ),
 ]
+#: Reference along which a tuned law is tried, and share of its way by which that may miss it (assumed).
+TRIED_ALONG, MOST_TRIED = "R3", 0.1
 TOLD = ("max_error_m", "rmse_m", "settling_100_um_s", "rest_error_m", "hunting_m")
 
 
@@ -62,15 +68,17 @@ def tune(
     out: Annotated[Path | None, typer.Option(help="Controller file (TOML) with all gains.")] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Tune a law from the description of a drive, with the rule of each gain and what limits it."""
+    """Tune a law from the description of a drive, with the rule of each gain, what limits it, and how it does there."""
     from pneudrive.control.tuning import tune as tuned
     from pneudrive.describe.load import load_described
     from pneudrive.trajectory import check_target
 
     if out is not None:
         check_target(out, (".toml",))
-    found = tuned(load_described(drive), law, setup=setup)
+    described = load_described(drive)
+    found = tuned(described, law, setup=setup)
     _show_tuning(found)
+    _try_out(described, found, setup)
     if out is not None:
         found.save(out)
     tell([out])
@@ -82,6 +90,37 @@ def _show_tuning(found: Tuning) -> None:
     show_table(("gain", "<value", "<meaning", "<follows from"), rows)
     typer.echo(f"\n{aligned(found.plant.rows())}\n")
     typer.echo("\n".join(found.limits))
+
+
+def _try_out(drive: Drive | Circuit, found: Tuning, setup: str) -> None:
+    """Run the tuned law on the drive that it was told of, and warn where it does not follow."""
+    from pneudrive.control.loop import prepare, run_prepared
+    from pneudrive.errors import PneudriveError, warn
+
+    try:
+        prepared = prepare(drive, None, TRIED_ALONG, setup=setup, controller=found)
+        tried = run_prepared(prepared, seed=1)
+    except PneudriveError as error:
+        warn(f"the law was not tried on this drive: {error.what}")
+        return
+    typer.echo(f"\nTried on this drive as it is described, along {prepared.reference.text}, simulated:")
+    score = _show_run(tried)
+    reach = prepared.reference.reach()
+    way_m = reach.highest_m - reach.lowest_m
+    if score.lost or score.max_error_m > MOST_TRIED * way_m:
+        missed = f"{found.law} misses by up to {1e3 * score.max_error_m:.3g} mm where it was tried"
+        warn(f"{missed}: take another law or drive")
+
+
+def _show_run(found: Run) -> Score:
+    from pneudrive.control.measures import Score
+
+    score = Score(**found.provenance["score"])
+    typer.echo(aligned(score.rows()))
+    for event in found.provenance["events"]:
+        unit = "" if event["unit"] == "1" else f" {event['unit']}"
+        typer.echo(f"{event['time_s']:.3f} s  {event['kind']}: {event['text']} {event['value']:.4g}{unit}")
+    return score
 
 
 def run(
@@ -111,7 +150,6 @@ def run(
     """Run a drive under control along a reference, and score it. Thresholds of its supervisor are assumed."""
     from pneudrive.cli.progress import on_terminal
     from pneudrive.control.loop import prepare, run_prepared
-    from pneudrive.control.measures import Score
     from pneudrive.describe.load import load_described
     from pneudrive.errors import CommandError
     from pneudrive.report.written import PICTURES
@@ -141,10 +179,7 @@ def run(
     of = "" if belief == drive_name else f", told of {belief},"
     title = f"{prepared.tuning.law}{of} on {drive_name} along {prepared.reference.text}"
     typer.echo(f"{title}, setup {prepared.setup_name}, seed {seed}, simulated:")
-    typer.echo(aligned(Score(**found.provenance["score"]).rows()))
-    for event in found.provenance["events"]:
-        unit = "" if event["unit"] == "1" else f" {event['unit']}"
-        typer.echo(f"{event['time_s']:.3f} s  {event['kind']}: {event['text']} {event['value']:.4g}{unit}")
+    _show_run(found)
     if "law_failure" in found.provenance:
         typer.echo(f"\n{found.provenance['law_failure']}\nAnother law took over.", err=True)
     if out is not None:

@@ -405,8 +405,9 @@ class Fit(Shown):
             found = cls(**cls._from_content(content))
             str(found)  # a missing key raises here
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-            what = f"{type(error).__name__}: {error}"
-            raise FitError(f"the file is not a complete {cls.TITLE}", where=where, value=what) from error
+            what = f'"{error.args[0]}" is missing' if isinstance(error, KeyError) else str(error)
+            remedy = "Give a fit.toml as pneudrive fit or pneudrive identify wrote it."
+            raise FitError(f"the file is not a complete {cls.TITLE}", where=where, value=what, remedy=remedy) from error
         return found
 
     @classmethod

@@ -359,16 +359,11 @@ impl Law for Nmpc {
             cost += residual.re * residual.re;
             for i in 0..MOVES {
                 gradient[i] += residual.eps[i] * residual.re;
-                for j in 0..=i {
+                for j in 0..MOVES {
                     h_matrix[i][j] += residual.eps[i] * residual.eps[j];
                 }
             }
         });
-        for i in 0..MOVES {
-            for j in 0..i {
-                h_matrix[j][i] = h_matrix[i][j];
-            }
-        }
         let (low, high) = (self.plan.map(|w| -1.0 - w), self.plan.map(|w| 1.0 - w));
         if let Some(step) = within(&h_matrix, &gradient, &low, &high) {
             // Derivatives in stick say nothing of what comes behind breakaway; whole steps turn the plan around at each sample.

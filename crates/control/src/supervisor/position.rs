@@ -40,6 +40,8 @@ pub struct Position {
     twin: Option<Twin>,
     /// Readings in a row that are not credible.
     bad: u32,
+    /// By how much the reading that was the first of them jumped, m; none: it did not.
+    jumped: Option<f64>,
 }
 
 /// The model with so much friction, and a state that goes on by it alone.
@@ -64,6 +66,12 @@ impl Position {
     /// The sensor is not read any more.
     pub fn is_lost(&self) -> bool {
         self.bad >= LOST
+    }
+
+    /// Whether a reading that jumped is off by that jump still, beside where the model is by now, rather than right again.
+    pub fn is_off(&self, reading: f64, place: f64) -> bool {
+        let off = reading - place;
+        self.is_lost() && self.jumped.is_some_and(|jump| (off - jump).abs() < off.abs())
     }
 
     /// A reading, or what the model foresees where that is not credible. `grain` is how finely the model can know a
@@ -123,6 +131,7 @@ impl Position {
         }
         self.bad += 1;
         if self.bad == 1 {
+            self.jumped = jumps.then_some(miss);
             log.tell(time, EventKind::PositionPredicted, miss);
         }
         if self.is_lost() {

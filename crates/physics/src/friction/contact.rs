@@ -76,6 +76,12 @@ impl<P: Real> Contact<P> {
         Contact { usual: composition.is_none() && law.is_usual(), law, seal_lips, composition }
     }
 
+    /// Whether steady friction depends on the velocity alone.
+    #[inline(always)]
+    pub fn is_of_velocity(&self) -> bool {
+        self.seal_lips.is_none() && self.composition.is_none() && !self.law.is_of_place()
+    }
+
     /// With other numbers of the same law.
     #[must_use]
     pub fn with_law(&self, law: AnyLaw<P>) -> Self {
