@@ -40,25 +40,36 @@ def standard_references(stroke_m: float, speed_m_s: float) -> dict[str, Referenc
     dict
         Name -> reference.
     """
-    step = min(0.06, _STROKE_SHARE * stroke_m)
-    low, middle, right, left = (round(share * stroke_m, 6) for share in (0.46, 0.5, 0.8, 0.2))
-    high = round(low + step, 6)
-    made = {
-        "R1": sine(step, 0.5, middle),
-        "R2": sine(step, 1.0, middle),
-        "R3": _moves(low, (1.0, 0.3, high), (3.0, 0.3, low), (5.0, 0.5, right), (7.0, 0.6, left)),
-        "R4": _ramps(middle, stroke_m / HAND_STROKE_M),
-        "R5": _moves(low, (1.0, 0.3, high), rest_s=40.0),
-        "R6": _moves(left, (1.0, 0.25, right)),
-        "R7": _targets(stroke_m),
-        "R8": _hand(stroke_m / HAND_STROKE_M),
-    }
-    return {name: one.stretched(one.reach().fastest_m_s / (_SPEED_SHARE * speed_m_s)) for name, one in made.items()}
+    return {name: _standard(name, stroke_m, speed_m_s) for name in NAMES}
 
 
 def named_or_read(given: Reference | str | Path, stroke_m: float, speed_m_s: float) -> Reference:
     """Return a standard reference for a drive by its name, or read another one; errors are those of `reference`."""
-    return standard_references(stroke_m, speed_m_s)[str(given)] if given in NAMES else reference(given)
+    return _standard(str(given), stroke_m, speed_m_s) if given in NAMES else reference(given)
+
+
+def _standard(name: str, stroke_m: float, speed_m_s: float) -> Reference:
+    step = min(0.06, _STROKE_SHARE * stroke_m)
+    low, middle, right, left = (round(share * stroke_m, 6) for share in (0.46, 0.5, 0.8, 0.2))
+    high = round(low + step, 6)
+    match name:
+        case "R1":
+            made = sine(step, 0.5, middle)
+        case "R2":
+            made = sine(step, 1.0, middle)
+        case "R3":
+            made = _moves(low, (1.0, 0.3, high), (3.0, 0.3, low), (5.0, 0.5, right), (7.0, 0.6, left))
+        case "R4":
+            made = _ramps(middle, stroke_m / HAND_STROKE_M)
+        case "R5":
+            made = _moves(low, (1.0, 0.3, high), rest_s=40.0)
+        case "R6":
+            made = _moves(left, (1.0, 0.25, right))
+        case "R7":
+            made = _targets(stroke_m)
+        case _:
+            made = _hand(stroke_m / HAND_STROKE_M)
+    return made.stretched(made.reach().fastest_m_s / (_SPEED_SHARE * speed_m_s))
 
 
 def _moves(start_m: float, *moves: tuple[float, float, float], rest_s: float = REST_S) -> Reference:
