@@ -111,6 +111,15 @@ def test_a_changed_file_is_not_written_over(tmp_path: Path) -> None:
         workspace.write("axis.toml", "name = 'mine again'\n", known)
 
 
+def test_a_file_of_another_system_keeps_the_ends_of_its_lines(tmp_path: Path) -> None:
+    """An editor in a browser has no others than those of Unix; a version control would show every line as changed."""
+    workspace, there = Workspace.at(tmp_path), b"# mine\r\nname = 'axis'\r\n"
+    (tmp_path / "axis.toml").write_bytes(there)
+    known = workspace.write("axis.toml", "# mine\nname = 'again'\n", fingerprint(there.decode()))
+    assert (tmp_path / "axis.toml").read_bytes() == b"# mine\r\nname = 'again'\r\n"
+    assert workspace.read("axis.toml")[1] == known
+
+
 def test_kinds_are_told_by_content(tmp_path: Path) -> None:
     for name, text in {
         "axis.toml": 'drive = "catalogue:reference"\n',

@@ -196,6 +196,8 @@ class Workspace:
             there = read_text(path, CommandError)
             if fingerprint(there) != known:
                 raise ChangedError(there)
+            if "\r\n" in there:  # as the file has them: an editor in a browser has no others than "\n"
+                text = text.replace("\r\n", "\n").replace("\n", "\r\n")
         elif known is not None:
             raise ChangedError("")
         elif not path.parent.is_dir():
