@@ -1,5 +1,6 @@
 /** The jobs of the server: how they stand, their output, an end by Ctrl-C. */
 import { signal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
 import { link, type View } from "./routes";
 import { ask, read, Refused } from "./server";
 import { list } from "./studies";
@@ -10,6 +11,7 @@ interface Job {
   kind: string;
   out: string;
   state: "running" | "done" | "failed" | "cancelled";
+  ends: boolean; // it was cancelled, and goes on to where it can stop
   tail: string;
   progress: { done: number; total: number; task: string } | null;
 }
@@ -62,6 +64,15 @@ async function lookOn(): Promise<void> {
   isLooking = false;
 }
 
+/** Cancels a job, which may have a run to finish first. */
+export function Cancel({ job, children }: { job: Job; children: ComponentChildren }) {
+  return (
+    <button type="button" disabled={job.ends} onClick={() => void ask("/api/cancel", { number: job.number }).then(() => follow())}>
+      {job.ends ? "Ends with what is being run …" : children}
+    </button>
+  );
+}
+
 /** All jobs, or those of one folder; `output` alone where the view has progress and an end of its own. */
 export function JobList({ of, output }: { of?: string; output?: boolean }) {
   const shown = jobs.value.filter((one) => of === undefined || one.out === of);
@@ -73,7 +84,7 @@ export function JobList({ of, output }: { of?: string; output?: boolean }) {
           <p key={one.number} class="row">
             {one.out} runs{one.progress && `, ${one.progress.task}: ${one.progress.done} of ${one.progress.total}`}
             {one.progress && <progress aria-label={`Progress of ${one.out}`} value={one.progress.done} max={Math.max(one.progress.total, one.progress.done, 1)} />}
-            <button type="button" onClick={() => void ask("/api/cancel", { number: one.number }).then(() => follow())}>Cancel {one.out}</button>
+            <Cancel job={one}>Cancel {one.out}</Cancel>
           </p>
         ))}
       <p class="hidden" role="status">{shown.map((one) => `${one.out}: ${one.state}`).join("; ")}</p>

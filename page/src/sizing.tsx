@@ -2,7 +2,7 @@
 import { computed, signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { Editor } from "./editor";
-import { follow, JobList, jobs } from "./jobs";
+import { Cancel, follow, JobList, jobs } from "./jobs";
 import { digits } from "./looks";
 import { wasSaved } from "./opened";
 import { InFolder, NumberField, Problems, ReportOf, SaveButton, useCopied } from "./parts";
@@ -321,7 +321,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
         <p class="row">
           <progress aria-label="Progress of the search" value={running.progress?.done ?? 0} max={Math.max(running.progress?.total ?? 1, 1)} />
           {running.progress && `${running.progress.task}: ${running.progress.done} of ${running.progress.total}`}
-          <button type="button" onClick={() => void ask("/api/cancel", { number: running.number }).then(() => follow())}>Cancel the search</button>
+          <Cancel job={running}>Cancel the search</Cancel>
         </p>
       )}
       {!running && now.searched && <p class="note">A process that this server did not start searches in this folder.</p>}

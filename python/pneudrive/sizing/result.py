@@ -312,8 +312,10 @@ def _gives(name: str, limit: float, value: float, unit: str, what: str) -> str:
     factor, read = READ.get(unit, (1.0, unit))
     if not math.isfinite(value):
         return f"The limit of {name} is {factor * limit:.3g} {read}; the stroke does not end within the run."
+    # As many digits as tell them apart.
+    digits = next((n for n in range(3, 17) if f"{limit:.{n}g}" != f"{value:.{n}g}"), 3)
     return (
-        f"The limit of {name} is {factor * limit:.3g} {read}; {what} {factor * value:.3g} {read}: "
+        f"The limit of {name} is {factor * limit:.{digits}g} {read}; {what} {factor * value:.{digits}g} {read}: "
         "relax it so far, or change supply pressure, tubes or catalogue."
     )
 

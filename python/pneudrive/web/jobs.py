@@ -155,6 +155,7 @@ class PageJob:
             "command": self.command,
             "out": self.out,
             "state": self.state,
+            "ends": self.cancelled,
         }
         return {**about, **_said(self.log)}
 
