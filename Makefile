@@ -72,7 +72,7 @@ docs: setup $(VENV)/.docs $(VENV)/.page  ## the documentation, into docs/_build/
 	$(PY) -m pytest -q tests/documentation
 	@echo "docs/_build/html/index.html"
 
-wheel: setup  ## a wheel with core, library of FMUs and page in it, into out/wheels
+wheel: setup  ## a wheel with core and page in it, into out/wheels
 	$(PY) tools/wheel.py build
 
 test-wheel: wheel  ## the wheel in an empty environment, without Rust and node: the demo, the page, an FMU
@@ -104,8 +104,7 @@ $(VENV)/.core: $(RUST) pyproject.toml $(VENV)/.deps
 	@PYTHON=$(PYTHON) tools/check_toolchain.sh
 	@touch $@.new
 	$(BIN)/maturin develop --release --uv --quiet
-	cargo rustc --release --locked --quiet -p pneudrive-fmu --lib --crate-type cdylib
-	@tools/place_library.sh
+	@tools/fmu_library.sh
 	@$(PY) -m compileall -q python/pneudrive
 	@mv $@.new $@
 

@@ -27,6 +27,7 @@ pub use friction::{friction_law, steady_sensitivity};
 pub use members::Members;
 pub use network::Network;
 pub use own_law::own_law;
+pub(crate) use own_law::parameter_text;
 pub use session::{Linear, Session};
 pub use shoot::{ByStart, DIRECTIONS, Shooting, Shot};
 pub use tank::Tank;

@@ -7,7 +7,7 @@
 #![warn(missing_docs)]
 
 /// The crates that components of another crate are written with.
-pub use {math, ode, physics};
+pub use {math, ode, physics, specification};
 
 mod assembly;
 mod circuit;
@@ -21,7 +21,6 @@ mod net;
 pub mod own;
 mod part;
 mod run;
-pub mod specification;
 
 pub use assembly::{
     ALONG, Assembly, ByStart, DIRECTIONS, Drive, Foresight, Linear, Members, Network, Quantity, Record,

@@ -2,8 +2,8 @@
 
 use crate::run::Error;
 use math::Lane;
-use serde::de::DeserializeOwned;
 use serde_json::Value;
+use specification::FromJson;
 
 /// A description, and which of its numbers are free: a table of the same shape holds the index of each number, so that
 /// a derivative is a comparison, and nothing is read twice.
@@ -81,11 +81,7 @@ impl<'a, T> Lifted<'a, T> {
 
 /// A table with its numbers called `names` free: paths of the core's JSON below `root`, such as
 /// "friction.parameters.coulomb".
-pub(crate) fn seeds<T: DeserializeOwned>(
-    json: &str,
-    root: &str,
-    names: &[String],
-) -> Result<Seeds<T>, Error> {
+pub(crate) fn seeds<T: FromJson>(json: &str, root: &str, names: &[String]) -> Result<Seeds<T>, Error> {
     let unfit = |error| Error::Specification(format!("the core cannot read the description: {error}"));
     let mut table: Value = serde_json::from_str(json).map_err(unfit)?;
     let paths: Vec<String> = names.iter().map(|name| below(root, name)).collect::<Result<_, _>>()?;
@@ -114,8 +110,8 @@ pub(crate) fn seeds<T: DeserializeOwned>(
     number(&mut index, &mut 0.0);
     let free = paths.iter().map(|path| place(&mut index, path, false).and_then(|number| number.as_f64()));
     let free = free.map(|index| index.expect("numbered")).collect();
-    let value = serde_json::from_value(table).map_err(unfit)?;
-    Ok(Seeds { value, index: serde_json::from_value(index).map_err(unfit)?, free })
+    let read = |table: Value| T::from_json(&table.to_string()).map_err(unfit);
+    Ok(Seeds { value: read(table)?, index: read(index)?, free })
 }
 
 /// Numbers that a description omits if zero, but that may be free.

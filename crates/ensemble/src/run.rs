@@ -4,7 +4,8 @@ use crate::lanes;
 use crate::reduction::{Follower, Reduction, What};
 use circuit::{
     Assembly, Circuit, Drive, Error, Look, Members, Network, Session, Starting, budget, run_jobs,
-    sample_times, specification,
+    sample_times,
+    specification::{self, FromJson},
 };
 use math::{Lane, Task, has_eight, with_eight};
 use ode::{Options, System};
@@ -151,21 +152,21 @@ fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
     Err(Error::Specification(message.into()))
 }
 
-fn read<T>(json: &str, parse: impl Fn(&str) -> serde_json::Result<T>) -> Result<T, Error> {
-    parse(json)
+fn read<T: FromJson>(json: &str) -> Result<T, Error> {
+    T::from_json(json)
         .map_err(|error| Error::Specification(format!("the description does not fit the core: {error}")))
 }
 
 impl Ensemble {
     /// Of a drive, from its description (JSON) and the paths there of the numbers in which members differ.
     pub fn of_drive(json: &str, names: &[String]) -> Result<Self, Error> {
-        let spec: specification::Drive = read(json, |json| serde_json::from_str(json))?;
+        let spec: specification::Drive = read(json)?;
         Ok(Ensemble { members: Drive::assemble(&spec, false)?.members(json, names)? })
     }
 
     /// Of a circuit, the same way; names as "left.bore".
     pub fn of_circuit(json: &str, names: &[String]) -> Result<Self, Error> {
-        let spec: specification::Circuit = read(json, |json| serde_json::from_str(json))?;
+        let spec: specification::Circuit = read(json)?;
         Ok(Ensemble { members: Network::assemble(&spec, false)?.members(json, names)?.general()? })
     }
 

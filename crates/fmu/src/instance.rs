@@ -136,6 +136,11 @@ impl Instance {
         } else {
             Ok(refuse(format!("this call is not allowed in phase {phase:?}")))
         };
+        self.conclude(what, done)
+    }
+
+    /// What was done, told. Apart from [`Instance::call`], which is compiled for each function of the standards.
+    fn conclude(&mut self, what: &str, done: std::thread::Result<Result<(), Refusal>>) -> Status {
         let (status, message) = match done {
             Ok(Ok(())) => return Status::Ok,
             Ok(Err(refusal)) if refusal.discard => (Status::Discard, refusal.message),

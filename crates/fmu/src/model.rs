@@ -2,7 +2,8 @@
 
 use crate::law::Law;
 use crate::plan::{Plan, Role};
-use circuit::{AxisId, Error, Look, Network, Session, specification};
+use circuit::specification::{self, FromJson};
+use circuit::{AxisId, Error, Look, Network, Session};
 use ode::Options;
 use std::sync::Arc;
 
@@ -269,7 +270,7 @@ impl Model {
             }
         }
         let json = table.to_string();
-        let spec = serde_json::from_value(table);
+        let spec = specification::Circuit::from_json(&json);
         let spec = spec.or_else(|error| refuse(format!("the description cannot be read: {error}")))?;
         Ok((json, spec))
     }

@@ -4,43 +4,39 @@ use crate::dual::Dual;
 use crate::real::{Over, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-const WORDS: usize = 8;
-
-/// A set of state indices. Run once through a right-hand side it gives the Jacobian's pattern; both
+/// A set of some of the states. Run once through a right-hand side it gives their columns of the Jacobian's pattern; both
 /// sides of a `select` count, so that the pattern holds for every value and mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Deps([u64; WORDS]);
+pub struct Deps(u64);
 
 impl Deps {
-    /// The largest number of states that a set can hold.
-    pub const CAPACITY: usize = 64 * WORDS;
+    /// The largest number of states that a set can hold: a pattern of more takes several runs.
+    pub const CAPACITY: usize = 64;
 
-    /// The set `{i}`. Panics if `i >= CAPACITY`.
+    /// The set `{i}`; that of none if `i >= CAPACITY`.
     pub fn of(i: usize) -> Self {
-        let mut bits = [0; WORDS];
-        bits[i / 64] = 1 << (i % 64);
-        Deps(bits)
+        Deps(u32::try_from(i).ok().and_then(|i| 1_u64.checked_shl(i)).unwrap_or(0))
     }
 
     /// Whether variable `i` is in the set.
     pub fn contains(&self, i: usize) -> bool {
-        self.0[i / 64] >> (i % 64) & 1 == 1
+        self.0 >> i & 1 == 1
     }
 
     fn union(self, other: Self) -> Self {
-        Deps(std::array::from_fn(|i| self.0[i] | other.0[i]))
+        Deps(self.0 | other.0)
     }
 }
 
 impl From<f64> for Deps {
     fn from(_: f64) -> Self {
-        Deps([0; WORDS])
+        Deps(0)
     }
 }
 
 impl<const N: usize> From<Dual<f64, N>> for Deps {
     fn from(_: Dual<f64, N>) -> Self {
-        Deps([0; WORDS])
+        Deps(0)
     }
 }
 
@@ -83,7 +79,7 @@ impl Real for Deps {
     type Mask = bool;
 
     fn c(_: f64) -> Self {
-        Deps([0; WORDS])
+        Deps(0)
     }
     fn fma(self, a: Self, b: Self) -> Self {
         self.union(a).union(b)

@@ -243,8 +243,8 @@ impl<'e, U> std::ops::Deref for Fields<'e, U> {
 }
 
 /// A field of the struct of each lane; see [`Lane::of_each`].
-#[inline(always)]
-pub fn field<'e, T, U>(each: &[&'e T], field: impl Fn(&'e T) -> &'e U) -> Fields<'e, U> {
+#[inline(never)]
+pub fn field<'e, T, U>(each: &[&'e T], field: fn(&'e T) -> &'e U) -> Fields<'e, U> {
     let mut fields = [field(each[0]); MOST_LANES];
     for (own, one) in fields.iter_mut().zip(each) {
         *own = field(one);

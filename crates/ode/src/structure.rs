@@ -2,7 +2,7 @@
 //! elimination of `W = I/(h gamma) - J` in a fixed order as flat lists of operations.
 
 use crate::linear::SMALL;
-use math::Deps;
+use math::{Deps, Real};
 
 /// Number of directions of one pass of dual numbers.
 pub const DIRECTIONS: usize = 8;
@@ -65,17 +65,28 @@ pub struct Structure {
 }
 
 impl Structure {
-    /// From the dependencies of each component of `f` on the states, and the scale of each state:
+    /// The most states of a system: tables of its pattern grow with their square.
+    pub const MOST_STATES: usize = 512;
+
+    /// From `f` run on the dependencies of its states, and the scale of each state:
     /// quadratures (infinite scale) come after all other states and outside the elimination, so that
     /// adding one changes no bit of the rest. `depends_on_time` says that `f` contains `t` itself.
     ///
     /// Panics if a state depends on a quadrature, or follows one.
-    pub fn of(rows: &[Deps], scale: &[f64], depends_on_time: bool) -> Self {
-        let n = rows.len();
+    pub fn of(mut f: impl FnMut(&[Deps], &mut [Deps]), scale: &[f64], depends_on_time: bool) -> Self {
+        let n = scale.len();
         let quadrature = |i: usize| scale[i].is_infinite();
         let n_coupled = (0..n).take_while(|&i| !quadrature(i)).count();
         assert!((n_coupled..n).all(quadrature), "quadratures come after all other states");
-        let pattern: Vec<Vec<bool>> = (0..n).map(|i| (0..n).map(|j| rows[i].contains(j)).collect()).collect();
+        let mut pattern = vec![Vec::new(); n];
+        for first in (0..n).step_by(Deps::CAPACITY) {
+            let y: Vec<Deps> = (0..n).map(|i| i.checked_sub(first).map_or(Deps::c(0.0), Deps::of)).collect();
+            let mut rows = vec![Deps::c(0.0); n];
+            f(&y, &mut rows);
+            for (pattern, row) in pattern.iter_mut().zip(rows) {
+                pattern.extend((0..Deps::CAPACITY.min(n - first)).map(|j| row.contains(j)));
+            }
+        }
         for row in &pattern {
             for (j, used) in row.iter().enumerate() {
                 assert!(
@@ -90,8 +101,8 @@ impl Structure {
         let filled = fill_in(&coupled, &order);
         let (lower, upper) = substitutions(&filled, &order);
         let entry = |i: usize, j: usize| Entry { row: i as u16, column: j as u16 };
-        let of_column =
-            |j: usize| (n_coupled..n).filter(move |&i| rows[i].contains(j)).map(move |i| entry(i, j));
+        let pattern = &pattern;
+        let of_column = |j: usize| (n_coupled..n).filter(move |&i| pattern[i][j]).map(move |i| entry(i, j));
         let quadratures: Vec<Entry> = (0..n_coupled).flat_map(of_column).collect();
         let mut slots = vec![vec![Slot::MAX; n]; n];
         let diagonal = (0..n_coupled).map(|k| entry(k, k));
@@ -100,7 +111,7 @@ impl Structure {
             slots[entry.row as usize][entry.column as usize] = slot as Slot;
         }
         let n_slots = lower.len() + upper.len() + quadratures.len() + n_coupled;
-        let passes = colour(&pattern, &slots, &quadrature, depends_on_time);
+        let passes = colour(pattern, &slots, &quadrature, depends_on_time);
         let pivots = factorisation(&filled, &slots, &order);
         Structure { n, n_slots, passes, pivots, lower, upper, quadratures, n_coupled, depends_on_time }
     }

@@ -143,6 +143,7 @@ macro_rules! parameters {
 
         impl<R: math::Lane> $name<R> {
             /// Lane `i` takes the parameters of `each[i]`.
+            #[inline(never)]
             pub fn gather(each: &[&$name<f64>]) -> Self {
                 $name {
                     $($field: R::of_each(each, |own| own.$field),)*

@@ -1,6 +1,7 @@
 //! Results and errors of all classes: errors, runs, tables.
 
 use crate::table::PyColumn;
+use circuit::specification::FromJson;
 use circuit::{Balance, Error, Impact, Kind, Run, budget};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use ode::{Options, Statistics};
@@ -16,8 +17,8 @@ pub fn to_python(error: Error) -> PyErr {
     }
 }
 
-pub fn parse<'a, T: serde::Deserialize<'a>>(json: &'a str) -> PyResult<T> {
-    serde_json::from_str(json)
+pub fn parse<T: FromJson>(json: &str) -> PyResult<T> {
+    T::from_json(json)
         .map_err(|error| PyValueError::new_err(format!("the core cannot read the description: {error}")))
 }
 

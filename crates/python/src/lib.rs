@@ -1,4 +1,7 @@
-//! The seam to Python: conversion and error mapping, nothing else.
+//! The seam to Python: conversion and error mapping, nothing else. The library carries the functions for FMUs and C
+//! programs, too, so that there is one file of code for all.
+
+extern crate pneudrive as _;
 
 mod control;
 mod convert;

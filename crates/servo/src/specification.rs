@@ -1,10 +1,12 @@
 //! Descriptions in SI units, as they arrive from Python.
 
 use crate::sensor::{Encoder, Sensor};
-use circuit::specification::Circuit;
+use circuit::specification::{self, Circuit};
 use control::{COEFFICIENTS, FACTORS, MotionRules, Move, Piece, Reaction, Reference, Rules};
 use serde::Deserialize;
 use std::collections::BTreeMap;
+
+specification::from_json!(Controller, Motion, Setup);
 
 /// A controller: a law, and what it is told of the drive.
 #[derive(Clone, Debug, Deserialize)]
@@ -37,6 +39,7 @@ pub struct Controller {
     /// Who stands in front of the law; none: one with the usual rules.
     pub supervision: Option<Supervision>,
     /// The drive as the law believes it to be.
+    #[serde(deserialize_with = "specification::within")]
     pub belief: Circuit,
 }
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ctypes
-import lzma
+import struct
 import sys
 import tempfile
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from pneudrive import _core
 from pneudrive.errors import CommandError, DescriptionError
 
 #: Platform -> suffix of a library, folder of FMI 2.0, folder of FMI 3.0.
@@ -19,6 +20,8 @@ PLATFORMS = {
     "win32": (".dll", "win64", "x86_64-windows"),
 }
 _OK = 0
+# Of the format ELF: kind of a section, place of a symbol, bindings (System V Application Binary Interface, chapter 4).
+_DYNAMIC_SYMBOLS, _UNDEFINED, _GLOBAL, _WEAK = 11, 0, 1, 2
 
 
 def binary_name() -> str:
@@ -28,47 +31,61 @@ def binary_name() -> str:
 
 @lru_cache(maxsize=1)
 def binary_bytes() -> bytes:
-    """Return the library: in a copy of the source as it was built, in a wheel packed by xz.
+    """Return the library: the core, as another tool than Python can load it.
 
     Raises
     ------
     CommandError
-        This installation lacks it.
+        The core of this platform is no library for other tools.
     """
-    built = Path(__file__).with_name(binary_name())
-    packed = built.with_name(f"{built.name}.xz")
-    if built.is_file():
-        return built.read_bytes()
-    if packed.is_file():
-        return lzma.decompress(packed.read_bytes())
-    raise CommandError(
-        "this installation of pneudrive lacks the library for FMUs and C",
-        where=str(built),
-        remedy="Install a wheel of pneudrive; or, in a copy of its source, run `make setup`.",
-    )
+    try:
+        return weakened(Path(_core.__file__).read_bytes())
+    except ValueError:
+        built = Path(__file__).with_name(binary_name())
+        if built.is_file():
+            return built.read_bytes()
+        raise CommandError(
+            f"this installation of pneudrive has no library for FMUs and C on {sys.platform}",
+            where=str(built),
+            remedy="Export on Linux; or, in a copy of the source, run `make setup`.",
+        ) from None
+
+
+def weakened(library: bytes) -> bytes:
+    """Return an extension module that loads where there is no Python: it needs Python's symbols no longer, it may use them.
+
+    Parameters
+    ----------
+    library : bytes
+        A library in the format ELF, 64 bits, little endian.
+
+    Raises
+    ------
+    ValueError
+        It is no such library.
+    """
+    if library[:6] != b"\x7fELF\x02\x01":
+        raise ValueError("no ELF of 64 bits")
+    changed = bytearray(library)
+    (sections,) = struct.unpack_from("<Q", library, 0x28)
+    size, count = struct.unpack_from("<HH", library, 0x3A)
+    heads = [struct.unpack_from("<IIQQQQIIQQ", library, sections + size * i) for i in range(count)]
+    for _, kind, _, _, offset, length, link, _, _, entry in heads:
+        if kind != _DYNAMIC_SYMBOLS:
+            continue
+        names = heads[link][4]
+        for at in range(offset, offset + length, entry):
+            name, info, _, section = struct.unpack_from("<IBBH", library, at)
+            of_python = library.startswith((b"Py", b"_Py"), names + name)
+            if section == _UNDEFINED and info >> 4 == _GLOBAL and of_python:
+                changed[at + 4] = _WEAK << 4 | info & 0xF
+    return bytes(changed)
 
 
 @lru_cache(maxsize=1)
 def load_library() -> ctypes.CDLL:
-    """Return the library, loaded into this process.
-
-    Raises
-    ------
-    CommandError
-        This installation lacks it, or the folder for temporary files does not let it run.
-    """
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:  # Windows keeps a loaded file
-        file = Path(folder) / binary_name()
-        file.write_bytes(binary_bytes())
-        try:
-            library = ctypes.CDLL(str(file))
-        except OSError as error:
-            raise CommandError(
-                "the library for FMUs and C cannot be loaded",
-                where=str(file),
-                value=error,
-                remedy="Name a folder for temporary files from which programs may run: TMPDIR=FOLDER.",
-            ) from None
+    """Return the core of this process as a library of C functions."""
+    library = ctypes.CDLL(_core.__file__)
     library.fmi3InstantiateModelExchange.restype = ctypes.c_void_p
     return library
 
@@ -97,8 +114,6 @@ def try_plan(json: str, token: str, states: int) -> tuple[int, list[float]]:
     ------
     DescriptionError
         The library refuses the plan.
-    CommandError
-        This installation lacks the library.
     """
     library, messages = load_library(), []
 

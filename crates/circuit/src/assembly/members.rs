@@ -11,7 +11,7 @@ use super::wiring::{Joints, wire};
 use crate::component::{Instance, check};
 use crate::lifted::{Lifted, Seeds, seeds};
 use crate::run::{Error, with_unit};
-use crate::specification::{self, Friction};
+use crate::specification::{self, Friction, FromJson};
 use physics::Gas;
 use serde_json::Value;
 
@@ -106,7 +106,7 @@ impl Network {
     /// circuit was made of.
     pub fn members(&self, json: &str, names: &[String]) -> Result<Members, Error> {
         check_names(names)?;
-        let spec: specification::Circuit = serde_json::from_str(json).map_err(|error| unfit(&error))?;
+        let spec = specification::Circuit::from_json(json).map_err(|error| unfit(&error))?;
         let mut parameters = vec![Vec::new(); spec.components.len()];
         let number = |name: &String| {
             if let Some(own) =

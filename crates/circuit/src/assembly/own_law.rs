@@ -34,7 +34,7 @@ pub fn own_law(formula: &specification::Formula) -> Result<&'static OwnLaw, Refu
         name: formula.name.clone(),
         title: formula.title.clone(),
         source: formula.source.clone(),
-        parameters: formula.parameters.iter().map(Into::into).collect(),
+        parameters: formula.parameters.iter().map(parameter_text).collect(),
         levels: [levels.coulomb.clone(), levels.breakaway.clone(), levels.viscous.clone()],
         states: states.collect(),
         lets: formula.lets.clone(),
@@ -46,15 +46,14 @@ pub fn own_law(formula: &specification::Formula) -> Result<&'static OwnLaw, Refu
     })
 }
 
-impl From<&specification::FormulaParameter> for ParameterText {
-    fn from(p: &specification::FormulaParameter) -> Self {
-        ParameterText {
-            key: p.key.clone(),
-            unit: p.unit.clone(),
-            bounds: bounds(&p.bounds),
-            default: p.default,
-            meaning: p.meaning.clone(),
-        }
+/// A parameter as a formula is read with it.
+pub(crate) fn parameter_text(p: &specification::FormulaParameter) -> ParameterText {
+    ParameterText {
+        key: p.key.clone(),
+        unit: p.unit.clone(),
+        bounds: bounds(&p.bounds),
+        default: p.default,
+        meaning: p.meaning.clone(),
     }
 }
 

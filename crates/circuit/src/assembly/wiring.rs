@@ -10,6 +10,7 @@ use crate::part::{ChamberLaw, InputId};
 use crate::run::Error;
 use crate::specification::Junctions;
 use math::{Deps, Lane, Over};
+use ode::Structure;
 use physics::Gas;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -242,7 +243,7 @@ where
 /// Refuses more states than there can be, with the components that bring most of them.
 fn check_size(counts: &[(&str, usize)]) -> Result<(), Error> {
     let states: usize = counts.iter().map(|(_, count)| count).sum();
-    if states <= Deps::CAPACITY {
+    if states <= Structure::MOST_STATES {
         return Ok(());
     }
     let mut by_name = BTreeMap::new();
@@ -256,7 +257,7 @@ fn check_size(counts: &[(&str, usize)]) -> Result<(), Error> {
     );
     refuse(format!(
         "the circuit has {states} states, most of them in {most}: it must have at most {}. Give long tubes fewer cells or a smaller bandwidth",
-        Deps::CAPACITY
+        Structure::MOST_STATES
     ))
 }
 

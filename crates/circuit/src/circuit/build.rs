@@ -2,7 +2,7 @@
 
 use super::{AxisId, CarriageId, Circuit, GasId, PistonSide, Topology, next_filling};
 use crate::part::*;
-use math::{Deps, Lane, Over};
+use math::{Deps, Lane, Over, Real};
 use ode::{Structure, System};
 use physics::Gas;
 use physics::constants::STANDARD_GRAVITY;
@@ -14,7 +14,7 @@ impl Topology {
     /// That of no parts, which all circuits share until they are built.
     fn of_none() -> Arc<Self> {
         static NONE: LazyLock<Arc<Topology>> = LazyLock::new(|| {
-            let structure = Arc::new(Structure::of(&[], &[], false));
+            let structure = Arc::new(Structure::of(|_, _| (), &[], false));
             let (names, channels, events) = Default::default();
             Arc::new(Topology { names, n_states: 0, channels, structure, events })
         });
@@ -316,14 +316,11 @@ where
         let topology = |structure| Topology { names, n_states, channels, structure, events };
         // The pattern is that of everything open: it holds for every input and mode.
         self.open = (0..self.parts.restrictions.len()).collect();
-        self.topology = Arc::new(topology(Arc::new(Structure::of(&[], &[], false))));
-        let n = scale.len();
+        self.topology = Arc::new(topology(Arc::new(Structure::of(|_, _| (), &[], false))));
         self.scale = scale.iter().map(|&scale| R::c(scale)).collect();
-        let y: Vec<Deps> = (0..n).map(Deps::of).collect();
-        let mut dy = vec![Deps::from(R::zero()); n];
         let mut net = self.work::<Deps>();
-        self.rhs(Deps::from(R::zero()), &y, &mut dy, &mut net);
-        let structure = Arc::new(Structure::of(&dy, &scale, false));
+        let rates = |y: &[Deps], dy: &mut [Deps]| self.rhs(Deps::c(0.0), y, dy, &mut net);
+        let structure = Arc::new(Structure::of(rates, &scale, false));
         Arc::get_mut(&mut self.topology).expect("not shared yet").structure = structure;
         self.open.clear();
         self.parts.restrictions.iter_mut().for_each(|(_, restriction)| restriction.closed = true);

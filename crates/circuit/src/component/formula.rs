@@ -4,7 +4,7 @@ use super::{
     Acts, Build, Choice, Component, Extra, Given, Instance, KINDS, Kind, Row, Stroke, Symbol, Terminals,
     axis, gas,
 };
-use crate::assembly::Quantity;
+use crate::assembly::{Quantity, parameter_text};
 use crate::circuit::Path;
 use crate::part::{FormulaForce, FormulaPath};
 use crate::run::Error;
@@ -35,7 +35,7 @@ pub(crate) fn written(
         name: formula.name.clone(),
         title: formula.title.clone(),
         source: formula.source.clone(),
-        parameters: formula.parameters.iter().map(Into::into).collect(),
+        parameters: formula.parameters.iter().map(parameter_text).collect(),
         lets: formula.lets.clone(),
         output: formula.output.clone(),
     };

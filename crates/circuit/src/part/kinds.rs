@@ -61,7 +61,10 @@ impl Called {
 
 /// The parts of a kind of lanes, from those of the kind of each lane.
 pub(super) fn side_by_side<T, U>(each: &[&Vec<(Place, T)>], gather: fn(&[&T]) -> U) -> Vec<(Place, U)> {
-    let part = |i: usize| (each[0][i].0, gather(&math::field(each, |parts| &parts[i].1)));
+    let part = |i: usize| {
+        let own: Vec<&T> = each.iter().map(|parts| &parts[i].1).collect();
+        (each[0][i].0, gather(&own))
+    };
     (0..each[0].len()).map(part).collect()
 }
 

@@ -32,7 +32,9 @@ fn add<R: Lane>(sum: &mut [R], other: &[R]) {
 }
 
 impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
-    /// One step of all lanes with their own `h`: stages into `u`, the new state into `step.y1`.
+    /// One step of all lanes with their own `h`: stages into `u`, the new state into `step.y1`. Out of line, as each kind of
+    /// output would have all stages once more.
+    #[inline(never)]
     pub(super) fn attempt(&mut self, h: R::Plain) {
         R::within(Attempt(self, h));
     }

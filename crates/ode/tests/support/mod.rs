@@ -31,12 +31,9 @@ pub struct Problem<E> {
 
 impl<E: Equations> Problem<E> {
     pub fn new(equations: E) -> Self {
-        let n = equations.n();
-        let y: Vec<Deps> = (0..n).map(Deps::of).collect();
-        let mut dy = vec![Deps::c(0.0); n];
-        equations.f(Deps::c(0.0), &y, &mut dy);
         let scale = equations.scale();
-        Problem { structure: Arc::new(Structure::of(&dy, &scale, E::TIME)), equations, scale }
+        let f = |y: &[Deps], dy: &mut [Deps]| equations.f(Deps::c(0.0), y, dy);
+        Problem { structure: Arc::new(Structure::of(f, &scale, E::TIME)), equations, scale }
     }
 }
 

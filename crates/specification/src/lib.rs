@@ -1,10 +1,45 @@
 //! Descriptions in SI units, as they arrive from Python: absolute pressures, radians, kelvin.
 
+#![warn(missing_docs)]
+
 mod friction;
 
 pub use friction::*;
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer, de::Error};
 use std::collections::BTreeMap;
+
+/// A description that reads itself. `serde_json::from_str` does the same, but is compiled again, for all tables, in each
+/// crate that calls it, and as fast code: this crate is compiled to be small.
+pub trait FromJson: Sized {
+    /// Of JSON.
+    ///
+    /// # Errors
+    /// It is not JSON, or of another form.
+    fn from_json(json: &str) -> serde_json::Result<Self>;
+}
+
+/// Lets descriptions read themselves where they are defined; see [`FromJson`].
+#[macro_export]
+macro_rules! from_json {
+    ($($table:ty),*) => {
+        $(impl $crate::FromJson for $table {
+            fn from_json(json: &str) -> $crate::serde_json::Result<Self> {
+                $crate::serde_json::from_str(json)
+            }
+        })*
+    };
+}
+pub use serde_json;
+
+/// Reads a description within another one the same way.
+///
+/// # Errors
+/// It is of another form.
+pub fn within<'a, D: Deserializer<'a>, T: FromJson>(table: D) -> Result<T, D::Error> {
+    T::from_json(&serde_json::Value::deserialize(table)?.to_string()).map_err(D::Error::custom)
+}
+
+from_json!(Circuit, ComponentFormula, Drive, Formula, Friction, Tank);
 
 /// The gas of a circuit.
 #[derive(Clone, Debug, Deserialize)]
@@ -104,7 +139,7 @@ pub enum CylinderKind {
     SingleRod,
 }
 
-/// The balance that chambers obey: see [`crate::ChamberLaw`].
+/// The balance that chambers obey: see `circuit::ChamberLaw`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ChamberLawName {
