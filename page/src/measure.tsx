@@ -38,6 +38,14 @@ export function forgetBeside(): void {
   wrong.value = [];
 }
 
+/** The strokes of the recording are found anew: it has grown, or is another one. */
+export function realign(own: Stroke[]): void {
+  const now = beside.value;
+  if (!now?.strokes.length) return;
+  const isThere = own.length >= now.numbers[0];
+  beside.value = isThere ? { ...now, shift: shiftOf(own, now.strokes, now.numbers) } : null;
+}
+
 /** What a view asks for beside its own recording. */
 export function besideAsked(): Record<string, string> {
   const now = beside.value;
@@ -108,7 +116,12 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow
     wrong.value = [];
     reading.value = other;
     try {
-      while (other && reading.value === other && !(await read<{ channels?: unknown }>("/api/recording", { path: other })).channels) await pause(150);
+      while (other && reading.value === other) {
+        const there = await read<{ channels?: unknown; problems?: Problem[] }>("/api/recording", { path: other });
+        if (there.problems) throw new Refused(200, there.problems, {});
+        if (there.channels) break;
+        await pause(150);
+      }
       const found = other ? (await read<{ strokes: Stroke[] }>("/api/strokes", { path: other })).strokes : [];
       if (reading.value !== other) return;
       reading.value = "";
@@ -197,7 +210,7 @@ const STEPS = 1000;
 export const told = (time: number, [from, to]: [number, number]): string => instant(time, (to - from) / 1e6);
 
 /** Two cursors, and between them time, difference and slope of each channel that is shown. */
-export function Measuring({ path, columns, span, isTimed }: { path: string; columns: string[]; span: [number, number]; isTimed: boolean }) {
+export function Measuring({ path, version, columns, span, isTimed }: { path: string; version: string; columns: string[]; span: [number, number]; isTimed: boolean }) {
   const now = cursors.value;
   const other = beside.value;
   const unit = isTimed ? "s" : "samples";
@@ -206,7 +219,7 @@ export function Measuring({ path, columns, span, isTimed }: { path: string; colu
     isCopied.value = false;
     asked = wanted;
     if (now) void fetchMeasured();
-  }, [wanted]);
+  }, [wanted, version]);
   const begin = (isOn: boolean) => {
     measured.value = null;
     const wide = span[1] - span[0];

@@ -8,7 +8,7 @@ import { Problems, useCopied } from "./parts";
 import { pixelsOfPlots, Plot, type Curve, type Shade } from "./plot";
 import { route } from "./routes";
 import { ask, attempting, frame, Live, read, Refused, write, type Problem } from "./server";
-import { beside, BesideRecording, besideAsked, cursors, forgetBeside, FaultsLine, marksOf, Measuring, pick, type Faults, type Stroke } from "./measure";
+import { beside, BesideRecording, besideAsked, cursors, forgetBeside, FaultsLine, marksOf, Measuring, pick, realign, type Faults, type Stroke } from "./measure";
 
 interface Channel {
   column: string;
@@ -17,6 +17,7 @@ interface Channel {
 }
 
 interface Opened {
+  problems?: Problem[];
   share?: number;
   key?: string;
   channels?: Channel[];
@@ -27,11 +28,17 @@ interface Opened {
   notes?: string[];
 }
 
+interface Moved {
+  strokes: Stroke[];
+  faults: Faults;
+  note?: string;
+}
+
 interface Head {
   number: number;
   problems?: Problem[];
   path: string;
-  key: string | null; // none while it is read
+  key: string | null; // none: the file is another one by now
   missing: number;
   samples: number;
   raw: boolean;
@@ -48,6 +55,9 @@ interface Proposal {
 }
 
 const MOST_PLOTS = 4; // to begin with
+const READ_MS = 150; // between two looks at a file that is being read
+const LOOK_MS = 1000; // at one that is shown
+const MOST_LOAD = 0.2; // of the time a file that goes on changing may be read
 
 const about = signal<Opened | null>(null);
 const shown = signal<string[]>([]);
@@ -58,7 +68,10 @@ const strokes = signal<Stroke[]>([]);
 const faults = signal<Faults>({});
 const without = signal(""); // why neither is shown
 const unmoved = signal<Problem[]>([]); // why they could not be read
-const wrong = signal<Problem[]>([]);
+const wrong = signal<Problem[]>([]); // with the view that was asked for
+const unread = signal<Problem[]>([]); // with the file as it is now
+const again = signal<number | null>(null); // share that is read of the file as it is now, where another one is shown
+const turn = signal(0); // of asking for the same view
 const proposal = signal<Proposal | null>(null);
 const proposals = new Map<string, Proposal>(); // of each recording the last one, with what was typed into it
 const said = signal("");
@@ -70,42 +83,86 @@ const shades = computed<Shade[]>(() =>
 
 const marks = computed(() => marksOf(faults.value));
 
-const pause = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
 let generation = 0;
+let wake = () => {};
+const pause = (ms: number) => new Promise<void>((resolve) => setTimeout((wake = resolve), ms));
 
+/** Open a recording, and look at its file again as long as it is shown: it may grow, be replaced, or be half written. */
 async function open(path: string): Promise<void> {
   const mine = ++generation;
-  about.value = views.value = null;
+  const isGone = () => mine !== generation;
+  about.value = views.value = again.value = null;
   proposal.value = proposals.get(path) ?? null;
   strokes.value = [];
   faults.value = {};
   without.value = "";
-  wrong.value = refused.value = unmoved.value = [];
+  unread.value = wrong.value = refused.value = unmoved.value = [];
   said.value = "";
   forgetBeside();
-  try {
-    for (;;) {
+  for (let began = performance.now(), rest = 0; !isGone(); ) {
+    try {
       const found = await read<Opened>("/api/recording", { path });
-      if (mine !== generation) return;
-      batch(() => {
-        about.value = found;
-        shown.value = (found.channels ?? []).slice(0, MOST_PLOTS).map((one) => one.column);
-        if (found.span) look(found.span);
-      });
-      if (found.channels) break;
-      await pause(150);
+      if (isGone()) return;
+      if (found.channels && found.key !== keyShown()) await put(found, path, isGone);
+      else stay(found);
+      rest = found.share === undefined ? Math.max(LOOK_MS, (performance.now() - began) / MOST_LOAD) : READ_MS;
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      if (!isGone()) unread.value = error.problems;
+      return;
     }
-    if (about.value!.layout === null && !about.value!.time) return;
-  } catch (error) {
-    if (mine === generation && error instanceof Refused) wrong.value = error.problems;
-    return;
+    await pause(rest);
+    if (rest !== READ_MS) began = performance.now();
   }
+}
+
+const keyShown = () => about.value?.key;
+
+/** Go on with the recording that is shown, if there is one, and say how it stands with the file. */
+function stay(found: Opened): void {
+  unread.value = found.problems ?? [];
+  if (keyShown()) again.value = found.share ?? null;
+  else if (!found.problems) about.value = found;
+  if (found.channels && (wrong.value.length || isOwed)) turn.value += 1;
+}
+
+/** Put a recording on the page with what moves in it: at once where none is shown yet, else both together. */
+async function put(found: Opened, path: string, isGone: () => boolean): Promise<void> {
+  const before = keyShown() ? about.value! : undefined;
+  if (!before) show(found);
+  let moved: Moved = { strokes: [], faults: {} };
+  let problems: Problem[] = [];
   try {
-    const found = await read<{ strokes: Stroke[]; faults: Faults; note?: string }>("/api/strokes", { path });
-    if (mine === generation) [strokes.value, faults.value, without.value] = [found.strokes, found.faults, found.note ?? ""];
+    if (found.layout !== null || found.time) moved = await read<Moved>("/api/strokes", { path });
   } catch (error) {
-    if (mine === generation && error instanceof Refused) unmoved.value = error.problems;
+    if (!(error instanceof Refused)) throw error;
+    problems = error.problems;
   }
+  if (isGone()) return;
+  batch(() => {
+    if (before) show(found, before);
+    [strokes.value, faults.value, without.value, unmoved.value] = [moved.strokes, moved.faults, moved.note ?? "", problems];
+    if (before) realign(moved.strokes);
+  });
+}
+
+/** Show a recording whole; one that has grown where it was looked at. */
+function show(found: Opened, before?: Opened): void {
+  const [from, to] = span.value;
+  const names = (of?: Opened) => JSON.stringify([of?.time, of?.channels]);
+  const isAlike = names(before) === names(found);
+  const isZoomed = isAlike && (from > before!.span![0] || to < before!.span![1]) && from < found.span![1] && to > found.span![0];
+  batch(() => {
+    about.value = found;
+    unread.value = wrong.value = [];
+    again.value = null;
+    if (!isAlike) {
+      shown.value = found.channels!.slice(0, MOST_PLOTS).map((one) => one.column);
+      views.value = null;
+      forgetBeside();
+    }
+    look(isZoomed ? [from, to] : found.span!);
+  });
 }
 
 /** Show another part of the recording. */
@@ -123,14 +180,16 @@ function look(next: [number, number]): void {
 const asked = computed(() => {
   if (!about.value?.channels) return null;
   const [from, to] = span.value;
-  return { what: "window", path: route.value.path, from, to, pixels: pixels.value, columns: shown.value.join("\n"), ...besideAsked() };
+  return { what: "window", path: route.value.path, key: about.value.key, turn: turn.value, from, to, pixels: pixels.value, columns: shown.value.join("\n"), ...besideAsked() };
 });
 
+let isOwed = false; // a view that was asked for
+
 function take({ head, arrays }: Frame<Head>): void {
+  isOwed = head.key === null;
   if (head.problems) wrong.value = head.problems;
-  else if (head.path !== asked.value?.path) return;
-  else if (head.key !== about.value?.key) void open(head.path); // another file has its name by now
-  else {
+  else if (isOwed) wake(); // another file has its name by now
+  else if (head.path === asked.value?.path && head.key === asked.value.key) {
     wrong.value = [];
     const time = arrays.get("time")!;
     arrays.delete("time");
@@ -169,14 +228,15 @@ export function RecordingView() {
   }, []);
   useEffect(() => {
     if (path) void open(path);
+    return () => void (generation += 1);
   }, [path]);
   if (!path) return <p>Choose a recording under Studies.</p>;
   const found = about.value;
   return (
     <div class="recording">
       <h2>{path}</h2>
-      <Problems of={[...wrong.value, ...unmoved.value]} />
-      {!found?.channels && !wrong.value.length && (
+      <Problems of={[...unread.value, ...wrong.value, ...unmoved.value]} />
+      {!found?.channels && !unread.value.length && (
         <p role="status">
           The file is read for the first time. <progress aria-label="Read so far" value={found?.share ?? 0} max={1} />
         </p>
@@ -186,12 +246,12 @@ export function RecordingView() {
           <Controls found={found} />
           <FaultsLine faults={faults.value} span={span.value} whole={found.span!} onShow={look} />
           <BesideRecording path={path} strokes={strokes.value} onShow={look} />
-          <Measuring path={path} columns={shown.value} span={span.value} isTimed={found.time!} />
+          <Measuring path={path} version={found.key!} columns={shown.value} span={span.value} isTimed={found.time!} />
           <Plots found={found} />
           <Spectrum found={found} path={path} />
         </>
       )}
-      {(found?.channels || wrong.value.length > 0) && <Wizard path={path} />}
+      {(found?.channels || unread.value.length > 0) && <Wizard path={path} />}
       {found?.layout === "rig" && <Characterise path={path} />}
     </div>
   );
@@ -213,6 +273,7 @@ function Controls({ found }: { found: Opened }) {
           {head && `, ${head.samples.toLocaleString("en")} of ${found.samples!.toLocaleString("en")} samples`}
           {head && !head.raw && ", lowest and highest of each pixel"}
           {head && head.missing > 0 && `, ${head.missing} values are no number, or beyond 3e38`}
+          {again.value !== null && `, the file is another one by now: ${Math.round(100 * again.value)} % read`}
           {strokes.value.length > 0 && `, ${strokes.value.length} strokes (darker: towards +x)`}
         </span>
       </p>
@@ -261,7 +322,7 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
       gone = true;
       clearTimeout(timer);
     };
-  }, [path, from, to, columns, isSpectral.value]);
+  }, [path, found.key, from, to, columns, isSpectral.value]);
   const drawn = spectra.value?.of === path && spectra.value.arrays;
   return (
     <section aria-label="Spectrum">
@@ -338,7 +399,7 @@ function Wizard({ path }: { path: string }) {
         return;
       }
       proposals.delete(path);
-      await open(path);
+      void open(path);
       said.value = `Wrote ${place}.`;
     });
   return (

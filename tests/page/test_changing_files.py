@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import threading
+from itertools import count
 from urllib.parse import quote
 
 import polars as pl
@@ -78,6 +80,50 @@ def test_a_text_is_kept_and_the_disk_is_told(server: Server, open_tab: Open) -> 
     tab.check()
 
 
+def test_a_recording_that_goes_on_growing_is_drawn_and_stays_where_it_is_looked_at(
+    server: Server, open_tab: Open
+) -> None:
+    place, is_full = server.folder / "log.csv", threading.Event()
+    place.write_text("time,level\n")
+
+    def grow() -> None:
+        with place.open("a", buffering=1) as file:
+            for k in count():
+                file.write(f"{k / 1000},{k % 7}\n")
+                if k > 1000 and is_full.wait(0.005):
+                    return
+
+    growing = threading.Thread(target=grow)
+    growing.start()
+    try:
+        tab = open_tab(server.address)
+        page = tab.page
+        page.evaluate("location.hash = '#/recording/log.csv'")
+        page.wait_for_selector("[data-plots] canvas")
+        whole = [page.get_attribute("[role=status][data-to]", "data-to")]
+        for _ in range(2):
+            page.wait_for_selector(f"[role=status][data-to]:not([data-to='{whole[-1]}'])")
+            page.wait_for_selector("[data-plots][aria-busy=false] canvas")
+            whole.append(page.get_attribute("[role=status][data-to]", "data-to"))
+        assert sorted(whole, key=float) == whole
+        page.click("text=Closer")
+        low, high = (page.get_attribute("[role=status][data-to]", f"data-{end}") for end in ("from", "to"))
+        before = page.inner_text("[role=status][data-to]")
+        page.wait_for_function(
+            "(before) => document.querySelector('[role=status][data-to]').innerText.split(' of ')[1] !== before",
+            arg=before.split(" of ")[1],
+        )
+        page.wait_for_selector(f"[role=status][data-from='{low}'][data-to='{high}']")
+        assert page.locator("[data-plots][aria-busy=false] canvas").count() == 1
+    finally:
+        is_full.set()
+        growing.join()
+    rows = place.read_text().count("\n") - 1
+    page.click("text=Whole recording")
+    page.wait_for_selector(f"[role=status][data-to='{(rows - 1) / 1000}'] >> text={rows:,} of {rows:,} samples")
+    tab.check()
+
+
 def test_late_and_other_answers(server: Server, open_tab: Open) -> None:
     for name, more in (("new", 0.0), ("worn", 4.0)):
         (server.folder / name).mkdir()
@@ -122,8 +168,17 @@ def test_late_and_other_answers(server: Server, open_tab: Open) -> None:
     page.wait_for_selector("[role=status][data-to='2.999']")
     long = pl.Series([0.001 * i for i in range(20_000)])
     pl.DataFrame({"time": long, "level": long}).write_csv(server.folder / "log.csv")
-    page.click("text=Closer")
     page.wait_for_selector("[role=status][data-to='19.999']")
+    # What is half written is said, over the view of what was there before, and the whole is shown once it is there.
+    (server.folder / "log.csv").write_text("time,le")
+    page.wait_for_selector(".problem >> text=no table of numbers was found")
+    page.click("text=Closer")
+    page.wait_for_selector("[data-plots][aria-busy=false]")
+    page.wait_for_selector("[role=status][data-to='14.99925'] >> text=of 20,000 samples")
+    page.click("text=Whole recording")
+    pl.DataFrame({"time": span, "level": span}).write_csv(server.folder / "log.csv")
+    page.wait_for_selector("[role=status][data-to='2.999'] >> text=3,000 of 3,000 samples")
+    assert page.locator(".problem").count() == 0
     # Two files that are compared are those of the folder as it was read last.
     (server.folder / "other.toml").write_text(DRIVE.replace("28 N", "20 N"))
     page.click("nav >> text=Studies")

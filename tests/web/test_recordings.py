@@ -31,18 +31,24 @@ def get(served: Served, address: str, status: int = 200, **given: object) -> dic
 
 
 def window(served: Served, given: dict) -> bytes:
+    """Ask for a view of a recording as it is now, or as it was with a key."""
+    now = {} if "key" in given else {"key": read(served, given["path"])["key"]}
     with served.client.websocket_connect("/api/live", **served.socket) as socket:
-        socket.send_json({"what": "window", "number": 1, **given})
+        socket.send_json({"what": "window", "number": 1, **now, **given})
         return socket.receive_bytes()
 
 
 def read(served: Served, name: str) -> dict:
     for _ in range(100):
         found = get(served, "/api/recording", path=name)
-        if "channels" in found:
+        if "share" not in found:
             return found
         time.sleep(0.05)
     raise AssertionError(found)
+
+
+def rows_of(first: int, last: int) -> str:
+    return "".join(f"{k},{k}\n" for k in range(first, last))
 
 
 def test_a_measured_file_its_layout_and_its_strokes(served: Served) -> None:
@@ -123,17 +129,29 @@ def test_a_simulated_run_is_a_recording(served: Served) -> None:
     assert len(get(served, "/api/strokes", path="run.parquet")["strokes"]) >= 2
 
 
-@pytest.mark.parametrize("name", ["../layout.toml", "missing.csv", "axis.toml", "layout.parquet/../../x.csv"])
+@pytest.mark.parametrize("name", ["../layout.toml", "axis.toml", "layout.parquet/../../x.csv"])
 def test_what_is_no_recording_is_said(served: Served, name: str) -> None:
     assert get(served, "/api/recording", 400, path=name)["problems"]
+
+
+@pytest.mark.parametrize("begun", [None, "", "time_s,fo"])
+def test_a_file_that_cannot_be_read_yet_can_be_once_it_is_whole(served: Served, begun: str | None) -> None:
+    place = served.folder / "few.csv"
+    if begun is not None:
+        place.write_text(begun)
+    (problem,) = read(served, "few.csv")["problems"]
+    assert problem["what"] in ("there is no such file", "the file is empty", "no table of numbers was found")
+    place.write_text("time_s,force_n\n" + rows_of(0, 50))
+    assert read(served, "few.csv")["samples"] == 50
 
 
 def test_a_view_out_of_bounds_is_refused(served: Served) -> None:
     (served.folder / "few.csv").write_text("time_s,force_n\n" + "".join(f"{0.1 * k:.1f},{k}\n" for k in range(50)))
     read(served, "few.csv")
-    for wrong in ({"from": "nan"}, {"to": -1}, {"pixels": 0}, {"pixels": 5000}, {"from": "x"}, {"to": []}, {"path": 3}):
+    for wrong in ({"from": "nan"}, {"to": -1}, {"pixels": 0}, {"pixels": 5000}, {"from": "x"}, {"to": []}):
         query = {"path": "few.csv", "from": 0, "to": 1, "pixels": 100, "columns": "force_n"} | wrong
         assert unpack(window(served, query))[0]["problems"]
+    assert unpack(window(served, query | {"path": 3, "key": 3}))[0]["problems"]
 
 
 def test_a_layout_outside_the_workspace_is_not_read(served: Served) -> None:
@@ -372,7 +390,7 @@ def test_a_layout_that_does_not_fit_is_said_and_the_file_is_shown(served: Served
     assert [one["column"] for one in found["channels"]] == ["x", "f"]
     assert "there is no column 'Strecke'" in get(served, "/api/strokes", 400, path="run.parquet")["problems"][0]["what"]
     (served.folder / "layout.toml").write_text(LOGGED.replace('"Weg"', '"Strecke"') + RIG)
-    told = get(served, "/api/recording", 400, path="run.csv")["problems"]  # without a layout nobody can read it
+    told = read(served, "run.csv")["problems"]  # without a layout nobody can read it
     assert "there is no column 'Strecke'" in told[0]["what"]
 
 
@@ -387,12 +405,71 @@ def test_the_file_states_the_unit_of_its_time(served: Served) -> None:
     assert {one["column"]: one["unit"] for one in found["channels"]} == {"t": "mm", "way": "mm", "force": "N"}
 
 
-def test_a_view_of_a_file_that_is_another_one_by_now_and_not_read_yet_says_so(
+def test_a_view_is_one_of_the_file_as_it_is_shown_or_says_that_there_is_none(served: Served) -> None:
+    """The page got views of a file that went on growing always of another one than it knew, and drew none of them."""
+    place, query = (
+        served.folder / "log.csv",
+        {"path": "log.csv", "from": 0, "to": 99, "pixels": 500, "columns": "level"},
+    )
+    place.write_text("time,level\n" + rows_of(0, 10))
+    keys = [read(served, "log.csv")["key"]]
+    for tens in range(1, 5):
+        with place.open("a") as file:
+            file.write(rows_of(10 * tens, 10 * tens + 10))
+        head, arrays = unpack(window(served, query | {"key": keys[-1]}))
+        assert (head["key"], list(arrays["level"])) == (keys[-1], list(range(10 * tens)))
+        keys.append(read(served, "log.csv")["key"])
+    assert len(set(keys)) == 5
+    assert [unpack(window(served, query | {"key": one}))[0]["key"] for one in keys] == [None] * 3 + keys[3:]
+    kept = served.folder / ".pneudrive" / "cache"
+    assert {one.name for one in kept.iterdir()} == {one.partition("-")[0] for one in keys[3:]}
+
+    for level in (1.0, 2.0):  # read where it lies: as it was before it cannot be read any more
+        pl.DataFrame({"time": [0.0, 1.0], "level": [level, level]}).write_parquet(served.folder / "run.parquet")
+        keys.append(read(served, "run.parquet")["key"])
+    query |= {"path": "run.parquet"}
+    assert unpack(window(served, query | {"key": keys[-2]})) == (
+        {"number": 1, "path": "run.parquet", "key": None},
+        {},
+    )
+    assert list(unpack(window(served, query))[1]["level"]) == [2.0, 2.0]
+
+
+def test_what_comes_into_a_file_while_it_is_read_is_read_the_next_time(
     served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The page opens it anew then, however long the reading takes: it got a refusal, and stood still."""
-    in_si(served.folder / "run.parquet")
-    before = read(served, "run.parquet")["key"]
+    place, opened = served.folder / "log.csv", recordings._opened
+    place.write_text("time,level\n" + rows_of(0, 10))
+
+    def written_meanwhile(*given: object) -> object:
+        found = opened(*given)
+        monkeypatch.undo()
+        place.write_text("time,level\n" + rows_of(0, 30))
+        return found
+
+    monkeypatch.setattr(recordings, "_opened", written_meanwhile)
+    assert [read(served, "log.csv")["samples"] for _ in range(2)] == [10, 30]
+
+
+def test_a_reading_that_fails_in_a_way_nobody_foresaw_ends(
+    served: Served, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (served.folder / "log.csv").write_text("time,level\n" + rows_of(0, 10))
+    for fault, told in (
+        (OSError(28, "No space left"), "cannot be read: No space left"),
+        (KeyError("x"), "a fault of pn"),
+    ):
+        (served.folder / "log.csv").touch()
+
+        def failing(*_: object, fault: Exception = fault) -> object:
+            raise fault
+
+        monkeypatch.setattr(recordings, "_opened", failing)
+        assert told[:20] in read(served, "log.csv")["problems"][0]["what"]
+    assert "KeyError: 'x'" in capfd.readouterr().err
+
+
+def test_strokes_of_a_file_that_is_being_read_are_none(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     go_on, opened = threading.Event(), recordings._opened
 
     def slow(*given: object) -> object:
@@ -400,12 +477,11 @@ def test_a_view_of_a_file_that_is_another_one_by_now_and_not_read_yet_says_so(
         return opened(*given)
 
     monkeypatch.setattr(recordings, "_opened", slow)
-    pl.DataFrame({"time_s": [0.0, 1.0], "x": [0.0, 1.0]}).write_parquet(served.folder / "run.parquet")
-    head, _ = unpack(window(served, {"path": "run.parquet", "from": 0.0, "to": 1.0, "pixels": 100, "columns": "x"}))
-    assert "problems" not in head
-    assert (head["path"], head["key"] == before) == ("run.parquet", False)
+    in_si(served.folder / "run.parquet")
+    assert "share" in get(served, "/api/recording", path="run.parquet")
+    assert get(served, "/api/strokes", path="run.parquet") == {"strokes": [], "faults": {}}
     go_on.set()
-    assert read(served, "run.parquet")["samples"] == 2
+    assert read(served, "run.parquet")["samples"] == len(TO_AND_FRO["time"])
 
 
 @pytest.mark.parametrize("kind", ["dates", "texts", "nanoseconds"])

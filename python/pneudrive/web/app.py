@@ -286,16 +286,18 @@ class _Views:
         return {"command": command, "python": python}
 
     def recording(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Open a recording, or say how far its first reading is."""
+        """Open a recording, or say how far its reading is, or what is wrong with it by now: it may be half written."""
         from pneudrive.web.recordings import layout_above, layout_in
 
         name = given.get("path", "")
-        reading = self.recordings.opened(name)
-        if reading.goes_on:
-            return {"share": reading.share}
-        found = self.recordings.need(name)
         path = self.workspace.path(name, TABLES)
-        layout = layout_in(self.workspace, path)
+        try:
+            reading = self.recordings.opened(name)
+            if reading.goes_on:
+                return {"share": reading.share}
+            found, layout = reading.need(name), layout_in(self.workspace, path)
+        except PneudriveError as error:
+            return {"problems": problems_of(error)}
         return {
             "key": found.key,
             "channels": [{"column": one.column, "label": one.label, "unit": one.unit} for one in found.channels],
@@ -307,12 +309,18 @@ class _Views:
         }
 
     def window(self, given: Mapping[str, Any]) -> bytes:
-        """Return a view of a recording as a frame; without a key where its name is another file's, not read yet."""
+        """Return a view of a recording, as it was with the key that is asked for, as a frame; without one if it is not.
+
+        A view of it as it is by now would have other times and channels than the page knows of.
+        """
+        name, key = str(given.get("path", "")), str(given.get("key", ""))
         head: dict[str, Any] = {"number": given.get("number"), "path": given.get("path"), "key": None}
-        if self.recordings.opened(str(given.get("path", ""))).goes_on:
+        if (found := self.recordings.version(name, key)) is None:
             return pack(head, {})
-        found, columns, span, pixels = self._view(given)
+        columns, span, pixels = _view(found, given)
         view = found.window(span, pixels, columns)
+        if self.recordings.version(name, key) is None:  # it was replaced while it was read
+            return pack(head, {})
         head |= {"key": found.key, "from": span[0], "to": span[1]}
         head |= {"missing": view.missing, "samples": view.samples, "raw": view.raw}
         arrays = {"time": view.time_s, **view.channels}
@@ -320,23 +328,10 @@ class _Views:
             arrays |= self.recordings.beside(found, str(other), span, _number(given, "shift"), pixels, columns)
         return pack(head, arrays, drawn=True)
 
-    def _view(self, given: Mapping[str, Any]) -> tuple[OpenRecording, list[str], tuple[float, float], int]:
-        """Read what part of a recording is asked for."""
-        found = self.recordings.need(str(given.get("path", "")))
-        known = [one.column for one in found.channels]
-        columns = [name for name in str(given.get("columns", "")).split("\n") if name in known]
-        try:
-            span = float(given["from"]), float(given["to"])
-            pixels = int(given.get("pixels", "1000"))
-        except (KeyError, TypeError, ValueError):
-            raise CommandError(WRONG_REQUEST, remedy="Reload the page.") from None
-        if not (math.isfinite(span[0]) and math.isfinite(span[1]) and span[0] < span[1] and 1 <= pixels <= MOST_PIXELS):
-            raise CommandError("the view is out of bounds", rule=f"from < to, 1 to {MOST_PIXELS} pixels")
-        return found, columns, span, pixels
-
     def spectrum(self, given: Mapping[str, str], _body: bytes) -> bytes:
         """Return the spectra of channels within a view as a frame."""
-        found, columns, span, _ = self._view(given)
+        found = self.recordings.need(given.get("path", ""))
+        columns, span, _ = _view(found, given)
         spectra = {name: found.spectrum(span, name) for name in columns}
         arrays = {
             f"{axis}/{name}": one[axis == "density"] for name, one in spectra.items() for axis in ("hz", "density")
@@ -548,6 +543,20 @@ class _Views:
     def begin(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Run a campaign on the simulated rig, or resume one."""
         return self.running.start(campaign_job(_table(body), self.workspace)).about()
+
+
+def _view(found: OpenRecording, given: Mapping[str, Any]) -> tuple[list[str], tuple[float, float], int]:
+    """Read what part of a recording is asked for: channels, span and pixels."""
+    known = [one.column for one in found.channels]
+    columns = [name for name in str(given.get("columns", "")).split("\n") if name in known]
+    try:
+        span = float(given["from"]), float(given["to"])
+        pixels = int(given.get("pixels", "1000"))
+    except (KeyError, TypeError, ValueError):
+        raise CommandError(WRONG_REQUEST, remedy="Reload the page.") from None
+    if not (math.isfinite(span[0]) and math.isfinite(span[1]) and span[0] < span[1] and 1 <= pixels <= MOST_PIXELS):
+        raise CommandError("the view is out of bounds", rule=f"from < to, 1 to {MOST_PIXELS} pixels")
+    return columns, span, pixels
 
 
 def _number(given: Mapping[str, Any], key: str) -> float:

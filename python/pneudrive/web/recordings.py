@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 import threading
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
+from traceback import print_exc
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.errors import CommandError, PneudriveError, RecordingError
+from pneudrive.files.content import unreadable
 from pneudrive.signals.channels import open_channels, pairs
 from pneudrive.signals.layout import Layout, stem
 from pneudrive.signals.measuring import motion_of, nearest_sample, strokes_in
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
 
 ENDS = 1 << 16  # bytes at both ends of a file that its key is made of
 MOST_OPEN = 16  # recordings
+MOST_VERSIONS = 2  # of a file that changes: the one that is shown, and the one that is read meanwhile
 MOST_SAMPLES_OF_STROKES = 5_000_000  # beyond, strokes take longer than a page waits
 MOST_STROKES = 5000
 MOST_PLACES = 1000  # of faults of one kind
@@ -129,14 +133,35 @@ class Reading:
         """It has not ended yet."""
         return self.done is None and self.error is None
 
+    def need(self, name: str) -> OpenRecording:
+        """Return what has been read.
+
+        Raises
+        ------
+        CommandError
+            It is still being read.
+        PneudriveError
+            It cannot be read.
+        """
+        if self.error is not None:
+            raise self.error
+        if self.done is None:
+            raise CommandError(f"{name} is being read: {100 * self.share:.0f} %")
+        return self.done
+
 
 class Recordings:
-    """The recordings of a workspace that are open; each is read once, in the background."""
+    """The recordings of a workspace that are open; each is read once, in the background.
+
+    A file may change while it is shown. A reading has the key that the file had before it was read: what came into it
+    meanwhile gives it another key, by which whoever asks again finds that there is more to be read.
+    """
 
     def __init__(self, workspace: Workspace) -> None:
         self.workspace = workspace
         self._lock = threading.Lock()
         self._open: dict[tuple[str, str], Reading] = {}
+        self._versions: dict[Path, list[str]] = {}  # keys that a file has had, the newest last
 
     def opened(self, name: str) -> Reading:
         """Return a recording, or how far its reading is; the first call begins it."""
@@ -149,9 +174,22 @@ class Recordings:
                 while len(self._open) >= MOST_OPEN:
                     self._open.pop(next(iter(self._open)))
                 found = self._open[key] = Reading()
+                self._forget_older(path, key[0])
                 threading.Thread(target=self._read, args=(path, layout, key, found), daemon=True).start()
         found.ended.wait(0.2)
         return found
+
+    def _forget_older(self, path: Path, key: str) -> None:
+        """Forget what was kept of a file as it was before, or one that grows would fill the disk."""
+        keys = self._versions.setdefault(path, [])
+        if key in keys:
+            keys.remove(key)
+        keys.append(key)
+        while len(keys) > MOST_VERSIONS:
+            older = keys.pop(0)
+            for one in [one for one in self._open if one[0] == older]:
+                del self._open[one]
+            shutil.rmtree(self.workspace.root / CACHE / older, ignore_errors=True)
 
     def _read(self, path: Path, layout: Layout | None, key: tuple[str, str], reading: Reading) -> None:
         def tell(done: float, total: float, _: str) -> None:
@@ -162,25 +200,26 @@ class Recordings:
             reading.done = replace(found, key="-".join(key))
         except PneudriveError as error:
             reading.error = error
+        except OSError as error:  # the file is gone, or the disk is full
+            reading.error = unreadable(path, error, RecordingError)
+        except Exception as fault:  # nobody foresaw it; without an end the page would wait for ever
+            print_exc()
+            reading.error = RecordingError(f"a fault of pneudrive: {type(fault).__name__}: {fault}", where=str(path))
         finally:
             reading.ended.set()
 
     def need(self, name: str) -> OpenRecording:
-        """Return a recording that has been read.
+        """Return a recording that has been read; see `Reading.need`."""
+        return self.opened(name).need(name)
 
-        Raises
-        ------
-        CommandError
-            It is still being read.
-        PneudriveError
-            It cannot be read.
-        """
-        reading = self.opened(name)
-        if reading.error is not None:
-            raise reading.error
-        if reading.done is None:
-            raise CommandError(f"{name} is being read: {100 * reading.share:.0f} %")
-        return reading.done
+    def version(self, name: str, key: str) -> OpenRecording | None:
+        """Return a recording as it was when it had a key; None: it can be read as such no more."""
+        path = self.workspace.path(name, TABLES)
+        with self._lock:
+            reading = self._open.get(tuple(key.split("-", 1)))  # pyright: ignore[reportArgumentType] - of any length
+        found = None if reading is None else reading.done
+        is_changed = found is not None and found.file.table.path == path and _key(path) != key.partition("-")[0]
+        return None if is_changed else found  # one that was converted is as it was
 
     def motion(self, name: str) -> dict[str, Any]:
         """Return strokes and faults of a recording of a rig or a drive that has a layout, or of a trajectory.
@@ -189,7 +228,10 @@ class Recordings:
         time. None of both, and why, where samples are counted, or there are too many of them.
         """
         path = self.workspace.path(name, TABLES)
-        opened, layout = self.need(name), layout_in(self.workspace, path)
+        reading = self.opened(name)
+        if reading.goes_on:  # another file by now, which is not shown yet
+            return {"strokes": [], "faults": {}}
+        opened, layout = reading.need(name), layout_in(self.workspace, path)
         moves = layout is not None or (path.suffix in SUFFIXES and is_trajectory(path))
         note = _hindrance(name, opened, layout) if moves else ""
         if note:
@@ -295,14 +337,17 @@ def _is_trajectory(path: Path, _size: int, _changed_ns: int) -> bool:
 
 def _key(path: Path) -> str:
     """Return the key of a file: its size, its time, and the bytes at both ends."""
-    status = path.stat() if path.is_file() else None
-    if status is None:
+    if not path.is_file():
         raise RecordingError("there is no such file", where=path.name)
-    digest = hashlib.sha256(f"{status.st_size} {status.st_mtime_ns}".encode())
-    with path.open("rb") as file:
-        digest.update(file.read(ENDS))
-        file.seek(max(status.st_size - ENDS, 0))
-        digest.update(file.read(ENDS))
+    try:
+        status = path.stat()
+        digest = hashlib.sha256(f"{status.st_size} {status.st_mtime_ns}".encode())
+        with path.open("rb") as file:
+            digest.update(file.read(ENDS))
+            file.seek(max(status.st_size - ENDS, 0))
+            digest.update(file.read(ENDS))
+    except OSError as error:
+        raise unreadable(Path(path.name), error, RecordingError) from None
     return digest.hexdigest()[:32]
 
 
