@@ -13,7 +13,7 @@ const MM = 1000;
 const KINDS: Record<string, string> = { measured: "mean of the measured points", fit: "of the fit, between measured speeds", extrapolated: "of the fit, beyond the measured speeds" };
 
 /** A colour between the paper and a dark (or, on dark paper, a light) blue. */
-function colour(share: number): string {
+export function colour(share: number): string {
   const [from, to] = isDark() ? [[30, 45, 62], [150, 205, 255]] : [[236, 243, 250], [14, 60, 112]];
   return `rgb(${from!.map((one, k) => Math.round(one + share * (to![k]! - one))).join(" ")})`;
 }

@@ -136,6 +136,7 @@ def make_app(
         Route("/api/sizing", _answered(views.sizing)),
         Route("/api/map", _answered(views.map)),
         Route("/api/slice", _answered(views.slice)),
+        Route("/api/surface", _answered(views.surface)),
         Route("/api/map-difference", _answered(views.map_difference)),
         Route("/api/fit", _answered(views.fit)),
         Route("/api/behind", _answered(views.behind)),
@@ -376,6 +377,14 @@ class _Views:
         except ValueError:
             raise CommandError(WRONG_REQUEST, remedy="Reload the page.") from None
         return map_slice(self.workspace, given.get("path", ""), Path(given.get("fit", "")).name or FIT, speed)
+
+    def surface(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Return a friction map as a surface over speed and pressure."""
+        from pneudrive.web.friction import FIT
+        from pneudrive.web.surface import map_surface
+
+        path = self.workspace.path(given.get("path", ""), (".parquet", ".csv"))
+        return map_surface(path, Path(given.get("fit", "")).name or FIT)
 
     def map_difference(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return what another map lies above a map."""

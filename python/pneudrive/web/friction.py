@@ -84,11 +84,11 @@ def shown_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
     """
     found = read_map(path)
     ambient = float(found.attrs.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
-    fit, why = _fit_beside(path, fit_name)
+    fit, why = fit_beside(path, fit_name)
     rows = np.arange(min(found.sizes["row"], MOST_POINTS))
     pairs = _pressures(found, rows) - ambient
     groups = []
-    for inside in _alike(pairs):
+    for inside in alike(pairs):
         gauges = pairs[inside].mean(axis=0)
         groups.append({"gauges": gauges.tolist(), "label": _label(gauges), "points": _points(found, rows[inside])})
     groups.sort(key=lambda one: tuple(one["gauges"]))
@@ -137,11 +137,11 @@ def map_slice(workspace: Workspace, name: str, fit_name: str, speed_m_s: float) 
     if not (np.isfinite(speed_m_s) and speed_m_s > 0.0):
         raise CommandError(f"speed = {speed_m_s} m/s", rule="a speed above zero")
     path = workspace.path(name, (".parquet", ".csv"))
-    found, (fit, _) = shown_map(path, fit_name), _fit_beside(path, fit_name)
+    found, (fit, _) = shown_map(path, fit_name), fit_beside(path, fit_name)
     gauges = np.array([one["gauges"] for one in found["groups"]])
     along = int(np.ptp(gauges[:, 1]) >= np.ptp(gauges[:, 0]))
     groups, others = [], []
-    for inside in _alike(gauges[:, [1 - along]]):
+    for inside in alike(gauges[:, [1 - along]]):
         own = [found["groups"][k] for k in inside]
         points = [
             {**point, "gauge": group["gauges"][along]}
@@ -150,7 +150,7 @@ def map_slice(workspace: Workspace, name: str, fit_name: str, speed_m_s: float) 
             if abs(np.log(point["speed"] / speed_m_s)) <= NEAR
         ]
         other = float(gauges[inside, 1 - along].mean())
-        groups.append({"label": f"chamber {'ba'[along]} at {_bar(other)} bar gauge", "points": points})
+        groups.append({"label": f"chamber {'ba'[along]} at {bar(other)} bar gauge", "points": points})
         reach = gauges[inside, along]
         if fit is not None and np.ptp(reach) > SAME_PA:
             over = np.linspace(reach.min(), reach.max(), SPEEDS)
@@ -192,7 +192,7 @@ def map_difference(workspace: Workspace, path: str, fit_name: str, other: str) -
     places = [workspace.path(name, (".parquet", ".csv")) for name in names]
     beside = [fit_name, FIT]
     old, new = (shown_map(place, fit)["groups"] for place, fit in zip(places, beside, strict=True))
-    fits = [_fit_beside(place, fit) for place, fit in zip(places, beside, strict=True)]
+    fits = [fit_beside(place, fit) for place, fit in zip(places, beside, strict=True)]
     first, second = (fit for fit, _ in fits)
     groups, pairs = [], []
     for one in old:
@@ -284,7 +284,7 @@ def _pressures(found: xr.Dataset, rows: Any) -> Any:  # noqa: ANN401 - arrays of
     return np.column_stack(means)[names]
 
 
-def _alike(pairs: Any) -> list[Any]:  # noqa: ANN401 - arrays of numbers
+def alike(pairs: Any) -> list[Any]:  # noqa: ANN401 - arrays of numbers
     """Return the rows of each group of pressures that differ by less than `SAME_PA` from those of its first row."""
     left, out = np.arange(len(pairs)), []
     while len(left):
@@ -309,15 +309,16 @@ def _points(found: xr.Dataset, rows: Any) -> list[dict[str, Any]]:  # noqa: ANN4
 
 
 def _label(gauges: Any) -> str:  # noqa: ANN401 - two numbers
-    a, b = map(_bar, gauges)
+    a, b = map(bar, gauges)
     return f"a {a}, b {b} bar gauge"
 
 
-def _bar(gauge_pa: float) -> str:
+def bar(gauge_pa: float) -> str:
+    """Return a gauge pressure in bar for people, zero where it is nearly that."""
     return f"{0.0 if abs(gauge_pa) < 0.5 * SAME_PA else gauge_pa / 1e5:.3g}"
 
 
-def _fit_beside(path: Path, name: str) -> tuple[FrictionFit | None, str]:
+def fit_beside(path: Path, name: str) -> tuple[FrictionFit | None, str]:
     """Return the fit in the folder of a map, or why there is none."""
     place = path.parent / name
     if not place.is_file():
