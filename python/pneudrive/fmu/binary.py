@@ -52,7 +52,7 @@ def binary_bytes() -> bytes:
 
 
 def weakened(library: bytes) -> bytes:
-    """Return an extension module that loads where there is no Python: it needs Python's symbols no longer, it may use them.
+    """Return an extension module that loads where there is no Python: its references to Python may be empty.
 
     Parameters
     ----------
