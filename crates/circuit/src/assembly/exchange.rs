@@ -19,12 +19,15 @@ impl Session {
         self.is_read = false;
     }
 
-    /// The rates of the states.
+    /// The rates of the states. Where a mass that slides in one direction has a velocity in the other, they are those
+    /// of velocity 0, the last state of the mode: with the same friction on both sides of it, a step that ends beyond
+    /// its event would pass over the breakaway peak before it unseen.
     pub fn rates(&mut self) -> Vec<f64> {
-        let (circuit, y) = (self.stepper.system(), self.stepper.state());
+        let (circuit, mut y) = (self.stepper.system(), self.stepper.state().to_vec());
+        circuit.settle(&mut y);
         circuit.renew(&mut self.net);
         let mut rates = vec![0.0; y.len()];
-        circuit.rhs(self.stepper.time(0), y, &mut rates, &mut self.net);
+        circuit.rhs(self.stepper.time(0), &y, &mut rates, &mut self.net);
         self.is_read = false;
         rates
     }
