@@ -11,10 +11,13 @@ use std::sync::Arc;
 const TOLERANCES: std::ops::RangeInclusive<f64> = 1e-13..=1e-1;
 /// Share of the time by which two tools may round one instant differently.
 pub const SAME_INSTANT: f64 = 1e-9;
+/// Share of the sizes of states that a tool is told: its tolerance is a share of state and size together, and sizes as
+/// large as the states would hide how small their changes are (assumed; measured in `docs/guide/fmu.md`).
+const SHARE_OF_SIZES: f64 = 0.02;
 /// Halvings of the way back to a state that the circuit can have.
 const HALVINGS: i32 = 50;
 /// Bytes of a state begin with this.
-const MAGIC: &[u8; 8] = b"pnd-fmu\x01";
+const MAGIC: &[u8; 8] = b"pnd-fmu\x02";
 
 /// Why something was not done, and how bad that is.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,6 +45,7 @@ enum Place {
     Input(usize),
     Output(usize),
     State(usize),
+    Change(usize),
     Rate(usize),
     Event(usize),
     Force,
@@ -56,6 +60,9 @@ struct Running {
     places: Arc<[Place]>,
     /// The axis of an actuator, and the place of its position among the states; its velocity comes next.
     motion: Option<(AxisId, usize)>,
+    /// The state at the start or the last event: a tool integrates the changes since then, and keeps its tolerance of
+    /// these, not of a position that happens to be far from 0.
+    origin: Vec<f64>,
     /// The last state whose rates were finite.
     good: Vec<f64>,
 }
@@ -229,11 +236,12 @@ impl Model {
                 _ => running.time(),
             });
         }
-        let Running { session, places, motion, .. } = self.running()?;
+        let Running { session, places, motion, origin, .. } = self.running()?;
         Ok(match places[at] {
             Place::Time => session.time(),
             Place::Output(column) => session.now(column),
             Place::State(state) => session.state()[state],
+            Place::Change(state) => session.state()[state] - origin[state],
             Place::Rate(state) => session.rates()[state],
             Place::Event(event) => session.events().get(event).copied().unwrap_or(1.0),
             Place::Force => motion.map_or(0.0, |(axis, _)| session.force_on(axis)),
@@ -313,7 +321,8 @@ impl Model {
                 None => return refuse(format!("the circuit has no piston that starts at \"{start}\"")),
             },
         };
-        Ok(Running { session, places, motion, good: Vec::new() })
+        let origin = session.state().to_vec();
+        Ok(Running { session, places, motion, origin, good: Vec::new() })
     }
 
     fn places(&self, session: &Session) -> Result<Arc<[Place]>, Refusal> {
@@ -328,6 +337,7 @@ impl Model {
                 }
                 Role::Output { of } => column(of).map(Place::Output),
                 Role::State { of } => state(of).map(Place::State),
+                Role::Change { of } => state(of).map(Place::Change),
                 Role::Rate { of } => state(of).map(Place::Rate),
                 Role::Event { of } => Some(Place::Event(*of)),
                 Role::Force => Some(Place::Force),
@@ -401,30 +411,32 @@ impl Model {
         Ok(())
     }
 
-    /// Other states.
+    /// Other states: changes since the last event.
     pub fn set_states(&mut self, x: &[f64]) -> Result<(), Refusal> {
         let places = self.continuous()?;
         check_length("states", x.len(), places.len())?;
         if x.iter().any(|value| !value.is_finite()) {
             return Err(Refusal { message: "a state is not a number".into(), discard: true });
         }
-        let session = &mut self.running()?.session;
+        let Running { session, origin, .. } = self.running()?;
         let mut y = session.state().to_vec();
-        for (place, value) in places.into_iter().zip(x) {
-            y[place] = *value;
+        for (place, change) in places.into_iter().zip(x) {
+            y[place] = origin[place] + change;
         }
         session.place(session.time(), &y);
         Ok(())
     }
 
-    /// The continuous states, their rates, or their sizes.
+    /// The continuous states as changes since the last event, their rates, or their sizes.
     pub fn states(&mut self, what: What) -> Result<Vec<f64>, Refusal> {
         let places = self.continuous()?;
         let running = self.running()?;
         let all = match what {
-            What::Values => running.session.state().to_vec(),
+            What::Values => {
+                running.session.state().iter().zip(&running.origin).map(|(y, origin)| y - origin).collect()
+            }
             What::Rates => running.rates(),
-            What::Sizes => running.session.scale().to_vec(),
+            What::Sizes => running.session.scale().iter().map(|size| SHARE_OF_SIZES * size).collect(),
         };
         let session = &running.session;
         finite_at(session, places.iter().map(|place| (*place, all[*place])))
@@ -450,13 +462,14 @@ impl Model {
         Ok(session.is_due_now() || session.events().iter().any(|value| *value <= 0.0))
     }
 
-    /// Applies what is due and changes modes that hold no longer.
+    /// Applies what is due and changes modes that hold no longer; changes of the states count from here on.
     pub fn update(&mut self) -> Result<Update, Refusal> {
-        let session = &mut self.running()?.session;
+        let Running { session, origin, .. } = self.running()?;
         let before = session.state().to_vec();
         session.settle_schedule();
         session.change_modes()?;
-        let states_changed = session.state() != before;
+        let states_changed = before != *origin || session.state() != before;
+        origin.copy_from_slice(session.state());
         Ok(Update { states_changed, next: session.next_due() })
     }
 
@@ -493,7 +506,7 @@ impl Model {
         let plan = self.plan.clone();
         let Running { session, places, .. } = self.running()?;
         let state_of = |at: usize| match &plan.variables[at].role {
-            Role::Output { of } | Role::State { of } => {
+            Role::Output { of } | Role::State { of } | Role::Change { of } => {
                 session.state_names().iter().position(|(name, _)| name == of)
             }
             _ => None,
@@ -546,6 +559,7 @@ impl Model {
             words.chain(flags.map(|flag| f64::from(u8::from(flag)))).chain(self.values.iter().copied());
         bytes.extend(words.flat_map(f64::to_le_bytes));
         if let Some(running) = &self.running {
+            bytes.extend(running.origin.iter().copied().flat_map(f64::to_le_bytes));
             bytes.extend(running.session.save()?);
         }
         Ok(bytes)
@@ -560,14 +574,17 @@ impl Model {
         let n = HEAD + self.values.len();
         let damaged = || Refusal { message: "these bytes of a state are damaged".into(), discard: false };
         let (words, session) = rest.split_at_checked(8 * n).ok_or_else(damaged)?;
-        let words: Vec<f64> = words.as_chunks().0.iter().map(|word| f64::from_le_bytes(*word)).collect();
+        let words = numbers(words);
         if words[2] != self.values.len() as f64 || words[4] != f64::from(u8::from(self.outside)) {
             return refuse("these bytes are of a state of another FMU");
         }
         let mut model = Model::new(self.plan.clone(), self.outside);
         (model.t0, model.rtol, model.values) = (words[0], words[1], words[HEAD..].to_vec());
         if words[5] != 0.0 {
-            model.running()?.session.restore(session)?;
+            let running = model.running()?;
+            let (origin, session) = session.split_at_checked(8 * running.origin.len()).ok_or_else(damaged)?;
+            running.origin = numbers(origin);
+            running.session.restore(session)?;
         }
         model.begun = words[3] != 0.0;
         Ok(model)
@@ -587,6 +604,11 @@ fn finite_at(session: &Session, mut rates: impl Iterator<Item = (usize, f64)>) -
             discard: true,
         }),
     }
+}
+
+/// Numbers of a state as bytes.
+fn numbers(bytes: &[u8]) -> Vec<f64> {
+    bytes.as_chunks().0.iter().map(|word| f64::from_le_bytes(*word)).collect()
 }
 
 /// The input of the session at a place.

@@ -66,8 +66,11 @@ pub enum Role {
     Output {
         of: String,
     },
-    /// A state, and the rate of one.
+    /// A state, its change since the start or the last event, and its rate.
     State {
+        of: String,
+    },
+    Change {
         of: String,
     },
     Rate {

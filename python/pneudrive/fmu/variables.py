@@ -314,9 +314,11 @@ def _results(session: CoreSession, described: Drive | Circuit, actuator: bool) -
             continue
         if core not in seen:
             yield FmuVariable(name, unit, what, "local", {"role": "state", "of": core})
-        rate = _per_second(unit)
+        change, rate = f"{name}_change", _per_second(unit)
+        since = f"{name}, its change since the start or, in model exchange, the last event"
+        yield FmuVariable(change, unit, since, "local", {"role": "change", "of": core})
         role = {"role": "rate", "of": core}
-        yield FmuVariable(f"der({name})", rate, f"rate of {name}", "local", role, rate_of=name)
+        yield FmuVariable(f"der({name})", rate, f"rate of {name}", "local", role, rate_of=change)
 
 
 def _per_second(unit: str) -> str:
