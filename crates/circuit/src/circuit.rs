@@ -635,7 +635,7 @@ impl<R: Lane> System<R> for Circuit<R> {
     fn rhs<S: Over<R>>(&self, _t: S, y: &[S], dy: &mut [S], net: &mut Net<S>) {
         self.evaluate(y, net);
         self.parts.rate(y, dy, net, &self.common);
-        if !self.topology.channels.is_empty() {
+        if R::GENERAL && !self.topology.channels.is_empty() {
             let (dy, accounts) = dy.split_at_mut(self.topology.n_states);
             self.parts.account(y, dy, net, &self.common, accounts);
         }

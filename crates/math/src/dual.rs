@@ -122,6 +122,7 @@ impl<R: Real, const N: usize> MulAssign for Dual<R, N> {
 impl<R: Real, const N: usize> Real for Dual<R, N> {
     type Mask = R::Mask;
 
+    const GENERAL: bool = N == OF_ANY_KIND;
     const LARGE: bool = N > 1;
     /// Derivatives of derivatives: in line, a right-hand side would not fit the processor's caches.
     #[inline(never)]
@@ -218,7 +219,6 @@ impl<const N: usize> Lane for Dual<f64, N> {
     type Plain = f64;
     const L: usize = 1;
     const DIRECTIONS: usize = N;
-    const GENERAL: bool = N == OF_ANY_KIND;
     #[inline(always)]
     fn plain(&self) -> f64 {
         self.re

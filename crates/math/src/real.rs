@@ -27,6 +27,9 @@ pub trait Real:
     /// The truth values of a comparison, one for each lane.
     type Mask: Copy;
 
+    /// Whether systems of any kind run on it; else those alone that bring their Jacobian: nothing is compiled for others.
+    const GENERAL: bool = true;
+
     /// Whether operations of dual numbers over this type are large, and so carried out of line.
     const LARGE: bool = false;
 
@@ -149,8 +152,6 @@ pub trait Lane: Real + From<Self::Plain> {
     const L: usize;
     /// How many derivatives the number carries.
     const DIRECTIONS: usize = 0;
-    /// Whether systems of any kind run on it; else those alone that bring their Jacobian: nothing is compiled for others.
-    const GENERAL: bool = true;
 
     /// Does work where the compiler may use all instructions that these numbers are made for.
     #[inline(always)]

@@ -19,7 +19,7 @@ macro_rules! register {
         $set_word:ident $add_word:ident $sub_word:ident $shift_right:ident $shift_left:ident
         $to_word:ident $of_word:ident;
         less $less:expr; choose $choose:expr; bits $bits:expr; of_bits $of_bits:expr;
-        lane { $($lane:item)* }
+        general $general:literal; lane { $($lane:item)* }
     ) => {
         $(#[$attribute])*
         #[derive(Clone, Copy, Debug)]
@@ -92,6 +92,9 @@ macro_rules! register {
 
         impl Real for $name {
             type Mask = $mask;
+
+            const GENERAL: bool = $general;
+
 
             #[inline(always)]
             fn c(x: f64) -> Self {
@@ -215,7 +218,7 @@ register! {
         let of = |lane: u32| if bits >> lane & 1 == 1 { -1.0 } else { 0.0 };
         unsafe { _mm256_setr_pd(of(0), of(1), of(2), of(3)) }
     };
-    lane {}
+    general true; lane {}
 }
 
 register! {
@@ -228,8 +231,7 @@ register! {
     choose |mask, a, b| unsafe { _mm512_mask_blend_pd(mask, b, a) };
     bits |mask| u64::from(mask);
     of_bits |bits| bits as u8;
-    lane {
-        const GENERAL: bool = false;
+    general false; lane {
         #[inline(always)]
         fn within<W: Work>(work: W) -> W::Out {
             #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]

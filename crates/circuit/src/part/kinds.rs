@@ -131,7 +131,7 @@ macro_rules! parts {
             $(for ($at, $part) in &self.$usual {
                 $call;
             })*
-            if !self.present.is_empty() {
+            if P::GENERAL && !self.present.is_empty() {
                 self.$others $values;
             }
         }
@@ -154,6 +154,22 @@ macro_rules! parts {
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub(crate) enum PartKind {
             $($part,)*
+        }
+
+        impl PartKind {
+            /// Whether an ordinary drive has it.
+            const fn is_usual(self) -> bool {
+                matches!(self, PartKind::Cylinder | PartKind::Reservoir | PartKind::Restriction)
+            }
+
+            /// Whether circuits of such numbers may have it; nothing is compiled for one that they never have.
+            const fn is_for<P: Real>(self) -> bool {
+                P::GENERAL || self.is_usual()
+            }
+
+            fn is_missing() -> ! {
+                unreachable!("such numbers are for a circuit without nodes")
+            }
         }
 
         /// The parts of a circuit by kind, each with the place of its states.
@@ -214,14 +230,16 @@ macro_rules! parts {
             /// Mass flow along one of them, kg/s.
             pub fn flow<S: Over<P>>(&self, (kind, index, path): (PartKind, usize, usize), net: &Net<S>) -> S {
                 match kind {
-                    $(PartKind::$part => self.$field[index].1.flow(path, net).0,)*
+                    $(PartKind::$part if PartKind::$part.is_for::<P>() => self.$field[index].1.flow(path, net).0,)*
+                    _ => PartKind::is_missing(),
                 }
             }
 
             /// The force of a part, N.
             pub fn force<S: Over<P>>(&self, part: PartId, net: &Net<S>) -> S {
                 match part.kind {
-                    $(PartKind::$part => self.$field[part.index].1.force(net),)*
+                    $(PartKind::$part if PartKind::$part.is_for::<P>() => self.$field[part.index].1.force(net),)*
+                    _ => PartKind::is_missing(),
                 }
             }
 
@@ -234,9 +252,8 @@ macro_rules! parts {
 
             /// Gives every part its place; the states' names and scales in that order, then the accounts.
             pub fn lay_out(&mut self, called: &Called) -> (Vec<(String, State)>, Vec<Channel>) {
-                let usual = [PartKind::Cylinder, PartKind::Reservoir, PartKind::Restriction];
                 let all = [$((PartKind::$part, self.$field.len())),*];
-                let others = all.into_iter().filter(|(kind, count)| *count > 0 && !usual.contains(kind));
+                let others = all.into_iter().filter(|(kind, count)| *count > 0 && !kind.is_usual());
                 self.present = others.map(|(kind, _)| kind).collect();
                 let mut parts = Vec::new();
                 $(for (place, part) in &mut self.$field {
@@ -359,11 +376,12 @@ macro_rules! parts {
                 let (common, n_states) = at;
                 let (y, accounts) = y.split_at_mut(n_states);
                 match id.kind {
-                    $(PartKind::$part => {
+                    $(PartKind::$part if PartKind::$part.is_for::<R>() => {
                         let (at, part) = &mut self.$field[id.index];
                         let own = if accounts.is_empty() { 0..0 } else { at.first_account..at.first_account + at.accounts };
                         part.switch(id.event, lane, OwnMut::of(y, *at), net, common, &mut accounts[own]);
                     })*
+                    _ => PartKind::is_missing(),
                 }
             }
 
@@ -388,7 +406,11 @@ macro_rules! parts {
             /// One circuit of lanes from one for each lane.
             pub fn gather(each: &[&Parts<f64>]) -> Self {
                 Parts {
-                    $($field: side_by_side(&math::field(each, |parts| &parts.$field), $part::gather),)*
+                    $($field: if PartKind::$part.is_for::<R>() {
+                        side_by_side(&math::field(each, |parts| &parts.$field), $part::gather)
+                    } else {
+                        Vec::new()
+                    },)*
                     present: each[0].present.clone(),
                 }
             }
