@@ -140,7 +140,7 @@ def test_a_drive_from_the_catalogue_is_within_a_micrometre_at_one_millionth(tmp_
     drive = pn.Drive.load("catalogue:parker-osp-p40-sy7000")
     for share, command in TOLD:
         start = {"position": f"{share * drive.cylinder.stroke_m} m"}
-        assert exchanged(drive, tmp_path, command, start, 1e-6) < 0.8e-6, (share, command)
+        assert exchanged(drive, tmp_path, command, start, 1e-6) < 0.4e-6, (share, command)
 
 
 def test_a_fast_reversal_does_not_pass_over_the_breakaway_peak(tmp_path):

@@ -14,6 +14,8 @@ pub const SAME_INSTANT: f64 = 1e-9;
 /// Share of the sizes of states that a tool is told: its tolerance is a share of state and size together, and sizes as
 /// large as the states would hide how small their changes are (assumed; measured in `docs/guide/fmu.md`).
 const SHARE_OF_SIZES: f64 = 0.02;
+/// Change of a state, in sizes of the solver, from which on the next ones are counted anew (assumed; likewise).
+const MOST_CHANGE: f64 = 10.0;
 /// Halvings of the way back to a state that the circuit can have.
 const HALVINGS: i32 = 50;
 /// Bytes of a state begin with this.
@@ -443,12 +445,15 @@ impl Model {
             .map(|()| places.iter().map(|place| all[*place]).collect())
     }
 
-    /// Whether modes have to be changed where a step of the tool ended.
+    /// Whether modes have to be changed where a step of the tool ended, or changes to be counted from there on, as they have
+    /// become so large that a tolerance of them is no longer one of small ones.
     pub fn is_due_behind_step(&mut self) -> Result<bool, Refusal> {
-        let session = &mut self.running()?.session;
+        let Running { session, origin, .. } = self.running()?;
         let rates = session.rates();
         finite_at(session, rates.into_iter().enumerate())?;
-        self.is_due()
+        let mut changes =
+            session.state().iter().zip(&*origin).map(|(y, origin)| y - origin).zip(session.scale());
+        Ok(changes.any(|(change, size)| change.abs() > MOST_CHANGE * size) || self.is_due()?)
     }
 
     /// Event functions.
