@@ -2,7 +2,7 @@
 
 mod support;
 
-use math::{Deps, Dual, Over, Real};
+use math::{Dual, Over, Real};
 use ode::{NoOutput, Options, Paused, Stepper, Structure, System};
 use std::sync::Arc;
 
