@@ -10,10 +10,11 @@ mod gas;
 mod motion;
 mod position;
 mod reverse;
+mod starved;
 
 use crate::controller::{Answer, AnyLaw, Controller};
 use crate::course::{Course, Fade, Slowed};
-use crate::model::Model;
+use crate::model::{Edges, Model};
 use crate::observer::{Observer, Sample, State};
 use crate::reference::{Reference, Wanted};
 use brake::Swings;
@@ -24,6 +25,7 @@ use motion::Motion;
 pub use motion::MotionRules;
 use position::Position;
 use reverse::Reverse;
+use starved::Starved;
 
 /// What is done about a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,7 +74,7 @@ impl Default for Rules {
             on_position: Reaction::Block,
             on_pressure: Reaction::Tell,
             on_valve: Reaction::Block,
-            on_supply: Reaction::Tell,
+            on_supply: Reaction::Block,
         }
     }
 }
@@ -186,6 +188,7 @@ pub struct Supervisor {
     doubted_until: f64,
     reverse: Reverse,
     swings: Swings,
+    starved: Starved,
 }
 
 /// Periods that may lie between two samples, a jump of a reference that no law can follow, m, and the distance from a reference
@@ -212,6 +215,8 @@ const REVERSED_FOR: f64 = 1.0;
 /// remembered, s (assumed): the pressure that a model believes in may hide it while the drive brakes.
 const MISSING: f64 = 2.0;
 const MISSED_FOR: f64 = 1.0;
+/// What is left of the pressure, above ambient, of a chamber that a fallen supply did not fill, where that has to brake (assumed).
+const LEFT: f64 = 0.4;
 
 /// What an observer without pressure sensors says, were what force is missing beyond friction that of the chamber which
 /// presses against it: so little gas may be trapped there.
@@ -264,6 +269,7 @@ impl Supervisor {
             doubted_until: 0.0,
             reverse: Reverse::default(),
             swings: Swings::default(),
+            starved: Starved::default(),
         }
     }
 
@@ -292,15 +298,22 @@ impl Supervisor {
             self.log.tell(sample.time, EventKind::PositionLost, sample.position - place);
             self.mode = Mode::Shut;
             returns = false;
-        } else if returns && (self.position.is_lost() || self.gas.is_lost() || self.stands_by) {
+        } else if returns
+            && (self.position.is_lost() || self.gas.is_lost() || self.gas.has_no_supply() || self.stands_by)
+        {
             // What was lost may be back: all begins anew.
             own.restart();
-            (self.position, self.gas) = (Position::default(), Gas::default());
+            (self.position, self.gas, self.starved) = Default::default();
             self.lost_for = 0.0;
         }
-        let reaction = self.check_sensors(own, &mut sample);
+        // The state at the last sample, and where that leads by now.
+        let last = own.state().zip(own.foresee(sample.time));
+        let mut reactions = self.check_sensors(own, &mut sample, last);
         if own.state().is_some() || sample.position.is_finite() {
             own.learn(&sample, !self.modelled);
+        }
+        if let (None, Some((before, (_, edges)))) = (sample.pressures, last) {
+            reactions[1] = self.watch_motion(own, sample.time, (&before, edges));
         }
         let Some(state) = own.state() else { return own.rest(asked, 0.0) };
         if returns {
@@ -311,7 +324,8 @@ impl Supervisor {
         }
         self.check_reference(own, &sample, &asked);
         self.check_inputs(own, &sample, &state);
-        match reaction {
+        let [position, gas] = reactions;
+        match if position == Some(Reaction::Block) || gas.is_none() { position } else { gas } {
             Some(Reaction::Slow) => self.slows = true,
             Some(reaction) => self.react(own, &sample, reaction),
             None => {}
@@ -350,14 +364,18 @@ impl Supervisor {
         is_wrong.then_some(gone - period)
     }
 
-    /// Readings that are not credible are replaced; what is to be done about them.
-    fn check_sensors(&mut self, own: &Controller, sample: &mut Sample) -> Option<Reaction> {
-        let Some((foreseen, edges)) = own.foresee(sample.time) else {
+    /// Readings that are not credible are replaced; what is to be done about the position's, and about those of the gas.
+    fn check_sensors(
+        &mut self,
+        own: &Controller,
+        sample: &mut Sample,
+        last: Option<(State, (State, Edges<f64>))>,
+    ) -> [Option<Reaction>; 2] {
+        let Some((before, (foreseen, edges))) = last else {
             // Nothing to compare with yet; pressures that are no numbers are a usual mean.
             sample.pressures = sample.pressures.filter(|own| own.iter().all(|p| p.is_finite()));
-            return None;
+            return [None; 2];
         };
-        let before = own.state()?;
         let was_lost = self.position.is_lost();
         let scale = (own.grain(), own.plant.speed, (own.period, self.inputs.jitter));
         let reading = (sample.time, sample.position);
@@ -375,7 +393,11 @@ impl Supervisor {
             if let Some(way) = found.reversed {
                 self.reverse_for(sample.time, way);
             }
-            let Rules { on_pressure, on_valve, on_supply, .. } = self.rules;
+            let Rules { on_pressure, on_valve, mut on_supply, .. } = self.rules;
+            if on_supply == Reaction::Block && !found.starved {
+                // What still fills the chambers is told alone.
+                on_supply = Reaction::Tell;
+            }
             for (happened, reaction) in
                 [(found.supply, on_supply), (found.sensor, on_pressure), (found.valve, on_valve)]
             {
@@ -384,8 +406,27 @@ impl Supervisor {
                 }
             }
         }
-        let [position, gas] = reactions;
-        if position == Some(Reaction::Block) || gas.is_none() { position } else { gas }
+        reactions
+    }
+
+    /// Without pressure sensors the motion tells that the supply has fallen; what is to be done about that. The gas is then
+    /// that of a supply which explains the motion.
+    fn watch_motion(
+        &mut self,
+        own: &mut Controller,
+        time: f64,
+        (before, edges): (&State, Edges<f64>),
+    ) -> Option<Reaction> {
+        let Controller { observer: Some(observer), model, plant, period, .. } = own else { return None };
+        if self.gas.has_no_supply() {
+            return None;
+        }
+        let states = (before, &observer.state);
+        let (state, supply) = self.starved.watch(model, states, (edges, *period), plant.coulomb)?;
+        observer.state = state;
+        self.gas.lose_supply();
+        self.log.tell(time, EventKind::Supply, supply);
+        Some(self.rules.on_supply)
     }
 
     /// A command acted in reverse: none of that way is given for a time.
@@ -563,6 +604,10 @@ impl Supervisor {
             model.supply.pressure = model.ambient.pressure;
             Box::new(model)
         });
+        if let Some(below) = self.gas.supplied_below() {
+            let ambient = own.model.ambient.pressure;
+            without.supply.pressure = ambient + LEFT * (below - ambient);
+        }
         let has_none = self.gas.has_no_supply();
         let first = MARGINS[usize::from(has_none)];
         let margin = if self.brakes { MARGINS[2] } else { first };

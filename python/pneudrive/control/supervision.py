@@ -56,7 +56,8 @@ class OnFault(Described):
         default="block", description="valve does not answer"
     )
     supply: Annotated[str, Choice(("tell", "slow", "stop", "block"))] = Field(
-        default="tell", description="supply has fallen; slow: the reference is slowed in time as far as it allows"
+        default="block",
+        description="supply has fallen; slow: the reference is slowed in time; block: once it fills no chamber",
     )
     law: Annotated[str | None, Choice(tuple(_core.control_laws()))] = Field(
         default=None, description="law that takes over; absent: inversion, which takes over from no law of your own"

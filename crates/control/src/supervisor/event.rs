@@ -36,7 +36,7 @@ events! {
     PositionPredicted: "position-predicted", "m", "a reading of the position is not credible and is replaced by the model; value: its distance from the model";
     PositionLost: "position-lost", "m", "three readings of the position in a row are not credible; value: the distance from the model";
     PressureLost: "pressure-lost", "1", "a pressure sensor is not credible: that chamber runs by the model; value: 0 chamber a, 1 chamber b";
-    Supply: "supply", "Pa", "the supply pressure has fallen; value: the supply pressure that explains the filling of the chambers";
+    Supply: "supply", "Pa", "the supply pressure has fallen, or the valve does not open to it; value: the supply pressure that explains how the chambers fill, or the pressure of one that is not filled";
     Slowed: "slowed", "1", "the reference is slowed in time, as the fallen supply does not do for it; value: the factor";
     Valve: "valve", "Pa", "the valve does not answer: both pressures leave the model; value: the larger distance";
     EndStop: "end-stop", "m/s", "the drive nears an end stop faster than it can be braked: full braking; value: the velocity";

@@ -30,6 +30,19 @@ const REVERSED: f64 = 0.01;
 /// The change from which on a supply is doubted, Pa (assumed).
 const DOUBTED: f64 = 0.2e5;
 
+/// How a chamber that the valve opens to a supply lower by [`FALLEN`] may differ from the model: the share of its flow, the
+/// opening that may be none, and the samples by which both may come late (assumed).
+const LESS: f64 = 0.3;
+const HARDLY: f64 = 0.02;
+const LATE: usize = 4;
+/// What is missing to that when a chamber lacks its supply, and the time in which that is forgotten while the valve is shut,
+/// Pa and s; the share of it that a single sample may lack; and the share of its own flow below which the other chamber speaks of
+/// the valve (assumed).
+const LACKS: f64 = 0.12e5;
+const FORGOTTEN: f64 = 0.01;
+const AT_ONCE: f64 = 1.0 / 3.0;
+const VENTS: f64 = 0.5;
+
 /// What a chamber tells.
 #[derive(Clone, Copy, Debug, Default)]
 struct Chamber {
@@ -47,12 +60,33 @@ struct Chamber {
     is_lost: bool,
     /// The valve opened it to the supply when it opened it last.
     fills: bool,
+    /// The least rates at which a supply would have filled it at the last samples, Pa/s, and by how much it was filled less, Pa.
+    least: [f64; LATE],
+    lacks: f64,
 }
 
 impl Chamber {
     /// The reading has rested for long.
     fn rests_for(&self, period: f64) -> bool {
         f64::from(self.rests) * period >= FOR
+    }
+
+    /// Whether its supply does not fill it: from how far the valve opens it to that, the rate at which one that has fallen
+    /// would, Pa/s, and what flowed into it, Pa, if its reading tells that.
+    fn starves(&mut self, (open, rate): (f64, f64), flowed: Option<f64>, period: f64) -> bool {
+        self.least.rotate_right(1);
+        let [share, sure] =
+            if rate > 0.0 { [1.0 - LESS, open - HARDLY] } else { [1.0 + LESS, open + HARDLY] };
+        self.least[0] = if open > HARDLY { share * rate * sure / open } else { f64::NAN };
+        let is_open = self.least.iter().all(|own| own.is_finite());
+        self.lacks = match flowed {
+            Some(flowed) if is_open => {
+                let least = self.least.iter().copied().fold(f64::INFINITY, f64::min);
+                (self.lacks + (least * period - flowed).min(AT_ONCE * LACKS)).max(0.0)
+            }
+            _ => self.lacks * (1.0 - period / FORGOTTEN).max(0.0),
+        };
+        self.lacks > LACKS
     }
 }
 
@@ -68,6 +102,8 @@ pub struct Gas {
     /// For how long the supply has been too low, s.
     low_for: f64,
     supply_told: bool,
+    /// The supply did not fill a chamber at this pressure, Pa.
+    below: Option<f64>,
     /// The last filling that was seen was that of a supply that has fallen.
     pub is_doubted: bool,
     /// For how long the chamber that the valve opens to the supply has lost more than the other one, s, and the way of the
@@ -86,6 +122,8 @@ pub struct Found {
     pub valve: bool,
     /// The supply was low from this sample on.
     pub supply: bool,
+    /// So low that it did not fill a chamber.
+    pub starved: bool,
     /// The way of commands that act in reverse from this sample on, on a supply that has fallen.
     pub reversed: Option<f64>,
     /// A chamber runs by the model, or its reading rests: nothing is learned from it.
@@ -134,6 +172,7 @@ impl Gas {
         let (open, weak) = (at(state, described, edges), at(state, &fallen, edges));
         let shut = at(state, described, shut);
         twin.advance(model, edges, period, None);
+        let mut starved = None;
         let share = period / (period + FOLLOWS);
         for i in 0..2 {
             let own = &mut chambers[i];
@@ -163,7 +202,8 @@ impl Gas {
             let [supplied, vented] = edges[i];
             own.fills = if supplied == vented { own.fills } else { supplied > vented };
             // A reading that rests says nothing of a flow.
-            if is_good && before.is_finite() && f64::from(own.rests) * period < 0.25 * FOR {
+            let tells = is_good && before.is_finite() && f64::from(own.rests) * period < 0.25 * FOR;
+            if tells {
                 // What comes late, behind a valve that has shut, is of the flow before.
                 let side = usize::from(!own.fills);
                 let changes = [measured, by_flow, (weak[i] - shut[i]) * period];
@@ -174,6 +214,10 @@ impl Gas {
                 for (own, change) in self.lately[side].iter_mut().zip(changes) {
                     *own += change - lately * *own;
                 }
+            }
+            let filling = (supplied - vented, weak[i] - shut[i]);
+            if own.starves(filling, tells.then_some(measured), period) {
+                starved = Some(reading);
             }
             if own.bad >= LOST && !own.is_lost {
                 own.is_lost = true;
@@ -209,6 +253,20 @@ impl Gas {
         }
         let way = if edges[0][0] > edges[0][1] { 1.0 } else { -1.0 };
         (found.supply, found.reversed) = self.watch_supply(model, way, (time, period), log);
+        if let (Some(pressure), None, false) = (starved, self.below, self.valve_told) {
+            let [_, [vented, vents, _]] = self.lately;
+            if vents < -0.5 * DOUBTED && vented > VENTS * vents {
+                self.valve_told = true;
+                found.valve = true;
+                log.tell(time, EventKind::Valve, vented - vents);
+            } else {
+                if !self.supply_told {
+                    log.tell(time, EventKind::Supply, pressure);
+                }
+                (self.supply_told, self.below) = (true, Some(pressure));
+                (found.supply, found.starved) = (true, true);
+            }
+        }
         if let Some(chambers) = &self.chambers {
             let lost = chambers.map(|own| own.is_lost);
             if lost[0] != lost[1] {
@@ -272,9 +330,19 @@ impl Gas {
         (told, (is_reversed && !was_reversed).then_some(self.way))
     }
 
+    /// The supply has fallen, as others tell.
+    pub fn lose_supply(&mut self) {
+        self.supply_told = true;
+    }
+
     /// The supply has fallen.
     pub fn has_no_supply(&self) -> bool {
         self.supply_told
+    }
+
+    /// The pressure of a chamber that the supply did not fill, Pa.
+    pub fn supplied_below(&self) -> Option<f64> {
+        self.below
     }
 
     /// Nobody knows that the supply presses: it has fallen, or a pressure is not measured.
