@@ -19,7 +19,7 @@ const SPEED_SHARE: f64 = 0.1;
 /// pressures and without, as that may be wrong and breaks away higher behind a rest; the time in which it comes back to the
 /// observer, s, so that flows that are not known do not add up; its way from which on the reading is stuck, or the drive is
 /// jammed, m; and the distance from an end within which a drive may stand at its end stop, m (assumed).
-const RUBS: [f64; 2] = [2.0, 1.75];
+const RUBS: [f64; 2] = [2.0, 3.0];
 const COMES_BACK: f64 = 0.3;
 const GONE: f64 = 2e-3;
 const AT_END: f64 = 2e-3;
