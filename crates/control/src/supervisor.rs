@@ -169,7 +169,7 @@ pub struct Supervisor {
     missed: u32,
     stands_by: bool,
     brakes: bool,
-    /// The model as it was at first, on a supply that does not press.
+    /// The model as it was at first, on a supply that has fallen.
     without_supply: Option<Box<Model>>,
     /// A chamber runs by the model.
     modelled: bool,
@@ -417,8 +417,10 @@ impl Supervisor {
         time: f64,
         (before, edges): (&State, Edges<f64>),
     ) -> Option<Reaction> {
-        let Controller { observer: Some(observer), model, plant, period, .. } = own else { return None };
-        if self.gas.has_no_supply() {
+        let Controller { observer: Some(observer), observing, model, plant, period, .. } = own else {
+            return None;
+        };
+        if self.gas.has_no_supply() || observing.differentiates() {
             return None;
         }
         let states = (before, &observer.state);
@@ -426,7 +428,7 @@ impl Supervisor {
         observer.state = state;
         self.gas.lose_supply();
         self.log.tell(time, EventKind::Supply, supply);
-        Some(self.rules.on_supply)
+        (self.rules.on_supply != Reaction::Tell).then_some(self.rules.on_supply)
     }
 
     /// A command acted in reverse: none of that way is given for a time.
@@ -599,15 +601,10 @@ impl Supervisor {
     /// The command that has to brake before an end stop now, if any. Where the supply may have fallen, and as long as it
     /// brakes, the trapped air alone has to be able to stop the drive.
     fn brake(&mut self, own: &Controller, command: f64) -> Option<f64> {
-        let without = self.without_supply.get_or_insert_with(|| {
-            let mut model = own.model.clone();
-            model.supply.pressure = model.ambient.pressure;
-            Box::new(model)
-        });
-        if let Some(below) = self.gas.supplied_below() {
-            let ambient = own.model.ambient.pressure;
-            without.supply.pressure = ambient + LEFT * (below - ambient);
-        }
+        let without = self.without_supply.get_or_insert_with(|| Box::new(own.model.clone()));
+        let ambient = own.model.ambient.pressure;
+        let below = self.gas.supplied_below().unwrap_or(ambient);
+        without.supply.pressure = ambient + LEFT * (below - ambient);
         let has_none = self.gas.has_no_supply();
         let first = MARGINS[usize::from(has_none)];
         let margin = if self.brakes { MARGINS[2] } else { first };
