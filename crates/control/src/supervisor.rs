@@ -170,7 +170,7 @@ pub struct Supervisor {
     stands_by: bool,
     brakes: bool,
     /// The model as it was at first, on a supply that has fallen.
-    without_supply: Option<Box<Model>>,
+    fallen: Option<Box<Model>>,
     /// A chamber runs by the model.
     modelled: bool,
     /// The law held at the last sample.
@@ -215,8 +215,9 @@ const REVERSED_FOR: f64 = 1.0;
 /// remembered, s (assumed): the pressure that a model believes in may hide it while the drive brakes.
 const MISSING: f64 = 2.0;
 const MISSED_FOR: f64 = 1.0;
-/// What is left of the pressure, above ambient, of a chamber that a fallen supply did not fill, where that has to brake (assumed).
-const LEFT: f64 = 0.4;
+/// What a brake counts on as the pressure of a supply that did not fill a chamber, as a share of that chamber's, both above
+/// ambient (assumed).
+const COUNTED_ON: f64 = 0.4;
 
 /// What an observer without pressure sensors says, were what force is missing beyond friction that of the chamber which
 /// presses against it: so little gas may be trapped there.
@@ -258,7 +259,7 @@ impl Supervisor {
             missed: 0,
             stands_by: false,
             brakes: false,
-            without_supply: None,
+            fallen: None,
             modelled: false,
             is_held: false,
             measures_gas: false,
@@ -601,10 +602,10 @@ impl Supervisor {
     /// The command that has to brake before an end stop now, if any. Where the supply may have fallen, and as long as it
     /// brakes, the trapped air alone has to be able to stop the drive.
     fn brake(&mut self, own: &Controller, command: f64) -> Option<f64> {
-        let without = self.without_supply.get_or_insert_with(|| Box::new(own.model.clone()));
+        let fallen = self.fallen.get_or_insert_with(|| Box::new(own.model.clone()));
         let ambient = own.model.ambient.pressure;
         let below = self.gas.supplied_below().unwrap_or(ambient);
-        without.supply.pressure = ambient + LEFT * (below - ambient);
+        fallen.supply.pressure = ambient + COUNTED_ON * (below - ambient);
         let has_none = self.gas.has_no_supply();
         let first = MARGINS[usize::from(has_none)];
         let margin = if self.brakes { MARGINS[2] } else { first };
@@ -628,7 +629,7 @@ impl Supervisor {
         let trapped = is_weak.then(|| less_trapped(observer, &own.model, own.plant.coulomb));
         let trapped = trapped.as_ref().unwrap_or(observer);
         let tries = observer.time() < self.doubted_until;
-        let weak = |margin| brakes(without, trapped, (command, margin), own.period, tries).map(best);
+        let weak = |margin| brakes(fallen, trapped, (command, margin), own.period, tries).map(best);
         if self.gas.may_lack_supply() {
             return weak(margin);
         }

@@ -95,7 +95,6 @@ macro_rules! register {
 
             const GENERAL: bool = $general;
 
-
             #[inline(always)]
             fn c(x: f64) -> Self {
                 $name(unsafe { $set(x) })

@@ -7,8 +7,6 @@ use crate::observer::State;
 const LEFT: [f64; 3] = [0.1, 0.25, 0.45];
 /// Valves that open less than described, beside the supply that is: share of an opening, and what it lacks further (assumed).
 const OPENS_LESS: [[f64; 2]; 2] = [[0.75, 0.02], [0.9, 0.04]];
-/// Share of the conductance that leaks past an edge nevertheless (assumed).
-const LEAKS: f64 = 0.003;
 /// Change of the unknown force that may be anything, in Coulomb friction and as a share of what both chambers press (assumed).
 const UNSURE: [f64; 2] = [1.5, 0.03];
 /// In Coulomb friction: what a supply has to explain beyond the others to gain, and the most that counts at a time (assumed).
@@ -21,9 +19,8 @@ const GIVEN_UP: f64 = 0.015;
 const FOLLOWED: f64 = 0.15;
 
 /// The gas of a drive whose supply has fallen a moment ago, and of drives whose valve opens less than described.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 struct Twin {
-    model: Model,
     gas: State,
     less: [State; OPENS_LESS.len()],
     /// Unknown force when it began, N, and the time since then, s.
@@ -34,9 +31,9 @@ struct Twin {
 }
 
 impl Twin {
-    fn new(model: Model, state: &State) -> Self {
+    fn of(state: &State) -> Self {
         let less = [*state; OPENS_LESS.len()];
-        Twin { model, gas: *state, less, begun: state.disturbance, age: 0.0, gained: 0.0 }
+        Twin { gas: *state, less, begun: state.disturbance, age: 0.0, gained: 0.0 }
     }
 }
 
@@ -44,7 +41,7 @@ impl Twin {
 /// described nor a valve that opens less does, the supply has fallen - or the valve does not do what it is told.
 #[derive(Clone, Debug, Default)]
 pub struct Starved {
-    twins: Vec<Twin>,
+    twins: Vec<(Model, Twin)>,
 }
 
 impl Starved {
@@ -62,14 +59,14 @@ impl Starved {
             let on = |left: f64| {
                 let mut own = model.clone();
                 own.supply.pressure = ambient + left * (model.supply.pressure - ambient);
-                Twin::new(own, now)
+                (own, Twin::of(now))
             };
             self.twins = LEFT.map(on).into();
         }
         let force = now.disturbance + model.gas_force(now.pressures);
         let pressed: f64 = now.pressures.iter().zip(&model.sides).map(|(p, side)| p * side.area).sum();
         let unsure = UNSURE[0] * coulomb + UNSURE[1] * pressed;
-        for own in &mut self.twins {
+        for (lower, own) in &mut self.twins {
             // What is left unexplained where the gas goes so, Coulomb friction.
             let left = |d: f64| ((d - own.begun).abs() - unsure).max(0.0) / coulomb;
             let follow = |model: &Model, gas: &mut State, edges: Edges<f64>| {
@@ -79,21 +76,20 @@ impl Starved {
             };
             let mut others = left(now.disturbance);
             for (gas, [share, lacks]) in own.less.iter_mut().zip(OPENS_LESS) {
-                let opens = |edge: f64| (share * edge - lacks).max(edge.min(LEAKS));
+                let opens = |edge: f64| (share * edge - lacks).max(edge.min(model.valve.leakage));
                 others = others.min(left(follow(model, gas, edges.map(|side| side.map(opens)))));
             }
-            let missing = follow(&own.model, &mut own.gas, edges);
+            let missing = follow(lower, &mut own.gas, edges);
             own.gained += period * (others - left(missing) - LEAST_GAIN).min(MOST_GAIN);
             own.age += period;
             if own.gained <= -GIVEN_UP || own.age > FOLLOWED {
-                let less = [*now; OPENS_LESS.len()];
-                (own.gas, own.less, own.begun, own.age, own.gained) = (*now, less, now.disturbance, 0.0, 0.0);
+                *own = Twin::of(now);
             }
         }
-        let best = self.twins.iter().max_by(|a, b| a.gained.total_cmp(&b.gained))?;
+        let (lower, best) = self.twins.iter().max_by(|(_, a), (_, b)| a.gained.total_cmp(&b.gained))?;
         let State { pressures, temperatures, .. } = best.gas;
         let disturbance = force - model.gas_force(pressures);
         let state = State { pressures, temperatures, disturbance, ..*now };
-        (best.gained > BELIEVED).then_some((state, best.model.supply.pressure))
+        (best.gained > BELIEVED).then_some((state, lower.supply.pressure))
     }
 }
