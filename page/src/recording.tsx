@@ -1,6 +1,6 @@
 /** Recordings: any view of any length, strokes shaded, and the wizard for a layout. */
 import { batch, computed, effect, signal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useEffect, useLayoutEffect } from "preact/hooks";
 import type { Frame, Numbers } from "./frame";
 import { follow, JobList } from "./jobs";
 import { digits } from "./looks";
@@ -456,7 +456,7 @@ const folder = signal("");
 
 /** The friction of a recording, by the same command as in a terminal. */
 function Characterise({ path }: { path: string }) {
-  useEffect(() => {
+  useLayoutEffect(() => {
     folder.value = path.replace(/^.*\//, "").replace(/\..*$/, "");
     void follow();
   }, [path]);

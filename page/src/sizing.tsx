@@ -1,6 +1,6 @@
 /** From a task to drives: its text and what it says, the search as a job, candidates over time and air. */
 import { computed, signal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import type { Editor } from "./editor";
 import { Cancel, follow, JobList, jobs } from "./jobs";
 import { digits } from "./looks";
@@ -117,14 +117,14 @@ async function change(next: string): Promise<void> {
 }
 
 async function load(at: string): Promise<void> {
-  [text.value, saved.value, sha256.value] = ["", "", ""];
+  [text.value, saved.value, sha256.value, file.value] = ["", "", "", at || "task.toml"]; // the name at once: it can be typed before the text is there
   if (said.value !== wasSaved(at)) said.value = "";
   task.value = meant.value = null;
   await attempt(async () => {
     const one = at ? await read<{ text: string; sha256: string }>("/api/file", { path: at }) : { ...(await ask<{ text: string }>("/api/task", {})), sha256: "" };
     if (path.value !== at) return;
     const draft = drafts.get(at);
-    [saved.value, sha256.value, file.value] = [one.text, draft?.sha256 ?? one.sha256, at || "task.toml"];
+    [saved.value, sha256.value] = [one.text, draft?.sha256 ?? one.sha256];
     if (draft && draft.sha256 !== one.sha256) said.value = `Another text stands in ${at} by now than the one that this began with.`;
     await change(draft?.text ?? one.text);
   });
@@ -177,7 +177,7 @@ async function run(resume?: string): Promise<void> {
 export function SizingView() {
   const now = found.value?.folder === path.value ? found.value : null; // not that of the folder before
   const state = jobs.value.find((one) => one.out === path.value)?.state;
-  useEffect(() => {
+  useLayoutEffect(() => {
     wrong.value = [];
     void follow();
     if (path.value && !isFile.value) [found.value, chosen.value, pinned.value] = [null, "", []];
@@ -239,7 +239,7 @@ function TaskView() {
             <label>
               File <input value={file.value} disabled={sha256.value !== ""} onInput={(event) => (file.value = event.currentTarget.value)} />
             </label>
-            <SaveButton isSaved={isSaved} save={save} />
+            <SaveButton isSaved={isSaved || !isReady} save={save} />
             {path.value && text.value !== saved.value && <button type="button" onClick={dropChanges}>Drop these changes and show the file</button>}
             <span role="status">{said.value}</span>
           </p>
