@@ -18,7 +18,7 @@ use crate::model::{Edges, Model};
 use crate::observer::{Observer, Sample, State};
 use crate::reference::{Reference, Wanted};
 use brake::Swings;
-pub(crate) use brake::{Brake, brakes};
+pub(crate) use brake::brakes;
 pub use event::{Event, EventKind, Log};
 use gas::Gas;
 use motion::Motion;
@@ -216,8 +216,10 @@ const REVERSED_FOR: f64 = 1.0;
 const MISSING: f64 = 2.0;
 const MISSED_FOR: f64 = 1.0;
 /// What a brake counts on as the pressure of a supply that did not fill a chamber, as a share of that chamber's, both above
-/// ambient (assumed).
+/// ambient; and what it hopes for where the shut valve leaves the drive faster than a speed, m/s, at the end stop (assumed).
 const COUNTED_ON: f64 = 0.4;
+const HOPED_FOR: f64 = 0.8;
+const LOST: f64 = 0.15;
 
 /// What an observer without pressure sensors says, were what force is missing beyond friction that of the chamber which
 /// presses against it: so little gas may be trapped there.
@@ -605,7 +607,6 @@ impl Supervisor {
         let fallen = self.fallen.get_or_insert_with(|| Box::new(own.model.clone()));
         let ambient = own.model.ambient.pressure;
         let below = self.gas.supplied_below().unwrap_or(ambient);
-        fallen.supply.pressure = ambient + COUNTED_ON * (below - ambient);
         let has_none = self.gas.has_no_supply();
         let first = MARGINS[usize::from(has_none)];
         let margin = if self.brakes { MARGINS[2] } else { first };
@@ -614,22 +615,26 @@ impl Supervisor {
         let misses = d.abs() > MISSING * own.plant.coulomb;
         self.explained_for = if misses { 0.0 } else { self.explained_for + own.period };
         let is_weak = !self.measures_gas && self.explained_for < MISSED_FOR;
-        // Shut it stops whatever the supply does; where that is not enough, a supply that presses brakes best, as most doubts
-        // pass.
-        let best = |found: Brake| {
-            if has_none {
-                found.command
-            } else if found.is_shut_enough {
-                0.0
-            } else {
-                found.against
-            }
-        };
         let observer = own.observer.as_ref()?;
         let trapped = is_weak.then(|| less_trapped(observer, &own.model, own.plant.coulomb));
         let trapped = trapped.as_ref().unwrap_or(observer);
         let tries = observer.time() < self.doubted_until;
-        let weak = |margin| brakes(fallen, trapped, (command, margin), own.period, tries).map(best);
+        let mut weak = |margin| {
+            let mut on = |share: f64| {
+                fallen.supply.pressure = ambient + share * (below - ambient);
+                brakes(fallen, trapped, (command, margin), own.period, tries)
+            };
+            let found = on(COUNTED_ON)?;
+            if has_none {
+                // Where all else hits, what the supply may still have is tried.
+                let is_lost = !found.is_shut_enough && found.shut_speed > LOST;
+                let hoped = if is_lost { on(HOPED_FOR) } else { None };
+                return Some(hoped.unwrap_or(found).command);
+            }
+            // Shut it stops whatever the supply does; where that is not enough, a supply that presses brakes best, as most
+            // doubts pass.
+            Some(if found.is_shut_enough { 0.0 } else { found.against })
+        };
         if self.gas.may_lack_supply() {
             return weak(margin);
         }

@@ -461,11 +461,15 @@ fn factors_multiply_gains_in_a_ramp_without_a_bump() {
 /// than that at 0.06 and 0.24 m/s, a brake that forgets the missing force as soon as it has braked at 0.14 m/s, one that
 /// counts on gas which the missing force says is not there at 0.60 m/s, and 0.18 m/s where the trapped air would have been
 /// enough. One that is behind the command which takes the air from where it is to brake hits at 0.15 m/s, and touches at
-/// 0.07 m/s where that is seen. A command that is tried again, near the end to which it led in reverse, hits at 0.23 m/s.
+/// 0.07 m/s where that is seen. A command that is tried again, near the end to which it led in reverse, hits at 0.23 m/s. A slow
+/// drive hits at 0.17 m/s where full braking takes the air ahead of it, one that the shut valve would just have stopped at 0.34
+/// and 0.69 m/s, one that no longer tries what is left of the supply at 0.39 m/s.
 #[test]
 fn braking_does_not_count_on_a_supply_that_has_fallen() {
-    let members = [251, 690, 709, 1011, 4456, 5757, 8388, 8932].map(|member| (1, member));
-    for (seed, member) in members.into_iter().chain([(13, 3125), (17, 2776), (23, 3904), (53, 357)]) {
+    let first = [251, 690, 709, 1011, 4456, 5757, 8388, 8932].map(|member| (1, member));
+    let others = [(13, 3125), (17, 2776), (23, 3904), (53, 357), (107, 4287)];
+    let further = [(1002, 7186), (1009, 8082), (1020, 5909)];
+    for (seed, member) in first.into_iter().chain(others).chain(further) {
         let own = outcome(seed, member);
         assert_eq!(own.class, Class::Safe, "{member}: {} m/s: {}", own.speed, own.told);
     }

@@ -6,6 +6,12 @@ use crate::spool::Spool;
 
 /// Speed at which a drive may touch an end stop, m/s (assumed).
 const TOUCH: f64 = 0.03;
+/// Below this speed the valve is shut rather than opened against the motion where the end stop is then touched at most so
+/// fast, m/s (assumed): full braking opens the chamber ahead to a supply that may have fallen.
+const SLOW: f64 = 0.1;
+const SOFT: f64 = 0.04;
+/// Share of the way behind the shut valve that has to be left beyond it where that is to be enough (assumed).
+const SURE: f64 = 0.2;
 /// A distance by which the model may be wrong, m (assumed).
 const APART: f64 = 0.5e-3;
 /// Steps in which a way is followed at most (assumed).
@@ -53,8 +59,10 @@ pub struct Brake {
     pub command: f64,
     /// The command that presses against the way to that end.
     pub against: f64,
-    /// The shut valve stops the drive before the end stop, whatever the supply does.
+    /// The shut valve stops the drive before the end stop, or it touches that softly, whatever the supply does.
     pub is_shut_enough: bool,
+    /// How fast the drive is behind it at its stand or at the end stop, m/s.
+    pub shut_speed: f64,
 }
 
 /// What has to brake now, if a command of now would leave too little way for that at the next sample, as the model may be
@@ -124,8 +132,15 @@ fn brakes_before(
     // Of two that both reach the end stop, the slower one.
     let reach = [full, shut].iter().all(|(needed, end)| *needed > left && *end > TOUCH);
     let is_shut_better = if reach { shut.1 < full.1 } else { shut.0 < full.0 };
-    let ((needed, _), command) = if is_shut_better { (shut, 0.0) } else { (full, -way) };
+    let needed = if is_shut_better { shut.0 } else { full.0 };
+    let is_soft = velocity < SLOW && shut.1 <= SOFT;
+    let command = if is_shut_better || is_soft { 0.0 } else { -way };
     let is_fast = velocity > TOUCH || full.1 > TOUCH;
-    let brake = Brake { command, against: -way, is_shut_enough: shut.0 <= left };
+    let brake = Brake {
+        command,
+        against: -way,
+        is_shut_enough: is_soft || (1.0 + SURE) * shut.0 <= left,
+        shut_speed: shut.1,
+    };
     (is_fast && needed > 0.0 && (1.0 + margin) * needed > left).then_some(brake)
 }
