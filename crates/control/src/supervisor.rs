@@ -220,6 +220,8 @@ const MISSED_FOR: f64 = 1.0;
 const COUNTED_ON: f64 = 0.4;
 const HOPED_FOR: f64 = 0.8;
 const LOST: f64 = 0.15;
+/// Share of the way behind a shut valve that has to be left beyond it where little air is ahead (assumed).
+const SURE: f64 = 0.2;
 
 /// What an observer without pressure sensors says, were what force is missing beyond friction that of the chamber which
 /// presses against it: so little gas may be trapped there.
@@ -627,13 +629,16 @@ impl Supervisor {
             let found = on(COUNTED_ON)?;
             if has_none {
                 // Where all else hits, what the supply may still have is tried.
-                let is_lost = !found.is_shut_enough && found.shut_speed > LOST;
+                let is_lost = found.shut_needs > 1.0 && found.shut_speed > LOST;
                 let hoped = if is_lost { on(HOPED_FOR) } else { None };
                 return Some(hoped.unwrap_or(found).command);
             }
-            // Shut it stops whatever the supply does; where that is not enough, a supply that presses brakes best, as most
-            // doubts pass.
-            Some(if found.is_shut_enough { 0.0 } else { found.against })
+            // Shut it stops whatever the supply does. Where that is not enough, or just so with little air ahead, a supply that
+            // presses brakes best, as most doubts pass.
+            let ahead = trapped.state.pressures[usize::from(found.against < 0.0)];
+            let has_little = ahead - ambient < COUNTED_ON * (own.model.supply.pressure - ambient);
+            let needs = found.shut_needs * if has_little { 1.0 + SURE } else { 1.0 };
+            Some(if needs > 1.0 { found.against } else { 0.0 })
         };
         if self.gas.may_lack_supply() {
             return weak(margin);

@@ -462,7 +462,7 @@ fn factors_multiply_gains_in_a_ramp_without_a_bump() {
 /// counts on gas which the missing force says is not there at 0.60 m/s, and 0.18 m/s where the trapped air would have been
 /// enough. One that is behind the command which takes the air from where it is to brake hits at 0.15 m/s, and touches at
 /// 0.07 m/s where that is seen. A command that is tried again, near the end to which it led in reverse, hits at 0.23 m/s. A slow
-/// drive hits at 0.17 m/s where full braking takes the air ahead of it, one that the shut valve would just have stopped at 0.34
+/// drive hits at 0.17 m/s where full braking takes the air ahead of it, one that the shut valve was just to stop at 0.34
 /// and 0.69 m/s, one that no longer tries what is left of the supply at 0.39 m/s.
 #[test]
 fn braking_does_not_count_on_a_supply_that_has_fallen() {

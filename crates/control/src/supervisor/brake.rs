@@ -10,8 +10,6 @@ const TOUCH: f64 = 0.03;
 /// fast, m/s (assumed): full braking opens the chamber ahead to a supply that may have fallen.
 const SLOW: f64 = 0.1;
 const SOFT: f64 = 0.04;
-/// Share of the way behind the shut valve that has to be left beyond it where that is to be enough (assumed).
-const SURE: f64 = 0.2;
 /// A distance by which the model may be wrong, m (assumed).
 const APART: f64 = 0.5e-3;
 /// Steps in which a way is followed at most (assumed).
@@ -59,9 +57,10 @@ pub struct Brake {
     pub command: f64,
     /// The command that presses against the way to that end.
     pub against: f64,
-    /// The shut valve stops the drive before the end stop, or it touches that softly, whatever the supply does.
-    pub is_shut_enough: bool,
-    /// How fast the drive is behind it at its stand or at the end stop, m/s.
+    /// Share of the room that the drive needs behind the shut valve, whatever the supply does; none where it is slow and
+    /// touches the end stop softly.
+    pub shut_needs: f64,
+    /// How fast it is there at its stand or at the end stop, m/s.
     pub shut_speed: f64,
 }
 
@@ -136,11 +135,7 @@ fn brakes_before(
     let is_soft = velocity < SLOW && shut.1 <= SOFT;
     let command = if is_shut_better || is_soft { 0.0 } else { -way };
     let is_fast = velocity > TOUCH || full.1 > TOUCH;
-    let brake = Brake {
-        command,
-        against: -way,
-        is_shut_enough: is_soft || (1.0 + SURE) * shut.0 <= left,
-        shut_speed: shut.1,
-    };
+    let shut_needs = if is_soft { 0.0 } else { shut.0 / left.max(0.0) };
+    let brake = Brake { command, against: -way, shut_needs, shut_speed: shut.1 };
     (is_fast && needed > 0.0 && (1.0 + margin) * needed > left).then_some(brake)
 }
