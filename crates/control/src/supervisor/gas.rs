@@ -35,6 +35,9 @@ const DOUBTED: f64 = 0.2e5;
 const LESS: f64 = 0.3;
 const HARDLY: f64 = 0.02;
 const LATE: usize = 4;
+/// Share of the valve's conductance below which that of the supply does not lie (assumed): so much fills the chamber where it
+/// sags, however far the valve is open.
+const SAGS: f64 = 0.1;
 /// What is missing to that when a chamber lacks its supply, and the time in which that is forgotten while the valve is shut,
 /// Pa and s; the share of it that a single sample may lack; and the share of its own flow below which the other chamber speaks of
 /// the valve (assumed).
@@ -76,7 +79,7 @@ impl Chamber {
     fn starves(&mut self, (open, rate): (f64, f64), flowed: Option<f64>, period: f64) -> bool {
         self.least.rotate_right(1);
         let [share, sure] =
-            if rate > 0.0 { [1.0 - LESS, open - HARDLY] } else { [1.0 + LESS, open + HARDLY] };
+            if rate > 0.0 { [1.0 - LESS, (open - HARDLY).min(SAGS)] } else { [1.0 + LESS, open + HARDLY] };
         self.least[0] = if open > HARDLY { share * rate * sure / open } else { f64::NAN };
         let is_open = self.least.iter().all(|own| own.is_finite());
         self.lacks = match flowed {
