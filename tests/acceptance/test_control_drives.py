@@ -1,8 +1,11 @@
 """Healthy drives far from the size of the examples: laws lead them, and the supervisor is silent."""
 
+from pathlib import Path
+
 import pytest
 
 import pneudrive as pn
+from pneudrive.control.mismatch import Mismatch
 from pneudrive.control.setup import read_setup
 
 
@@ -77,6 +80,21 @@ def test_a_large_drive_does_not_learn_from_its_pressure_sensors():
     )
     run = pn.control.run(drive, "nmpc", reference="sine 60 mm 0.5 Hz around 250 mm", duration="5 s")
     assert run.attrs["score"]["max_error_m"] < 1e-4
+
+
+def test_a_supply_that_sags_in_fast_moves_shuts_no_valve():
+    """Behind a ninth of the valve's conductance a chamber fills slowly: told, where two of 200 members were shut."""
+    drive = pn.Circuit.load(Path(__file__).parents[2] / "examples" / "axes" / "starter.toml")
+    sags = Mismatch(
+        supply_conductance=0.1122,
+        supply_pressure=0.935,
+        friction_level=0.743,
+        bristle_stiffness=1.854,
+        moving_mass=1.418,
+    )
+    run = pn.control.run(drive, "nmpc", reference="R1", duration="2 s", mismatch=sags, seed=39)
+    assert [event["kind"] for event in run.attrs["events"]] == ["supply"]
+    assert run.attrs["score"]["max_error_m"] < 3e-3
 
 
 def test_a_drive_without_friction_keeps_its_position_sensor():
