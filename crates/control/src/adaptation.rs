@@ -86,6 +86,10 @@ pub struct Adaptation {
     gas: [Lagged<4>; 2],
     /// What remains of the balance of forces, in each direction.
     disturbance: [Lagged<1>; 2],
+    /// The way in which it goes since it turned, 1 or -1, 0: none; for how long it moved so, and has stood since, s.
+    way: f64,
+    gone: f64,
+    stood: f64,
     /// For how long friction is not learned, s.
     rests: f64,
     /// For how long it has slid, and slid fast, s.
@@ -101,6 +105,13 @@ const GAS_LAG: f64 = 0.015;
 /// friction with speed; below, how it falls may be described wrong).
 const SLIDES: f64 = 0.025;
 const FAST: f64 = 0.05;
+/// Speed above which a drive goes a way, m/s; what friction lacked is taken over where it did so for a time and stood for none
+/// longer than another before it turns, s, at this share of the weight (assumed: above the noise of an estimate at rest; slips
+/// and a force that is held tell little).
+const GOES: f64 = 5e-3;
+const GONE: f64 = 0.2;
+const STOOD: f64 = 0.1;
+const TURNED: f64 = 0.5;
 /// Lags after which the past is forgotten (assumed).
 const SETTLED: f64 = 4.0;
 /// Deviation of the balance of forces, N, at full weight, and of energy as a share of the full flow's (assumed).
@@ -139,6 +150,9 @@ impl Adaptation {
             motion: Lagged::default(),
             gas: [Lagged::default(); 2],
             disturbance: [Lagged::default(); 2],
+            way: 0.0,
+            gone: 0.0,
+            stood: 0.0,
             rests: 0.0,
             slid: [0.0; 2],
             calm: 0.0,
@@ -147,11 +161,51 @@ impl Adaptation {
 
     /// Learns from a state that follows measured pressures, with position and speed there of the spool of one 5/3 valve; of
     /// other valves it learns nothing.
-    pub fn learn(&mut self, model: &mut Model, state: &State, spool: Option<[f64; 2]>, period: f64) {
+    pub fn learn(&mut self, model: &mut Model, state: &mut State, spool: Option<[f64; 2]>, period: f64) {
+        self.turn(model, state, period);
         self.learn_friction(model, state, period);
         if let Some(spool) = spool {
             self.learn_valve(model, state, spool, period);
         }
+    }
+
+    /// A drive that turns around: what friction lacked on its way so far stood as a force, and is taken for friction as far as
+    /// that is not known yet. As a force it would not turn with the motion.
+    fn turn(&mut self, model: &mut Model, state: &mut State, period: f64) {
+        let way = self.way;
+        if way * state.friction >= 0.0 {
+            let goes = state.velocity.abs() > GOES && state.friction * state.velocity > 0.0;
+            if goes && way == 0.0 {
+                (self.way, self.gone) = (state.velocity.signum(), 0.0);
+            }
+            [self.gone, self.stood] =
+                if goes { [self.gone + period, 0.0] } else { [self.gone, self.stood + period] };
+            return;
+        }
+        self.way = 0.0;
+        if self.rests > 0.0 || self.gone < GONE || self.stood > STOOD {
+            return;
+        }
+        let [level, _] = self.described.friction_levels([state.position, 0.0], state.pressures);
+        let before = self.friction.theta[0];
+        self.balance([way * level, 0.0, 0.0], way * level * before - state.disturbance, level, 1.0 / TURNED);
+        let [coulomb, ..] = self.friction.theta;
+        model.friction_shares[0] = coulomb;
+        let taken = (coulomb - before) * way * level;
+        state.disturbance += taken;
+        state.friction += taken;
+    }
+
+    /// Takes over a balance of forces, N: Coulomb and viscous friction and inertia as described, the force of gas and load,
+    /// the level of friction, and a factor of its deviation.
+    fn balance(&mut self, [coulomb, viscous, inertia]: [f64; 3], force: f64, level: f64, factor: f64) {
+        let area = 0.5 * self.described.sides.iter().map(|side| side.area).sum::<f64>();
+        let least = FORCE_DEVIATION.max(PRESSURE_DEVIATION * area);
+        let (deviation, offset) = (least * factor, OFFSET * (least / FORCE_DEVIATION));
+        let phi = [coulomb, viscous, offset, inertia].map(|own| own / deviation);
+        let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-level / offset, level / offset], MASS_WITHIN];
+        self.friction.observe(phi, force / deviation);
+        self.friction.project(within);
     }
 
     fn learn_friction(&mut self, model: &mut Model, state: &State, period: f64) {
@@ -181,13 +235,7 @@ impl Adaptation {
         if self.rests > 0.0 {
             return;
         }
-        let area = 0.5 * self.described.sides.iter().map(|side| side.area).sum::<f64>();
-        let least = FORCE_DEVIATION.max(PRESSURE_DEVIATION * area);
-        let (deviation, offset) = (least * (FAST / v.abs()).max(1.0), OFFSET * (least / FORCE_DEVIATION));
-        let phi = [coulomb, viscous, offset, inertia].map(|own| own / deviation);
-        let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-level / offset, level / offset], MASS_WITHIN];
-        self.friction.observe(phi, force / deviation);
-        self.friction.project(within);
+        self.balance([coulomb, viscous, inertia], force, level, (FAST / v.abs()).max(1.0));
         let [coulomb, viscous, _, mass] = self.friction.theta;
         model.friction_shares = [coulomb, viscous];
         // Where it weighs little, other errors of the balance look like mass: they are not friction's, but not believed either.

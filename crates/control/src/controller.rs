@@ -398,9 +398,10 @@ impl Controller {
             self.observe(sample);
         }
         let measured = measured && sample.pressures.is_some();
-        if let (Some(adaptation), Some(observer), true) = (&mut self.adaptation, &self.observer, measured) {
+        if let (Some(adaptation), Some(observer), true) = (&mut self.adaptation, &mut self.observer, measured)
+        {
             let spool = matches!(self.valves, Valves::One).then(|| observer.spool.state());
-            adaptation.learn(&mut self.model, &observer.state, spool, self.period);
+            adaptation.learn(&mut self.model, &mut observer.state, spool, self.period);
         }
     }
 
