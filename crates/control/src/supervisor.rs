@@ -14,11 +14,10 @@ mod starved;
 
 use crate::controller::{Answer, AnyLaw, Controller};
 use crate::course::{Course, Fade, Slowed};
-use crate::model::{Edges, Model};
-use crate::observer::{Observer, Sample, State};
+use crate::model::Edges;
+use crate::observer::{Sample, State};
 use crate::reference::{Reference, Wanted};
-use brake::Swings;
-pub(crate) use brake::brakes;
+use brake::Braking;
 pub use event::{Event, EventKind, Log};
 use gas::Gas;
 use motion::Motion;
@@ -168,17 +167,13 @@ pub struct Supervisor {
     /// Steps in a row without a command of the law.
     missed: u32,
     stands_by: bool,
-    brakes: bool,
-    /// The model as it was at first, on a supply that has fallen.
-    fallen: Option<Box<Model>>,
+    braking: Braking,
     /// A chamber runs by the model.
     modelled: bool,
     /// The law held at the last sample.
     is_held: bool,
     /// There are pressure sensors.
     measures_gas: bool,
-    /// For how long no force has been missing, s.
-    explained_for: f64,
     /// For how long the position has been lost, s.
     lost_for: f64,
     switched: [bool; 2],
@@ -187,7 +182,6 @@ pub struct Supervisor {
     /// Until when a command that is tried again may act in reverse again, s.
     doubted_until: f64,
     reverse: Reverse,
-    swings: Swings,
     starved: Starved,
 }
 
@@ -200,9 +194,6 @@ const NEAR: f64 = 2e-3;
 /// (assumed).
 const APART: f64 = 2e-3;
 const TRUSTED: f64 = 0.08;
-/// Shares of the way by which the model may be wrong before it brakes, before it does so by trapped air alone, and while it
-/// brakes (assumed).
-const MARGINS: [f64; 3] = [0.5, 1.0, 1.5];
 /// Command that is full, and for how long, s, until a reference is slowed, by this share of its rate, down to this rate
 /// (assumed).
 const FULL: f64 = 0.95;
@@ -211,33 +202,6 @@ const SLOWER: f64 = 0.8;
 const SLOWEST: f64 = 0.05;
 /// Time after which a command is tried again that acted in reverse, s (assumed).
 const REVERSED_FOR: f64 = 1.0;
-/// Unknown force, as a share of the Coulomb friction, behind which a supply may have fallen, and time for which that is
-/// remembered, s (assumed): the pressure that a model believes in may hide it while the drive brakes.
-const MISSING: f64 = 2.0;
-const MISSED_FOR: f64 = 1.0;
-/// What a brake counts on as the pressure of a supply that did not fill a chamber, as a share of that chamber's, both above
-/// ambient; and what it hopes for where the shut valve leaves the drive faster than a speed, m/s, at the end stop (assumed).
-const COUNTED_ON: f64 = 0.4;
-const HOPED_FOR: f64 = 0.8;
-const LOST: f64 = 0.15;
-/// Share of the way behind a shut valve that has to be left beyond it where little air is ahead (assumed).
-const SURE: f64 = 0.2;
-
-/// What an observer without pressure sensors says, were what force is missing beyond friction that of the chamber which
-/// presses against it: so little gas may be trapped there.
-fn less_trapped(observer: &Observer, model: &Model, friction: f64) -> Observer {
-    let mut seen = observer.clone();
-    let State { disturbance, pressures, .. } = &mut seen.state;
-    let beyond = *disturbance - disturbance.clamp(-friction, friction);
-    for (pressure, side) in pressures.iter_mut().zip(&model.sides) {
-        if side.sign * beyond < 0.0 {
-            let less = (*pressure + side.sign * beyond / side.area).max(model.ambient.pressure);
-            *disturbance -= side.sign * side.area * (less - *pressure);
-            *pressure = less;
-        }
-    }
-    seen
-}
 
 impl Supervisor {
     /// With a law that stands by.
@@ -262,18 +226,15 @@ impl Supervisor {
             command: 0.0,
             missed: 0,
             stands_by: false,
-            brakes: false,
-            fallen: None,
+            braking: Braking::default(),
             modelled: false,
             is_held: false,
             measures_gas: false,
-            explained_for: f64::INFINITY,
             lost_for: 0.0,
             switched: [false; 2],
             reversed: None,
             doubted_until: 0.0,
             reverse: Reverse::default(),
-            swings: Swings::default(),
             starved: Starved::default(),
         }
     }
@@ -317,8 +278,10 @@ impl Supervisor {
         if own.state().is_some() || sample.position.is_finite() {
             own.learn(&sample, !self.modelled);
         }
-        if let (None, Some((before, (_, edges)))) = (sample.pressures, last) {
-            reactions[1] = self.watch_motion(own, sample.time, (&before, edges));
+        if let Some((before, (_, edges))) = last
+            && (sample.pressures.is_none() || self.gas.lacks_sensor())
+        {
+            reactions[1] = self.watch_motion(own, sample.time, (&before, edges)).or(reactions[1]);
         }
         let Some(state) = own.state() else { return own.rest(asked, 0.0) };
         if returns {
@@ -414,7 +377,7 @@ impl Supervisor {
         reactions
     }
 
-    /// Without pressure sensors the motion tells that the supply has fallen; what is to be done about that. The gas is then
+    /// Without both pressure sensors the motion tells that the supply has fallen; what is to be done about that. The gas is then
     /// that of a supply which explains the motion.
     fn watch_motion(
         &mut self,
@@ -603,54 +566,6 @@ impl Supervisor {
         own.switch(self.standby.clone());
     }
 
-    /// The command that has to brake before an end stop now, if any. Where the supply may have fallen, and as long as it
-    /// brakes, the trapped air alone has to be able to stop the drive.
-    fn brake(&mut self, own: &Controller, command: f64) -> Option<f64> {
-        let fallen = self.fallen.get_or_insert_with(|| Box::new(own.model.clone()));
-        let ambient = own.model.ambient.pressure;
-        let below = self.gas.supplied_below().unwrap_or(ambient);
-        let has_none = self.gas.has_no_supply();
-        let first = MARGINS[usize::from(has_none)];
-        let margin = if self.brakes { MARGINS[2] } else { first };
-        // Without pressure sensors a supply that has fallen is a force that is missing.
-        let d = own.state().map_or(0.0, |state| state.disturbance);
-        let misses = d.abs() > MISSING * own.plant.coulomb;
-        self.explained_for = if misses { 0.0 } else { self.explained_for + own.period };
-        let is_weak = !self.measures_gas && self.explained_for < MISSED_FOR;
-        let observer = own.observer.as_ref()?;
-        let trapped = is_weak.then(|| less_trapped(observer, &own.model, own.plant.coulomb));
-        let trapped = trapped.as_ref().unwrap_or(observer);
-        let tries = observer.time() < self.doubted_until;
-        let mut weak = |margin| {
-            let mut on = |share: f64| {
-                fallen.supply.pressure = ambient + share * (below - ambient);
-                brakes(fallen, trapped, (command, margin), own.period, tries)
-            };
-            let found = on(COUNTED_ON)?;
-            if has_none {
-                // Where all else hits, what the supply may still have is tried.
-                let is_lost = found.shut_needs > 1.0 && found.shut_speed > LOST;
-                let hoped = if is_lost { on(HOPED_FOR) } else { None };
-                return Some(hoped.unwrap_or(found).command);
-            }
-            // Shut it stops whatever the supply does. Where that is not enough, or just so with little air ahead, a supply that
-            // presses brakes best, as most doubts pass.
-            let ahead = trapped.state.pressures[usize::from(found.against < 0.0)];
-            let has_little = ahead - ambient < COUNTED_ON * (own.model.supply.pressure - ambient);
-            let needs = found.shut_needs * if has_little { 1.0 + SURE } else { 1.0 };
-            Some(if needs > 1.0 { found.against } else { 0.0 })
-        };
-        if self.gas.may_lack_supply() {
-            return weak(margin);
-        }
-        let brake = brakes(&own.model, observer, (command, margin), own.period, false);
-        let mut brake = brake.map(|found| found.command);
-        if self.gas.is_doubted || is_weak || tries {
-            brake = brake.or_else(|| weak(margin));
-        }
-        brake.or_else(|| if self.brakes { weak(first) } else { None })
-    }
-
     /// A command that keeps off end stops and limit switches.
     fn guarded(
         &mut self,
@@ -675,15 +590,19 @@ impl Supervisor {
             // It would take air from the chamber that it is to fill.
             command = 0.0;
         }
-        if let Some(brake) = self.brake(own, command).filter(|_| is_known) {
-            if !self.brakes {
+        if let Some(brake) = self
+            .braking
+            .needed(own, command, (&self.gas, self.measures_gas), self.doubted_until)
+            .filter(|_| is_known)
+        {
+            if !self.braking.acts {
                 self.log.tell(sample.time, EventKind::EndStop, state.velocity);
-                if let Some(times) = self.swings.watch(sample.time, state.velocity, stands) {
+                if let Some(times) = self.braking.swings.watch(sample.time, state.velocity, stands) {
                     self.log.tell(sample.time, EventKind::Braked, f64::from(times));
                     self.react(own, sample, Reaction::Block);
                 }
             }
-            self.brakes = true;
+            self.braking.acts = true;
             let takes_air = !self.measures_gas && self.reversed.is_some_and(|(way, _)| brake * way > 0.0);
             command = if takes_air { 0.0 } else { brake };
             if self.gas.has_no_supply() {
@@ -691,7 +610,7 @@ impl Supervisor {
                 self.react(own, sample, Reaction::Block);
             }
         } else {
-            self.brakes = false;
+            self.braking.acts = false;
         }
         let switches = self.inputs.switches;
         for (end, reached) in switches.into_iter().enumerate() {

@@ -551,6 +551,17 @@ fn a_lost_pressure_sensor_spoils_neither_the_model_nor_the_brake() {
     }
 }
 
+/// The pressure whose sensor is lost is filled by the model from a supply that has fallen: the motion tells it as it does
+/// without sensors. Untold it hits at 0.38 m/s.
+#[test]
+fn a_supply_that_falls_behind_a_lost_pressure_sensor_is_told_by_the_motion() {
+    for (seed, member) in [(6005, 1783), (6016, 9276)] {
+        let own = outcome(seed, member);
+        assert_eq!(own.class, Class::Safe, "{member}: {} m/s: {}", own.speed, own.told);
+        assert!(own.told.contains(" supply "), "{}", own.told);
+    }
+}
+
 /// As the example `faults` does with ten thousand.
 #[test]
 fn random_runs_with_faults_do_not_hit_the_end_stops() {

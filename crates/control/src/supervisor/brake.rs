@@ -1,5 +1,7 @@
-//! End stops: where the drive would come to a stand under full braking.
+//! End stops: what has to brake before them, by where the drive would come to a stand.
 
+use super::gas::Gas;
+use crate::controller::Controller;
 use crate::model::Model;
 use crate::observer::{Observer, State};
 use crate::spool::Spool;
@@ -23,6 +25,21 @@ const TURN: f64 = 0.03;
 const GAIN: [f64; 2] = [2e-3, 6e-3];
 /// Time for which a drive is followed that still moves away from the end, s (assumed).
 const AWAY: f64 = 0.03;
+
+/// Shares of the way by which the model may be wrong before it brakes, before it does so by trapped air alone, and while it
+/// brakes (assumed).
+const MARGINS: [f64; 3] = [0.5, 1.0, 1.5];
+/// Unknown force, as a share of the Coulomb friction, behind which a supply may have fallen, and time for which that is
+/// remembered, s (assumed): the pressure that a model believes in may hide it while the drive brakes.
+const MISSING: f64 = 2.0;
+const MISSED_FOR: f64 = 1.0;
+/// What a brake counts on as the pressure of a supply that did not fill a chamber, as a share of that chamber's, both above
+/// ambient; and what it hopes for where the shut valve leaves the drive faster than a speed, m/s, at the end stop (assumed).
+const COUNTED_ON: f64 = 0.4;
+const HOPED_FOR: f64 = 0.8;
+const LOST: f64 = 0.15;
+/// Share of the way behind a shut valve that has to be left beyond it where little air is ahead (assumed).
+const SURE: f64 = 0.2;
 
 /// Times that a drive which is to stand has to be braked above a speed, m/s, each within a time of the last one, s, until
 /// its law is taken off (assumed).
@@ -50,24 +67,116 @@ impl Swings {
     }
 }
 
+/// What brakes, with what it remembers.
+#[derive(Clone, Debug)]
+pub struct Braking {
+    /// It brakes.
+    pub acts: bool,
+    /// How often it did.
+    pub swings: Swings,
+    /// The model as it was at first, on a supply that has fallen.
+    fallen: Option<Box<Model>>,
+    /// For how long no force has been missing, s.
+    explained_for: f64,
+}
+
+impl Default for Braking {
+    fn default() -> Self {
+        Braking { acts: false, swings: Swings::default(), fallen: None, explained_for: f64::INFINITY }
+    }
+}
+
+/// What an observer without pressure sensors says, were what force is missing beyond friction that of the chamber which
+/// presses against it: so little gas may be trapped there.
+fn less_trapped(observer: &Observer, model: &Model, friction: f64) -> Observer {
+    let mut seen = observer.clone();
+    let State { disturbance, pressures, .. } = &mut seen.state;
+    let beyond = *disturbance - disturbance.clamp(-friction, friction);
+    for (pressure, side) in pressures.iter_mut().zip(&model.sides) {
+        if side.sign * beyond < 0.0 {
+            let less = (*pressure + side.sign * beyond / side.area).max(model.ambient.pressure);
+            *disturbance -= side.sign * side.area * (less - *pressure);
+            *pressure = less;
+        }
+    }
+    seen
+}
+
+impl Braking {
+    /// The command that has to brake before an end stop now, if any. Where the supply may have fallen, and as long as it
+    /// brakes, the trapped air alone has to be able to stop the drive. `gas` is what pressures say, if they are `measured`; until
+    /// `doubted_until`, s, a command may act in reverse.
+    pub fn needed(
+        &mut self,
+        own: &Controller,
+        command: f64,
+        (gas, measured): (&Gas, bool),
+        doubted_until: f64,
+    ) -> Option<f64> {
+        let fallen = self.fallen.get_or_insert_with(|| Box::new(own.model.clone()));
+        let ambient = own.model.ambient.pressure;
+        let below = gas.supplied_below().unwrap_or(ambient);
+        let has_none = gas.has_no_supply();
+        let first = MARGINS[usize::from(has_none)];
+        let margin = if self.acts { MARGINS[2] } else { first };
+        // Without pressure sensors a supply that has fallen is a force that is missing.
+        let d = own.state().map_or(0.0, |state| state.disturbance);
+        let misses = d.abs() > MISSING * own.plant.coulomb;
+        self.explained_for = if misses { 0.0 } else { self.explained_for + own.period };
+        let is_weak = !measured && self.explained_for < MISSED_FOR;
+        let observer = own.observer.as_ref()?;
+        let trapped = is_weak.then(|| less_trapped(observer, &own.model, own.plant.coulomb));
+        let trapped = trapped.as_ref().unwrap_or(observer);
+        let tries = observer.time() < doubted_until;
+        let mut weak = |margin| {
+            let mut on = |share: f64| {
+                fallen.supply.pressure = ambient + share * (below - ambient);
+                brakes(fallen, trapped, (command, margin), own.period, tries)
+            };
+            let found = on(COUNTED_ON)?;
+            if has_none {
+                // Where all else hits, what the supply may still have is tried.
+                let is_lost = found.shut_needs > 1.0 && found.shut_speed > LOST;
+                let hoped = if is_lost { on(HOPED_FOR) } else { None };
+                return Some(hoped.unwrap_or(found).command);
+            }
+            // Shut it stops whatever the supply does. Where that is not enough, or just so with little air ahead, a supply that
+            // presses brakes best, as most doubts pass.
+            let ahead = trapped.state.pressures[usize::from(found.against < 0.0)];
+            let has_little = ahead - ambient < COUNTED_ON * (own.model.supply.pressure - ambient);
+            let needs = found.shut_needs * if has_little { 1.0 + SURE } else { 1.0 };
+            Some(if needs > 1.0 { found.against } else { 0.0 })
+        };
+        if gas.may_lack_supply() {
+            return weak(margin);
+        }
+        let brake = brakes(&own.model, observer, (command, margin), own.period, false);
+        let mut brake = brake.map(|found| found.command);
+        if gas.is_doubted || is_weak || tries {
+            brake = brake.or_else(|| weak(margin));
+        }
+        brake.or_else(|| if self.acts { weak(first) } else { None })
+    }
+}
+
 /// What has to brake now.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Brake {
+struct Brake {
     /// The command behind which the way is the shortest, or the end stop is reached the slowest.
-    pub command: f64,
+    command: f64,
     /// The command that presses against the way to that end.
-    pub against: f64,
+    against: f64,
     /// Share of the room that the drive needs behind the shut valve, whatever the supply does; none where it is slow and
     /// touches the end stop softly.
-    pub shut_needs: f64,
+    shut_needs: f64,
     /// How fast it is there at its stand or at the end stop, m/s.
-    pub shut_speed: f64,
+    shut_speed: f64,
 }
 
 /// What has to brake now, if a command of now would leave too little way for that at the next sample, as the model may be
 /// wrong by a share of it, `margin`: before the end to which the drive moves, or to which a command turns it. Where commands
 /// may lead it `either_way`, before both.
-pub fn brakes(
+fn brakes(
     model: &Model,
     observer: &Observer,
     (command, margin): (f64, f64),

@@ -136,7 +136,7 @@ pub struct Found {
 impl Gas {
     /// Whether a sensor or the valve does not answer.
     pub fn is_lost(&self) -> bool {
-        self.valve_told || self.chambers.is_some_and(|own| own.iter().any(|own| own.is_lost))
+        self.valve_told || self.lacks_sensor()
     }
 
     /// Readings that are not credible become what the model foresees; `state` is that of the observer before the sample, `seen` that
@@ -348,9 +348,13 @@ impl Gas {
         self.below
     }
 
+    /// A pressure is not measured any more.
+    pub fn lacks_sensor(&self) -> bool {
+        self.chambers.is_some_and(|own| own.iter().any(|own| own.is_lost))
+    }
+
     /// Nobody knows that the supply presses: it has fallen, or a pressure is not measured.
     pub fn may_lack_supply(&self) -> bool {
-        let is_lost = self.chambers.is_some_and(|own| own.iter().any(|own| own.is_lost));
-        self.supply_told || is_lost
+        self.supply_told || self.lacks_sensor()
     }
 }

@@ -1,12 +1,12 @@
-//! A supply that has fallen, as the motion alone tells it: pressures are not measured.
+//! A supply that has fallen, as the motion tells it: pressures are not measured, or only one is.
 
 use crate::model::{Edges, Model};
 use crate::observer::State;
 
 /// Supplies that are tried: what is left of the pressure above ambient (assumed).
 const LEFT: [f64; 3] = [0.1, 0.25, 0.45];
-/// Valves that open less than described, beside the supply that is: share of an opening, and what it lacks further (assumed).
-const OPENS_LESS: [[f64; 2]; 2] = [[0.75, 0.02], [0.9, 0.04]];
+/// Valves beside the supply that is, as described and that open less: share of an opening, and what it lacks further (assumed).
+const OPENS: [[f64; 2]; 3] = [[1.0, 0.0], [0.75, 0.02], [0.9, 0.04]];
 /// Change of the unknown force that may be anything, in Coulomb friction and as a share of what both chambers press (assumed).
 const UNSURE: [f64; 2] = [1.5, 0.03];
 /// In Coulomb friction: what a supply has to explain beyond the others to gain, and the most that counts at a time (assumed).
@@ -18,11 +18,11 @@ const BELIEVED: f64 = 0.04;
 const GIVEN_UP: f64 = 0.015;
 const FOLLOWED: f64 = 0.15;
 
-/// The gas of a drive whose supply has fallen a moment ago, and of drives whose valve opens less than described.
+/// The gas of a drive whose supply has fallen a moment ago, and of drives on the supply as described.
 #[derive(Clone, Copy, Debug)]
 struct Twin {
     gas: State,
-    less: [State; OPENS_LESS.len()],
+    supplied: [State; OPENS.len()],
     /// Unknown force when it began, N, and the time since then, s.
     begun: f64,
     age: f64,
@@ -32,8 +32,8 @@ struct Twin {
 
 impl Twin {
     fn of(state: &State) -> Self {
-        let less = [*state; OPENS_LESS.len()];
-        Twin { gas: *state, less, begun: state.disturbance, age: 0.0, gained: 0.0 }
+        let supplied = [*state; OPENS.len()];
+        Twin { gas: *state, supplied, begun: state.disturbance, age: 0.0, gained: 0.0 }
     }
 }
 
@@ -75,7 +75,7 @@ impl Starved {
                 force - model.gas_force(gas.pressures)
             };
             let mut others = left(now.disturbance);
-            for (gas, [share, lacks]) in own.less.iter_mut().zip(OPENS_LESS) {
+            for (gas, [share, lacks]) in own.supplied.iter_mut().zip(OPENS) {
                 let opens = |edge: f64| (share * edge - lacks).max(edge.min(model.valve.leakage));
                 others = others.min(left(follow(model, gas, edges.map(|side| side.map(opens)))));
             }
