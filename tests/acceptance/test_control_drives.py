@@ -106,6 +106,37 @@ def test_a_first_turn_is_led_with_what_friction_lacked_before_it():
         assert float(error.sel(time=slice(0.7, 1.3)).max()) < 0.9e-3
 
 
+def test_a_weight_that_is_not_known_is_not_learned_as_friction():
+    """Learned in the first motion, it had the wrong sign in the next one: 1.1 mm."""
+    drive = pn.Circuit.load(Path(__file__).parents[2] / "examples" / "axes" / "upright.toml")
+    run = pn.control.run(drive, "nmpc", reference="R2", duration="1.3 s", mismatch=Mismatch(moving_mass=1.8))
+    error = abs(run.position - run.reference)
+    assert float(error.sel(time=slice(0.3, 1.3)).max()) < 0.6e-3
+
+
+def test_a_chamber_near_the_supply_teaches_no_smaller_valve():
+    """A supply 6 % lower fills it slowly there: the valve was learned at 0.55 of what it is, and the drive was lost, 95 mm."""
+    drive = axis(
+        'bore = "63 mm"\nstroke = "160 mm"\ndead_volume_a = "52.6 cm3"\ndead_volume_b = "24.6 cm3"\n'
+        'moving_mass = "44.9 kg"\nincline = "-90 deg"',
+        LUGRE.format(27.7, 29.7, 52, 9e4, 1200),
+        COMMON.replace('"2 dm3', '"3.3 dm3'),
+    )
+    low = Mismatch(supply_pressure=0.945, moving_mass=1.44, conductance=0.825, friction_law="stribeck")
+    run = pn.control.run(drive, "nmpc", reference="R8", duration="6 s", mismatch=low)
+    assert run.attrs["score"]["max_error_m"] < 2.5e-3
+
+
+@pytest.mark.parametrize("law", ["nmpc", "super-twisting", "pva"])
+def test_a_drive_that_sticks_where_its_model_creeps_keeps_its_position_sensor(law: str):
+    """What dry friction bears was taken for a force, the model crept at 3 mm/s, and the resting reading for a stuck one."""
+    drive = pn.Circuit.load(Path(__file__).parents[2] / "examples" / "controlled_axis.toml")
+    for seed in (1, 2):
+        dry = Mismatch(friction_law="stribeck", friction_level=1.1)
+        run = pn.control.run(drive, law, reference="R2", duration="4 s", mismatch=dry, seed=seed)
+        assert list(run.attrs["events"]) == []
+
+
 def test_a_drive_without_friction_keeps_its_position_sensor():
     drive = axis(SMALL, LUGRE.format(0.001, 0.001, 1, 1e5, 300), COMMON)
     run = pn.control.run(

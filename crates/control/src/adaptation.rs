@@ -120,7 +120,8 @@ const FLOW_DEVIATION: f64 = 0.05;
 /// The former as a pressure on the piston, Pa, where that is more: what gains and zeros of pressure sensors miss grows with
 /// its area (assumed).
 const PRESSURE_DEVIATION: f64 = 6e3;
-/// Unit of a force that stays the same in both directions, N, at that least deviation (assumed).
+/// Unit of a force that stays the same in both directions, N, at that least deviation, beside the described weight, which is as
+/// unsure as the mass (assumed).
 const OFFSET: f64 = 10.0;
 /// Shares of the described value within which estimates stay (assumed).
 const FRICTION_WITHIN: [f64; 2] = [0.3, 3.0];
@@ -134,6 +135,8 @@ const HEAVY: f64 = 0.1;
 const OPEN: f64 = 0.012;
 const SLOW: f64 = 5.0;
 const CALM: f64 = 0.002;
+/// Share of the supply's pressure from which on a chamber is full (assumed: a supply 6 % lower fills it 12 % slower there).
+const FULL: f64 = 0.8;
 /// A disturbance that jumps in one direction by this share of the Coulomb friction, and of the inertia, is a load: friction
 /// is not learned for a time, s (assumed).
 const JUMP: f64 = 0.5;
@@ -201,9 +204,11 @@ impl Adaptation {
     fn balance(&mut self, [coulomb, viscous, inertia]: [f64; 3], force: f64, level: f64, factor: f64) {
         let area = 0.5 * self.described.sides.iter().map(|side| side.area).sum::<f64>();
         let least = FORCE_DEVIATION.max(PRESSURE_DEVIATION * area);
-        let (deviation, offset) = (least * factor, OFFSET * (least / FORCE_DEVIATION));
+        let weight = self.described.load.abs();
+        let (deviation, offset) = (least * factor, OFFSET * (least / FORCE_DEVIATION) + weight);
+        let most = (level + (MASS_WITHIN[1] - 1.0) * weight) / offset;
         let phi = [coulomb, viscous, offset, inertia].map(|own| own / deviation);
-        let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-level / offset, level / offset], MASS_WITHIN];
+        let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-most, most], MASS_WITHIN];
         self.friction.observe(phi, force / deviation);
         self.friction.project(within);
     }
@@ -254,7 +259,8 @@ impl Adaptation {
         self.calm = if speed.abs() < SLOW { self.calm + period } else { 0.0 };
         let open = spool.abs() - model.valve.overlap > OPEN && self.calm > CALM;
         // The chamber that fills first: so a drive learns alike in both directions, also at a bound.
-        let seen = if spool > 0.0 { [0, 1] } else { [1, 0] }.map(|side| {
+        let [fills, vents] = if spool > 0.0 { [0, 1] } else { [1, 0] };
+        let seen = [fills, vents].map(|side| {
             // Energy that flows in at full opening, W, while an edge is open.
             let is_open = f64::from(u8::from(spool.abs() > model.valve.overlap));
             let flow = is_open * (full.energy_rates[side] - shut.energy_rates[side]);
@@ -269,7 +275,9 @@ impl Adaptation {
         if !open {
             return;
         }
-        for (phi, y) in seen {
+        // Near the supply's pressure what fills a chamber tells of that, and nothing of the valve.
+        let is_full = state.pressures[fills] > FULL * described.supply.pressure;
+        for (phi, y) in seen.into_iter().skip(usize::from(is_full)) {
             let d = OVERLAP_WITHIN;
             let [low, high] = CONDUCTANCE_WITHIN;
             let within = [[low, high / (1.0 - d[1])], [-high * d[1] / (1.0 - d[1]), 0.0]];

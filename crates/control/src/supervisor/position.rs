@@ -10,6 +10,9 @@ use crate::observer::State;
 const JUMP: f64 = 5.0;
 const STUCK: f64 = 20.0;
 const CORRECTED: f64 = 5e-3;
+/// Grains on which the friction stops a drive that then rests, and share of it that such a drive may bear (assumed).
+const STOPS: f64 = 4.0;
+const BEARS: f64 = 1.25;
 /// Speed up to which a model may creep while its drive rests, m/s (assumed): with measured pressures, as its contact gives way
 /// smoothly below breakaway; without, or where it follows the position alone.
 const CREEPS: [f64; 2] = [5e-4, 5e-3];
@@ -35,6 +38,8 @@ pub struct Position {
     moved: f64,
     /// The drive rested when the reading changed.
     from_rest: bool,
+    /// Friction may have stopped it since.
+    stopped: bool,
     /// Where the model would be without readings since the reading changed: the observer's own is held by them, as what moves
     /// it is taken for a force that is missing.
     twin: Option<Twin>,
@@ -92,11 +97,17 @@ impl Position {
         let mut miss = reading - foreseen.position;
         // A contact that is held may creep in the model and stick in truth: each reading puts the model back.
         let creeps = is_held || foreseen.velocity.abs() < CREEPS[usize::from(!by_gas)];
-        let way = if creeps { 0.0 } else { foreseen.velocity * period };
+        // So may one that sticks in truth: what it bears there is taken for a force that is missing.
+        let [level, _] = model.friction_levels([reading, 0.0], seen.pressures);
+        let force = model.gas_force(seen.pressures) + model.load;
+        let sticks = by_gas && self.stopped && force.abs() < BEARS * level;
+        let way = if creeps || sticks { 0.0 } else { foreseen.velocity * period };
         if self.last == Some(reading) {
             self.moved += way;
         } else {
-            (self.moved, self.from_rest) = (0.0, foreseen.velocity.abs() < CREEPS[1]);
+            let v = foreseen.velocity;
+            (self.moved, self.from_rest) = (0.0, v.abs() < CREEPS[1]);
+            self.stopped = 0.5 * model.mass * v * v < level * STOPS * grain;
         }
         let apart = (SPEED_SHARE * period).max(JUMP * jitter) * fastest;
         let jumps = miss.abs() > JUMP * grain + apart * f64::from(1 + self.bad);
@@ -118,7 +129,6 @@ impl Position {
         if is_gone {
             miss = -gone;
         }
-        let [level, _] = model.friction_levels([reading, 0.0], seen.pressures);
         let breaks_away = (0.5 * level / model.mass * CORRECTED * CORRECTED).min(GONE);
         let late = if self.from_rest { breaks_away } else { 0.0 };
         // A reading may come as late as the next one, whose time jitters by so much beyond what the speed is unsure anyway.
