@@ -335,7 +335,7 @@ impl Supervisor {
     /// Readings that are not credible are replaced; what is to be done about the position's, and about those of the gas.
     fn check_sensors(
         &mut self,
-        own: &Controller,
+        own: &mut Controller,
         sample: &mut Sample,
         last: Option<(State, (State, Edges<f64>))>,
     ) -> [Option<Reaction>; 2] {
@@ -351,7 +351,13 @@ impl Supervisor {
         let by_gas = self.measures_gas && !self.gas.is_lost() && !own.observing.differentiates();
         let seen = (&foreseen, self.is_held, by_gas);
         let model = (&own.model, &before, edges);
-        sample.position = self.position.checked(reading, seen, scale, model, &mut self.log);
+        let (position, free) = self.position.checked(reading, seen, scale, model, &mut self.log);
+        sample.position = position;
+        if let (Some(free), Some(observer), false) = (free, &mut own.observer, own.observing.differentiates())
+        {
+            let gas = observer.state;
+            observer.state = State { pressures: gas.pressures, temperatures: gas.temperatures, ..free };
+        }
         let mut reactions = [(self.position.is_lost() && !was_lost).then_some(self.rules.on_position), None];
         if let Some(pressures) = &mut sample.pressures {
             let states = (&before, &foreseen);

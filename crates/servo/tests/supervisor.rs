@@ -552,14 +552,21 @@ fn a_lost_pressure_sensor_spoils_neither_the_model_nor_the_brake() {
 }
 
 /// The pressure whose sensor is lost is filled by the model from a supply that has fallen: the motion tells it as it does
-/// without sensors. Untold it hits at 0.38 m/s.
+/// without sensors. Untold it hits.
 #[test]
 fn a_supply_that_falls_behind_a_lost_pressure_sensor_is_told_by_the_motion() {
-    for (seed, member) in [(6005, 1783), (6016, 9276)] {
-        let own = outcome(seed, member);
-        assert_eq!(own.class, Class::Safe, "{member}: {} m/s: {}", own.speed, own.told);
-        assert!(own.told.contains(" supply "), "{}", own.told);
-    }
+    let own = outcome(6005, 1783);
+    assert_eq!(own.class, Class::Safe, "{} m/s: {}", own.speed, own.told);
+    assert!(own.told.contains(" supply "), "{}", own.told);
+}
+
+/// Readings that rested for two samples gave the observer a force and a speed that are not there: the model behind them turned
+/// late, and the brake came late, 0.31 m/s.
+#[test]
+fn a_model_goes_on_from_before_the_readings_that_were_stuck() {
+    let own = outcome(1, 2358);
+    assert_eq!(own.class, Class::Safe, "{} m/s: {}", own.speed, own.told);
+    assert!(own.told.contains("position-lost"), "{}", own.told);
 }
 
 /// As the example `faults` does with ten thousand.

@@ -49,11 +49,16 @@ pub struct Position {
     jumped: Option<f64>,
 }
 
-/// The model with so much friction, and a state that goes on by it alone.
-type Twin = (Model, State);
+/// The model with so much friction, a state that goes on by it alone, and one that goes on by the model as it is.
+#[derive(Clone, Debug)]
+struct Twin {
+    rubbing: Model,
+    rubs: State,
+    free: State,
+}
 
-/// A twin goes on for a period; on the way it comes back to `seen`.
-fn go_on((model, own): &mut Twin, seen: &State, edges: Edges<f64>, period: f64) {
+/// A state goes on by a model for a period; on the way it comes back to `seen`.
+fn go_on(own: &mut State, model: &Model, seen: &State, edges: Edges<f64>, period: f64) {
     let share = period / (period + COMES_BACK);
     let back = |own: &mut f64, seen: f64| *own += share * (seen - *own);
     back(&mut own.position, seen.position);
@@ -79,7 +84,8 @@ impl Position {
         self.is_lost() && self.jumped.is_some_and(|jump| (off - jump).abs() < off.abs())
     }
 
-    /// A reading, or what the model foresees where that is not credible. `grain` is how finely the model can know a
+    /// A reading, or what the model foresees where that is not credible; and the state at the last sample as it would be without
+    /// the readings that rested, once they are not credible. `grain` is how finely the model can know a
     /// position, m, `fastest` the highest speed, m/s, `jitter` the standard deviation of the time of a reading, s;
     /// `is_held`: the law held at the last sample; `by_gas`: the model follows measured pressures; `seen` is the state at
     /// the last sample, `edges` how far edges were open since.
@@ -90,9 +96,9 @@ impl Position {
         (grain, fastest, (period, jitter)): (f64, f64, (f64, f64)),
         (model, seen, edges): (&Model, &State, Edges<f64>),
         log: &mut Log,
-    ) -> f64 {
+    ) -> (f64, Option<State>) {
         if self.is_lost() {
-            return foreseen.position;
+            return (foreseen.position, None);
         }
         let mut miss = reading - foreseen.position;
         // A contact that is held may creep in the model and stick in truth: each reading puts the model back.
@@ -119,11 +125,12 @@ impl Position {
             let twin = self.twin.get_or_insert_with(|| {
                 let mut rubbing = model.clone();
                 rubbing.friction_shares[0] *= RUBS[usize::from(!by_gas)];
-                (rubbing, *seen)
+                Twin { rubbing, rubs: *seen, free: *seen }
             });
-            go_on(twin, seen, edges, period);
+            go_on(&mut twin.rubs, &twin.rubbing, seen, edges, period);
+            twin.free = State { pressures: seen.pressures, temperatures: seen.temperatures, ..twin.free };
         }
-        let gone = self.twin.as_ref().map_or(0.0, |(_, own)| own.position - reading);
+        let gone = self.twin.as_ref().map_or(0.0, |twin| twin.rubs.position - reading);
         let room = if gone > 0.0 { model.stroke - reading } else { reading };
         let is_gone = gone.abs() > GONE.max(STUCK * grain) && room > AT_END;
         if is_gone {
@@ -137,7 +144,8 @@ impl Position {
         if !jumps && !is_stuck && reading.is_finite() {
             self.bad = 0;
             self.last = Some(reading);
-            return reading;
+            self.twin.iter_mut().for_each(|twin| _ = twin.free.advance(model, edges, period, None));
+            return (reading, None);
         }
         self.bad += 1;
         if self.bad == 1 {
@@ -147,6 +155,11 @@ impl Position {
         if self.is_lost() {
             log.tell(time, EventKind::PositionLost, miss);
         }
-        foreseen.position
+        let free = self.twin.as_ref().filter(|_| self.bad == 1 && !jumps).map(|twin| twin.free);
+        let mut now = free.unwrap_or(*foreseen);
+        if free.is_some() {
+            now.advance(model, edges, period, None);
+        }
+        (now.position, free)
     }
 }
