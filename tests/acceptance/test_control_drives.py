@@ -98,7 +98,7 @@ def test_a_supply_that_sags_in_fast_moves_shuts_no_valve():
 
 
 def test_a_first_turn_is_led_with_what_friction_lacked_before_it():
-    """More friction, that sticks and slips: what it lacked stood as a force that did not turn, 1.5 mm at the first turn."""
+    """More friction, that sticks and slips: what it lacked was a force that did not turn, 1.5 mm at the first turn."""
     drive = pn.Circuit.load(Path(__file__).parents[2] / "examples" / "axes" / "starter.toml")
     for seed in (2, 4):
         run = pn.control.run(drive, "nmpc", reference="R1", duration="1.3 s", mismatch="all", seed=seed)
@@ -115,7 +115,7 @@ def test_a_weight_that_is_not_known_is_not_learned_as_friction():
 
 
 def test_a_chamber_near_the_supply_teaches_no_smaller_valve():
-    """A supply 6 % lower fills it slowly there: the valve was learned at 0.55 of what it is, and the drive was lost, 95 mm."""
+    """A lower supply fills it slowly there: the valve was learned too small, and the drive was lost, 95 mm."""
     drive = axis(
         'bore = "63 mm"\nstroke = "160 mm"\ndead_volume_a = "52.6 cm3"\ndead_volume_b = "24.6 cm3"\n'
         'moving_mass = "44.9 kg"\nincline = "-90 deg"',
@@ -129,7 +129,7 @@ def test_a_chamber_near_the_supply_teaches_no_smaller_valve():
 
 @pytest.mark.parametrize("law", ["nmpc", "super-twisting", "pva"])
 def test_a_drive_that_sticks_where_its_model_creeps_keeps_its_position_sensor(law: str):
-    """What dry friction bears was taken for a force, the model crept at 3 mm/s, and the resting reading for a stuck one."""
+    """What dry friction bears was taken for a force, the model crept, and the resting reading for a stuck one."""
     drive = pn.Circuit.load(Path(__file__).parents[2] / "examples" / "controlled_axis.toml")
     for seed in (1, 2):
         dry = Mismatch(friction_law="stribeck", friction_level=1.1)
