@@ -114,19 +114,6 @@ def test_a_weight_that_is_not_known_is_not_learned_as_friction():
     assert float(error.sel(time=slice(0.3, 1.3)).max()) < 0.6e-3
 
 
-def test_a_chamber_near_the_supply_teaches_no_smaller_valve():
-    """A lower supply fills it slowly there: the valve was learned too small, and the drive was lost, 95 mm."""
-    drive = axis(
-        'bore = "63 mm"\nstroke = "160 mm"\ndead_volume_a = "52.6 cm3"\ndead_volume_b = "24.6 cm3"\n'
-        'moving_mass = "44.9 kg"\nincline = "-90 deg"',
-        LUGRE.format(27.7, 29.7, 52, 9e4, 1200),
-        COMMON.replace('"2 dm3', '"3.3 dm3'),
-    )
-    low = Mismatch(supply_pressure=0.945, moving_mass=1.44, conductance=0.825, friction_law="stribeck")
-    run = pn.control.run(drive, "nmpc", reference="R8", duration="6 s", mismatch=low)
-    assert run.attrs["score"]["max_error_m"] < 2.5e-3
-
-
 @pytest.mark.parametrize("law", ["nmpc", "super-twisting", "pva"])
 def test_a_drive_that_sticks_where_its_model_creeps_keeps_its_position_sensor(law: str):
     """What dry friction bears was taken for a force, the model crept, and the resting reading for a stuck one."""
