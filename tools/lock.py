@@ -1,7 +1,7 @@
 """Write or check the Python lock files under requirements/.
 
-A lock file holds names, versions and hashes only: no registry stands in it, so that it installs from
-whatever index the user's machine is set up for (docs/decisions/0001-lock-files.md).
+A lock file holds names, versions and hashes, and no registry. It therefore installs from the index that the user's
+machine is set up for (docs/decisions/0001-lock-files.md).
 
     python tools/lock.py            write the locks again, keeping pinned versions that still fit
     python tools/lock.py --upgrade  take the newest versions
@@ -79,7 +79,7 @@ def write(name: str, upgrade: bool) -> None:
 
 
 def check(name: str) -> list[str]:
-    """Return what is wrong with one lock file, in words."""
+    """Return the faults of a lock file, in words."""
     path = LOCKS / name
     if not path.is_file():
         return [f"{path.relative_to(ROOT)} is missing"]

@@ -1,13 +1,12 @@
-"""What the Python package weighs and repeats: lines of code, pairs of equal lines, class names, import circles.
+"""Measure the Python package: lines of code, pairs of equal lines, class names, import circles.
 
     python tools/measure.py            # the figures
-    python tools/measure.py --check    # exit status 1 where something stands twice
+    python tools/measure.py --check    # exit status 1 where code is repeated or a budget of budgets.toml is exceeded
 
-A line of code is one that is neither blank nor a comment nor part of a docstring. A pair is two runs of six or more
-lines of code, the same after white space is folded and every name is replaced by the number of its first appearance in
-the run; numbers and strings have to be equal. Lines without content of their own are passed over: imports, heads of
-functions with their parameters, fields without a value, lone brackets and dots. A circle is a set of modules that
-import each other, imports for type checkers included.
+A line of code is neither blank nor a comment nor part of a docstring. A pair is two runs of six or more equal lines
+of code. White space is folded and every name is replaced by the number of its first appearance in the run; numbers and
+strings have to be equal. Imports, heads of functions, fields without a value and lone brackets do not count. A circle
+is a set of modules that import each other, imports for type checkers included.
 """
 
 from __future__ import annotations
@@ -21,6 +20,8 @@ from collections import defaultdict
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
+
+import budgets
 
 ROOT = Path(__file__).parents[1] / "python"
 PACKAGE = "pneudrive"
@@ -38,15 +39,15 @@ class Module:
 
     name: str
     path: Path
-    tree: ast.Module
+    nodes: list[ast.AST]
     code: dict[int, Line]
 
     @classmethod
     def read(cls, path: Path) -> Module:
         """Read one file."""
         text = path.read_text("utf-8")
-        tree = ast.parse(text)
-        bodies = [node.body for node in ast.walk(tree) if isinstance(getattr(node, "body", None), list)]
+        nodes = list(ast.walk(ast.parse(text)))
+        bodies = [node.body for node in nodes if isinstance(getattr(node, "body", None), list)]
         prose = {
             number
             for body in bodies
@@ -62,12 +63,12 @@ class Module:
                     lines[number].append((is_name, token.string))
         parts = path.relative_to(ROOT).with_suffix("").parts
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        return cls(name, path, tree, {n: tuple(tokens) for n, tokens in sorted(lines.items()) if n not in prose})
+        return cls(name, path, nodes, {n: tuple(tokens) for n, tokens in sorted(lines.items()) if n not in prose})
 
     def telling(self) -> list[tuple[int, Line]]:
-        """Return the lines that have content of their own, with their numbers."""
+        """Return the lines that count for pairs, with their numbers."""
         thin: set[int] = set()
-        for node in ast.walk(self.tree):
+        for node in self.nodes:
             if isinstance(node, ast.Import | ast.ImportFrom) or (
                 isinstance(node, ast.AnnAssign) and node.value is None
             ):
@@ -82,12 +83,12 @@ class Module:
 
     def classes(self) -> list[str]:
         """Return the names of all classes."""
-        return [node.name for node in ast.walk(self.tree) if isinstance(node, ast.ClassDef)]
+        return [node.name for node in self.nodes if isinstance(node, ast.ClassDef)]
 
     def imports(self, known: set[str]) -> set[str]:
         """Return the modules of the package that this one imports."""
         found: set[str] = set()
-        for node in ast.walk(self.tree):
+        for node in self.nodes:
             if isinstance(node, ast.Import):
                 found |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module and node.module != PACKAGE:
@@ -108,7 +109,7 @@ def shape(lines: list[Line]) -> tuple[tuple[str, ...], ...]:
 
 
 def pairs(modules: list[Module]) -> list[tuple[str, str]]:
-    """Return where runs of lines stand twice, each pair of places once."""
+    """Return the places of equal runs of lines, each pair once."""
     places: dict[tuple[tuple[str, ...], ...], list[tuple[Module, int, int]]] = defaultdict(list)
     telling = {module.name: module.telling() for module in modules}
     for module in modules:
@@ -129,43 +130,31 @@ def pairs(modules: list[Module]) -> list[tuple[str, str]]:
 
 
 def circles(modules: list[Module]) -> list[list[str]]:
-    """Return the sets of modules that import each other (Tarjan, 1972)."""
+    """Return the sets of modules that import each other."""
     known = {module.name for module in modules}
-    graph = {module.name: module.imports(known) for module in modules}
-    index: dict[str, int] = {}
-    low: dict[str, int] = {}
-    stack: list[str] = []
-    found: list[list[str]] = []
+    return budgets.strongly_connected({module.name: module.imports(known) for module in modules})
 
-    def visit(name: str) -> None:
-        index[name] = low[name] = len(index)
-        stack.append(name)
-        for other in graph[name]:
-            if other not in index:
-                visit(other)
-                low[name] = min(low[name], low[other])
-            elif other in stack:
-                low[name] = min(low[name], index[other])
-        if low[name] == index[name]:
-            circle = stack[stack.index(name) :]
-            del stack[stack.index(name) :]
-            if len(circle) > 1:
-                found.append(sorted(circle))
 
-    for name in sorted(graph):
-        if name not in index:
-            visit(name)
-    return found
+def sizes_of(modules: list[Module]) -> dict[str, int]:
+    """Return the lines of code of each package; modules of the root count for the root."""
+    sizes: dict[str, int] = defaultdict(int)
+    for module in modules:
+        folder = module.path.relative_to(ROOT / PACKAGE).parent
+        sizes[folder.parts[0] if folder.parts else PACKAGE] += len(module.code)
+    return dict(sizes)
+
+
+def read_all() -> list[Module]:
+    """Read all files of the package."""
+    return [Module.read(path) for path in sorted((ROOT / PACKAGE).rglob("*.py"))]
 
 
 def main() -> int:
-    """Print the figures; with ``--check``, fail where something stands twice."""
-    modules = [Module.read(path) for path in sorted((ROOT / PACKAGE).rglob("*.py"))]
-    sizes: dict[str, int] = defaultdict(int)
+    """Print the figures; with ``--check``, fail for repeated code and exceeded budgets."""
+    modules = read_all()
+    sizes = sizes_of(modules)
     owners: dict[str, list[str]] = defaultdict(list)
     for module in modules:
-        parts = module.name.split(".")
-        sizes[parts[1] if len(parts) > 1 else parts[0]] += len(module.code)
         for name in module.classes():
             owners[name].append(module.name)
     twice = {name: where for name, where in sorted(owners.items()) if len(where) > 1}
@@ -182,7 +171,10 @@ def main() -> int:
     print(f"{len(again):7d} pairs of {RUN} and more equal lines ({ALLOWED_PAIRS} are allowed)")
     print(f"{len(twice):7d} class names that stand twice")
     print(f"{len(round_trips):7d} import circles")
-    return int("--check" in sys.argv and (len(again) > ALLOWED_PAIRS or bool(twice) or bool(round_trips)))
+    exceeded = budgets.check(sizes) if "--check" in sys.argv else []
+    print("\n".join(exceeded))
+    repeated = len(again) > ALLOWED_PAIRS or bool(twice) or bool(round_trips)
+    return int("--check" in sys.argv and (repeated or bool(exceeded)))
 
 
 if __name__ == "__main__":

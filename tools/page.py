@@ -61,7 +61,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def check() -> list[str]:
-    """Return what is wrong with the page, in words."""
+    """Return the faults of the page, in words."""
     wrong = []
     for folder in (PAGE, BROWSER):
         lock = json.loads((folder / "package-lock.json").read_text())
