@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 #: Example -> page with the lines that it prints, how they begin, and how many there are at least.
 PAGES = {
-    "friction_of_seals": ("README.md", "", 11),
+    "friction_of_seals": ("docs/theory/fit.md", "", 11),
     "as_printed": ("docs/theory/as-printed.md", "|", 6),
     "identified_to_controlled": ("docs/guide/identified-to-controlled.md", "|", 17),
     "linear_part": ("docs/theory/flow.md", "|", 6),
