@@ -124,12 +124,13 @@ def _write_fits(fits: Fits, law: str, folder: Path, whole: str) -> list[Path]:
 
 def _say(found: Characterisation, written: list[Path]) -> None:
     """Print one line per recording, the notes, and the paths of the results."""
-    heads = ("recording", "speed mm/s", "friction N", "U (k=2) N", "offset N", "<flags")
+    heads = ("recording", "speed mm/s", "strokes", "friction N", "U (k=2) N", "offset N", "<flags")
     rows = []
     for level in found.levels[:MOST_ROWS]:
         speeds = ", ".join(f"{row['velocity_m_s'] * 1e3:+.1f}" for row in level.rows)
         numbers = (f"{n:.2f}" for n in (level.friction_n, level.expanded_n, level.offset_n))
-        rows.append((level.recording, speeds, *numbers, " ".join(level.flags)))
+        used, recorded = (sum(row[name] for row in level.rows) for name in ("strokes", "strokes_recorded"))
+        rows.append((level.recording, speeds, f"{used} of {recorded}", *numbers, " ".join(level.flags)))
     show_table(heads, rows)
     show_lines(f"- {note}" for note in found.notes)
     tell(written)

@@ -76,6 +76,8 @@ def fit(
     curves, campaign = _map_of(source, layout)
     options = {"direction": turn[direction], "loss": loss, "ambient_pressure_pa": _ambient(curves, ambient)}
     options["exclude_flags"] = () if campaign is None else NO_POINTS  # as characterise does
+    for note in _averaged(curves, by):
+        typer.echo(f"! {note}")
     for group, part in _groups(curves, by):
         if group:
             typer.echo(f"{by} {group}")
@@ -87,8 +89,8 @@ def fit(
         slug = file_name(group)
         target = out.with_stem(f"{out.stem}-{slug}") if group else out
         tell_fit(found, target, report and report / slug, profile=profile)
-    for said in _seals(curves, by, options["ambient_pressure_pa"], turn[direction]):
-        typer.echo(f"- {said}")
+    for statement in _seals(curves, by, options["ambient_pressure_pa"], turn[direction]):
+        typer.echo(f"- {statement}")
 
 
 def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, CampaignCharacteristics | None]:
@@ -143,18 +145,17 @@ def _joined(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
 
 
 def _seals(curves: xr.Dataset, by: str, ambient_pa: float, direction: int | None) -> list[str]:
-    """Return sentences on the spread between several seals of one map, or a note that the fit averages over them."""
+    """Return sentences on the spread between several seals of one map, if each was fitted."""
     from pneudrive.errors import FitError
     from pneudrive.identify.survey import survey
 
-    said = _averaged(curves, by)
     if by != "seal" or "seal" not in curves or len(set(curves["seal"].to_numpy().tolist())) < 2:
-        return said
+        return []
     runs = "run" if "run" in curves else None
     try:
-        return said + survey(curves, "seal", runs, direction=direction, ambient_pressure_pa=ambient_pa).statements()
+        return survey(curves, "seal", runs, direction=direction, ambient_pressure_pa=ambient_pa).statements()
     except FitError as problem:
-        return [*said, f"the seals are not surveyed: {problem.what}"]
+        return [f"the seals are not surveyed: {problem.what}"]
 
 
 def _averaged(curves: xr.Dataset, by: str) -> list[str]:

@@ -31,6 +31,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "u_systematic_n": ("N", "systematic standard uncertainty of friction_n"),
     "samples": ("1", "samples that entered the mean"),
     "strokes": ("1", "strokes that entered the mean"),
+    "strokes_recorded": ("1", "strokes of this direction and speed class in the recording"),
     "position_from_m": ("m", "lower end of the window"),
     "position_to_m": ("m", "upper end of the window"),
     "breakaway_n": ("N", "median peak of friction after reversal, NaN without a usable peak"),
@@ -39,7 +40,8 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "flags": ("", "names of flags, separated by commas"),
     "ambient_pressure_pa": ("Pa", "absolute pressure around the rod"),
 }
-AMBIENT = "ambient_pressure_pa"  # missing from maps of earlier versions
+AMBIENT = "ambient_pressure_pa"
+ADDED = (AMBIENT, "strokes_recorded")  # missing from maps of earlier versions
 HASHES = "recordings_sha256"  # attribute, and metadata of map.parquet: recording -> hash as it carries it, as JSON
 Row = dict[str, Any]  # of the map, by `COLUMNS`
 
@@ -113,7 +115,7 @@ def read_map(path: str | Path) -> xr.Dataset:
         types = {name: kinds.get(unit, pl.Float64) for name, (unit, _) in COLUMNS.items()}
         frame = read_csv(path, types, RecordingError)
         columns = {name: frame[name].to_numpy() for name in frame.columns}
-    missing = [name for name in COLUMNS if name not in columns and name != AMBIENT]
+    missing = [name for name in COLUMNS if name not in columns and name not in ADDED]
     if missing:
         remedy = "use a map written by pneudrive characterise"
         raise RecordingError(f"the friction map lacks {', '.join(missing)}", where=str(path), remedy=remedy)

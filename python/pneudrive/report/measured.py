@@ -31,11 +31,12 @@ CHANNELS = {
 def section(found: Characterisation) -> Section:
     """Return the section on rig, sensors and files."""
     topic, first = Topic("recordings", "measured"), found.recordings[0]
-    strokes = sum(len(r.strokes) for r in found.results)
+    uses = found.stroke_uses.values()
+    strokes = {"used": sum(use.used for use in uses), "strokes": sum(use.recorded for use in uses)}
     counts = {"recordings": plural(len(found.results), "recording"), "seals": plural(len(by_seal(found)), "seal")}
     areas = {"area_a": first.area_a_m2 * 1e4, "area_b": first.area_b_m2 * 1e4}
     return topic.section(
-        topic.text(**counts, strokes=strokes),
+        topic.text(**counts, **strokes),
         topic.picture("rig", draw_rig(first), **areas),
         topic.table(_sensors(found.recordings), "sensors"),
         topic.table(_files(found), "files"),
@@ -89,4 +90,6 @@ def _files(found: Characterisation) -> Iterator[tuple]:
         where = f"{r.source.parent.name}/{r.source.name}" if r.source else "simulated" if r.synthetic else "from Python"
         diameter = np.sqrt(4 * max(r.area_a_m2, r.area_b_m2) / np.pi) * 1e3
         labels = (seal_of(r), r.labels.get("run", ""), r.sha256[:16] if r.sha256 else None)
-        yield where, *labels, len(r), len(result.strokes), r.time_s[-1] - r.time_s[0], diameter
+        use = found.stroke_uses[r.name]
+        strokes = (use.recorded, use.used, use.why or None)
+        yield where, *labels, len(r), *strokes, r.time_s[-1] - r.time_s[0], diameter

@@ -63,6 +63,10 @@ def _data(found: CampaignCharacteristics, reading: CampaignData, points: Points 
     if points is not None and points.unpaired:
         keys = named(d.head.cycle.key for d in points.unpaired)
         yield say("data.unpaired", count=len(points.unpaired), keys=keys)
+    strokes = {d.head.cycle.key: (d.strokes_used, d.strokes_recorded) for d in reading.sliding}
+    if partial := {key: n for key, n in strokes.items() if n[0] < n[1]}:
+        used, recorded = (sum(n[i] for n in partial.values()) for i in (0, 1))
+        yield say("data.strokes", count=len(partial), keys=named(partial), used=used, recorded=recorded)
     yield from suspicions(reading, points)
     if reading.notes:
         yield say("data.notes", notes=named(reading.notes, "; "))

@@ -169,6 +169,7 @@ def _common(d: CycleData, direction: int, reading: CampaignData) -> Row:
         "pressure_b_pa": side.pressure_b_pa,
         "samples": side.samples,
         "strokes": side.strokes,
+        "strokes_recorded": side.strokes_recorded,
         "breakaway_n": side.breakaway_n,
         "dwell_s": side.dwell_s,
         "loading_rate_n_s": side.loading_rate_n_s,

@@ -27,6 +27,7 @@ from pneudrive.friction.recording.pressure_line import (
 )
 from pneudrive.friction.recording.summaries import Source, Summary, summarise, summary_of
 from pneudrive.friction.reduction.settling import SampleChoice, Settled
+from pneudrive.friction.reduction.stroke_use import StrokeUse, stroke_notes
 from pneudrive.friction.sentences import sentence
 from pneudrive.show import Shown
 from pneudrive.signals.cycles import Cycles, find_cycles, read_cycles
@@ -100,6 +101,7 @@ class Characterisation(Shown):
     notes: tuple[str, ...]
     skipped: tuple[tuple[str, str], ...]
     protocol: str
+    stroke_uses: dict[str, StrokeUse]
 
     @property
     def recordings(self) -> tuple[Recording, ...]:
@@ -229,6 +231,7 @@ def _assemble(
     notes: list[str],
     choice: SampleChoice,
 ) -> Characterisation:
+    uses = {summary.name: summary.stroke_use for summary in summaries}
     points = tuple(point for summary in summaries for point in summary.friction_points)
     closures = fit_closures([point for summary in summaries for point in summary.closure_points])
     lines = fit_pressure_lines(list(points))
@@ -247,9 +250,14 @@ def _assemble(
         pressure_lines=tuple(lines),
         points=points,
         run_spread=run_spread(list(points)),
-        notes=(*notes, *_notes(results, points, lines, rows, closures)),
+        notes=(
+            *notes,
+            *stroke_notes(uses),
+            *_notes(results, points, lines, rows, closures),
+        ),
         skipped=tuple(skipped),
         protocol=choice.name,
+        stroke_uses=uses,
     )
 
 

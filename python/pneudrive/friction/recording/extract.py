@@ -27,6 +27,7 @@ from pneudrive.friction.reduction.sliding import (
 )
 from pneudrive.friction.reduction.spread import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
 from pneudrive.friction.reduction.stick_slip import StickSlip
+from pneudrive.friction.reduction.stroke_use import StrokeUse
 from pneudrive.show import Shown
 from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.motion import Stroke, middle, straight_line
@@ -104,6 +105,7 @@ class RecordingResult(Sliding, Shown):
 
     levels: tuple[Level, ...]
     closure_points: tuple[ClosurePoint, ...]
+    stroke_use: StrokeUse
 
 
 def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
@@ -117,7 +119,8 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     sliding = judge(find_motion(clean(recording)), choice)
     window = window_of(sliding, choice)
     levels = speed_levels(list(sliding.strokes))
-    return result_of(sliding, [stroke_frictions(sliding, members, window) for members in levels], window, choice)
+    groups = [stroke_frictions(sliding, members, window) for members in levels]
+    return result_of(sliding, groups, window, choice, sliding.strokes)
 
 
 def result_of(
@@ -125,8 +128,9 @@ def result_of(
     groups: Sequence[tuple[Grid, list[StrokeFriction]]],
     window: tuple[float, float],
     choice: SampleChoice,
+    strokes: Sequence[Stroke],
 ) -> RecordingResult:
-    """Combine the speed classes.
+    """Combine the speed classes; ``strokes`` are all strokes of the recording.
 
     Raises
     ------
@@ -134,19 +138,23 @@ def result_of(
         If no speed class has settled samples in the window.
     """
     levels: list[Level] = []
-    for grid, strokes in groups:
-        level = _level(sliding.recording, len(levels), grid, strokes, window, choice)
+    used: set[int] = set()
+    covering = {f.stroke.index for _, members in groups for f in members if f.inside}
+    for grid, members in groups:
+        level = _level(sliding.recording, len(levels), grid, members, window, choice)
         if level is not None:
             levels.append(level)
+            used |= {f.stroke.index for f in members if f.inside}
+    use = StrokeUse.of(strokes, used, covering, window)
     if not levels:
         raise RecordingError(
             "no stroke has settled samples in the window",
             where=sliding.recording.name,
-            value=f"window {window[0] * 1e3:.4g} mm .. {window[1] * 1e3:.4g} mm, {len(sliding.strokes)} strokes",
+            value=f"window {window[0] * 1e3:.4g} mm .. {window[1] * 1e3:.4g} mm, {use.recorded} strokes: {use.why}",
             remedy="widen window.position in the layout, or record longer strokes",
         )
     points = [p for p in (_closure_point(sliding.recording, level) for level in levels) if p is not None]
-    return RecordingResult(**vars(sliding), levels=tuple(levels), closure_points=tuple(points))
+    return RecordingResult(**vars(sliding), levels=tuple(levels), closure_points=tuple(points), stroke_use=use)
 
 
 def window_of(sliding: Sliding, choice: SampleChoice) -> tuple[float, float]:
@@ -331,6 +339,7 @@ def _rows(recording: Recording, level: Level, used: dict[int, list[StrokeFrictio
                 u_systematic_n=level.u_systematic_n,
                 samples=side.samples,
                 strokes=len(used[direction]),
+                strokes_recorded=sum(s.direction == direction for s in level.strokes),
                 position_from_m=level.window_m[0],
                 position_to_m=level.window_m[1],
                 flags=",".join((*level.flags, *spoiled)),

@@ -110,7 +110,7 @@ def _extracted(file: LongFile, choice: SampleChoice, watch: Watch, sha256: Futur
         raise RecordingError("no stroke was found", where=file.file.name, rule="the position must move back and forth")
     sliding, first = shown
     whole = replace(sliding, recording=replace(sliding.recording, flags=flags, sha256=sha256.result()))
-    result = result_of(whole, _levels(grids, strokes, frictions), window, choice)
+    result = result_of(whole, _levels(grids, strokes, frictions), window, choice, strokes)
     return replace(result, levels=tuple(_of_part(level, sliding, first) for level in result.levels))
 
 

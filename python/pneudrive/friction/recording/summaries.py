@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive.errors import RecordingError
 from pneudrive.friction.recording.extract import RecordingResult, extract, friction_points
+from pneudrive.friction.reduction.stroke_use import StrokeUse
 from pneudrive.signals.cycles import Cycles, read_cycles
 from pneudrive.signals.load import RecordingFile
 from pneudrive.signals.pool import share_out
@@ -47,6 +48,7 @@ class Summary:
     friction_points: tuple[FrictionPoint, ...] = ()
     reason: str = ""
     sha256: str = ""
+    stroke_use: StrokeUse = StrokeUse(0, 0)
 
 
 def summary_of(result: RecordingResult, digest: int = 0) -> Summary:
@@ -60,6 +62,7 @@ def summary_of(result: RecordingResult, digest: int = 0) -> Summary:
         result.closure_points,
         tuple(friction_points(result)),
         sha256=result.recording.sha256 or "",
+        stroke_use=result.stroke_use,
     )
 
 

@@ -18,8 +18,8 @@ CONTRACT = [
         "friction_n",
         "offset_n",
     ),
-    *("stderr_n", "u_systematic_n", "samples", "strokes", "position_from_m", "position_to_m", "breakaway_n", "dwell_s"),
-    *("loading_rate_n_s", "flags", "ambient_pressure_pa"),
+    *("stderr_n", "u_systematic_n", "samples", "strokes", "strokes_recorded", "position_from_m", "position_to_m"),
+    *("breakaway_n", "dwell_s", "loading_rate_n_s", "flags", "ambient_pressure_pa"),
 ]
 
 
@@ -51,9 +51,11 @@ def test_files_hold_the_same_columns_and_numbers(make, tmp_path, suffix):
     assert not list(tmp_path.glob(".*"))
 
 
-def test_a_map_of_earlier_versions_has_no_ambient_pressure(make, tmp_path):
-    path = write_map(characterise(make()).drop_vars("ambient_pressure_pa"), tmp_path / "map.parquet")
-    assert "ambient_pressure_pa" not in read_map(path).attrs
+def test_a_map_of_earlier_versions_lacks_some_columns(make, tmp_path):
+    old = characterise(make()).drop_vars(["ambient_pressure_pa", "strokes_recorded"])
+    again = read_map(write_map(old, tmp_path / "map.parquet"))
+    assert "ambient_pressure_pa" not in again.attrs
+    assert "strokes_recorded" not in again
 
 
 def test_what_cannot_be_written_or_read(make, tmp_path):
@@ -85,7 +87,9 @@ def test_the_map_keeps_every_label_so_that_a_fit_can_ask_for_it(make, tmp_path, 
     fit = ["fit", str(path), "--laws", "coulomb", "--pressure", "none", "--out", str(tmp_path / "fit.toml")]
     assert run(fit) == 0
     said = capsys.readouterr().out
-    assert "the map has 2 values of seal (cup, lip) and the fit averages over them; --by seal fits each" in said
+    warning = "the map has 2 values of seal (cup, lip) and the fit averages over them; --by seal fits each"
+    assert warning in said
+    assert said.startswith("! the map has")  # before the fit, not after it
     assert "2 values of run" in said
     assert run([*fit, "--by", "seal"]) == 0
     assert "values of seal" not in capsys.readouterr().out

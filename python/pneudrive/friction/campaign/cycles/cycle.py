@@ -63,7 +63,8 @@ class Side:
         Its part from the chamber pressures, p_a A_a - p_b A_b - p_ambient (A_a - A_b).
     velocity_m_s, pressure_a_pa, pressure_b_pa, force_n : float
         Means over the settled part.
-    samples, strokes : int
+    samples, strokes, strokes_recorded : int
+        Used samples, used strokes, and all strokes of the direction.
     breakaway_n, dwell_s, loading_rate_n_s : float
         Of the preceding reversal; NaN without a usable peak.
     ripple, period_s, step_m, swing_n : float
@@ -83,6 +84,7 @@ class Side:
     force_n: float
     samples: int
     strokes: int
+    strokes_recorded: int
     breakaway_n: float
     dwell_s: float
     loading_rate_n_s: float
@@ -130,6 +132,8 @@ class CycleData:
         By direction +1/-1; empty for a cycle that does not move.
     flags : dict
         Counts of damaged samples by kind.
+    strokes_recorded : int
+        All strokes of both directions.
     temperature_k : float
         NaN if not measured.
     duration_s : float
@@ -156,6 +160,7 @@ class CycleData:
     condition: Condition
     sides: dict[int, Side] = field(default_factory=dict)
     flags: dict[str, int] = field(default_factory=dict)
+    strokes_recorded: int = 0
     temperature_k: float = float("nan")
     duration_s: float = 0.0
     standing_n: float = float("nan")
@@ -169,6 +174,11 @@ class CycleData:
     u_pressures_n: dict[str, float] = field(default_factory=dict)
     u_force_n: dict[str, float] = field(default_factory=dict)
     assumed: bool = False
+
+    @property
+    def strokes_used(self) -> int:
+        """Strokes of both directions that enter the means."""
+        return sum(side.strokes for side in self.sides.values())
 
 
 def condition_of(head: Head) -> Condition:
@@ -221,6 +231,7 @@ def read_sliding(
         condition=condition_of(file.head),
         sides=sides,
         flags=flags,
+        strokes_recorded=len(motion.strokes),
         temperature_k=_temperature(samples),
         duration_s=float(recording.time_s[-1] - recording.time_s[0]),
         **stated,  # pyright: ignore[reportArgumentType] - names and kinds of the fields
@@ -344,6 +355,7 @@ def _side(
         force_n=mean(recording.force_n),
         samples=index.size,
         strokes=len(strokes),
+        strokes_recorded=sum(s.direction == direction for s in motion.strokes),
         scatter_n=scatter,
         stick_slip=slipping,
         **_breakaway(motion, settled, strokes),
