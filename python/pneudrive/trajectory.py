@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -153,7 +154,7 @@ def whole(path: Path) -> Iterator[Path]:
     CommandError
         The disk is full, the folder not writable, ...; the temporary file is removed.
     """
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    temporary = path.with_name(f".pneudrive-{secrets.token_hex(8)}{path.suffix}")  # random: no link waits under it
     try:
         yield temporary
         temporary.replace(path)

@@ -114,7 +114,8 @@ PRESSURE_NEEDED = 'a pressure is needed, e.g. "7 bar abs"'
 _DIFFERENCE_NEEDED = 'a difference of pressures is needed, without abs or gauge, e.g. "0.3 bar"'
 
 _NUMBER = re.compile(
-    r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:infinity|inf|nan)\b)(?![\d.,])\s*(.*?)\s*$", re.IGNORECASE
+    r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:infinity|inf|nan)\b)(?![\d.,])(.*)$",
+    re.IGNORECASE | re.DOTALL,
 )
 LARGEST = 1e30  # in SI: squares and products of quantities of a drive or a rig stay finite
 LONGEST_UNIT = 40
@@ -569,7 +570,7 @@ def _split(text: str, si_unit: str) -> tuple[str, str]:
         comma = re.match(r"\s*[+-]?\d+,\d", text)
         remedy = "Use a decimal point, not a comma." if comma else "Write a number, a space and a unit."
         raise DescriptionError(f'"{text}" is not a quantity', rule=needed(si_unit), remedy=remedy)
-    number, unit = match[1], match[2]
+    number, unit = match[1], match[2].strip()
     if not math.isfinite(float(number)):
         raise DescriptionError(f'"{text}" is not finite', rule=needed(si_unit))
     if not unit:

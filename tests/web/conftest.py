@@ -65,7 +65,14 @@ class Served:
 @pytest.fixture(autouse=True)
 def no_faults(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a fault that nobody foresaw fail a test: to the page it is an answer."""
-    monkeypatch.setattr("pneudrive.web.live.print_exc", lambda: pytest.fail("a fault of the server"))
+    monkeypatch.setattr("pneudrive.web.messages.print_exception", lambda fault: pytest.fail(f"a fault: {fault!r}"))
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give each test a cache of its own."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "pneudrive" / "page"
 
 
 @pytest.fixture

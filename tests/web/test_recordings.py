@@ -405,7 +405,7 @@ def test_the_file_states_the_unit_of_its_time(served: Served) -> None:
     assert {one["column"]: one["unit"] for one in found["channels"]} == {"t": "mm", "way": "mm", "force": "N"}
 
 
-def test_a_view_is_one_of_the_file_as_it_is_shown_or_says_that_there_is_none(served: Served) -> None:
+def test_a_view_is_one_of_the_file_as_it_is_shown_or_says_that_there_is_none(served: Served, cache: Path) -> None:
     """The page got views of a file that went on growing always of another one than it knew, and drew none of them."""
     place, query = (
         served.folder / "log.csv",
@@ -421,8 +421,7 @@ def test_a_view_is_one_of_the_file_as_it_is_shown_or_says_that_there_is_none(ser
         keys.append(read(served, "log.csv")["key"])
     assert len(set(keys)) == 5
     assert [unpack(window(served, query | {"key": one}))[0]["key"] for one in keys] == [None] * 3 + keys[3:]
-    kept = served.folder / ".pneudrive" / "cache"
-    assert {one.name for one in kept.iterdir()} == {one.partition("-")[0] for one in keys[3:]}
+    assert {one.name for one in cache.iterdir()} == {one.partition("-")[0] for one in keys[3:]}
 
     for level in (1.0, 2.0):  # read where it lies: as it was before it cannot be read any more
         pl.DataFrame({"time": [0.0, 1.0], "level": [level, level]}).write_parquet(served.folder / "run.parquet")

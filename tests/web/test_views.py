@@ -461,7 +461,7 @@ def test_a_fault_is_answered_too(served: Served, monkeypatch: pytest.MonkeyPatch
     def faulty(*_: object) -> object:
         raise IndexError("index 0 is out of bounds")
 
-    monkeypatch.setattr("pneudrive.web.live.print_exc", lambda: None)
+    monkeypatch.setattr("pneudrive.web.messages.print_exception", lambda _: None)
     monkeypatch.setattr("pneudrive.web.live.AskedRun.of", faulty)
     with served.client.websocket_connect("/api/live", **served.socket) as socket:
         for number in (1, 2):

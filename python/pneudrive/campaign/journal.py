@@ -7,6 +7,8 @@ import threading
 from typing import TYPE_CHECKING
 
 from pneudrive.campaign.lock import now
+from pneudrive.errors import CommandError
+from pneudrive.files.writing import open_to_append
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,5 +29,5 @@ class Journal:
     def write(self, text: str) -> None:
         """Append a line; on a full disk it is lost."""
         line = " | ".join(part for part in text.splitlines() if part.strip())
-        with self._lock, contextlib.suppress(OSError), self._path.open("a", encoding="utf-8") as file:
+        with self._lock, contextlib.suppress(OSError, CommandError), open_to_append(self._path) as file:
             file.write(f"{now()} {line}\n")

@@ -9,6 +9,7 @@ import typer
 
 from pneudrive.cli.groups import group
 from pneudrive.cli.options import BenchRig, Protocol
+from pneudrive.cli.output import write_text
 from pneudrive.errors import CommandError
 
 campaign = group(
@@ -66,5 +67,4 @@ def plan(
     part = lay_out(parse_protocol(text, str(fraction or asked.origin)), whole.identity, whole.envelope)
     typer.echo("\n".join(proposal_lines(proposal, whole, part, fraction)))
     if fraction is not None:
-        fraction.write_text(text, encoding="utf-8")
-        typer.echo(str(fraction))
+        write_text(text, fraction)

@@ -39,6 +39,7 @@ def design(
     from pneudrive.campaign.next_points import protocol_of
     from pneudrive.campaign.plan import lay_out
     from pneudrive.campaign.protocol import parse_protocol
+    from pneudrive.cli.output import write_text
     from pneudrive.errors import CommandError
     from pneudrive.identify.design import design as designed
     from pneudrive.identify.result import FrictionFit
@@ -77,8 +78,7 @@ def design(
     if out is None:
         typer.echo("\n" + text.rstrip())
     else:
-        out.write_text(text, encoding="utf-8")
-        typer.echo(str(out))
+        write_text(text, out)
 
 
 def _shared(fit: FrictionFit, plan: Design) -> list[str]:

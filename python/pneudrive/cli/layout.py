@@ -21,19 +21,18 @@ def layout(
 ) -> None:
     """Propose a layout for a foreign recording, with a picture of the result."""
     from pneudrive.cli.progress import on_terminal
-    from pneudrive.errors import CommandError, RecordingError
+    from pneudrive.errors import RecordingError
     from pneudrive.report.layout_figure import write_layout_figure
     from pneudrive.signals.layout import stem
     from pneudrive.signals.proposal.propose import propose_layout
+    from pneudrive.trajectory import whole
 
     proposal = propose_layout(file, on_terminal())
     if out is None:
         typer.echo(proposal.text)
     else:
-        try:
-            out.write_text(proposal.text, encoding="utf-8")
-        except OSError as error:
-            raise CommandError(f"--out {out}: the layout cannot be written", value=error.strerror) from None
+        with whole(out) as temporary:
+            temporary.write_text(proposal.text, encoding="utf-8")
     if picture is None:
         picture = out.with_suffix(".png") if out is not None else Path(f"{stem(file)}.layout.png")
     write_layout_figure(proposal, picture)

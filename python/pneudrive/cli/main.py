@@ -7,6 +7,7 @@ import os
 import sys
 import warnings
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -92,6 +93,10 @@ def run(arguments: Sequence[str]) -> int:
         shown = [name for name in COMMANDS if name not in HIDDEN]
         sys.stderr.write(f"pneudrive: there is no command '{first}'. {nearest(first, shown)}\n")
         return EXIT_INPUT
+    if Path("matplotlibrc").exists():  # while there is one thread: see `load_matplotlib`
+        from pneudrive.report.style import load_matplotlib
+
+        load_matplotlib()
     try:
         with _plain_warnings():
             status = app(list(arguments), prog_name="pneudrive", standalone_mode=False)

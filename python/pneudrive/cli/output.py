@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 import typer
@@ -34,9 +35,8 @@ def writable_folder(out: Path) -> Path:
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
-        probe = out / ".pneudrive-probe"
-        probe.touch()
-        probe.unlink()
+        with TemporaryFile(dir=out):
+            pass
     except OSError as error:
         raise CommandError(f"--out {out}: the folder cannot be written to", value=error.strerror) from None
     return out

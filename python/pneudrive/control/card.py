@@ -14,6 +14,7 @@ from pneudrive.control.measures import SHOWN, SPREAD_SHOWN, Score, written
 from pneudrive.errors import CommandError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.tables import open_table
+from pneudrive.files.writing import open_to_append
 from pneudrive.show import Card, Shown
 from pneudrive.trajectory import read_columns, whole
 
@@ -289,7 +290,7 @@ def tell(folder: Path, run: ControlledRun) -> None:
     """Add a run that is done to those so far."""
     said = {"law": run.law, "reference": run.reference, "seed": run.seed, "reason": run.reason, "run": run.file.name}
     said["score"] = None if run.score is None else run.score.to_dict()
-    with (folder / SO_FAR).open("a", encoding="utf-8") as file:
+    with open_to_append(folder / SO_FAR) as file:
         file.write(json.dumps(said) + "\n")
 
 

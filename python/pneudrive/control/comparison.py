@@ -42,6 +42,7 @@ from pneudrive.ensemble.engine import processors
 from pneudrive.errors import CommandError, RecordingError, SimulationError
 from pneudrive.files.content import read_json
 from pneudrive.files.tables import open_table
+from pneudrive.files.writing import make_subfolder, open_to_append
 from pneudrive.own_code import split
 from pneudrive.show import Card, Shown
 from pneudrive.trajectory import save_columns, write_frame
@@ -417,12 +418,12 @@ class _Store:
     @classmethod
     def of(cls, out: Path, *, keeps: bool, mark: str) -> _Store:
         folder, lines = out / RUNS, out / KEPT
+        make_subfolder(folder)
         try:
-            folder.mkdir(parents=True, exist_ok=True)
             text = lines.read_bytes() if lines.exists() else b""
         except OSError as error:
             remedy = "Name another folder as out."
-            raise CommandError(f"the folder {folder} cannot be made", value=error.strerror, remedy=remedy) from None
+            raise CommandError(f"{lines} cannot be read", value=error.strerror, remedy=remedy) from None
         known: dict[str, dict[str, Any]] = {}
         for line in text.splitlines():
             with suppress(ValueError, LookupError, TypeError):  # a line that a kill has cut, or that is damaged
@@ -430,7 +431,7 @@ class _Store:
                 score = None if one["score"] is None else Score(**one["score"])
                 known[one["key"]] = {"score": score, "reason": str(one["reason"])}
         if text and not text.endswith(b"\n"):
-            with lines.open("a", encoding="utf-8") as file:
+            with open_to_append(lines) as file:
                 file.write("\n")
         return cls(folder, lines, keeps, known, threading.Lock(), mark)
 
@@ -461,7 +462,7 @@ class _Store:
 
     def _note(self, key: str, score: Score | None, reason: str) -> None:
         line = json.dumps({"key": key, "score": None if score is None else score.to_dict(), "reason": reason})
-        with self.lock, self.lines.open("a", encoding="utf-8") as file:
+        with self.lock, open_to_append(self.lines) as file:
             file.write(f"{line}\n")
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 RAPID_M_S, RUN_UP_S = 0.5, 0.1
 AXES = "XYZABCUVW"
 _INCH_M, _MM_M, _MINUTE_S = 0.0254, 1e-3, 60.0
-_WORD = re.compile(r"([A-Z])\s*([-+]?(?:\d+\.?\d*|\.\d+))")
+_WORD = re.compile(r"([A-Z])\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+))")
 _KNOWN = {0, 1, 4, 20, 21, 90, 91}
 _GROUPS = ((0, 1), (4,), (20, 21), (90, 91))  # of each at most one in a block
 LONGEST_S = 1e6  # of a reference

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import errno
 import os
+import threading
 import time
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
 TRIES, TRY_AGAIN_S = 5, 0.05
+_THREADS = threading.Lock()
 
 
 def take(file: int) -> bool:
@@ -55,3 +59,23 @@ def is_held(path: Path) -> bool:
         return False
     finally:
         os.close(file)
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Let one thread of one process at a time do this in a folder; where folders have no locks, one thread.
+
+    It is meant for moments: a second process waits until the first one is done.
+    """
+    with _THREADS:
+        file = None
+        with suppress(OSError, ImportError):  # Windows opens no folders and has no `flock`
+            import fcntl
+
+            file = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+            fcntl.flock(file, fcntl.LOCK_EX)
+        try:
+            yield
+        finally:
+            if file is not None:
+                os.close(file)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +9,7 @@ from pneudrive.errors import CommandError
 from pneudrive.fmu.binary import binary_bytes, binary_name
 from pneudrive.fmu.package import complete_plan
 from pneudrive.fmu.variables import RTOL
+from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -57,10 +57,10 @@ def export_c(
     library = binary_bytes()
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for source in (own / HEADER, own / EXAMPLE):
-            shutil.copyfile(source, target / source.name)
-        (target / binary_name()).write_bytes(library)
-        (target / PLAN).write_text(plan.json(), encoding="utf-8")
+        texts = {PLAN: plan.json().encode(), **{name: (own / name).read_bytes() for name in (HEADER, EXAMPLE)}}
+        for name, data in {binary_name(): library, **texts}.items():
+            with whole(target / name) as temporary:
+                temporary.write_bytes(data)
     except OSError as error:
         raise CommandError(f"{target} cannot be written: {error.strerror}") from None
     return tuple(target / name for name in (HEADER, binary_name(), PLAN, EXAMPLE))

@@ -94,6 +94,7 @@ def size(line: int) -> float:
 @lru_cache(maxsize=4096)
 def text_width(text: str, points: float) -> float:
     """Return the width of a text, in modules."""
+    style.load_matplotlib()
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
 from pneudrive.report import style
+from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
     from pneudrive.signals.proposal.propose import Proposal
@@ -46,7 +47,8 @@ def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
         else:
             _draw_recording(figure, proposal)
         try:
-            figure.savefig(path, dpi=style.PNG_DPI)
+            with whole(path) as temporary:
+                figure.savefig(temporary, dpi=style.PNG_DPI)
         except (OSError, ValueError) as error:
             raise CommandError(f"the picture {path} cannot be written", value=str(error).splitlines()[0]) from None
     return path

@@ -8,7 +8,8 @@ from io import BytesIO, StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from pneudrive.errors import CommandError, shown
+from pneudrive.errors import shown
+from pneudrive.files.writing import make_subfolder
 from pneudrive.report import style
 from pneudrive.trajectory import whole
 
@@ -109,10 +110,7 @@ class Report:
             If the folder cannot be written.
         """
         figures = Path(folder) / FIGURES
-        try:
-            figures.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise CommandError(f"{figures} cannot be created", value=error.strerror) from None
+        make_subfolder(figures)
         for part in self.sections:
             for block in part.blocks if part is not None else ():
                 if isinstance(block, Picture):

@@ -5,13 +5,18 @@ Curves never differ by colour alone: line style or marker differ too, and the co
 
 from __future__ import annotations
 
+import os
+import sys
 from contextlib import contextmanager
 from functools import lru_cache
+from importlib import import_module
 from io import BytesIO
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from types import ModuleType
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -91,18 +96,39 @@ def ramp(index: int, count: int) -> Look:
     return Look(color, "-", LOOKS[index % len(LOOKS)].marker)
 
 
+#: Settings of matplotlib that concern windows: they do not change a picture, and to look at the first one is slow.
+_OF_WINDOWS = ("backend", "backend_fallback", "interactive", "toolbar")
+
+
+def load_matplotlib() -> ModuleType:
+    """Return matplotlib, imported without the settings of the current folder.
+
+    Its import reads ``matplotlibrc`` of the current folder, which may start a foreign LaTeX or be damaged.
+    """
+    if "matplotlib" not in sys.modules and Path("matplotlibrc").exists():
+        here = Path.cwd()
+        os.chdir(Path(__file__).parent)
+        try:
+            return import_module("matplotlib")
+        finally:
+            os.chdir(here)
+    return import_module("matplotlib")
+
+
 @contextmanager
 def applied() -> Iterator[None]:
-    """Draw in this style inside the block."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(_SETTINGS):  # pyright: ignore[reportArgumentType] - names of settings are plain strings
+    """Draw in this style inside the block, whatever the settings of the user or of the current folder are."""
+    mpl = load_matplotlib()
+    usual = {key: value for key, value in mpl.rcParamsDefault.items() if key not in _OF_WINDOWS}
+    changed = {key: value for key, value in usual.items() if mpl.rcParams[key] != value}
+    with mpl.rc_context({**changed, **_SETTINGS}):
         yield
 
 
 @lru_cache(maxsize=1)
 def _figure_class() -> type[Figure]:
     """Return a class of figures that a notebook shows without pyplot."""
+    load_matplotlib()
     from matplotlib.figure import Figure
 
     class Drawn(Figure):

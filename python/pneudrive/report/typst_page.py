@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
+from pneudrive.report import style
 from pneudrive.report.page import Items, PageTable, Paragraph, Picture
 from pneudrive.trajectory import whole
 
@@ -48,14 +49,12 @@ def write_pdf(report: Report, target: Path) -> Path:
         import typst
     except ImportError:
         raise CommandError("typst is not installed", remedy="pip install pneudrive[pdf], or write .html.") from None
-    import matplotlib as mpl
-
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         for name, svg in report.pictures.items():
             (root / f"{name}.svg").write_text(svg, encoding="utf-8")
         (root / "page.typ").write_text(typst_of(report), encoding="utf-8")
-        fonts = Path(mpl.get_data_path()) / "fonts" / "ttf"
+        fonts = Path(style.load_matplotlib().get_data_path()) / "fonts" / "ttf"
         with whole(target) as temporary:
             temporary.write_bytes(typst.compile(root / "page.typ", root=root, font_paths=[fonts]))  # type: ignore[arg-type]
     return target

@@ -20,7 +20,7 @@ from pneudrive.rig.keys import KEYS, MOUNTING, Key
 SCHEMA = 1
 #: Top-level keys of a rig file that are not tables.
 TOP = ("schema", "name", "kind", "extends")
-_PURE = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
+_PURE = re.compile(r"[+-]?(\d+(?:\.\d*)?|\.\d+)([eE][+-]?\d+)?$")
 RULE = '{ value = "25 mm", source = "assumed", reason = "..." }'
 
 

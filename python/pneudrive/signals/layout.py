@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from pneudrive.show import Shown
 from pneudrive.signals.layout_tables import CHANNELS, GeometryTable, LayoutTables
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -346,19 +346,22 @@ def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
     >>> labels_from_name("{seal}_{pressure}", "O-ring_5bar")
     {'seal': 'O-ring', 'pressure': '5bar'}
     """
-    match = re.fullmatch(_expression(_parts(pattern)), name)
-    return dict(match.groupdict()) if match else None
+    parts = _parts(pattern)
+    ends = _ends(parts, name, whole=True)
+    if ends is None:
+        return None
+    return {part[1:-1]: name[at:end] for part, at, end in zip(parts, (0, *ends), ends, strict=False) if _is_field(part)}
 
 
 def where_pattern_ends(pattern: str, name: str) -> tuple[str, str]:
     """Return, for a name that does not match, the first part of the pattern that fails, and the rest of the name."""
     parts = _parts(pattern)
     for count in range(len(parts) - 1, -1, -1):
-        match = re.match(_expression(parts[:count]), name)
-        if match:
+        ends = _ends(parts[:count], name, whole=False)
+        if ends is not None:
             part = parts[count]
             about = FIELDS.get(part[1:-1], ("", "any text"))[1] if part.startswith("{") else None
-            return (f"{part} ({about})" if about else f"'{part}'"), name[match.end() :]
+            return (f"{part} ({about})" if about else f"'{part}'"), name[max(ends, default=0) :]
     return pattern, name
 
 
@@ -366,11 +369,34 @@ def _parts(pattern: str) -> list[str]:
     return [part for part in re.split(r"(\{\w+\})", pattern) if part]
 
 
-def _expression(parts: list[str]) -> str:
-    return "".join(
-        f"(?P<{part[1:-1]}>{FIELDS.get(part[1:-1], ('.+?', ''))[0]})" if part.startswith("{") else re.escape(part)
-        for part in parts
-    )
+def _is_field(part: str) -> bool:
+    return re.fullmatch(r"\{\w+\}", part) is not None
+
+
+def _ends(parts: list[str], name: str, *, whole: bool) -> tuple[int, ...] | None:
+    """Return where each part ends in a name; None if the name does not match, or not to its end if `whole`.
+
+    Each place is tried once for each part: a regular expression would try every way to split the name, whose number
+    grows exponentially with the fields.
+    """
+
+    @cache
+    def rest(index: int, at: int) -> tuple[int, ...] | None:
+        if index == len(parts):
+            return () if at == len(name) or not whole else None
+        part = parts[index]
+        if not _is_field(part):
+            ends: Iterable[int] = [at + len(part)] if name.startswith(part, at) else []
+        elif (field := FIELDS.get(part[1:-1])) is None:
+            ends = range(at + 1, len(name) + 1)
+        else:
+            ends = [end for end in range(len(name), at, -1) if re.fullmatch(field[0], name[at:end])]
+        for end in ends:
+            if (found := rest(index + 1, end)) is not None:
+                return (end, *found)
+        return None
+
+    return rest(0, 0)
 
 
 def _without(tree: dict[str, Any], rest: dict[str, Any]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from pneudrive import __version__
 from pneudrive.describe.catalogue import entries
 from pneudrive.errors import CommandError
 from pneudrive.files.lock import take
+from pneudrive.files.writing import NO_FOLLOW, open_to_append
 from pneudrive.sizing.result import SizedDrive
 from pneudrive.sizing.strokes import Setting
 from pneudrive.sizing.tune import Tuned
@@ -70,7 +71,7 @@ class SizingFolder:
     def _lock(self) -> None:
         """Take the folder; where files have no locks, go on without."""
         with suppress(OSError):
-            self._file = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            self._file = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | NO_FOLLOW, 0o666)
             if take(self._file):
                 return
             self.release()
@@ -134,7 +135,7 @@ class SizingFolder:
 
     def _write(self, line: dict[str, Any]) -> None:
         try:
-            with (self.folder / LINES).open("a", encoding="utf-8") as file:
+            with open_to_append(self.folder / LINES) as file:
                 file.write(json.dumps(line) + "\n")
         except OSError as error:
             raise CommandError(f"{self.folder / LINES} cannot be written: {error.strerror}") from None

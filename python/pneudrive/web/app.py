@@ -32,7 +32,7 @@ from pneudrive.web.drop import take
 from pneudrive.web.guard import DROP, LOGIN, REPORTS, Guard
 from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job
 from pneudrive.web.live import live
-from pneudrive.web.messages import pack, problems_of
+from pneudrive.web.messages import fault_of, pack, plain, problems_of
 from pneudrive.web.pages import BuiltPage
 from pneudrive.web.reach import Door, WebReach
 from pneudrive.web.reports import SANDBOX, OpenReports
@@ -44,7 +44,6 @@ from pneudrive.web.workspace import (
     NewNames,
     Workspace,
     built_page,
-    fingerprint,
 )
 
 if TYPE_CHECKING:
@@ -186,14 +185,27 @@ def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Aske
         try:
             found = await asyncio.to_thread(view, given, body)
             is_frame = isinstance(found, bytes)
-            return Response(found, media_type="application/octet-stream") if is_frame else JSONResponse(found)
+            return Response(found, media_type="application/octet-stream") if is_frame else _json(found)
         except ChangedError as changed:
-            there = {"text": changed.text, "sha256": fingerprint(changed.text)}
+            there = {"text": changed.text, "sha256": changed.version}
             return JSONResponse({"problems": [{"what": str(changed)}], **there}, status_code=412)
         except PneudriveError as error:
             return JSONResponse({"problems": problems_of(error)}, status_code=400)
+        except (KeyboardInterrupt, SystemExit, asyncio.CancelledError):
+            raise
+        except BaseException as fault:  # of a damaged file, or nobody foresaw it; panics of the core are no `Exception`
+            error = fault_of(fault, given.get("path", ""))
+            return JSONResponse({"problems": problems_of(error)}, status_code=400)
 
     return endpoint
+
+
+def _json(found: Any) -> JSONResponse:  # noqa: ANN401 - plain data
+    """Return an answer; what is no number, which a file may hold, becomes null."""
+    try:
+        return JSONResponse(found)
+    except ValueError:
+        return JSONResponse(plain(found))
 
 
 class _Views:
@@ -279,7 +291,8 @@ class _Views:
         asked.check_saved(self.workspace)
         described = described_at(self.workspace, asked.path, asked.text)
         beside = AskedBeside.of(given)
-        columns = [one for one in given.get("columns", []) if isinstance(one, str)]
+        columns = given.get("columns", [])
+        columns = [name for name in columns if isinstance(name, str)] if isinstance(columns, list) else []
         python = asked.as_python(circuit=is_circuit(described)) + beside.as_python(self.workspace, asked, columns)
         names = NewNames(self.workspace)
         out = names.of(asked.stem())

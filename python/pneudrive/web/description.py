@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.web.workspace import Workspace
 
-_QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s+(\S.*)")
+_QUANTITY = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s+(\S.*)")
 #: Values of chambers a and b that are given both or not at all.
 _PAIR = re.compile(r"dwell\.pressure\.[ab]$")
 #: Range of a slider about a value, as multiples of it; a value of 0 gets the range of its unit.

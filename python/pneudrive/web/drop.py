@@ -9,7 +9,6 @@ import shutil
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
-from pneudrive.web.workspace import CACHE
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -46,10 +45,9 @@ async def take(workspace: Workspace, name: str, said: int | None, pieces: AsyncI
         raise CommandError(f"{name} is in a folder", rule="files are dropped into the workspace itself")
     if target.exists():
         raise CommandError(f"{name} is there already", remedy="Rename one of the two.")
-    folder = workspace.root / CACHE
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = workspace.root
     _check_room(folder, name, said or 0)
-    part, size, looked = folder / f"drop-{secrets.token_hex(8)}.part", 0, 0
+    part, size, looked = folder / f".pneudrive-{secrets.token_hex(8)}.part", 0, 0
     try:
         with part.open("xb") as file:
             async for piece in pieces:
@@ -84,6 +82,8 @@ def _place(part: Path, target: Path) -> None:
     except FileExistsError:
         raise CommandError(f"{target.name} is there already", remedy="Rename one of the two.") from None
     except OSError:  # a file system without links
-        if target.exists():
+        try:
+            target.touch(exist_ok=False)
+        except FileExistsError:
             raise CommandError(f"{target.name} is there already", remedy="Rename one of the two.") from None
         part.replace(target)

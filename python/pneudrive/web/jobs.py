@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import secrets
 import shlex
 import signal
 import subprocess
@@ -17,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.errors import CommandError
 from pneudrive.files import child
 from pneudrive.trajectory import SUFFIXES
-from pneudrive.web.workspace import CACHE, DESCRIPTIONS, TABLES, safe
+from pneudrive.web.cache import log_folder
+from pneudrive.web.workspace import DESCRIPTIONS, TABLES, safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -31,6 +33,7 @@ RIG = "default"  # simulated: a real rig is started from a terminal alone
 FASTEST = 1e6
 LAST_LINES, LAST_BYTES = 40, 1 << 16
 REPORT = '{"done": '  # how a line of progress begins
+NOTHING_BEGUN = "Interrupted before any result was finished: nothing was written."
 MOST_RECORDINGS = 500
 MOST_BYTES = 243  # of a name: the system takes 255, with the ending
 _NAME = re.compile(r"[\w][\w .-]{0,80}")
@@ -137,6 +140,7 @@ class PageJob:
     out: str
     process: subprocess.Popen[bytes]
     log: Path
+    place: Path
     cancelled: bool = field(default=False)
 
     @property
@@ -157,7 +161,10 @@ class PageJob:
             "state": self.state,
             "ends": self.cancelled,
         }
-        return {**about, **_said(self.log)}
+        said = _said(self.log)
+        if self.state == "cancelled" and not self.place.exists():
+            said["tail"] = NOTHING_BEGUN
+        return {**about, **said}
 
 
 def _said(log: Path) -> dict[str, Any]:
@@ -205,11 +212,9 @@ class PageJobs:
                 out.parent.mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 raise CommandError(f"the folder of {work.out} cannot be made", value=error.strerror) from None
-            logs = self.workspace.root / CACHE
-            logs.mkdir(parents=True, exist_ok=True)
             number = next(self._numbers)
-            log = logs / f"job-{os.getpid()}-{number}.log"
-            with log.open("wb") as file:
+            log = log_folder() / f"{number}-{secrets.token_hex(8)}.log"
+            with log.open("xb") as file:
                 process = subprocess.Popen(
                     child.command("pneudrive.cli.main", *work.arguments),
                     cwd=self.workspace.root,
@@ -218,7 +223,7 @@ class PageJobs:
                     stdout=file,
                     stderr=subprocess.STDOUT,
                 )
-            job = PageJob(number, work.arguments[0], work.command, work.out, process, log)
+            job = PageJob(number, work.arguments[0], work.command, work.out, process, log, out)
             self.all.append(job)
             return job
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
-from traceback import print_exc
 from typing import TYPE_CHECKING, Any
 
 from starlette.websockets import WebSocketDisconnect
@@ -16,7 +15,7 @@ from pneudrive.units import readable
 from pneudrive.web.asked_run import AskedRun, RunLimit
 from pneudrive.web.beside import AskedBeside
 from pneudrive.web.guard import PROTOCOL
-from pneudrive.web.messages import pack, problems_of
+from pneudrive.web.messages import fault_of, pack, problems_of
 from pneudrive.web.tiles import drawn_columns
 
 if TYPE_CHECKING:
@@ -126,10 +125,10 @@ def answer(
         )
     except PneudriveError as wrong:
         error = wrong
-    except Exception as fault:  # nobody foresaw it; without an answer the page would wait for ever
-        print_exc()
-        what = f"a fault of pneudrive: {type(fault).__name__}: {fault}"
-        error = CommandError(what, remedy="Report it with the files of this run; the terminal says more.")
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as fault:  # nobody foresaw it; without an answer the page would wait for ever
+        error = fault_of(fault)
     return pack({"number": number, "path": path, "problems": problems_of(error)}, {})
 
 

@@ -8,9 +8,13 @@ from __future__ import annotations
 import json
 import math
 import struct
+import zlib
+from traceback import print_exception
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,6 +24,7 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 ALIGNED = 8
+LONGEST_NAME = 200  # characters of a name in a message
 TYPES = {"float32": "<f4", "float64": "<f8"}
 
 
@@ -103,3 +108,30 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - plain data
     if isinstance(value, list | tuple):
         return [plain(one) for one in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+#: Exceptions of code that meets a table without a key, a value of another kind, or damaged bytes.
+_OF_CONTENT = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, EOFError, zlib.error, struct.error)
+
+
+def fault_of(fault: BaseException, path: str = "") -> CommandError:
+    """Return the error for an exception that no reader foresaw.
+
+    Parameters
+    ----------
+    fault : BaseException
+        Panics of the core are no `Exception`.
+    path : str
+        File that was read; empty if the request names none.
+    """
+    text = f"{type(fault).__name__}: {fault}"
+    if path and isinstance(fault, _OF_CONTENT):
+        return CommandError(
+            f"{path[:LONGEST_NAME]} cannot be shown: it is incomplete or damaged",
+            value=f"{fault.args[0]} is missing" if isinstance(fault, KeyError) and fault.args else text,
+            remedy="Make it again. If it is whole, report this with the file.",
+        )
+    print_exception(fault)
+    return CommandError(
+        f"a fault of pneudrive: {text}", remedy="Report it with the files of this run; the terminal says more."
+    )

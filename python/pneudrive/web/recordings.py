@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
 import threading
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from traceback import print_exc
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,9 +23,11 @@ from pneudrive.signals.spectrum import amplitude_density
 from pneudrive.signals.trajectories import is_trajectory
 from pneudrive.trajectory import SUFFIXES
 from pneudrive.watch import Watch
+from pneudrive.web.cache import cache_folder
+from pneudrive.web.messages import fault_of
 from pneudrive.web.samples import KeptSamples
 from pneudrive.web.tiles import BLOCK, Pyramid, TileWindow
-from pneudrive.web.workspace import CACHE, TABLES, safe
+from pneudrive.web.workspace import TABLES, safe
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -189,22 +191,21 @@ class Recordings:
             older = keys.pop(0)
             for one in [one for one in self._open if one[0] == older]:
                 del self._open[one]
-            shutil.rmtree(self.workspace.root / CACHE / older, ignore_errors=True)
+            shutil.rmtree(cache_folder() / older, ignore_errors=True)
 
     def _read(self, path: Path, layout: Layout | None, key: tuple[str, str], reading: Reading) -> None:
         def tell(done: float, total: float, _: str) -> None:
             reading.share = done / total if total else 0.0
 
         try:
-            found = _opened(path, layout, self.workspace.root / CACHE / key[0], Watch(tell))
+            found = _opened(path, layout, cache_folder() / key[0], Watch(tell))
             reading.done = replace(found, key="-".join(key))
         except PneudriveError as error:
             reading.error = error
         except OSError as error:  # the file is gone, or the disk is full
             reading.error = unreadable(path, error, RecordingError)
-        except Exception as fault:  # nobody foresaw it; without an end the page would wait for ever
-            print_exc()
-            reading.error = RecordingError(f"a fault of pneudrive: {type(fault).__name__}: {fault}", where=str(path))
+        except BaseException as fault:  # nobody foresaw it; without an end the page would wait for ever
+            reading.error = fault_of(fault)
         finally:
             reading.ended.set()
 
@@ -336,12 +337,17 @@ def _is_trajectory(path: Path, _size: int, _changed_ns: int) -> bool:
 
 
 def _key(path: Path) -> str:
-    """Return the key of a file: its size, its time, and the bytes at both ends."""
+    """Return the key of a file: its place, its number on the disk, its size and times, and the bytes at both ends.
+
+    Another file of the same size and time has another place; a file whose middle changes has another time of change,
+    which nobody can set back.
+    """
     if not path.is_file():
         raise RecordingError("there is no such file", where=path.name)
     try:
         status = path.stat()
-        digest = hashlib.sha256(f"{status.st_size} {status.st_mtime_ns}".encode())
+        said = (str(path), status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+        digest = hashlib.sha256(repr(said).encode("utf-8", "surrogateescape"))
         with path.open("rb") as file:
             digest.update(file.read(ENDS))
             file.seek(max(status.st_size - ENDS, 0))
@@ -353,6 +359,8 @@ def _key(path: Path) -> str:
 
 def _opened(path: Path, layout: Layout | None, cache: Path, watch: Watch) -> OpenRecording:
     """Open a recording: a file that is not Parquet is converted once, its blocks are made once."""
+    cache.mkdir(mode=0o700, parents=True, exist_ok=True)
+    os.utime(cache)  # `forget_unused` looks at it
     file = open_channels(path, layout, cache)
     pyramid = _blocks(path, file, cache, watch)
     if pyramid.fall is not None:

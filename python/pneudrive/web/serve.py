@@ -126,6 +126,7 @@ def warm_up() -> None:
     """Simulate once, and behind the first curves import what other views need, so that no first click waits for it."""
     from pneudrive.web.app import BEHIND
     from pneudrive.web.asked_run import AskedRun
+    from pneudrive.web.cache import cache_folder, forget_unused
     from pneudrive.web.live import ANSWERED
 
     asked = {"path": "catalogue:reference", "command": "1", "duration": "10 ms"}
@@ -134,3 +135,5 @@ def warm_up() -> None:
     ANSWERED.wait(MOST_WAIT_S)
     for name in BEHIND:
         import_module(name)
+    with suppress(OSError):
+        forget_unused(cache_folder())

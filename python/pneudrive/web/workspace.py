@@ -9,7 +9,8 @@ import hashlib
 import os
 import posixpath
 import re
-from dataclasses import dataclass
+import secrets
+from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from itertools import count
 from pathlib import Path
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError
 from pneudrive.files.content import exists, read_text
+from pneudrive.files.lock import alone_in
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
@@ -28,25 +30,25 @@ FMUS = (".fmu",)
 COMMANDS = (".csv",)  # of a valve over time
 SUFFIXES = (*DESCRIPTIONS, *TABLES, *FMUS)
 BUILT = Path(__file__).parent / "built"  # the page
-CACHE = ".pneudrive/cache"  # in the workspace; what is in it can be made again
 LONGEST = 1024  # characters of a name
 MOST_FILES = 20_000
 HEAD = 1 << 16  # bytes of a TOML file that tell its kind
-#: Kinds of TOML files by what stands at the beginning of a line; a task by its stroke, before any table.
-_TASK = re.compile(r"(?:[ \t]*(?:[^\s\[][^\n]*)?\n)*[ \t]*stroke\s*=")
+#: Kinds of TOML files by the beginning of a line; a task by its stroke, before any table. No pattern runs over lines:
+#: many empty lines would take quadratic time.
+_TASK = re.compile(r"(?:[ \t]*(?:[^\s\[][^\n]*)?\n)*[ \t]*stroke[ \t]*=")
 _KINDS = tuple(
-    (kind, re.compile(rf"^\s*(?:{mark})", re.MULTILINE))
+    (kind, re.compile(rf"^[ \t]*(?:{mark})", re.MULTILINE))
     for kind, mark in (
-        ("validation", r"\[\[\s*verdict\b"),
-        ("fit", r"\[\[?\s*(?:covariance|undetermined)\b"),
-        ("circuit", r"\[\s*components\b|connections\s*="),
-        ("drive", r"\[\s*supply\b|drive\s*=\s*[\"']catalogue:"),
-        ("layout", r"\[\s*columns\b"),
-        ("formula", r"\[\s*output\b"),
-        ("protocol", r"\[\s*(?:speed|stop)\b"),
-        ("controller", r"law\s*="),
-        ("setup", r"\[\s*sensors\b"),
-        ("rig", r"\[\s*(?:cylinder|rig)\b|kind\s*=\s*[\"']opc-ua"),
+        ("validation", r"\[\[[ \t]*verdict\b"),
+        ("fit", r"\[\[?[ \t]*(?:covariance|undetermined)\b"),
+        ("circuit", r"\[[ \t]*components\b|connections[ \t]*="),
+        ("drive", r"\[[ \t]*supply\b|drive[ \t]*=[ \t]*[\"']catalogue:"),
+        ("layout", r"\[[ \t]*columns\b"),
+        ("formula", r"\[[ \t]*output\b"),
+        ("protocol", r"\[[ \t]*(?:speed|stop)\b"),
+        ("controller", r"law[ \t]*="),
+        ("setup", r"\[[ \t]*sensors\b"),
+        ("rig", r"\[[ \t]*(?:cylinder|rig)\b|kind[ \t]*=[ \t]*[\"']opc-ua"),
     )
 )
 
@@ -54,9 +56,9 @@ _KINDS = tuple(
 class ChangedError(Exception):
     """The file changed since the page read it; it is not overwritten."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, version: str) -> None:
         super().__init__("the file changed on disk")
-        self.text = text
+        self.text, self.version = text, version
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,7 @@ class Workspace:
     """A folder and the names in it that the page may use."""
 
     root: Path
+    _saves: dict[Path, tuple[str, ...]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
     def at(cls, folder: Path) -> Workspace:
@@ -170,19 +173,25 @@ class Workspace:
                 yield entry, f"{before}{entry.name}"
 
     def read(self, name: str) -> tuple[str, str]:
-        """Return the text of a file and the SHA-256 of its bytes."""
+        """Return the text of a file and its version; see `write`."""
         path = self.path(name, DESCRIPTIONS)
         text = read_text(path, CommandError)
-        return text, fingerprint(text)
+        return text, self._version(path, text)
+
+    def _version(self, path: Path, text: str) -> str:
+        return "-".join([fingerprint(text), *self._saves.get(path, ())])
 
     def write(self, name: str, text: str, known: str | None) -> str:
-        """Write a file if it is still what the page knows; return its new SHA-256.
+        """Write a file if it is still what the page knows; return its new version.
+
+        A version is the SHA-256 of the text. After a save of an unchanged text a random word follows, or a second
+        saver who knows the same version would be told that nothing happened since.
 
         Parameters
         ----------
         name, text : str
         known : str or None
-            SHA-256 of the text that the page read; None for a file that is not there yet.
+            Version of the text that the page read; None for a file that is not there yet.
 
         Raises
         ------
@@ -191,15 +200,20 @@ class Workspace:
         CommandError
             The file cannot be written.
         """
-        path = self.path(name, DESCRIPTIONS)
+        with alone_in(self.root):  # two savers that know the same text: the second one hears of the first
+            return self._write(name, text, known)
+
+    def _write(self, name: str, text: str, known: str | None) -> str:
+        path, there, is_same = self.path(name, DESCRIPTIONS), "", False
         if exists(path):
             there = read_text(path, CommandError)
-            if fingerprint(there) != known:
-                raise ChangedError(there)
+            is_same = known is not None and known.startswith(fingerprint(there))
+            if not is_same or (path in self._saves and known != self._version(path, there)):
+                raise ChangedError(there, self._version(path, there))
             if "\r\n" in there:  # as the file has them: an editor in a browser has no others than "\n"
                 text = text.replace("\r\n", "\n").replace("\n", "\r\n")
         elif known is not None:
-            raise ChangedError("")
+            raise ChangedError("", fingerprint(""))
         elif not path.parent.is_dir():
             raise CommandError(f"there is no folder {path.parent.name}", remedy="Make it first.")
         try:
@@ -207,7 +221,10 @@ class Workspace:
                 temporary.write_bytes(text.encode())
         except OSError as error:
             raise CommandError(f"{name[:80]} cannot be written", rule=error.strerror or str(error)) from None
-        return fingerprint(text)
+        self._saves.pop(path, None)
+        if is_same and there == text:
+            self._saves[path] = (secrets.token_hex(4),)
+        return self._version(path, text)
 
 
 class NewNames:

@@ -11,7 +11,7 @@ import numpy as np
 from pneudrive.describe.toml import key_text, value_text
 from pneudrive.friction.campaign.stops.files import STOPS_FILE, dwell_tables, write_stops
 from pneudrive.friction.friction_map import write_map
-from pneudrive.trajectory import check_target, write_frame
+from pneudrive.trajectory import check_target, whole, write_frame
 
 if TYPE_CHECKING:
     from pneudrive.friction.campaign.compare.comparison import Comparison
@@ -107,7 +107,8 @@ def write_effects(found: CampaignCharacteristics, path: str | Path) -> Path:
         "stick_slip_threshold": list(found.stick_slip_thresholds),
         "dwell": dwell_tables(found),
     }
-    path.write_text("\n".join(_lines(tables, ())) + "\n", encoding="utf-8")
+    with whole(path) as temporary:
+        temporary.write_text("\n".join(_lines(tables, ())) + "\n", encoding="utf-8")
     return path
 
 
@@ -136,7 +137,8 @@ def write_comparison(compared: Comparison, path: str | Path) -> Path:
             "high": [e.high for e in compared.curves.difference],
             "corrected_p": compared.curves.adjusted_p,
         }
-    path.write_text("\n".join(_lines(tables, ())) + "\n", encoding="utf-8")
+    with whole(path) as temporary:
+        temporary.write_text("\n".join(_lines(tables, ())) + "\n", encoding="utf-8")
     return path
 
 
