@@ -7,6 +7,7 @@ import shlex
 import shutil
 import threading
 import time
+import traceback
 from pathlib import Path
 
 import numpy as np
@@ -454,9 +455,10 @@ def test_a_reading_that_fails_in_a_way_nobody_foresaw_ends(
     served: Served, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     (served.folder / "log.csv").write_text("time,level\n" + rows_of(0, 10))
+    monkeypatch.setattr("pneudrive.web.messages.print_exception", traceback.print_exception)
     for fault, told in (
         (OSError(28, "No space left"), "cannot be read: No space left"),
-        (KeyError("x"), "a fault of pn"),
+        (KeyError("x"), "a fault of pneudrive"),
     ):
         (served.folder / "log.csv").touch()
 
