@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from pneudrive.web.campaigns import WatchedCampaign
     from pneudrive.web.recordings import OpenRecording, Recordings
 
-BUILD_FILE = "build.json"
+BUILD_FILE, FRAME = "build.json", "application/octet-stream"
 #: Jobs that a page may start, by the command that does them: the module that has them as `COMMAND_job`.
 JOBS = {
     "characterise": "jobs",
@@ -184,8 +184,7 @@ def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Aske
         body = await asked.body()
         try:
             found = await asyncio.to_thread(view, given, body)
-            is_frame = isinstance(found, bytes)
-            return Response(found, media_type="application/octet-stream") if is_frame else _json(found)
+            return Response(found, media_type=FRAME) if isinstance(found, bytes) else _json(found)
         except ChangedError as changed:
             there = {"text": changed.text, "sha256": changed.version}
             return JSONResponse({"problems": [{"what": str(changed)}], **there}, status_code=412)

@@ -18,7 +18,7 @@ LONGEST_UNUSED_S = 30 * 86400.0
 def cache_folder() -> Path:
     """Return the folder of converted recordings, which only this user can open; it is made at the first call.
 
-    Without a home that can be written to, it is a new folder that is removed at the end.
+    Without a home that can be written to, it is `log_folder`.
     """
     folder = _user_cache() / "pneudrive" / "page"
     try:
@@ -28,7 +28,7 @@ def cache_folder() -> Path:
             return folder.resolve()
     except OSError:
         pass
-    return _without_home()
+    return log_folder()
 
 
 def forget_unused(folder: Path, now_s: float | None = None) -> None:
@@ -41,17 +41,7 @@ def forget_unused(folder: Path, now_s: float | None = None) -> None:
 
 @cache
 def log_folder() -> Path:
-    """Return a new folder for the logs of this server's jobs, which is removed at its end."""
-    return _temporary()
-
-
-@cache
-def _without_home() -> Path:
-    return _temporary()
-
-
-def _temporary() -> Path:
-    """Make a folder that only this user can open, and that is removed when Python ends."""
+    """Return a new folder that only this user can open, for logs of jobs; it is removed when Python ends."""
     folder = tempfile.mkdtemp(prefix="pneudrive-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder).resolve()
