@@ -14,7 +14,7 @@ from pneudrive.campaign.cycle import KINDS, Cycle
 from pneudrive.campaign.folder import COLUMNS, Campaign
 from pneudrive.campaign.head import Head
 from pneudrive.campaign.status import status_of
-from pneudrive.friction.campaign.cycles.reading import read_part
+from pneudrive.friction.campaign.reading import read_part
 from pneudrive.friction.reduction.settling import Settled
 from pneudrive.rig.interface import Identity
 

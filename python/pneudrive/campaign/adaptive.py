@@ -100,7 +100,7 @@ def finished_of(files: Sequence[CycleFile], identity: Identity, *, measured: boo
 
 def measure(samples: Samples, cycle: Cycle, identity: Identity) -> QuickPoint:
     """Return the quick estimate of a cycle; None for kinds that are not points of a characteristic."""
-    from pneudrive.friction.recording.extract import extract
+    from pneudrive.friction.reduction.level import extract
     from pneudrive.friction.reduction.settling import Settled
 
     if cycle.kind not in MEASURED:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from pneudrive.friction.campaign.basics import Statement
+    from pneudrive.friction.sentences import Statement
     from pneudrive.identify.base import Fit
 
 #: Width of a table that is written to a file, characters.

@@ -1,12 +1,45 @@
-"""Sentences on recordings and campaigns: they stand in sentences.toml; code says when, and with which values."""
+"""Sentences on recordings and campaigns, and statements on what data determine; the texts are in sentences.toml."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.toml import read
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+NAMED = 3  # most cycles that a sentence names
+Said = tuple[str, dict[str, Any]]
+"""Topic and name of a sentence, and the values of its braces."""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A sentence on what the data determine, or do not determine, with a remedy.
+
+    Attributes
+    ----------
+    topic : str
+        curve, direction, pressure, air, position, stops, drift, repeatability, stick-slip, zero, range, data.
+    text : str
+    carried : bool
+        Whether the data determine it.
+    remedy : str
+        Cycles to add; "" if nothing is missing.
+    """
+
+    topic: str
+    text: str
+    carried: bool = True
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        """Return the text and remedy."""
+        return f"{self.text} Remedy: {self.remedy}" if self.remedy else self.text
 
 
 @lru_cache(maxsize=1)
@@ -31,3 +64,32 @@ def sentence(name: str, part: str = "text", /, **values: Any) -> str:  # noqa: A
     found = table()[topic][key]
     parts = {"text": found} if isinstance(found, str) else found
     return parts.get(part, "").format(**values)
+
+
+def say(name: str, /, **values: Any) -> Statement:  # noqa: ANN401 - whatever the sentence names
+    """Return a statement from the table; one with a remedy is on what the data do not determine.
+
+    Parameters
+    ----------
+    name : str
+        Topic and name, ``"curve.none"``.
+    **values
+        Values for the braces of the sentence.
+    """
+    remedy = sentence(name, "remedy", **values)
+    return Statement(name.partition(".")[0], sentence(name, **values), carried=not remedy, remedy=remedy)
+
+
+def say_all(said: Iterable[Said]) -> Iterator[Statement]:
+    """Return the statements of several sentences."""
+    return (say(name, **values) for name, values in said)
+
+
+def named(names: Iterable[str], separator: str = ", ") -> str:
+    """Return the names of the first of several."""
+    return separator.join(list(names)[:NAMED])
+
+
+def capitalised(text: str) -> str:
+    """Return a text with a capital letter."""
+    return text[:1].upper() + text[1:]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.campaign.basics import PA_PER_BAR
+from pneudrive.friction.reduction.condition import PA_PER_BAR
 from pneudrive.numbers import with_interval, with_u
 from pneudrive.report import campaign_course as course
 from pneudrive.report import campaign_curves as curves

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.friction.campaign.effects.effect import Loop, PositionPattern
+    from pneudrive.friction.campaign.effects.effect import PositionPattern
     from pneudrive.friction.campaign.result import CampaignCharacteristics
+    from pneudrive.friction.reduction.loop import Loop
     from pneudrive.report.page import Section
 
 HOUR_S = 3600.0

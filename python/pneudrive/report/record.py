@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.recording.extract import RecordingResult
+    from pneudrive.friction.reduction.level import RecordingResult
     from pneudrive.report.page import Section
 
 IN_ONE_FIGURE = 3

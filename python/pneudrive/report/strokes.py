@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.recording.extract import Level, RecordingResult
+    from pneudrive.friction.reduction.level import Level, RecordingResult
     from pneudrive.friction.reduction.reversal import ReversalPeak
     from pneudrive.report.page import Section
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.recording.extract import Level
+    from pneudrive.friction.reduction.level import Level
     from pneudrive.report.page import Section
 
 STATISTICAL = "spread between strokes"

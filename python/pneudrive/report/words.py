@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.recording.extract import Level, RecordingResult
+    from pneudrive.friction.reduction.level import Level, RecordingResult
     from pneudrive.signals.recording import Recording
 
 MOST_SHOWN = 24  # panels of one kind in a report; a campaign has too many recordings to show all

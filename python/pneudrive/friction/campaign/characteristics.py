@@ -11,22 +11,23 @@ import numpy as np
 
 from pneudrive.bulk import many_objects
 from pneudrive.campaign.folder import Campaign
-from pneudrive.friction.campaign.curves.curves import Points, curves_of, fit_points, points_of
-from pneudrive.friction.campaign.cycles.reading import CampaignData, read_campaign
+from pneudrive.estimate.threads import one_thread
+from pneudrive.friction.campaign.curves.curves import curves_of, fit_points
+from pneudrive.friction.campaign.curves.points import Points, points_of
 from pneudrive.friction.campaign.effects.air import air_shares
 from pneudrive.friction.campaign.effects.budget import sources
 from pneudrive.friction.campaign.effects.drift import causes, drift_of, repeatability
-from pneudrive.friction.campaign.effects.loops import loops
 from pneudrive.friction.campaign.effects.position import position_dependence
 from pneudrive.friction.campaign.effects.pressure import pressure_effects
 from pneudrive.friction.campaign.effects.stick_slip import stick_slip_points, thresholds
 from pneudrive.friction.campaign.effects.zero import asymmetries, sensor_zero
+from pneudrive.friction.campaign.reading import CampaignData, read_campaign
 from pneudrive.friction.campaign.result import CampaignCharacteristics, CycleResult, Ranges
 from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
 from pneudrive.friction.campaign.stops.stop import find_stops
 from pneudrive.friction.campaign.table import friction_map
-from pneudrive.friction.campaign.threads import one_thread
+from pneudrive.friction.reduction.loop import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.reduction.settling import Settled
 from pneudrive.watch import Watch
 
@@ -84,7 +85,7 @@ def characteristics(
     reading = read_campaign(opened, choice, processes)
     watch.tell(1, STEPS, f"{task} (models)")
     with one_thread():
-        found = _characterise(opened, choice, reading)
+        found = _characterise(reading, choice)
         watch.tell(2, STEPS, f"{task} (stops)")
         found = _with_stops(found, opened, reading, processes)
     watch.tell(STEPS, STEPS, task)
@@ -126,54 +127,67 @@ def characterise(
 
 
 @many_objects()
-def _characterise(opened: Campaign, choice: SampleChoice, reading: CampaignData) -> CampaignCharacteristics:
+def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharacteristics:
     points = points_of(reading)
-    fits = fit_points(reading, points) if points is not None else None
+    fits = fit_points(points, reading.tares) if points is not None else None
     if points is not None and fits is not None and len(fits.points) == len(points):
         points = fits.points  # outliers are known now; a campaign that was condensed for its fits stays so
-    cycles = _cycles(reading, points)
+    cycles, rig = _cycles(reading, points), reading.identity
     found = CampaignCharacteristics(
-        name=str(opened.about.get("name", opened.path.name)),
-        folder=opened.path,
-        identity=opened.identity,
+        name=reading.name,
+        folder=reading.source,
+        identity=rig,
         protocol=choice.name,
         cycles=cycles,
         skipped=reading.skipped,
         flags=dict(Counter(flag for cycle in cycles for flag in cycle.flags)),
         friction_map=friction_map(reading, points, fits, choice.name),
-        zero=sensor_zero(reading),
+        zero=sensor_zero(reading.tares),
         ranges=_ranges(reading),
     )
     why = None
     if points is not None:
-        files = {file.head.cycle.key: file for file in reading.files}
         found = replace(
             found,
             position=position_dependence(points),
             stick_slip=stick_slip_points(points),
             stick_slip_thresholds=thresholds(points),
-            loops=loops(points, files, opened.identity),
+            loops=_loops(reading, points),
         )
     if fits is not None:
-        why = causes(reading, fits)
+        why = causes(fits)
         found = replace(
             found,
-            curves=curves_of(fits, contains_air=opened.identity.pressure_measured_at != "chamber"),
-            sources=sources(fits, reading.gain, reading.identity.force_calibration),
+            curves=curves_of(fits, contains_air=rig.pressure_measured_at != "chamber"),
+            sources=sources(fits, reading.gain, rig.force_calibration),
             asymmetry=asymmetries(fits),
-            air=air_shares(reading, fits),
-            pressure=pressure_effects(reading, fits),
-            drift=drift_of(reading, fits, why),
+            air=air_shares(fits, separated=rig.pressure_measured_at == "chamber"),
+            pressure=pressure_effects(fits, rig.ambient_pressure_pa),
+            drift=drift_of(fits, why),
             repeatability=repeatability(fits),
         )
     return replace(found, statements=statements(found, reading, points, fits, why))
+
+
+def _loops(reading: CampaignData, points: Points) -> tuple[Loop, ...]:
+    """Return the loops of the slowest, a middle and the fastest cycle of the first conditions, without the offset."""
+    loops = []
+    for index in range(len(points.conditions[:SHOWN_CONDITIONS])):
+        shown: dict[int, int] = {}  # level -> its first cycle with a loop
+        for i in np.flatnonzero(points.condition == index).tolist():
+            if points.reduced.data[i].plan.key in reading.loops:
+                shown.setdefault(int(points.level[i]), i)
+        for _, i in sorted(shown.items()):
+            loop = reading.loops[points.reduced.data[i].plan.key]
+            loops.append(replace(loop, friction_n=loop.friction_n - float(points.reduced.offset_n[i])))
+    return tuple(loops)
 
 
 def _with_stops(
     found: CampaignCharacteristics, opened: Campaign, reading: CampaignData, processes: int | None
 ) -> CampaignCharacteristics:
     """Add the results of the stops, if there are any."""
-    if not any(head.cycle.kind == "stop" for head in reading.heads):
+    if not any(file.head.cycle.kind == "stop" for file in reading.files):
         return found
     stops, lost = find_stops(opened, processes, reading.files)
     dwell, said = fit_dwell(stops, opened.identity.ambient_pressure_pa)
@@ -183,12 +197,10 @@ def _with_stops(
 
 def _cycles(reading: CampaignData, points: Points | None) -> tuple[CycleResult, ...]:
     """Return a summary of all cycles that were read."""
-    days = reading.days()
-    first = min((head.began_s for head in reading.heads), default=0.0)
-    place = {d.head.cycle.key: i for i, d in enumerate(points.reduced.data)} if points is not None else {}
+    place = {d.plan.key: i for i, d in enumerate(points.reduced.data)} if points is not None else {}
     found = []
-    for d in sorted((*reading.sliding, *reading.tares), key=lambda d: d.head.index):
-        cycle, i = d.head.cycle, place.get(d.head.cycle.key)
+    for d in sorted((*reading.sliding, *reading.tares), key=lambda d: d.plan.index):
+        cycle, i = d.plan, place.get(d.plan.key)
         speeds = [abs(side.velocity_m_s) for side in d.sides.values()]
         means, reason = [float("nan")] * 3, ""
         if points is not None and i is not None:
@@ -196,16 +208,16 @@ def _cycles(reading: CampaignData, points: Points | None) -> tuple[CycleResult, 
             means = [float(v[i]) for v in (reduced.friction_n, reduced.offset_n, reduced.friction_stderr_n)]
         found.append(
             CycleResult(
-                index=d.head.index,
+                index=cycle.index,
                 key=cycle.key,
                 kind=cycle.kind,
                 block=cycle.block,
                 repeat=cycle.repeat,
-                day=days[cycle.key],
+                day=cycle.day,
                 condition=d.condition,
                 speed_m_s=float(np.mean(speeds)) if speeds else float("nan"),
-                began_s=d.head.began_s - first,
-                travel_m=reading.travel_m[cycle.key],
+                began_s=cycle.elapsed_s,
+                travel_m=cycle.travel_m,
                 temperature_k=d.temperature_k,
                 friction_n=means[0],
                 offset_n=means[1],

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import Estimate, mean_estimate
-from pneudrive.friction.campaign.basics import BOTH
 from pneudrive.friction.campaign.stops.contact import ASSUMED_DISTANCE_M, FEWEST_STOPS, ContactAge, fit_contact_age
+from pneudrive.friction.reduction.condition import BOTH
 from pneudrive.identify.dependences import Dependences
 
 if TYPE_CHECKING:
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.basics import Condition
     from pneudrive.friction.campaign.effects.effect import Asymmetry
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.campaign.stops.stop import Stop
+    from pneudrive.friction.reduction.condition import Condition
 
     Array = NDArray[np.float64]
 

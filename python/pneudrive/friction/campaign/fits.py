@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.estimate.threads import one_thread
 from pneudrive.friction.campaign.dependences import dependences_of
-from pneudrive.friction.campaign.threads import one_thread
 from pneudrive.identify.dependences import Dependences
 from pneudrive.identify.fit import LAWS
 from pneudrive.identify.seals import fit_groups

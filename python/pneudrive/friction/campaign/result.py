@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.friction.campaign.basics import BOTH
+from pneudrive.friction.reduction.condition import BOTH
 from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
@@ -16,12 +16,10 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.basics import Condition, Skipped, Statement
     from pneudrive.friction.campaign.effects.effect import (
         AirShare,
         Asymmetry,
         Drift,
-        Loop,
         PositionPattern,
         PressureEffects,
         Repeatability,
@@ -31,6 +29,9 @@ if TYPE_CHECKING:
     )
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.campaign.stops.stop import Stop
+    from pneudrive.friction.reduction.condition import Condition, Skipped
+    from pneudrive.friction.reduction.loop import Loop
+    from pneudrive.friction.sentences import Statement
     from pneudrive.rig.interface import Identity
 
     Array = NDArray[np.float64]

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
-from pneudrive.friction.campaign.basics import BOTH, PA_PER_BAR
 from pneudrive.friction.campaign.curves.curves import deviation_n
-from pneudrive.friction.campaign.curves.plausible import suspicions
 from pneudrive.friction.campaign.curves.smooth import CARRIED
 from pneudrive.friction.campaign.effects.drift import pure_scatter
-from pneudrive.friction.campaign.sentences import NAMED, named, say
-from pneudrive.friction.reduction.plausible import NEGATIVE, OUTLIER
+from pneudrive.friction.reduction.condition import BOTH, PA_PER_BAR
+from pneudrive.friction.reduction.plausible import NEGATIVE, OUTLIER, suspicions
+from pneudrive.friction.sentences import NAMED, named, say_all
 from pneudrive.signals.motion import straight_line
 
 if TYPE_CHECKING:
@@ -21,12 +20,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.basics import Statement
-    from pneudrive.friction.campaign.curves.curves import Fits, Points
-    from pneudrive.friction.campaign.cycles.reading import CampaignData
+    from pneudrive.friction.campaign.curves.curves import Fits
+    from pneudrive.friction.campaign.curves.points import Points
     from pneudrive.friction.campaign.effects.drift import Causes
     from pneudrive.friction.campaign.effects.effect import Drift, Repeatability
+    from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.friction.campaign.result import CampaignCharacteristics
+    from pneudrive.friction.sentences import Said, Statement
 
     Array = NDArray[np.float64]
 
@@ -47,41 +47,45 @@ def statements(
     """Return statements on what the data determine and what they do not."""
     said = [*_data(found, reading, points), *_ranges(found)]
     if points is None or fits is None:
-        return (*said, say("curve.none"))
+        return tuple(say_all([*said, ("curve.none", {})]))
     said += [*_curves(found, fits), *_sensor(found, reading, fits), *_scatter(found, reading, fits)]
     said += [*_drift(found, fits, causes), *_pressure_zeros(reading), *_directions(found), *_pressure(found)]
-    return (*said, *_air(found), *_position(found), *_stick_slip(found), *_excluded(found))
+    said += [*_air(found), *_position(found), *_stick_slip(found), *_excluded(found)]
+    return tuple(say_all(said))
 
 
-def _data(found: CampaignCharacteristics, reading: CampaignData, points: Points | None) -> Iterator[Statement]:
+def _data(found: CampaignCharacteristics, reading: CampaignData, points: Points | None) -> Iterator[Said]:
     if found.skipped:
         several = named((f"{s.key or s.file}: {s.reason}" for s in found.skipped), "; ")
         more = f"; and {len(found.skipped) - NAMED} more" if len(found.skipped) > NAMED else ""
-        yield say("data.skipped", count=len(found.skipped), named=several + more)
+        yield "data.skipped", {"count": len(found.skipped), "named": several + more}
     if found.flags:
-        yield say("data.flags", counts=", ".join(f"{flag} in {n}" for flag, n in sorted(found.flags.items())))
+        yield "data.flags", {"counts": ", ".join(f"{flag} in {n}" for flag, n in sorted(found.flags.items()))}
     if points is not None and points.unpaired:
-        keys = named(d.head.cycle.key for d in points.unpaired)
-        yield say("data.unpaired", count=len(points.unpaired), keys=keys)
-    strokes = {d.head.cycle.key: (d.strokes_used, d.strokes_recorded) for d in reading.sliding}
+        keys = named(d.plan.key for d in points.unpaired)
+        yield "data.unpaired", {"count": len(points.unpaired), "keys": keys}
+    strokes = {d.plan.key: (d.strokes_used, d.strokes_recorded) for d in reading.sliding}
     if partial := {key: n for key, n in strokes.items() if n[0] < n[1]}:
         used, recorded = (sum(n[i] for n in partial.values()) for i in (0, 1))
-        yield say("data.strokes", count=len(partial), keys=named(partial), used=used, recorded=recorded)
-    yield from suspicions(reading, points)
+        yield "data.strokes", {"count": len(partial), "keys": named(partial), "used": used, "recorded": recorded}
+    if points is not None and (negative := [i for i, r in enumerate(points.reasons) if r == NEGATIVE]):
+        keys = named(points.reduced.data[i].plan.key for i in negative)
+        yield "data.negative", {"negative": len(negative), "count": len(points), "keys": keys}
+    yield from suspicions(reading.sliding, reading.identity.accuracy, reading.identity.ambient_pressure_pa)
     if reading.notes:
-        yield say("data.notes", notes=named(reading.notes, "; "))
+        yield "data.notes", {"notes": named(reading.notes, "; ")}
     if found.synthetic:
-        yield say("data.synthetic")
+        yield "data.synthetic", {}
 
 
-def _ranges(found: CampaignCharacteristics) -> Iterator[Statement]:
+def _ranges(found: CampaignCharacteristics) -> Iterator[Said]:
     (slowest, fastest), a, b = found.ranges.speed_m_s, found.ranges.gauge_a_pa, found.ranges.gauge_b_pa
     if not np.isfinite(slowest):
         return
-    yield say("range.measured", slowest=1e3 * slowest, fastest=1e3 * fastest, a=_bar(a), b=_bar(b))
+    yield "range.measured", {"slowest": 1e3 * slowest, "fastest": 1e3 * fastest, "a": _bar(a), "b": _bar(b)}
     highest = max(a[1], b[1]) / PA_PER_BAR
     if highest < SERVICE_BAR[0]:
-        yield say("range.below_service", highest=highest, service=SERVICE_BAR)
+        yield "range.below_service", {"highest": highest, "service": SERVICE_BAR}
 
 
 def _bar(span: tuple[float, float]) -> str:
@@ -89,58 +93,57 @@ def _bar(span: tuple[float, float]) -> str:
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
-def _curves(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
+def _curves(found: CampaignCharacteristics, fits: Fits) -> Iterator[Said]:
     measured = {c.condition: int(c.measured.sum()) for c in found.curves}
     poor = [c.label(found.identity.ambient_pressure_pa) for c, n in measured.items() if n < FEW_LEVELS]
     if poor:
-        yield say("curve.few_speeds", few=FEW_LEVELS, conditions="; ".join(poor))
+        yield "curve.few_speeds", {"few": FEW_LEVELS, "conditions": "; ".join(poor)}
     place = 1e3 * fits.points.reduced.position_m[fits.points.reduced.common]
     relative = fits.friction.relative
     open_kind = KIND_TOLD < relative < 1.0 - KIND_TOLD
     kind = "curve.mean" if open_kind else "curve.mean_relative" if relative > 0.5 else "curve.mean_in_newton"
-    yield say(kind, first_mm=place[0], last_mm=place[-1])
+    yield kind, {"first_mm": place[0], "last_mm": place[-1]}
 
 
-def _sensor(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Statement]:
+def _sensor(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Said]:
     """Return statements on the accuracy of the force sensor."""
     data = fits.points.reduced.data
     if any(d.assumed for d in data):
-        yield say("curve.accuracy_assumed" if "force_n" in found.identity.accuracy else "curve.accuracy_not_stated")
+        yield ("curve.accuracy_assumed" if "force_n" in found.identity.accuracy else "curve.accuracy_not_stated"), {}
     known = found.identity.force_calibration
     largest = max(abs(side.force_n) for d in data for side in d.sides.values())
     if known is not None and 0.0 < known.largest_n < largest:
-        yield say("curve.beyond_calibration", largest=largest, known=known)
+        yield "curve.beyond_calibration", {"largest": largest, "known": known}
     gain = reading.gain
     if gain.cycles:
         kind = (
             "curve.gain_wrong" if not gain.plausible else "curve.gain_surprising" if gain.surprising else "curve.gain"
         )
         percent = {"measured": 100 * gain.measured, "expanded": 200 * gain.measured_stderr, "taken": 100 * gain.error}
-        yield say(kind, **percent)
+        yield kind, percent
 
 
-def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Statement]:
+def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Said]:
     repeat = found.repeatability
     if repeat is not None and repeat.within is not None:
         kind = "within" if repeat.between is None else "within_and_between"
-        yield say(f"repeatability.{kind}", r=repeat, kind=fits.block_kind)
+        yield f"repeatability.{kind}", {"r": repeat, "kind": fits.block_kind}
         yield from _once(found, repeat, fits)
     yield from _left(fits)
     if fits.blocks is None:
-        several = len(set(reading.days().values())) > 1 or len({head.cycle.block for head in reading.heads}) > 1
-        yield say("repeatability.one_block_each" if several else "repeatability.one_block")
+        yield ("repeatability.one_block_each" if reading.several else "repeatability.one_block"), {}
 
 
-def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> Iterator[Statement]:
+def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> Iterator[Said]:
     """Return a statement on points that were not repeated, with a narrow band because neighbours contribute."""
     if repeat.basis == "smooth curve":
-        yield say("repeatability.nothing_repeated")
+        yield "repeatability.nothing_repeated", {}
     elif repeat.basis == "sentinels":
         share = _of_single_cycles(found, fits)
         if share.size and np.median(share) < 1.0:
-            count = sum(d.head.cycle.kind == "sentinel" for some in fits.points.members for d in some)
+            count = sum(d.plan.kind == "sentinel" for some in fits.points.members for d in some)
             numbers = {"narrow": (share < 1.0).sum(), "points": share.size, "least": share.min(), "sentinels": count}
-            yield say("repeatability.measured_once", **numbers)
+            yield "repeatability.measured_once", numbers
 
 
 def _of_single_cycles(found: CampaignCharacteristics, fits: Fits) -> Array:
@@ -154,7 +157,7 @@ def _of_single_cycles(found: CampaignCharacteristics, fits: Fits) -> Array:
     return np.concatenate(shares)
 
 
-def _left(fits: Fits) -> Iterator[Statement]:
+def _left(fits: Fits) -> Iterator[Said]:
     """Return statements on good cycles that differ from a curve by more than the scatter, and on doubtful cycles."""
     pure, points = pure_scatter(fits), fits.points
     if pure is not None:
@@ -164,35 +167,38 @@ def _left(fits: Fits) -> Iterator[Statement]:
         if far.size:
             cycles = points.cycles(points.use)
             worst = far[np.argsort(-off[far])].tolist()
-            several = named(f"{cycles[i].head.cycle.key} by {off[i]:.2g} times" for i in worst)
-            yield say("curve.leaves", count=far.size, named=several)
+            several = named(f"{cycles[i].plan.key} by {off[i]:.2g} times" for i in worst)
+            yield "curve.leaves", {"count": far.size, "named": several}
     if fits.doubtful:
-        keys = named(points.reduced.data[i].head.cycle.key for i in fits.doubtful)
-        yield say("curve.doubtful", count=len(fits.doubtful), keys=keys)
+        keys = named(points.reduced.data[i].plan.key for i in fits.doubtful)
+        yield "curve.doubtful", {"count": len(fits.doubtful), "keys": keys}
 
 
-def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) -> Iterator[Statement]:
+def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) -> Iterator[Said]:
     drift = found.drift
     if drift is None:
         return
     if fits.drift_share >= CARRIED:
-        yield say("drift.not_carried")
+        yield "drift.not_carried", {}
         return
-    yield say("drift.moved", moved=np.ptp(drift.drift_n), drift=drift, share=100.0 * drift.spread_n / fits.level_n)
+    yield (
+        "drift.moved",
+        {"moved": np.ptp(drift.drift_n), "drift": drift, "share": 100.0 * drift.spread_n / fits.level_n},
+    )
     yield from still_changing(drift)
     effects = {"time": drift.per_hour, "travel (run-in)": drift.per_decade_of_travel, "temperature": drift.per_kelvin}
     for cause, effect in effects.items():
         if effect is not None:
-            yield say("drift.effect", cause=cause, effect=effect)
+            yield "drift.effect", {"cause": cause, "effect": effect}
     for a, b, r in causes.together if causes is not None else ():
-        yield say("drift.together", first=a.title(), second=b, r=r)
+        yield "drift.together", {"first": a.title(), "second": b, "r": r}
     if drift.interrupted is not None:
-        yield say("drift.interrupted", effect=drift.interrupted)
+        yield "drift.interrupted", {"effect": drift.interrupted}
     else:
-        yield say("drift.never_interrupted")
+        yield "drift.never_interrupted", {}
 
 
-def still_changing(drift: Drift) -> Iterator[Statement]:
+def still_changing(drift: Drift) -> Iterator[Said]:
     """Return statements on friction that still changes when the campaign ends."""
     last = drift.time_s >= drift.time_s[0] + (1.0 - LAST_SHARE) * np.ptp(drift.time_s)
     if last.sum() < NAMED:
@@ -202,15 +208,15 @@ def still_changing(drift: Drift) -> Iterator[Statement]:
     change = slope * float(np.ptp(drift.time_s[last]))
     reach = float(np.mean((drift.high_n - drift.low_n)[last])) / 2.0
     if abs(change) > reach:
-        yield say("drift.still_changing", change=change, share=100 * LAST_SHARE)
+        yield "drift.still_changing", {"change": change, "share": 100 * LAST_SHARE}
 
 
-def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
+def _directions(found: CampaignCharacteristics) -> Iterator[Said]:
     if found.zero.basis != "tare":
-        yield say("direction.no_tare")
+        yield "direction.no_tare", {}
         return
     if found.zero.per_hour is not None:
-        yield say("zero.drift", effect=found.zero.per_hour)
+        yield "zero.drift", {"effect": found.zero.per_hour}
     differ = [a for a in found.asymmetry if a.mean.p < CHANCE]
     same = [a for a in found.asymmetry if a.mean.p >= CHANCE]
     for group, finding in (
@@ -220,39 +226,39 @@ def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
         means = [a.mean for a in group]
         if len(group) == 1:
             condition = group[0].condition.label(found.identity.ambient_pressure_pa)
-            yield say("direction.one", condition=condition, finding=finding, mean=means[0])
+            yield "direction.one", {"condition": condition, "finding": finding, "mean": means[0]}
         elif group:
             ends = {"low": min(m.value for m in means), "high": max(m.value for m in means)}
             half = max((m.high - m.low) / 2.0 for m in means)
-            yield say("direction.several", count=len(group), finding=finding, half=half, **ends)
+            yield "direction.several", dict(count=len(group), finding=finding, half=half, **ends)
 
 
-def _pressure_zeros(reading: CampaignData) -> Iterator[Statement]:
+def _pressure_zeros(reading: CampaignData) -> Iterator[Said]:
     for chamber, zero in reading.pressure_zeros.items():
         if zero.tares:
-            yield say("zero.pressure", chamber=chamber, zero=zero, expanded=2 * zero.stderr_pa)
+            yield "zero.pressure", {"chamber": chamber, "zero": zero, "expanded": 2 * zero.stderr_pa}
         for bad, fault in (
             (zero.far, "differs from ambient pressure by more than its accuracy"),
             (zero.unsteady, "was not steady"),
         ):
             if bad:
                 several = named(f"{key}: {value:+.3g} Pa" for key, value in bad.items())
-                yield say("zero.pressure_bad", chamber=chamber, fault=fault, count=len(bad), named=several)
+                yield "zero.pressure_bad", {"chamber": chamber, "fault": fault, "count": len(bad), "named": several}
 
 
-def _pressure(found: CampaignCharacteristics) -> Iterator[Statement]:
+def _pressure(found: CampaignCharacteristics) -> Iterator[Said]:
     for effect in found.pressure:
         prefix = f"{effect.levels}: " if effect.levels else ""
         separate = bool(effect.slope_a and effect.slope_b)
-        yield say("pressure.effect" if separate else "pressure.not_separate", prefix=prefix, effect=effect)
+        yield ("pressure.effect" if separate else "pressure.not_separate"), {"prefix": prefix, "effect": effect}
         if separate and effect.interaction is None:
-            yield say("pressure.not_crossed", prefix=prefix)
+            yield "pressure.not_crossed", {"prefix": prefix}
     if not found.pressure:
         pairs = {(c.condition.pressure_a_pa, c.condition.pressure_b_pa) for c in found.curves}
-        yield say("pressure.one_pair" if len(pairs) == 1 else "pressure.no_common_speed")
+        yield ("pressure.one_pair" if len(pairs) == 1 else "pressure.no_common_speed"), {}
 
 
-def _air(found: CampaignCharacteristics) -> Iterator[Statement]:
+def _air(found: CampaignCharacteristics) -> Iterator[Said]:
     shares = found.air
     if not shares:
         return
@@ -262,9 +268,9 @@ def _air(found: CampaignCharacteristics) -> Iterator[Statement]:
     if shares[0].separated:
         air, total = _span([float(s.air_n[-1]) for s in shares]), _span([float(s.total_n[-1]) for s in shares])
         half = max(float(s.air_high_n[-1] - s.air_low_n[-1]) / 2.0 for s in shares)
-        yield say("air.separated", where=where, speed=speed, air=air, half=half, total=total)
+        yield "air.separated", {"where": where, "speed": speed, "air": air, "half": half, "total": total}
     else:
-        yield say("air.bound", where=where, speed=speed, air=_span([float(s.air_bound_n[-1]) for s in shares]))
+        yield "air.bound", {"where": where, "speed": speed, "air": _span([float(s.air_bound_n[-1]) for s in shares])}
 
 
 def _span(values: list[float]) -> str:
@@ -272,32 +278,32 @@ def _span(values: list[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _position(found: CampaignCharacteristics) -> Iterator[Statement]:
+def _position(found: CampaignCharacteristics) -> Iterator[Said]:
     overall = next((p for p in found.position if p.condition is None), None)
     if overall is None:
-        yield say("position.none")
+        yield "position.none", {}
         return
-    yield say("position.trend", trend=overall.trend_per_m.scaled(100))
+    yield "position.trend", {"trend": overall.trend_per_m.scaled(100)}
     strong = [h for h in overall.harmonics if h.amplitude.p < CHANCE]
     if strong:
         waves = (f"{100 * h.amplitude.value:.2g} % at {1e3 * h.wavelength_m:.3g} mm" for h in strong)
-        yield say("position.waves", waves=", ".join(waves))
+        yield "position.waves", {"waves": ", ".join(waves)}
 
 
-def _stick_slip(found: CampaignCharacteristics) -> Iterator[Statement]:
+def _stick_slip(found: CampaignCharacteristics) -> Iterator[Said]:
     for threshold in found.stick_slip_thresholds:
         if threshold.low_m_s > 0.0:
             condition = threshold.condition.label(found.identity.ambient_pressure_pa)
-            yield say("stick-slip.threshold", condition=condition, threshold=threshold)
+            yield "stick-slip.threshold", {"condition": condition, "threshold": threshold}
 
 
-def _excluded(found: CampaignCharacteristics) -> Iterator[Statement]:
+def _excluded(found: CampaignCharacteristics) -> Iterator[Said]:
     """Return statements on cycles that are not points of F(v)."""
     points = [p for c in found.curves if c.direction == BOTH for p in c.excluded]
     off = [p for p in points if p.reason == OUTLIER]
     if off:
         values = named(f"{p.friction_n:.3g} N at {1e3 * p.speed_m_s:.3g} mm/s" for p in off)
-        yield say("data.outliers", count=len(off), values=values)
+        yield "data.outliers", {"count": len(off), "values": values}
     excluded = [p for p in points if p.reason not in {OUTLIER, NEGATIVE}]
     if excluded:
         speeds = sorted(1e3 * p.speed_m_s for p in excluded)
@@ -305,4 +311,4 @@ def _excluded(found: CampaignCharacteristics) -> Iterator[Statement]:
         at = f"{speeds[0]:.3g}" if alike else f"{speeds[0]:.3g} to {speeds[-1]:.3g}"
         reasons = ", ".join(sorted({p.reason for p in excluded}))
         kind = "stick-slip.excluded_one" if len(excluded) == 1 else "stick-slip.excluded"
-        yield say(kind, count=len(excluded), speeds=at, reasons=reasons)
+        yield kind, {"count": len(excluded), "speeds": at, "reasons": reasons}

@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.friction.campaign.curves.curves import Fits, Points, deviation_n, systematic
+from pneudrive.friction.campaign.curves.curves import Fits, deviation_n, systematic
+from pneudrive.friction.campaign.curves.points import Points
 from pneudrive.friction.friction_map import COLUMNS as MAP_COLUMNS
 from pneudrive.friction.friction_map import Row, columns_to_dataset
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.friction.campaign.cycles.cycle import CycleData
-    from pneudrive.friction.campaign.cycles.reading import CampaignData
+    from pneudrive.friction.campaign.reading import CampaignData
+    from pneudrive.friction.reduction.cycle import CycleData
 
 #: Further columns -> (unit, meaning), after those of every friction map.
 LEVEL_COLUMNS: dict[str, tuple[str, str]] = {
@@ -41,7 +42,7 @@ def friction_map(reading: CampaignData, points: Points | None, fits: Fits | None
     """Return the map, one row per cycle and direction, in the order of the campaign."""
     rows: list[Row] = []
     if points is not None:
-        bands = _bands(reading, points, fits)
+        bands = _bands(points, fits)
         for i, d in enumerate(points.reduced.data):
             rows += _paired_rows(points, bands, i, d, reading)
         for d in points.unpaired:
@@ -60,7 +61,7 @@ def friction_map(reading: CampaignData, points: Points | None, fits: Fits | None
     return found
 
 
-def _bands(reading: CampaignData, points: Points, fits: Fits | None) -> dict[str, np.ndarray]:
+def _bands(points: Points, fits: Fits | None) -> dict[str, np.ndarray]:
     """Return half widths of the bands of single cycles, N."""
     reduced = points.reduced
     nothing = np.full(len(points), np.nan)
@@ -85,18 +86,17 @@ def _bands(reading: CampaignData, points: Points, fits: Fits | None) -> dict[str
         own_state = np.hypot(shared.state_n, block[members])
         u[members], zero_u[members] = np.hypot(shared.friction_n(), own_state), shared.zero_n
         zero[members] = np.hypot(reduced.offset_stderr_n[members], own)
-    return {"stderr": stderr, "u": u, "zero": zero, "zero_u": zero_u, "offset": _offsets(reading, points, fits)}
+    return {"stderr": stderr, "u": u, "zero": zero, "zero_u": zero_u, "offset": _offsets(points, fits)}
 
 
-def _offsets(reading: CampaignData, points: Points, fits: Fits) -> np.ndarray:
+def _offsets(points: Points, fits: Fits) -> np.ndarray:
     """Return half the sum of each cycle without the zero of the sensor; 0 without tares."""
     if not fits.has_zero:
         return np.zeros(len(points))
     zero = float(np.average([s.beta[0] for s in fits.offset.fit.states], weights=fits.offset.fit.weights))
     known = fits.offset.data
     at = np.argsort(known.order, kind="stable")
-    order = np.array([reading.order(d.head) for d in points.reduced.data])
-    drift = np.interp(order, known.order[at], fits.offset.drift[at])
+    drift = np.interp(points.order, known.order[at], fits.offset.drift[at])
     return points.reduced.offset_n - zero - drift
 
 
@@ -160,7 +160,7 @@ def _unpaired_rows(d: CycleData, reading: CampaignData) -> list[Row]:
 
 
 def _common(d: CycleData, direction: int, reading: CampaignData) -> Row:
-    side, cycle = d.sides[direction], d.head.cycle
+    side, cycle = d.sides[direction], d.plan
     return {
         "recording": cycle.key,
         "direction": direction,
@@ -179,7 +179,7 @@ def _common(d: CycleData, direction: int, reading: CampaignData) -> Row:
         "drive": d.condition.drive,
         "block": cycle.block,
         "repeat": cycle.repeat,
-        "began_s": d.head.began_s,
+        "began_s": cycle.began_s,
         "temperature_k": d.temperature_k,
         "ambient_pressure_pa": reading.identity.ambient_pressure_pa,
     }

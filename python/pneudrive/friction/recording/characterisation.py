@@ -15,7 +15,6 @@ from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import changed
 from pneudrive.friction.friction_map import HASHES, Row, rows_to_dataset
 from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA, ClosureFit, fit_closures
-from pneudrive.friction.recording.extract import Level, RecordingResult, extract
 from pneudrive.friction.recording.long_recording import extract_long, long_file
 from pneudrive.friction.recording.pressure_line import (
     CONFOUNDED,
@@ -26,6 +25,7 @@ from pneudrive.friction.recording.pressure_line import (
     run_spread,
 )
 from pneudrive.friction.recording.summaries import Source, Summary, summarise, summary_of
+from pneudrive.friction.reduction.level import Level, RecordingResult, extract
 from pneudrive.friction.reduction.settling import SampleChoice, Settled
 from pneudrive.friction.reduction.stroke_use import StrokeUse, stroke_notes
 from pneudrive.friction.sentences import sentence

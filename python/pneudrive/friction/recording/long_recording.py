@@ -19,8 +19,8 @@ import numpy as np
 
 from pneudrive.bulk import in_advance
 from pneudrive.errors import RecordingError
-from pneudrive.friction.recording.extract import RecordingResult, result_of, window_of
-from pneudrive.friction.reduction.sliding import Sliding, StrokeFriction, find_motion, judge, stroke_frictions
+from pneudrive.friction.reduction.level import RecordingResult, result_of, window_of
+from pneudrive.friction.reduction.motion import Sliding, StrokeFriction, find_motion, judge, stroke_frictions
 from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.load import find_long
 from pneudrive.signals.samples import clean
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.recording.extract import Level
+    from pneudrive.friction.reduction.level import Level
+    from pneudrive.friction.reduction.motion import SampleChoice
     from pneudrive.friction.reduction.pairing import Grid
-    from pneudrive.friction.reduction.sliding import SampleChoice
     from pneudrive.signals.load import LongFile, RecordingFile
     from pneudrive.signals.motion import Stroke
     from pneudrive.watch import Watch

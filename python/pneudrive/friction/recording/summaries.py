@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import RecordingError
-from pneudrive.friction.recording.extract import RecordingResult, extract, friction_points
+from pneudrive.friction.reduction.level import RecordingResult, extract, friction_points
 from pneudrive.friction.reduction.stroke_use import StrokeUse
 from pneudrive.signals.cycles import Cycles, read_cycles
 from pneudrive.signals.load import RecordingFile
@@ -48,7 +48,7 @@ class Summary:
     friction_points: tuple[FrictionPoint, ...] = ()
     reason: str = ""
     sha256: str = ""
-    stroke_use: StrokeUse = StrokeUse(0, 0)
+    stroke_use: StrokeUse = field(default_factory=StrokeUse)
 
 
 def summary_of(result: RecordingResult, digest: int = 0) -> Summary:

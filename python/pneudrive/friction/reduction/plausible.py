@@ -1,4 +1,4 @@
-"""Unusual values: doubts, which are flags of the friction map and sentences of the notes."""
+"""Plausibility: values that no rig, or no cycle of this plan, can have; flags of the map, and sentences."""
 
 from __future__ import annotations
 
@@ -6,12 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.sentences import sentence
+from pneudrive.friction.reduction.condition import PA_PER_BAR
+from pneudrive.friction.sentences import Said, named, sentence
 from pneudrive.signals.impossible import PRESSURES_PA, SPEEDS_M_S
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
     from numpy.typing import NDArray
 
+    from pneudrive.friction.reduction.cycle import CycleData
     from pneudrive.signals.recording import Recording
 
 BELOW_AMBIENT = 0.1  # of ambient pressure: lower ones are a vacuum, or gauge pressures written as absolute
@@ -86,3 +90,68 @@ def implausible_friction(
             elif usual > 0 and not usual / FAR <= abs(friction_n[i]) <= usual * FAR:
                 found[i] = OUTLIER
     return tuple(found)
+
+
+OTHER_SPEED = 1.5  # ratio of measured speed to that in the header, either way
+#: A measured pressure that differs from the set one by more than this, or than this share of the gauge pressure,
+#: or so many standard uncertainties of the sensor, whichever is most, is not an error of the regulator (assumed).
+SET_PA, SET_SHARE, PRESSURE_ACCURACIES = 1e4, 0.1, 4.0
+
+
+def suspicions(data: Sequence[CycleData], accuracy: Mapping[str, float], ambient_pa: float) -> Iterator[Said]:
+    """Return sentences on cycles whose speeds or pressures differ from those of their plan.
+
+    Parameters
+    ----------
+    data : sequence of CycleData
+    accuracy : mapping
+        Channel -> standard uncertainty, SI.
+    ambient_pa : float
+    """
+    off = []
+    for d in data:
+        stated = d.plan.speed_m_s
+        measured = float(np.mean([abs(s.velocity_m_s) for s in d.sides.values()])) if d.sides else float("nan")
+        if stated and measured > 0 and not 1.0 / OTHER_SPEED <= measured / stated <= OTHER_SPEED:
+            off.append((d.plan.key, measured / stated))
+    if off:
+        ratio = float(np.median([r for _, r in off]))
+        yield "data.other_speed", {"count": len(off), "keys": named(key for key, _ in off), "ratio": ratio}
+    yield from _set_and_measured(data, accuracy, ambient_pa)
+    low = {
+        d.plan.key: min(d.condition.pressure_a_pa, d.condition.pressure_b_pa)
+        for d in data
+        if min(d.condition.pressure_a_pa, d.condition.pressure_b_pa) < (1.0 - BELOW_AMBIENT) * ambient_pa
+    }
+    if low:
+        lowest = min(low.values()) / PA_PER_BAR
+        yield "data.below_ambient", {"count": len(low), "lowest": lowest, "ambient": ambient_pa / PA_PER_BAR}
+
+
+def _set_and_measured(data: Sequence[CycleData], accuracy: Mapping[str, float], ambient_pa: float) -> Iterator[Said]:
+    """Compare the pressures of the samples with the set ones in the headers.
+
+    Both directions together: motion of the air raises one of them and lowers the other.
+    """
+    for side in ("a", "b"):
+        name = f"pressure_{side}_pa"
+        sure = PRESSURE_ACCURACIES * accuracy.get(name, 0.0)
+        off, low = {}, {}
+        for d in data:
+            if not d.sides:
+                continue
+            planned = d.plan.pressures_pa.get(side, float("nan"))
+            measured = float(np.mean([getattr(s, name) for s in d.sides.values()]))
+            if abs(measured - planned) > max(SET_PA, SET_SHARE * abs(planned - ambient_pa), sure):
+                off[d.plan.key] = measured - planned
+            if measured < ambient_pa - max(SET_PA, sure) and planned >= (1.0 - BELOW_AMBIENT) * ambient_pa:
+                low[d.plan.key] = measured
+        if off:
+            mean = float(np.median(list(off.values())))
+            kind = "one_is_gauge" if abs(abs(mean) - ambient_pa) < 0.1 * ambient_pa else "not_as_set"
+            values = {"mean": mean / PA_PER_BAR, "off": len(off), "count": len(data), "keys": named(off)}
+            yield f"data.{kind}", dict(side=side, **values)
+        if low:
+            lowest = min(low.values()) / PA_PER_BAR
+            values = {"count": len(low), "keys": named(low), "lowest": lowest, "ambient": ambient_pa / PA_PER_BAR}
+            yield "data.vacuum", dict(side=side, **values)

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.friction.reduction.motion import SampleChoice as SampleChoice
 from pneudrive.friction.reduction.pairing import bin_means
-from pneudrive.friction.reduction.sliding import SampleChoice as SampleChoice
 from pneudrive.signals.motion import straight_line
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.friction.reduction.sliding import SlidingMotion
+    from pneudrive.friction.reduction.motion import SlidingMotion
 
 LEVEL_BINS = 40  # bins over the travel for the balance of one direction
 LEAST_SWING = 0.5  # of its median: limit of the variation of friction over position

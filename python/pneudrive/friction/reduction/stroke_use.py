@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pneudrive.friction.reduction.sliding import COVERED_SHARE
+from pneudrive.friction.reduction.motion import COVERED_SHARE
 from pneudrive.friction.sentences import sentence
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ class StrokeUse:
         settled samples in the window), ``apart`` (the speed class has no position that both directions share).
     """
 
-    recorded: int
-    used: int
+    recorded: int = 0
+    used: int = 0
     left_out: dict[str, int] = field(default_factory=dict)
 
     @classmethod
@@ -73,7 +73,9 @@ def stroke_notes(uses: Mapping[str, StrokeUse]) -> list[str]:
     uses : mapping
         Name of each recording -> its strokes.
     """
-    partial = sorted((use.used / max(use.recorded, 1), i, name, use) for i, (name, use) in enumerate(uses.items()) if use.why)
+    partial = sorted(
+        (use.used / max(use.recorded, 1), i, name, use) for i, (name, use) in enumerate(uses.items()) if use.why
+    )
     shown, rest = partial[:MOST_NAMED], partial[MOST_NAMED:]
     notes = [
         sentence("strokes.partial", name=name, used=use.used, recorded=use.recorded, why=use.why)

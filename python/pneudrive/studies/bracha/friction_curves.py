@@ -8,7 +8,7 @@ import numpy as np
 
 from pneudrive.characterise import SourcePaper, characterise_recordings
 from pneudrive.characteristics import BOTH, characteristics
-from pneudrive.friction.campaign.cycles.raw import recording_of
+from pneudrive.friction.campaign.samples import recording_of
 from pneudrive.friction.reduction.settling import moving_average
 from pneudrive.studies.bracha.figure import PaperFigure, judge
 

@@ -9,7 +9,7 @@ from oracle.campaigns import write_campaign
 from pneudrive.campaign.folder import Campaign
 from pneudrive.characterise import SourcePaper
 from pneudrive.characteristics import characteristics
-from pneudrive.friction.campaign.cycles.reading import read_campaign
+from pneudrive.friction.campaign.reading import read_campaign
 from pneudrive.friction.reduction.settling import Settled
 
 QUIET = {"white_n": 0.01, "correlated_n": 0.0, "cycle_share": 0.0, "sentinel_every": 0, "repeats": 1, "tare": False}
@@ -57,12 +57,12 @@ def test_worker_processes_give_the_same(quick, tmp_path, monkeypatch):
 
 
 def test_a_large_campaign_is_condensed_and_says_the_same(quick, tmp_path, monkeypatch):
-    from pneudrive.friction.campaign.curves import curves
+    from pneudrive.friction.campaign.curves import points
 
     world = quick(repeats=6, cycle_share=0.01, drift_share=0.02)
     folder = write_campaign(tmp_path / "campaign", world, 3)
     whole = characteristics(folder, processes=1)
-    monkeypatch.setattr(curves, "MOST_CYCLES", 30)
+    monkeypatch.setattr(points, "MOST_CYCLES", 30)
     condensed = characteristics(folder, processes=1)
     assert condensed.friction_map.sizes == whole.friction_map.sizes
     for a, b in zip(whole.curves, condensed.curves, strict=True):
@@ -75,23 +75,23 @@ def test_a_large_campaign_is_condensed_and_says_the_same(quick, tmp_path, monkey
 
 def test_many_blocks_and_speeds_are_joined_so_that_models_stay_small(quick, tmp_path, monkeypatch):
     """The number of points that are fitted has a bound, whatever the plan; blocks are told from cycles all the same."""
-    from pneudrive.friction.campaign.curves import curves
+    from pneudrive.friction.campaign.curves import points as module
 
     world = quick(
         levels=({},) * 16, repeats=1, cycle_share=0.01, block_share=0.03, speeds_m_s=tuple(np.geomspace(5e-3, 0.4, 9))
     )
     folder = write_campaign(tmp_path / "campaign", world, 4)
-    points = curves.points_of(read_campaign(Campaign.open(folder), Settled(), 1))
+    points = module.points_of(read_campaign(Campaign.open(folder), Settled(), 1))
     whole = characteristics(folder, processes=1)
-    monkeypatch.setattr(curves, "MOST_CYCLES", 60)
-    monkeypatch.setattr(curves, "MOST_CELLS", 50)
-    assert len(curves.condensed(points)) <= 50 + 60 < len(points)
+    monkeypatch.setattr(module, "MOST_CYCLES", 60)
+    monkeypatch.setattr(module, "MOST_CELLS", 50)
+    assert len(module.condensed(points)) <= 50 + 60 < len(points)
     joined = characteristics(folder, processes=1)
     for name, share in (("within", 0.3), ("between", 0.5)):
         one, other = (getattr(found.repeatability, name).value for found in (whole, joined))
         assert other == pytest.approx(one, rel=share)
-    monkeypatch.setattr(curves, "MOST_CELLS", 6)
-    few = curves.condensed(points)
+    monkeypatch.setattr(module, "MOST_CELLS", 6)
+    few = module.condensed(points)
     assert len(set(few.level.tolist())) <= 6
     assert sum(len(some) for some in few.members) == len(points)
     told = few.level_speeds_m_s[few.level]

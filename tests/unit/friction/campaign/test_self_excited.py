@@ -5,15 +5,12 @@ The axis runs evenly, its encoder shows nothing, samples are too far apart to sh
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.folder import Head, create, write_cycle
-from pneudrive.characteristics import Contact, characteristics, without_swings
-from pneudrive.errors import FitError
+from pneudrive.characteristics import characteristics
 from pneudrive.rig import Hold, Move, Samples, Sampling, load_rig
 
 SWINGING = (3e-3, 5e-3, 8e-3)  # inside the self-excited range of the rig "soft", from 2 to 13 mm/s
@@ -63,25 +60,3 @@ def test_what_is_counted_is_the_friction_of_steady_sliding(found):
     inside = (curve.low_n[curve.measured] <= true) & (true <= curve.high_n[curve.measured])
     assert inside.mean() >= 0.75
     assert curve.friction_n[curve.measured] == pytest.approx(true, rel=0.02)
-
-
-def test_swinging_points_become_steady_ones_by_simulating_the_rig(found):
-    """Given the damping of the rig and the contact, which no sliding measurement tells."""
-    rig = load_rig("soft").rig
-    corrected = without_swings(found, Contact(20.0, 2e5, 300.0, 0.1))
-    before, after = found.friction_map, corrected.friction_map
-    swinging = corrected.difference_n != 0.0
-    speeds = np.abs(before["velocity_m_s"].to_numpy()[swinging])
-    assert sorted(set(np.round(1e3 * speeds, 1))) == [round(1e3 * v, 1) for v in SWINGING]
-    true = np.array([rig.true_friction(v) for v in speeds])
-    assert np.abs(before["friction_n"].to_numpy()[swinging] - true).max() > 0.8
-    left = np.abs(after["friction_n"].to_numpy()[swinging] - true)
-    assert np.all(left < 0.1)
-    assert np.all(left < 2.0 * after["u_systematic_n"].to_numpy()[swinging])
-    assert all("simulated" in flags for flags in after["flags"].to_numpy()[swinging])
-
-
-def test_without_the_rigs_mass_nothing_can_be_simulated(found):
-    bare = replace(found, identity=replace(found.identity, mass_beyond_sensor_kg=0.0))
-    with pytest.raises(FitError, match="cannot be simulated"):
-        without_swings(bare, Contact(20.0, 2e5, 300.0))

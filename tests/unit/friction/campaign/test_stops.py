@@ -14,11 +14,11 @@ from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.folder import Campaign
 from pneudrive.characteristics import characteristics
 from pneudrive.errors import CampaignError
+from pneudrive.estimate.threads import one_thread
 from pneudrive.friction.campaign.stops.breakaway import find_breakaway
 from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
 from pneudrive.friction.campaign.stops.phases import Phases, find_phases
 from pneudrive.friction.campaign.stops.stop import find_stops
-from pneudrive.friction.campaign.threads import one_thread
 from pneudrive.rig.interface import Sampling
 
 

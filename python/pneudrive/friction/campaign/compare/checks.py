@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.describe.toml import read
-from pneudrive.friction.campaign.basics import PA_PER_BAR
+from pneudrive.friction.reduction.condition import PA_PER_BAR
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -17,16 +17,16 @@ from pneudrive.errors import CampaignError
 from pneudrive.estimate.estimates import CHANCE, Estimate
 from pneudrive.friction.campaign.compare.checks import Check, checks_of
 from pneudrive.friction.campaign.compare.curves import SAME_PRESSURE_PA, CurveComparison, compare_curves, holm
-from pneudrive.friction.campaign.cycles.sensors import stated_gain
-from pneudrive.friction.campaign.sentences import capitalised, say
+from pneudrive.friction.campaign.sensors import stated_gain
+from pneudrive.friction.sentences import capitalised, say
 from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pneudrive.friction.campaign.basics import Statement
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.sentences import Statement
 
 #: Two cycles of one campaign differ by less than this many standard deviations, 19 times of 20.
 REPEATABILITY_FACTOR = 2.77

@@ -16,9 +16,8 @@ from pneudrive.estimate.estimates import Estimate, FTest
 from pneudrive.estimate.groups import cells, levels
 from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
 from pneudrive.estimate.splines import centred_walk
-from pneudrive.friction.campaign.curves.condense import grouped
-from pneudrive.friction.campaign.curves.curves import MOST_CELLS, MOST_CYCLES, shares_of
-from pneudrive.friction.campaign.threads import one_thread
+from pneudrive.estimate.threads import one_thread
+from pneudrive.friction.campaign.curves.points import MOST_CELLS, MOST_CYCLES, grouped, shares_of
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:

@@ -12,40 +12,31 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.friction.campaign.curves.curves import (
-    CurveSpeeds,
-    Fits,
-    by_chance,
-    curve_speeds,
-    fit_response,
-    in_newton,
-    systematic,
-)
+from pneudrive.friction.campaign.curves.curves import Fits, by_chance, fit_response, in_newton, systematic
+from pneudrive.friction.campaign.curves.points import CurveSpeeds, curve_speeds
 from pneudrive.friction.campaign.effects.effect import AirShare
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.campaign.curves.smooth import CurveFit
-    from pneudrive.friction.campaign.cycles.reading import CampaignData
 
     Array = NDArray[np.float64]
 
 
-def air_shares(reading: CampaignData, fits: Fits) -> tuple[AirShare, ...]:
-    """Divide the total drag at each condition."""
+def air_shares(fits: Fits, *, separated: bool) -> tuple[AirShare, ...]:
+    """Divide the total drag at each condition; ``separated`` says whether pressures were measured in the chambers."""
     reduced, asked = fits.points.reduced, curve_speeds(fits.points)
-    separated = reading.identity.pressure_measured_at == "chamber"
     unknown = [np.full(at.speed_m_s.size, np.nan) for at in asked]
 
     def drag(fit: CurveFit) -> list[tuple[Array, Array, Array]]:
         return [_drag(fits, fit, at) for at in asked]
 
     # One model after the other: each needs much memory.
-    whole = drag(fit_response(reading, fits, reduced.total_n, reduced.total_stderr_n, drift=True))
+    whole = drag(fit_response(fits, reduced.total_n, reduced.total_stderr_n, drift=True))
     part = seal = [(nan, nan, nan) for nan in unknown]
     if separated:
-        air = fit_response(reading, fits, reduced.air_n, reduced.air_stderr_n, drift=False)
+        air = fit_response(fits, reduced.air_n, reduced.air_stderr_n, drift=False)
         part = [
             _band(*in_newton(air, air.at(at.number, at.speed_m_s)), np.full_like(nan, _pressure_part(fits, at.index)))
             for at, nan in zip(asked, unknown, strict=True)

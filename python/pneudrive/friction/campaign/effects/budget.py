@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.friction.campaign.curves.curves import by_chance, curve_speeds, systematic
-from pneudrive.friction.campaign.cycles.sensors import GROWING
+from pneudrive.friction.campaign.curves.curves import by_chance, systematic
+from pneudrive.friction.campaign.curves.points import curve_speeds
 from pneudrive.friction.campaign.result import UncertaintySource
+from pneudrive.friction.campaign.sensors import GROWING
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.campaign.curves.curves import Fits
-    from pneudrive.friction.campaign.cycles.sensors import Gain
+    from pneudrive.friction.campaign.sensors import Gain
     from pneudrive.signals.force_calibration import ForceCalibration
 
     Array = NDArray[np.float64]

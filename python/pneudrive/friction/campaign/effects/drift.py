@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,15 +11,15 @@ import numpy as np
 from pneudrive.estimate.estimates import NORMAL_95, Estimate
 from pneudrive.estimate.groups import cells
 from pneudrive.estimate.mixed import independent
-from pneudrive.friction.campaign.curves.curves import Fits, shares_of
+from pneudrive.friction.campaign.curves.points import shares_of
 from pneudrive.friction.campaign.curves.smooth import CARRIED
 from pneudrive.friction.campaign.effects.effect import Drift, Repeatability
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.cycles.cycle import CycleData
-    from pneudrive.friction.campaign.cycles.reading import CampaignData
+    from pneudrive.friction.campaign.curves.curves import Fits
+    from pneudrive.friction.reduction.cycle import CycleData
 
     Array = NDArray[np.float64]
 
@@ -53,11 +53,11 @@ class Causes:
     together: tuple[tuple[str, str, float], ...]
 
 
-def causes(reading: CampaignData, fits: Fits) -> Causes:
+def causes(fits: Fits) -> Causes:
     """Collect the possible causes of a drift."""
     data = fits.points.cycles(fits.points.use)
-    columns = {"time": np.array([d.head.began_s for d in data]) / HOUR_S}
-    decades = np.log10(np.array([reading.travel_m[d.head.cycle.key] for d in data]) + FIRST_TRAVEL_M)
+    columns = {"time": np.array([d.plan.began_s for d in data]) / HOUR_S}
+    decades = np.log10(np.array([d.plan.travel_m for d in data]) + FIRST_TRAVEL_M)
     kelvin = np.array([d.temperature_k for d in data])
     if np.ptp(decades) >= LEAST_DECADES:
         columns["travel"] = decades
@@ -65,24 +65,16 @@ def causes(reading: CampaignData, fits: Fits) -> Causes:
         columns["temperature"] = kelvin
     changing = {name: column for name, column in columns.items() if np.ptp(column) > 0}
     pairs = [(a, b, float(np.corrcoef(changing[a], changing[b])[0, 1])) for a, b in combinations(changing, 2)]
-    return Causes(columns, _interrupted(reading, data), tuple(pair for pair in pairs if abs(pair[2]) > TOGETHER))
+    return Causes(columns, _interrupted(data), tuple(pair for pair in pairs if abs(pair[2]) > TOGETHER))
 
 
-def _interrupted(reading: CampaignData, data: list[CycleData]) -> NDArray[np.bool_]:
-    before = {head.cycle.key: last for last, head in pairwise([None, *reading.heads]) if head is not None}
-    durations = {d.head.cycle.key: d.duration_s for d in (*reading.sliding, *reading.tares)}
-    rest = np.full(len(data), np.nan)
-    for i, d in enumerate(data):
-        last = before[d.head.cycle.key]
-        if last is not None and last.cycle.kind == "stop":
-            rest[i] = last.cycle.stop_s or 0.0
-        elif last is not None and last.cycle.key in durations:
-            rest[i] = d.head.began_s - last.began_s - durations[last.cycle.key]
+def _interrupted(data: list[CycleData]) -> NDArray[np.bool_]:
+    rest = np.array([d.plan.rest_s for d in data])
     usual = float(np.nanmedian(rest)) if np.isfinite(rest).any() else 0.0
     return np.nan_to_num(rest) > max(LONG_REST_S, LONG_REST_RATIO * usual)
 
 
-def drift_of(reading: CampaignData, fits: Fits, found: Causes) -> Drift:
+def drift_of(fits: Fits, found: Causes) -> Drift:
     """Describe the drift; effects are None if the design does not determine them."""
     points, fit, scale = fits.points, fits.friction, fits.scale_n
     carried = fits.drift_share < CARRIED
@@ -90,8 +82,8 @@ def drift_of(reading: CampaignData, fits: Fits, found: Causes) -> Drift:
     number, interrupted = int(found.interrupted.sum()), None
     if FEWEST_INTERRUPTED <= number <= found.interrupted.size - FEWEST_INTERRUPTED:
         interrupted = _effect(fits, found.interrupted.astype(float), "N")
-    time = np.array([d.head.began_s for d in points.reduced.data]) - min(head.began_s for head in reading.heads)
-    sentinel = np.array([d.head.cycle.kind == "sentinel" for d in points.reduced.data])
+    time = np.array([d.plan.elapsed_s for d in points.reduced.data])
+    sentinel = np.array([d.plan.kind == "sentinel" for d in points.reduced.data])
     basis = "sentinels" if sentinel.any() else "repeats" if _repeated(fits) else "smooth curve"
     value, half = fit.drift * scale, fit.drift_half * scale
     return Drift(
@@ -174,7 +166,7 @@ def pure_scatter(fits: Fits) -> Pure | None:
     use, cell, y, order = use[again], cells(cell[again]), fit.data.y[again], fit.data.order[again]
     weight = fit.data.count[again]
     data = [points.reduced.data[i] for i in use]
-    blocks = shares_of([[d.head.cycle.block for d in points.members[i]] for i in use])
+    blocks = shares_of([[d.plan.block for d in points.members[i]] for i in use])
     columns = np.column_stack([order, blocks[:, :-1]])
 
     def within(values: Array) -> Array:
@@ -192,7 +184,7 @@ def pure_scatter(fits: Fits) -> Pure | None:
         return None
     value = float(np.sqrt(rest @ rest / free))
     low, high = (value * float(np.sqrt(free / chdtri(free, p))) for p in (0.025, 0.975))
-    sentinel = np.array([d.head.cycle.kind == "sentinel" for d in data])
+    sentinel = np.array([d.plan.kind == "sentinel" for d in data])
     others = np.bincount(cell[~sentinel], minlength=int(cell.max()) + 1)  # one more sweep at the point of the sentinels
     kinds = (["repeats"] if others.max() > 1 else []) + (["sentinels"] if sentinel.any() else [])
     basis = " and ".join(kinds)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.estimate.estimates import Estimate, FTest
-    from pneudrive.friction.campaign.basics import Condition
+    from pneudrive.friction.reduction.condition import Condition
 
     Array = NDArray[np.float64]
 
@@ -161,36 +161,6 @@ class Asymmetry:
     high_n: Array
     mean: Estimate
     basis: str
-
-
-@dataclass(frozen=True, eq=False)
-class Loop:
-    """Friction around one reversal, raw samples (thinned).
-
-    Attributes
-    ----------
-    key : str
-        Of the cycle.
-    condition : Condition
-    speed_m_s : float
-    time_s, position_m, velocity_m_s, friction_n : ndarray, shape (m,)
-        friction_n has the sign of the balance: positive where it opposes +x; without the offset.
-    presliding_m : float
-        Travel in which it goes from 10 % to 90 % of its swing.
-    width_n : float
-        Mean difference between slowing down and speeding up at equal speeds: frictional memory; NaN if too few
-        samples lie in the ramps.
-    """
-
-    key: str
-    condition: Condition
-    speed_m_s: float
-    time_s: Array
-    position_m: Array
-    velocity_m_s: Array
-    friction_n: Array
-    presliding_m: float
-    width_n: float
 
 
 @dataclass(frozen=True)

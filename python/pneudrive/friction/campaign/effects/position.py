@@ -10,16 +10,16 @@ from pneudrive.estimate.autocorrelation import stderrs_of_means
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
 from pneudrive.estimate.mixed import MixedModel, RandomEffect
 from pneudrive.estimate.moderate import moderate
-from pneudrive.friction.campaign.basics import Condition
-from pneudrive.friction.campaign.curves.reduction import FREEDOM_PER_CYCLE
 from pneudrive.friction.campaign.effects.effect import PositionPattern, PositionWave
+from pneudrive.friction.reduction.common_range import FREEDOM_PER_CYCLE
+from pneudrive.friction.reduction.condition import Condition
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.curves.curves import Points
+    from pneudrive.friction.campaign.curves.points import Points
 
     Array = NDArray[np.float64]
 

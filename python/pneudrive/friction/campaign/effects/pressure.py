@@ -10,18 +10,17 @@ import numpy as np
 from pneudrive.estimate.estimates import CHANCE
 from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
 from pneudrive.estimate.splines import centred_walk
-from pneudrive.friction.campaign.basics import PA_PER_BAR, TOLD, classify_pressures
 from pneudrive.friction.campaign.curves.smooth import CARRIED, CYCLE_SCALE
 from pneudrive.friction.campaign.effects.effect import PressureEffects
-from pneudrive.friction.campaign.sentences import say
+from pneudrive.friction.reduction.condition import PA_PER_BAR, TOLD, classify_pressures
+from pneudrive.friction.sentences import say
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.estimate.estimates import Estimate, FTest
-    from pneudrive.friction.campaign.basics import Statement
     from pneudrive.friction.campaign.curves.curves import Fits
-    from pneudrive.friction.campaign.cycles.reading import CampaignData
+    from pneudrive.friction.sentences import Statement
 
     Array = NDArray[np.float64]
 
@@ -60,21 +59,21 @@ class _Design:
         return np.where(self.compared, values - values[self.compared].mean(), 0.0)
 
 
-def pressure_effects(reading: CampaignData, fits: Fits) -> tuple[PressureEffects, ...]:
+def pressure_effects(fits: Fits, ambient_pa: float) -> tuple[PressureEffects, ...]:
     """Find the effects of pressure for each set of mounting, seal and drive with several pressure pairs."""
     points = fits.points
     found = []
     for levels in dict.fromkeys(c.levels for c in points.conditions):
         conditions = [i for i, c in enumerate(points.conditions) if c.levels == levels]
         title = points.conditions[conditions[0]].title
-        effect = _effects(reading, fits, points.use & np.isin(points.condition, conditions), title)
+        effect = _effects(ambient_pa, fits, points.use & np.isin(points.condition, conditions), title)
         if effect is not None:
             found.append(effect)
     return tuple(found)
 
 
-def _effects(reading: CampaignData, fits: Fits, members: NDArray[np.bool_], title: str) -> PressureEffects | None:
-    design, members = _design(reading, fits, members)
+def _effects(ambient_pa: float, fits: Fits, members: NDArray[np.bool_], title: str) -> PressureEffects | None:
+    design, members = _design(ambient_pa, fits, members)
     if design is None:
         return None
     speed = np.eye(design.speeds.size)[design.level] * design.compared[:, None]
@@ -124,11 +123,11 @@ def _effects(reading: CampaignData, fits: Fits, members: NDArray[np.bool_], titl
     )
 
 
-def _design(reading: CampaignData, fits: Fits, members: NDArray[np.bool_]) -> tuple[_Design | None, NDArray[np.bool_]]:
+def _design(ambient_pa: float, fits: Fits, members: NDArray[np.bool_]) -> tuple[_Design | None, NDArray[np.bool_]]:
     """Keep the speeds that were measured at all pressure pairs, and classify what the pairs determine."""
     points = fits.points
     absolute = np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in points.conditions])
-    gauge = np.round((absolute - reading.identity.ambient_pressure_pa) / PA_PER_BAR, 3) + 0.0
+    gauge = np.round((absolute - ambient_pa) / PA_PER_BAR, 3) + 0.0
     of_cycle = gauge[points.condition]
     pairs = np.unique(of_cycle[members], axis=0)
     at = {int(k): np.unique(of_cycle[members & (points.level == k)], axis=0) for k in set(points.level[members])}
@@ -150,7 +149,7 @@ def _design(reading: CampaignData, fits: Fits, members: NDArray[np.bool_]) -> tu
         b=np.where(here, of_cycle[used, 1], 0.0),
         place=np.log(points.reduced.speed_m_s[used]),
         beside=(cell[used][:, None] == sets[counts > 1]) & beside[used][:, None],
-        order=np.array([reading.order(d.head) for d in points.cycles(used)]),
+        order=points.order[used],
         pairs=tuple((float(a), float(b)) for a, b in pairs),
     )
     return design, used

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.campaign.cycles.self_excited import NAMES, STICK_SLIP
 from pneudrive.friction.campaign.effects.effect import StickSlipPoint, StickSlipThreshold
+from pneudrive.friction.reduction.stick_slip import NAMES, STICK_SLIP
 
 if TYPE_CHECKING:
-    from pneudrive.friction.campaign.basics import Condition
-    from pneudrive.friction.campaign.curves.curves import Points
+    from pneudrive.friction.campaign.curves.points import Points
+    from pneudrive.friction.reduction.condition import Condition
 
 
 def stick_slip_points(points: Points) -> tuple[StickSlipPoint, ...]:

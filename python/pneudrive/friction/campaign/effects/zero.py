@@ -9,24 +9,25 @@ import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.estimate.mixed import MixedModel, RandomEffect
-from pneudrive.friction.campaign.curves.curves import Fits, curve_speeds, systematic
+from pneudrive.friction.campaign.curves.curves import Fits, systematic
+from pneudrive.friction.campaign.curves.points import curve_speeds
 from pneudrive.friction.campaign.effects.effect import Asymmetry, SensorZero
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from pneudrive.estimate.estimates import Estimate
-    from pneudrive.friction.campaign.cycles.reading import CampaignData
+    from pneudrive.friction.reduction.cycle import CycleData
 
 HOUR_S = 3600.0
 FEWEST_TARES = 3  # least number of tares for a drift
 
 
-def sensor_zero(reading: CampaignData) -> SensorZero:
+def sensor_zero(tares: Sequence[CycleData]) -> SensorZero:
     """Return the zero of each tare and its drift."""
-    tares = reading.tares
     if not tares:
         return SensorZero(np.zeros(0), np.zeros(0), np.zeros(0), None, "not measured")
-    first = min(head.began_s for head in reading.heads)
-    time = np.array([t.head.began_s - first for t in tares])
+    time = np.array([t.plan.elapsed_s for t in tares])
     zero = np.array([t.standing_n for t in tares])
     stderr = np.array([t.standing_stderr_n for t in tares])
     drift: Estimate | None = None

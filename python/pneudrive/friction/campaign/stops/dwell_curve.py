@@ -21,7 +21,7 @@ from pneudrive.estimate.splines import gaussian
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.basics import Condition
+    from pneudrive.friction.reduction.condition import Condition
 
     Array = NDArray[np.float64]
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from pneudrive.estimate.estimates import mean_estimate
 from pneudrive.estimate.groups import cells, levels
-from pneudrive.friction.campaign.basics import PA_PER_BAR, TOLD, classify_pressures
-from pneudrive.friction.campaign.sentences import say
 from pneudrive.friction.campaign.stops.dwell_curve import CONFOUNDED, SAME_DURATION, DwellCurve, DwellData, fit_curve
 from pneudrive.friction.campaign.stops.dwell_forms import CONCLUSIVE, LEAST_DURATIONS, UNCERTAIN, DwellLawFit, fit_forms
 from pneudrive.friction.campaign.stops.stop import SPOILING
+from pneudrive.friction.reduction.condition import PA_PER_BAR, TOLD, classify_pressures
+from pneudrive.friction.sentences import say
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.estimate.estimates import Estimate
-    from pneudrive.friction.campaign.basics import Condition, Statement
     from pneudrive.friction.campaign.stops.stop import Stop
+    from pneudrive.friction.reduction.condition import Condition
+    from pneudrive.friction.sentences import Statement
 
     Array = NDArray[np.float64]
 

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.campaign.folder import read_samples
-from pneudrive.friction.campaign.basics import Skipped
-from pneudrive.friction.campaign.cycles.cycle import condition_of
-from pneudrive.friction.campaign.cycles.raw import read_or_skip, recording_of, steps_of
+from pneudrive.friction.campaign.samples import condition_of, read_or_skip, recording_of, steps_of
 from pneudrive.friction.campaign.stops.phases import FEWEST, mean_velocity, steady_part
+from pneudrive.friction.reduction.condition import Skipped
 from pneudrive.friction.reduction.spread import profile_stderr
 
 if TYPE_CHECKING:
@@ -21,8 +20,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.campaign.folder import CycleFile
-    from pneudrive.friction.campaign.basics import Condition
     from pneudrive.friction.campaign.stops.phases import Phases
+    from pneudrive.friction.reduction.condition import Condition
     from pneudrive.rig.interface import Identity, Samples
     from pneudrive.signals.recording import Recording
 

@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.campaign.folder import CycleFile, read_samples
-from pneudrive.friction.campaign.basics import Skipped
-from pneudrive.friction.campaign.cycles.cycle import condition_of
-from pneudrive.friction.campaign.cycles.raw import read_or_skip, recording_of, steps_of
+from pneudrive.friction.campaign.samples import condition_of, read_or_skip, recording_of, steps_of
 from pneudrive.friction.campaign.stops.breakaway import BreakawayPeak, find_breakaway
 from pneudrive.friction.campaign.stops.phases import Phases, find_phases, mean_velocity, steady_part, stop_step
 from pneudrive.friction.campaign.stops.recovery import Recovery, bin_excess, recover
@@ -27,6 +25,7 @@ from pneudrive.friction.campaign.stops.running import (
     running_level,
     strokes_of,
 )
+from pneudrive.friction.reduction.condition import Skipped
 from pneudrive.rig.interface import Move
 from pneudrive.show import Shown
 from pneudrive.signals.motion import noise_level
@@ -39,7 +38,7 @@ if TYPE_CHECKING:
 
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.folder import Campaign
-    from pneudrive.friction.campaign.basics import Condition
+    from pneudrive.friction.reduction.condition import Condition
     from pneudrive.rig.interface import Identity, Samples
     from pneudrive.signals.recording import Recording
 

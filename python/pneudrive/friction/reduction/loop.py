@@ -1,24 +1,24 @@
-"""Hysteresis loops: friction over position and speed around a reversal, from the raw samples of some cycles."""
+"""Hysteresis loops: friction over position and speed around a reversal, from the samples of some cycles."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.errors import PneudriveError
-from pneudrive.friction.campaign.cycles.cycle import condition_of
-from pneudrive.friction.campaign.cycles.raw import recording_of
-from pneudrive.friction.campaign.effects.effect import Loop
-from pneudrive.friction.reduction.sliding import find_motion
+from pneudrive.estimate.groups import levels
+from pneudrive.friction.reduction.motion import balance_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
-    from pneudrive.campaign.folder import CycleFile
-    from pneudrive.friction.campaign.curves.curves import Points
-    from pneudrive.rig.interface import Identity
+    from pneudrive.friction.reduction.condition import Condition
+    from pneudrive.friction.reduction.cycle import Plan
+    from pneudrive.friction.reduction.motion import SlidingMotion
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
@@ -30,52 +30,63 @@ SHOWN_SAMPLES = 400
 BEFORE, AFTER = 0.05, 0.1  # of the stroke, shown before and after the reversal
 SPEED_BINS = 8  # between 20 % and 80 % of the speed, range for comparing speeding up and slowing down
 PRESLIDINGS = 5.0  # least travel after the reversal: before it, the difference is presliding
+SAME_SPEED = 0.05  # set speeds closer than this are one level
+CANDIDATES = 3  # cycles of each shown condition and speed, as one may be unreadable
 
 
-def loops(points: Points, files: dict[str, CycleFile], identity: Identity) -> tuple[Loop, ...]:
-    """Read the reversals of the slowest, a middle and the fastest cycle of the first conditions."""
-    found = []
-    for index, condition in enumerate(points.conditions[:SHOWN_CONDITIONS]):
-        levels = np.unique(points.level[points.condition == index])
-        for level in levels[np.unique(np.linspace(0, levels.size - 1, SHOWN_SPEEDS).astype(int))]:
-            place = int(np.flatnonzero((points.condition == index) & (points.level == level))[0])
-            data = points.reduced.data[place]
-            file = files.get(data.head.cycle.key)
-            if file is None:
-                continue
-            try:
-                loop = reversal_loop(file, identity, float(points.reduced.offset_n[place]))
-            except PneudriveError:
-                continue  # it was readable before; a missing loop does not change a result
-            if loop is not None:
-                assert loop.condition == condition
-                found.append(loop)
-    return tuple(found)
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """Friction around one reversal, raw samples (thinned).
 
-
-def reversal_loop(file: CycleFile, identity: Identity, offset_n: float) -> Loop | None:
-    """Return friction around the first reversal of a cycle.
-
-    Parameters
+    Attributes
     ----------
-    file : CycleFile
-    identity : Identity
-        Of the rig.
-    offset_n : float
-        Half the sum of both directions, which is subtracted.
-
-    Returns
-    -------
-    Loop or None
-        None if the cycle has no reversal.
+    key : str
+        Of the cycle.
+    condition : Condition
+    speed_m_s : float
+    time_s, position_m, velocity_m_s, friction_n : ndarray, shape (m,)
+        friction_n has the sign of the balance: positive where it opposes +x; without the offset.
+    presliding_m : float
+        Travel in which it goes from 10 % to 90 % of its swing.
+    width_n : float
+        Mean difference between slowing down and speeding up at equal speeds: frictional memory; NaN if too few
+        samples lie in the ramps.
     """
-    recording, _ = recording_of(file, identity, file.samples())
-    motion = find_motion(recording)
+
+    key: str
+    condition: Condition
+    speed_m_s: float
+    time_s: Array
+    position_m: Array
+    velocity_m_s: Array
+    friction_n: Array
+    presliding_m: float
+    width_n: float
+
+
+def chosen_loops(plans: Sequence[Plan]) -> frozenset[str]:
+    """Return the keys of the slowest, middle and fastest cycles of the first conditions."""
+    keys: list[str] = []
+    for condition in sorted({plan.condition for plan in plans})[:SHOWN_CONDITIONS]:
+        members = [plan for plan in plans if plan.condition == condition and plan.speed_m_s]
+        level = levels(np.log([plan.speed_m_s or 1.0 for plan in members]), float(np.log1p(SAME_SPEED)))
+        known = np.unique(level)
+        for one in known[np.unique(np.linspace(0, known.size - 1, SHOWN_SPEEDS).astype(int))] if known.size else ():
+            keys += [members[i].key for i in np.flatnonzero(level == one)[:CANDIDATES].tolist()]
+    return frozenset(keys)
+
+
+def reversal_loop(motion: SlidingMotion, plan: Plan) -> Loop | None:
+    """Return the force balance around the first reversal of a cycle; None if it has no reversal.
+
+    The offset, half the sum of both directions, is still in `Loop.friction_n`.
+    """
+    recording = motion.recording
     turns = [(a, b) for a, b in pairwise(motion.strokes) if a.direction != b.direction]
     if not turns:
         return None
     before, after = turns[0]
-    velocity, friction = motion.velocity_m_s, motion.balance_n - offset_n
+    velocity, friction = motion.velocity_m_s, balance_of(recording)
     turn = after.from_m
     travel = abs(after.to_m - after.from_m)
     away = np.abs(recording.position_m - turn)
@@ -87,8 +98,8 @@ def reversal_loop(file: CycleFile, identity: Identity, offset_n: float) -> Loop 
     presliding = _presliding(recording, friction, before, after)
     shown = index[np.unique(np.linspace(0, index.size - 1, SHOWN_SAMPLES).astype(int))]
     return Loop(
-        key=file.head.cycle.key,
-        condition=condition_of(file.head),
+        key=plan.key,
+        condition=plan.condition,
         speed_m_s=abs(after.speed_m_s),
         time_s=recording.time_s[shown],
         position_m=recording.position_m[shown],

@@ -1,5 +1,6 @@
-"""One cycle of a campaign, from raw samples to friction over bins of position for the campaign's models.
+"""One cycle over bins of position: force balance of each direction, means, sliding, uncertainties.
 
+A cycle is a recording with a plan: one speed, set pressures. A speed level of a recording is a cycle without one.
 Samples may be unevenly spaced: inside a bin they are weighted by their duration, and bins have equal weight, so
 a burst around a reversal has the weight of its travel only.
 """
@@ -13,42 +14,73 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
-from pneudrive.friction.campaign.basics import Condition
-from pneudrive.friction.campaign.cycles.raw import recording_of, steps_of
 from pneudrive.friction.reduction.budget import DirectionMeans, stated_shares
-from pneudrive.friction.reduction.pairing import pair
-from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway, find_reversal_peaks, median
-from pneudrive.friction.reduction.sliding import (
+from pneudrive.friction.reduction.motion import (
     SampleChoice,
     SlidingMotion,
     by_direction,
-    find_motion,
     mean_speed,
     stroke_grid,
     stroke_rows,
 )
-from pneudrive.friction.reduction.stick_slip import measure_stick_slip, middle_of
-from pneudrive.rig.interface import Hold
-from pneudrive.signals.motion import Stroke, middle, quantiles
-from pneudrive.signals.recording import Recording
+from pneudrive.friction.reduction.pairing import pair
+from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway, find_reversal_peaks
+from pneudrive.friction.reduction.stick_slip import ripple_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.campaign.folder import CycleFile, Head
-    from pneudrive.rig.interface import Identity, Samples
+    from pneudrive.friction.reduction.condition import Condition
+    from pneudrive.signals.motion import Stroke
 
     Array = NDArray[np.float64]
 
-BINS = 60  # bins over the way of a campaign
-#: Difference at which a pressure is a separate level, Pa: 1 mbar.
-PRESSURE_STEP_PA = 100.0
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
 END_TRAVELS = 2.0  # of the distance from the stroke's end at which its speed falls below 80 %: excluded
-EVEN_SAMPLES = 2000  # evenly spaced samples for the ripple of the speed
-TARE_SETTLING = 0.5  # initial share of a tare that is left out: seals relax after the release
 MINIMUM_SAMPLES = 20
-SIDES = ("a", "b")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The place of a cycle in its measurement, and its set values; without a plan, the measured ones.
+
+    Attributes
+    ----------
+    key, kind : str
+    index, block, repeat, day : int
+        ``index`` is the place in running order, ``day`` counts from 1.
+    condition : Condition
+    speed_m_s : float or None
+        Set speed.
+    pressures_pa : dict
+        Chamber -> set absolute pressure.
+    began_s, elapsed_s : float
+        Beginning by the rig's clock, and since the first cycle of the campaign.
+    order : float
+        Place in the campaign, 0 to 1.
+    travel_m : float
+        Travel of the seal up to the middle of the cycle.
+    rest_s : float
+        Rest before the cycle; NaN if unknown.
+    weight_n : float
+        Known weight on the force sensor.
+    """
+
+    key: str
+    kind: str
+    index: int
+    block: int
+    repeat: int
+    condition: Condition
+    speed_m_s: float | None = None
+    pressures_pa: dict[str, float] = field(default_factory=dict)
+    began_s: float = 0.0
+    elapsed_s: float = 0.0
+    day: int = 1
+    order: float = 0.0
+    travel_m: float = 0.0
+    rest_s: float = float("nan")
+    weight_n: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,10 +156,7 @@ class CycleData:
 
     Attributes
     ----------
-    head : Head
-        Without the rig's snapshot.
-    file : str
-    condition : Condition
+    plan : Plan
     sides : dict of Side
         By direction +1/-1; empty for a cycle that does not move.
     flags : dict
@@ -155,9 +184,7 @@ class CycleData:
         Whether the accuracy of the force sensor is assumed.
     """
 
-    head: Head
-    file: str
-    condition: Condition
+    plan: Plan
     sides: dict[int, Side] = field(default_factory=dict)
     flags: dict[str, int] = field(default_factory=dict)
     strokes_recorded: int = 0
@@ -176,46 +203,35 @@ class CycleData:
     assumed: bool = False
 
     @property
+    def condition(self) -> Condition:
+        """Condition of its curve."""
+        return self.plan.condition
+
+    @property
     def strokes_used(self) -> int:
         """Strokes of both directions that enter the means."""
         return sum(side.strokes for side in self.sides.values())
 
 
-def condition_of(head: Head) -> Condition:
-    """Return the condition of a cycle: planned pressures in steps of 1 mbar, and the levels of its block."""
-    cycle = head.cycle
-    a, b = (PRESSURE_STEP_PA * round(p / PRESSURE_STEP_PA) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa))
-    levels = {name: str(cycle.levels.get(name, "")) for name in ("mounting", "seal", "drive")}
-    return Condition(a, b, **levels)
-
-
-def read_sliding(
-    file: CycleFile, samples: Samples, identity: Identity, choice: SampleChoice, edges_m: Array
-) -> CycleData:
-    """Read a sliding cycle.
+def reduce_cycle(motion: SlidingMotion, plan: Plan, choice: SampleChoice, edges_m: Array) -> CycleData:
+    """Reduce the strokes of one speed to bins of position.
 
     Parameters
     ----------
-    file : CycleFile
-    samples : Samples
-        Its raw samples.
-    identity : Identity
-        Of the rig.
+    motion : SlidingMotion
+        Strokes and balance of the recording.
+    plan : Plan
     choice : SampleChoice
         Which samples count.
     edges_m : ndarray, shape (bins + 1,)
-        Edges of the campaign's bins of position.
+        Edges of the bins of position that all cycles share.
 
     Raises
     ------
-    CampaignError, RecordingError
-        If more than half of it is damaged, it does not move, has impossible values, or has no settled part.
+    RecordingError
+        If no stroke has a settled part.
     """
-    recording, flags = recording_of(file, identity, samples)
-    # In the settled part the piston accelerates only by ripple, whose mean is zero: acceleration from
-    # positions would only add their noise. The source paper's protocol keeps the ramp at the end.
-    motion = find_motion(recording, inertia=not choice.uses_window)
-    _one_speed(motion)
+    recording = motion.recording
     settled, balance = choice.choose(motion)
     if choice.uses_window:
         settled = settled & ~_ends(motion)
@@ -226,62 +242,21 @@ def read_sliding(
     only = next(iter(sides.values()))
     stated = stated_shares(recording, *(sides.get(d, only).means() for d in (1, -1)))
     return CycleData(
-        head=file.head,
-        file=file.path.name,
-        condition=condition_of(file.head),
+        plan=plan,
         sides=sides,
-        flags=flags,
         strokes_recorded=len(motion.strokes),
-        temperature_k=_temperature(samples),
         duration_s=float(recording.time_s[-1] - recording.time_s[0]),
         **stated,  # pyright: ignore[reportArgumentType] - names and kinds of the fields
     )
 
 
-def read_standing(file: CycleFile, samples: Samples, identity: Identity) -> CycleData:
-    """Read a tare or a known weight: mean force while the axis is released at rest, and its uncertainty.
+def check_speed(motion: SlidingMotion) -> None:
+    """Refuse a planned cycle whose strokes have different speeds.
 
     Raises
     ------
-    CampaignError, RecordingError
-        If more than half of it is damaged, it has impossible pressures or forces, or too few samples.
+    RecordingError
     """
-    recording, flags = recording_of(file, identity, samples)
-    steps = steps_of(recording, samples)
-    holds = [(i, step) for i, step in enumerate(file.head.cycle.steps) if isinstance(step, Hold)]
-    meant = [i for i, step in holds if step.released or step.weight_n]
-    standing = np.isin(steps, meant) if meant else np.ones(len(recording), dtype=bool)
-    begin, end = (float(t) for t in np.quantile(recording.time_s[standing], [0.0, 1.0]))
-    standing &= recording.time_s >= begin + TARE_SETTLING * (end - begin)
-    if standing.sum() < MINIMUM_SAMPLES:
-        raise RecordingError("too few samples at rest", where=recording.name, value=int(standing.sum()))
-    vented = max(abs(p - identity.ambient_pressure_pa) for p in _pressures(file.head)) < PRESSURE_STEP_PA
-    force = (recording.balance_n() + recording.weight_n if vented else recording.force_n)[standing]
-    shown = {c: OpenPressure.of(getattr(recording, f"pressure_{c}_pa")[standing]) for c in SIDES} if vented else {}
-    return CycleData(
-        head=file.head,
-        file=file.path.name,
-        condition=condition_of(file.head),
-        flags=flags,
-        temperature_k=_temperature(samples),
-        duration_s=float(recording.time_s[-1] - recording.time_s[0]),
-        standing_n=float(force.mean()),
-        standing_stderr_n=stderr_of_mean(force),
-        standing_sd_n=float(force.std()),
-        standing_pressures={c: known for c, known in shown.items() if known is not None},
-    )
-
-
-def _pressures(head: Head) -> tuple[float, float]:
-    return head.cycle.pressure_a_pa, head.cycle.pressure_b_pa
-
-
-def _temperature(samples: Samples) -> float:
-    known = samples.temperature_k[np.isfinite(samples.temperature_k)]
-    return float(known.mean()) if known.size else float("nan")
-
-
-def _one_speed(motion: SlidingMotion) -> None:
     speeds = np.abs([stroke.speed_m_s for stroke in motion.strokes])
     if speeds.max() - speeds.min() > SAME_SPEED * speeds.max():
         raise RecordingError(
@@ -341,7 +316,7 @@ def _side(
         return float(stands @ values[index] / stands.sum())
 
     speeds = [mean_speed(recording, here, float("nan")) for here in of_stroke]
-    slipping, slips = _ripple(recording, balance_n, strokes)
+    slipping, slips = ripple_of(recording, balance_n, strokes)
     squares = np.bincount(place, weights=stands * balance_n[index] ** 2, minlength=bins)
     means = binned(balance_n)
     inside_bins = np.where(covered, squares / np.where(weight > 0, weight, 1.0) - means**2, np.nan)
@@ -382,41 +357,3 @@ def _breakaway(motion: SlidingMotion, settled: NDArray[np.bool_], strokes: list[
         profile = pair(grid, by_direction(motion.strokes, rows))
         peaks = find_reversal_peaks(motion.recording, strokes, motion.balance_n, profile)
     return breakaway(peaks, strokes)
-
-
-def _ripple(recording: Recording, balance_n: Array, strokes: list[Stroke]) -> tuple[bool, dict[str, float]]:
-    """Return the stick-slip in the middle 80 % of the strokes, on evenly spaced samples.
-
-    The axis may run evenly while the piston behind a soft force sensor does not: if the stiffness is known, the
-    piston's position is the axis' less the deflection.
-    """
-    found, behind, swings = [], [], []
-    for part in [part for stroke in strokes if (part := middle_of(stroke, recording.position_m)) is not None]:
-        time, position, force = _even(recording.time_s[part], recording.position_m[part], recording.force_n[part])
-        found.append(measure_stick_slip(time, position))
-        if recording.stiffness_n_m:
-            behind.append(measure_stick_slip(time, position - force / recording.stiffness_n_m))
-        low, high = quantiles(balance_n[part], 0.02, 0.98)
-        swings.append(high - low)
-    seen = max((found, behind), key=lambda slips: sum(s.found for s in slips))
-    slipping = bool(seen) and sum(s.found for s in seen) > 0.5 * len(seen)
-    return slipping, {
-        "ripple": median([s.ripple for s in found]),
-        "period_s": median([s.period_s for s in seen if slipping]),
-        "step_m": median([s.step_m for s in seen if slipping]),
-        "swing_n": median(swings),
-        "piston_ripple": median([s.ripple for s in behind]),
-    }
-
-
-def _even(time_s: Array, *values: Array) -> tuple[Array, ...]:
-    """Return evenly spaced values of uneven samples: means over equal intervals."""
-    steps = np.diff(time_s)
-    if steps.max() <= 2.0 * middle(steps):
-        return time_s, *values
-    count = min(EVEN_SAMPLES, max(int((time_s[-1] - time_s[0]) / steps.max()), MINIMUM_SAMPLES))
-    edges = np.linspace(time_s[0], time_s[-1], count + 1)
-    place = np.minimum(np.searchsorted(edges, time_s, side="right") - 1, count - 1)
-    number = np.bincount(place, minlength=count)
-    known = number > 0
-    return tuple(np.bincount(place, weights=v, minlength=count)[known] / number[known] for v in (time_s, *values))

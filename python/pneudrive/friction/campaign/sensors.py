@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.campaign.cycles.cycle import SIDES
+from pneudrive.friction.campaign.samples import SIDES
 from pneudrive.friction.reduction.budget import USUAL_RANGES_PA
-from pneudrive.rig.interface import Hold
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.cycles.cycle import CycleData, OpenPressure, Side
+    from pneudrive.friction.reduction.cycle import CycleData, OpenPressure, Side
     from pneudrive.rig.interface import Identity
 
     Array = NDArray[np.float64]
@@ -66,10 +65,10 @@ def sensor_gain(identity: Identity, weights: Sequence[CycleData], tares: Sequenc
         return Gain()
     values, variances = [], []
     for d in weights:
-        force = next((s.weight_n for s in d.head.cycle.steps if isinstance(s, Hold) and s.weight_n), 0.0)
+        force = d.plan.weight_n
         if force == 0.0:
             continue
-        tare = min(tares, key=lambda t: abs(t.head.index - d.head.index))
+        tare = min(tares, key=lambda t: abs(t.plan.index - d.plan.index))
         values.append((tare.standing_n - d.standing_n) / force - 1.0)
         variances.append((d.standing_stderr_n**2 + tare.standing_stderr_n**2) / force**2)
     if not values:
@@ -174,11 +173,11 @@ def _zero(seen: list[tuple[CycleData, OpenPressure]], ambient_pa: float, accurac
     for tare, shown in seen:
         off = shown.mean_pa - ambient_pa
         if abs(shown.change_pa) > accuracy_pa:
-            unsteady[tare.head.cycle.key] = shown.change_pa
+            unsteady[tare.plan.key] = shown.change_pa
         elif abs(off) > REACH * accuracy_pa:
-            far[tare.head.cycle.key] = off
+            far[tare.plan.key] = off
         else:
-            blocks.setdefault(tare.head.cycle.block, []).append(off)
+            blocks.setdefault(tare.plan.block, []).append(off)
             noise.append(shown.stderr_pa)
     values = [off for offs in blocks.values() for off in offs]
     if not values:
@@ -213,7 +212,7 @@ def _span(gauge_pa: Array) -> float:
 
 def _without(d: CycleData, zeros: dict[str, PressureZero], identity: Identity, spans: dict[str, float]) -> CycleData:
     area = {"a": identity.area_a_m2, "b": -identity.area_b_m2}
-    off = {side: zero.at(d.head.cycle.block) for side, zero in zeros.items()}
+    off = {side: zero.at(d.plan.block) for side, zero in zeros.items()}
     force = sum(area[side] * value for side, value in off.items())
     if not d.sides:
         return replace(d, standing_n=d.standing_n - force) if d.standing_pressures else d

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,10 +12,8 @@ import numpy as np
 from pneudrive.bulk import many_objects
 from pneudrive.campaign.folder import CycleFile, read_samples
 from pneudrive.errors import CampaignError, PneudriveError
-from pneudrive.friction.campaign.basics import Skipped
-from pneudrive.friction.campaign.cycles.cycle import BINS, CycleData, read_sliding, read_standing
-from pneudrive.friction.campaign.cycles.raw import read_or_skip
-from pneudrive.friction.campaign.cycles.sensors import (
+from pneudrive.friction.campaign.samples import plan_of, read_or_skip, read_standing, recording_of
+from pneudrive.friction.campaign.sensors import (
     Gain,
     PressureZero,
     corrected,
@@ -23,21 +21,26 @@ from pneudrive.friction.campaign.cycles.sensors import (
     sensor_gain,
     without_zeros,
 )
+from pneudrive.friction.reduction.condition import Skipped
+from pneudrive.friction.reduction.cycle import CycleData, Plan, check_speed, reduce_cycle
+from pneudrive.friction.reduction.loop import Loop, chosen_loops, reversal_loop
+from pneudrive.friction.reduction.motion import find_motion
 from pneudrive.rig.interface import Identity, Move
 from pneudrive.signals.pool import share_out
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from numpy.typing import NDArray
 
     from pneudrive.campaign.folder import Campaign
-    from pneudrive.campaign.head import Head
     from pneudrive.friction.reduction.settling import SampleChoice
     from pneudrive.rig.interface import Samples
 
     Array = NDArray[np.float64]
 
+BINS = 60  # bins over the way of a campaign
 SLIDING = ("sweep", "sentinel")  # kinds of cycles that are points of a characteristic over speed
 STANDING = ("tare", "weight")
 WORTH_WORKERS = 100  # cycles below which starting processes costs more than it saves
@@ -48,15 +51,16 @@ ENDS = (0.001, 0.999)  # quantiles of position, without single damaged samples
 
 @dataclass(frozen=True, eq=False)
 class CampaignData:
-    """The data of a campaign.
+    """The cycles of a campaign, or of recordings, reduced.
 
     Attributes
     ----------
+    name : str
+    source : Path
+        Folder of the campaign, or of the recordings.
     identity : Identity
     files : tuple of CycleFile
-        All usable files in running order.
-    heads : tuple of Head
-        Headers of all usable files of any kind, in running order.
+        All usable files in running order; empty for recordings.
     sliding, tares : tuple of CycleData
         With corrected gain of the force sensor (known weights) and zeros of the pressures (tares).
     gain : Gain
@@ -66,13 +70,16 @@ class CampaignData:
     notes : tuple of str
     edges_m : ndarray, shape (bins + 1,)
         Bins of position.
-    travel_m : dict
-        Key -> travel of the seal up to the middle of the cycle.
+    loops : dict
+        Key -> friction around the first reversal of the chosen cycles.
+    several : bool
+        Whether the campaign has several blocks or days.
     """
 
+    name: str
+    source: Path
     identity: Identity
     files: tuple[CycleFile, ...]
-    heads: tuple[Head, ...]
     sliding: tuple[CycleData, ...]
     tares: tuple[CycleData, ...]
     gain: Gain
@@ -80,22 +87,8 @@ class CampaignData:
     skipped: tuple[Skipped, ...]
     notes: tuple[str, ...]
     edges_m: Array
-    travel_m: dict[str, float]
-
-    @cached_property
-    def _span(self) -> tuple[int, int]:
-        return min(h.index for h in self.heads), max(h.index for h in self.heads)
-
-    def order(self, head: Head) -> float:
-        """Return the place of a cycle in the campaign, 0 to 1."""
-        first, last = self._span
-        return (head.index - first) / max(last - first, 1)
-
-    def days(self) -> dict[str, int]:
-        """Return key -> day of the cycle, from 1; all 1 without dates."""
-        dates = {head.cycle.key: _date(head.started) for head in self.heads}
-        known = sorted({date for date in dates.values() if date})
-        return {key: known.index(date) + 1 if date else 1 for key, date in dates.items()}
+    loops: dict[str, Loop]
+    several: bool
 
 
 def _date(started: str) -> str:
@@ -132,19 +125,28 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
             value="; ".join(f"{s.file}: {s.reason}" for s in skipped[:3]) or "no file in cycles/",
             remedy="run it, or see docs/reference/campaign-folder.md for the files of cycles",
         )
+    plans = _plans(files)
     wanted = [_light(f) for f in files if f.head.cycle.kind in (*SLIDING, *STANDING) or not f.head.cycle.steps]
     edges = _edges([f for f in wanted if f.head.cycle.kind in SLIDING])
-    found = share_out(read_part, wanted, campaign.identity, choice, edges, least=WORTH_WORKERS, processes=processes)
-    data = sorted((r.data for r in found if isinstance(r.data, CycleData)), key=lambda d: d.head.index)
+    shown = chosen_loops([plan for plan in plans.values() if plan.kind in SLIDING])
+    options = (plans, campaign.identity, choice, edges, shown)
+    found = share_out(read_part, wanted, *options, least=WORTH_WORKERS, processes=processes)
+    travel = _travel(files, {r.key: r.way_m for r in found})
+    rests = _rests(files, {d.plan.key: d.duration_s for d in _data(found) if d.plan.kind != "weight"})
+    data = [
+        replace(d, plan=replace(d.plan, travel_m=travel[d.plan.key], rest_s=rests[d.plan.key]))
+        for d in sorted(_data(found), key=lambda d: d.plan.index)
+    ]
     skipped += [r.data for r in found if isinstance(r.data, Skipped)]
-    tares = [d for d in data if d.head.cycle.kind == "tare"]
-    gain = sensor_gain(campaign.identity, [d for d in data if d.head.cycle.kind == "weight"], tares)
+    tares = [d for d in data if d.plan.kind == "tare"]
+    gain = sensor_gain(campaign.identity, [d for d in data if d.plan.kind == "weight"], tares)
     zeros = pressure_zeros(campaign.identity, tares)
-    sliding = corrected([d for d in data if d.head.cycle.kind in SLIDING], gain)
+    sliding = corrected([d for d in data if d.plan.kind in SLIDING], gain)
     return CampaignData(
+        name=str(campaign.about.get("name", campaign.path.name)),
+        source=campaign.path,
         identity=campaign.identity,
         files=tuple(files),
-        heads=tuple(file.head for file in files),
         sliding=without_zeros(sliding, zeros, campaign.identity),
         tares=without_zeros(corrected(tares, gain), zeros, campaign.identity),
         gain=gain,
@@ -152,8 +154,35 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
         skipped=tuple(sorted(skipped, key=lambda s: s.file)),
         notes=tuple(notes),
         edges_m=edges,
-        travel_m=_travel(files, {r.key: r.way_m for r in found}),
+        loops={r.key: r.loop for r in found if r.loop is not None},
+        several=len({plan.day for plan in plans.values()}) > 1 or len({plan.block for plan in plans.values()}) > 1,
     )
+
+
+def _plans(files: Sequence[CycleFile]) -> dict[str, Plan]:
+    """Return the plan of each cycle by its key."""
+    heads = [file.head for file in files]
+    first, last = min(heads, key=lambda h: h.index), max(heads, key=lambda h: h.index)
+    began = min(head.began_s for head in heads)
+    dates = {head.cycle.key: _date(head.started) for head in heads}
+    known = sorted({date for date in dates.values() if date})
+    days = {key: known.index(date) + 1 if date else 1 for key, date in dates.items()}
+    return {head.cycle.key: plan_of(head, first, last, days[head.cycle.key], began) for head in heads}
+
+
+def _data(found: Sequence[Read]) -> list[CycleData]:
+    return [r.data for r in found if isinstance(r.data, CycleData)]
+
+
+def _rests(files: Sequence[CycleFile], durations: dict[str, float]) -> dict[str, float]:
+    """Return the rest before each cycle, s: the stop before it, or the time since the end of the one before."""
+    rests = {file.head.cycle.key: float("nan") for file in files}
+    for last, head in pairwise(file.head for file in files):
+        if last.cycle.kind == "stop":
+            rests[head.cycle.key] = last.cycle.stop_s or 0.0
+        elif last.cycle.key in durations:
+            rests[head.cycle.key] = head.began_s - last.began_s - durations[last.cycle.key]
+    return rests
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,29 +195,50 @@ class Read:
     key: str
     way_m: float
     data: CycleData | Skipped | None
+    loop: Loop | None = None
 
 
 @many_objects()
-def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoice, edges_m: Array) -> list[Read]:
+def read_part(
+    files: Sequence[CycleFile],
+    plans: dict[str, Plan],
+    identity: Identity,
+    choice: SampleChoice,
+    edges_m: Array,
+    shown: frozenset[str],
+) -> list[Read]:
     """Read some cycles in turn; an unusable one gives its reason."""
+
+    def read(file: CycleFile, samples: Samples) -> tuple[CycleData, Loop | None]:
+        recording, flags = recording_of(file, identity, samples)
+        plan, loop = plans[file.head.cycle.key], None
+        if plan.kind in STANDING:
+            data = read_standing(file, recording, samples, plan, identity)
+        else:
+            # In the settled part the piston accelerates only by ripple, whose mean is zero: acceleration from
+            # positions would only add their noise. The source paper's protocol keeps the ramp at the end.
+            motion = find_motion(recording, inertia=not choice.uses_window)
+            check_speed(motion)
+            data = reduce_cycle(motion, plan, choice, edges_m)
+            loop = reversal_loop(motion, plan) if plan.key in shown else None
+        return replace(data, flags=flags, temperature_k=_temperature(samples)), loop
+
     found = []
     for file, samples in zip(files, read_samples(files, STANDING), strict=True):
         cycle = file.head.cycle
         way = 0.0 if cycle.steps or isinstance(samples, CampaignError) else _way(samples)
-        wanted = cycle.kind in (*SLIDING, *STANDING)
-        found.append(Read(cycle.key, way, _read(file, samples, identity, choice, edges_m) if wanted else None))
+        if cycle.kind not in (*SLIDING, *STANDING):
+            found.append(Read(cycle.key, way, None))
+            continue
+        result = read_or_skip(read, file, samples)
+        data, loop = (result, None) if isinstance(result, Skipped) else result
+        found.append(Read(cycle.key, way, data, loop))
     return found
 
 
-def _read(
-    file: CycleFile, samples: Samples | CampaignError, identity: Identity, choice: SampleChoice, edges_m: Array
-) -> CycleData | Skipped:
-    def read(file: CycleFile, samples: Samples) -> CycleData:
-        if file.head.cycle.kind in STANDING:
-            return read_standing(file, samples, identity)
-        return read_sliding(file, samples, identity, choice, edges_m)
-
-    return read_or_skip(read, file, samples)
+def _temperature(samples: Samples) -> float:
+    known = samples.temperature_k[np.isfinite(samples.temperature_k)]
+    return float(known.mean()) if known.size else float("nan")
 
 
 def _light(file: CycleFile) -> CycleFile:

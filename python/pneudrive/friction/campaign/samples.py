@@ -1,4 +1,4 @@
-"""A cycle's raw samples as a recording: damaged ones left out and counted."""
+"""A cycle's file as a recording with a plan: damaged samples left out and counted; cycles at rest."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
-from pneudrive.friction.campaign.basics import Skipped
-from pneudrive.rig.interface import SHARED, Move
+from pneudrive.estimate.autocorrelation import stderr_of_mean
+from pneudrive.friction.reduction.condition import Condition, Skipped
+from pneudrive.friction.reduction.cycle import MINIMUM_SAMPLES, CycleData, OpenPressure, Plan
+from pneudrive.rig.interface import SHARED, Hold, Move
 from pneudrive.signals.impossible import refuse_channels
 from pneudrive.signals.recording import Recording
 from pneudrive.signals.samples import clean
@@ -18,11 +20,51 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.campaign.folder import CycleFile
+    from pneudrive.campaign.folder import CycleFile, Head
     from pneudrive.rig.interface import Identity, Samples
 
 T = TypeVar("T")
 LOST_SHARE = 0.5  # of a cycle's samples: largest share of damaged ones
+PRESSURE_STEP_PA = 100.0  # difference at which a pressure is a separate level: 1 mbar
+TARE_SETTLING = 0.5  # initial share of a tare that is left out: seals relax after the release
+SIDES = ("a", "b")
+
+
+def condition_of(head: Head) -> Condition:
+    """Return the condition of a cycle: planned pressures in steps of 1 mbar, and the levels of its block."""
+    cycle = head.cycle
+    a, b = (PRESSURE_STEP_PA * round(p / PRESSURE_STEP_PA) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa))
+    levels = {name: str(cycle.levels.get(name, "")) for name in ("mounting", "seal", "drive")}
+    return Condition(a, b, **levels)
+
+
+def plan_of(head: Head, first: Head, last: Head, day: int, began_s: float) -> Plan:
+    """Return the plan of a cycle.
+
+    Parameters
+    ----------
+    head, first, last : Head
+        Of the cycle, and of the first and the last cycle of the campaign by index.
+    day : int
+    began_s : float
+        Beginning of the campaign by the rig's clock.
+    """
+    cycle = head.cycle
+    return Plan(
+        key=cycle.key,
+        kind=cycle.kind,
+        index=head.index,
+        block=cycle.block,
+        repeat=cycle.repeat,
+        condition=condition_of(head),
+        speed_m_s=cycle.speed_m_s,
+        pressures_pa={"a": cycle.pressure_a_pa, "b": cycle.pressure_b_pa},
+        began_s=head.began_s,
+        elapsed_s=head.began_s - began_s,
+        day=day,
+        order=(head.index - first.index) / max(last.index - first.index, 1),
+        weight_n=next((s.weight_n for s in cycle.steps if isinstance(s, Hold) and s.weight_n), 0.0),
+    )
 
 
 def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple[Recording, dict[str, int]]:
@@ -136,3 +178,32 @@ def read_or_skip(
         # Unforeseen samples spoil their own cycle, not the campaign.
         reason = f"{type(error).__name__}: {error}"
     return Skipped(file.head.cycle.key, file.path.name, reason)
+
+
+def read_standing(file: CycleFile, recording: Recording, samples: Samples, plan: Plan, identity: Identity) -> CycleData:
+    """Read a tare or a known weight: mean force while the axis is released at rest, and its uncertainty.
+
+    Raises
+    ------
+    RecordingError
+        If it has too few samples.
+    """
+    steps = steps_of(recording, samples)
+    holds = [(i, step) for i, step in enumerate(file.head.cycle.steps) if isinstance(step, Hold)]
+    meant = [i for i, step in holds if step.released or step.weight_n]
+    standing = np.isin(steps, meant) if meant else np.ones(len(recording), dtype=bool)
+    begin, end = (float(t) for t in np.quantile(recording.time_s[standing], [0.0, 1.0]))
+    standing &= recording.time_s >= begin + TARE_SETTLING * (end - begin)
+    if standing.sum() < MINIMUM_SAMPLES:
+        raise RecordingError("too few samples at rest", where=recording.name, value=int(standing.sum()))
+    vented = max(abs(p - identity.ambient_pressure_pa) for p in plan.pressures_pa.values()) < PRESSURE_STEP_PA
+    force = (recording.balance_n() + recording.weight_n if vented else recording.force_n)[standing]
+    shown = {c: OpenPressure.of(getattr(recording, f"pressure_{c}_pa")[standing]) for c in SIDES} if vented else {}
+    return CycleData(
+        plan=plan,
+        duration_s=float(recording.time_s[-1] - recording.time_s[0]),
+        standing_n=float(force.mean()),
+        standing_stderr_n=stderr_of_mean(force),
+        standing_sd_n=float(force.std()),
+        standing_pressures={c: known for c, known in shown.items() if known is not None},
+    )

@@ -12,10 +12,7 @@ from pneudrive.friction.friction_map import Row
 from pneudrive.friction.recording.closure import ClosurePoint
 from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS, FrictionPoint
 from pneudrive.friction.reduction.budget import BudgetEntry, combined, expanded, systematic_budget, uncertainty_of
-from pneudrive.friction.reduction.pairing import Grid, Profile, pair, stroke_means
-from pneudrive.friction.reduction.plausible import doubts_of
-from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway
-from pneudrive.friction.reduction.sliding import (
+from pneudrive.friction.reduction.motion import (
     SampleChoice,
     Sliding,
     StrokeFriction,
@@ -25,8 +22,11 @@ from pneudrive.friction.reduction.sliding import (
     mean_of_strokes,
     stroke_frictions,
 )
+from pneudrive.friction.reduction.pairing import Grid, Profile, pair, stroke_means
+from pneudrive.friction.reduction.plausible import doubts_of
+from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway
 from pneudrive.friction.reduction.spread import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
-from pneudrive.friction.reduction.stick_slip import StickSlip
+from pneudrive.friction.reduction.stick_slip import RIPPLE_LIMIT, StickSlip
 from pneudrive.friction.reduction.stroke_use import StrokeUse
 from pneudrive.show import Shown
 from pneudrive.signals.levels import speed_levels
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DEFAULT_WINDOW = (0.2, 0.8)  # of the stroke
-RIPPLE_LIMIT = 0.2  # speed ripple above which the mean over the window is not a point of F(v)
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself

@@ -97,10 +97,15 @@ def find_motion(recording: Recording, *, inertia: bool = True) -> SlidingMotion:
     """
     strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
     refuse_impossible(recording, strokes)
+    return SlidingMotion(recording, strokes, balance_of(recording, inertia=inertia))
+
+
+def balance_of(recording: Recording, *, inertia: bool = True) -> Array:
+    """Return the force balance of each sample, N; without the inertia of the mass beyond the sensor if wanted."""
     acceleration: Array | float = 0.0
     if inertia and recording.mass_beyond_sensor_kg:
         acceleration = local_slope(recording.time_s, local_slope(recording.time_s, recording.position_m))
-    return SlidingMotion(recording, strokes, recording.balance_n(acceleration))
+    return recording.balance_n(acceleration)
 
 
 def judge(motion: SlidingMotion, choice: SampleChoice) -> Sliding:

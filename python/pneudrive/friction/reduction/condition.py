@@ -1,4 +1,4 @@
-"""Basic types of results: condition of a curve, statement, skipped cycle; and the classes of pressures."""
+"""Condition of a curve, skipped cycle, and what pressure pairs determine."""
 
 from __future__ import annotations
 
@@ -59,31 +59,6 @@ class Condition:
 
 def _tidy(bar: float) -> str:
     return f"{bar:.3g}" if abs(bar) >= 5e-4 else "0"
-
-
-@dataclass(frozen=True)
-class Statement:
-    """A sentence on what the data determine, or do not determine, with a remedy.
-
-    Attributes
-    ----------
-    topic : str
-        curve, direction, pressure, air, position, stops, drift, repeatability, stick-slip, zero, range, data.
-    text : str
-    carried : bool
-        Whether the data determine it.
-    remedy : str
-        Cycles to add; "" if nothing is missing.
-    """
-
-    topic: str
-    text: str
-    carried: bool = True
-    remedy: str = ""
-
-    def __str__(self) -> str:
-        """Return the text and remedy."""
-        return f"{self.text} Remedy: {self.remedy}" if self.remedy else self.text
 
 
 @dataclass(frozen=True)

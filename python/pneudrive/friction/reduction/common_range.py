@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.cycles.cycle import CycleData
+    from pneudrive.friction.reduction.cycle import CycleData
 
     Array = NDArray[np.float64]
 

@@ -1,0 +1,318 @@
+"""Cycles as points of curves over speed: conditions, speed levels, excluded cycles, joined repeats."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.estimate.groups import cells, levels
+from pneudrive.friction.campaign.result import ExcludedPoint
+from pneudrive.friction.reduction.common_range import Reduced, reduce
+from pneudrive.friction.reduction.plausible import implausible_friction
+from pneudrive.friction.reduction.stick_slip import unsteady
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.friction.campaign.reading import CampaignData
+    from pneudrive.friction.reduction.condition import Condition
+    from pneudrive.friction.reduction.cycle import CycleData
+
+    Array = NDArray[np.float64]
+    Whole = NDArray[np.int64]
+
+SATURATED_SHARE = 0.005  # of a cycle's samples: with more at the sensor's limit, the mean is not that of friction
+SAME_SPEED = 0.05  # measured speeds closer than this are one point of the curve
+BETWEEN = 24  # speeds of a curve between the measured ones
+MOST_CYCLES = 600  # cycles that are fitted one by one: memory grows with their square, time with their cube
+MOST_CELLS = 1200  # condition, speed level and block: beyond it, neighbouring blocks are joined, then speed levels
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Cycles with both directions, and the selection of points of F(v).
+
+    Attributes
+    ----------
+    reduced : Reduced
+    conditions : tuple of Condition
+        Those that occur.
+    condition : ndarray of int, shape (n,)
+        Index of each cycle's condition.
+    level : ndarray of int, shape (n,)
+        Index of each cycle's speed level; levels ascend.
+    level_speeds_m_s : ndarray, shape (levels,)
+    reasons : tuple of str, length n
+        Why a cycle is not a point of F(v); "" if it is one.
+    unpaired : tuple of CycleData
+        With one direction only.
+    members : tuple of tuple of CycleData, length n
+        Cycles of each point: more than one if a large campaign was condensed.
+    """
+
+    reduced: Reduced
+    conditions: tuple[Condition, ...]
+    condition: NDArray[np.int64]
+    level: NDArray[np.int64]
+    level_speeds_m_s: Array
+    reasons: tuple[str, ...]
+    unpaired: tuple[CycleData, ...]
+    members: tuple[tuple[CycleData, ...], ...]
+
+    @property
+    def count(self) -> Array:
+        """Number of cycles of each point, shape (n,)."""
+        return np.array([len(some) for some in self.members], dtype=float)
+
+    @property
+    def use(self) -> NDArray[np.bool_]:
+        """Cycles that are points of F(v)."""
+        return np.array([not reason for reason in self.reasons], dtype=bool)
+
+    @property
+    def is_large(self) -> bool:
+        """Whether there are too many points to fit each of them."""
+        return bool(self.use.sum() > MOST_CYCLES)
+
+    @property
+    def order(self) -> Array:
+        """Place of each cycle in the campaign, 0 to 1, shape (n,)."""
+        return np.array([d.plan.order for d in self.reduced.data])
+
+    @property
+    def cell(self) -> NDArray[np.int64]:
+        """Number of the condition and speed level of each cycle, shape (n,)."""
+        return cells(self.condition, self.level)
+
+    def cycles(self, members: NDArray[np.bool_]) -> list[CycleData]:
+        """Return the marked cycles."""
+        return [d for d, member in zip(self.reduced.data, members, strict=True) if member]
+
+    def __len__(self) -> int:
+        """Return the number of cycles with both directions."""
+        return len(self.reduced.data)
+
+
+def points_of(reading: CampaignData) -> Points | None:
+    """Return the sliding cycles as points; None if no cycle has both directions."""
+    paired = [d for d in reading.sliding if len(d.sides) == 2]
+    unpaired = tuple(d for d in reading.sliding if len(d.sides) != 2)
+    if not paired:
+        return None
+    rig = reading.identity
+    shaky = unsteady(paired, reading.tares, rig.stiffness_n_m, rig.mass_beyond_sensor_kg)
+    reduced = reduce(paired, reading.edges_m, np.array([not reason for reason in shaky], dtype=bool))
+    conditions = tuple(sorted({d.condition for d in paired}))
+    condition = np.array([conditions.index(d.condition) for d in paired], dtype=np.int64)
+    level = levels(np.log(reduced.speed_m_s), np.log1p(SAME_SPEED))
+    speeds = np.array([reduced.speed_m_s[level == k].mean() for k in range(int(level.max()) + 1)])
+    unlikely = implausible_friction(condition, reduced.speed_m_s, reduced.friction_n, reduced.friction_stderr_n)
+    reasons = tuple(a or b for a, b in zip(_reasons(paired, shaky, condition, level), unlikely, strict=True))
+    return Points(reduced, conditions, condition, level, speeds, reasons, unpaired, tuple((d,) for d in paired))
+
+
+def _reasons(
+    data: Sequence[CycleData], unsteady: Sequence[str], condition: NDArray[np.int64], level: NDArray[np.int64]
+) -> tuple[str, ...]:
+    """Return why each cycle is not a point of F(v). Stick-slip concerns a condition and speed, not a single cycle."""
+    cell = cells(condition, level)
+    first = {int(c): reason for c, reason in zip(cell[::-1], unsteady[::-1], strict=True) if reason}
+    share = np.bincount(cell, [bool(reason) for reason in unsteady]) / np.bincount(cell)
+    found = []
+    for d, reason, c in zip(data, unsteady, cell.tolist(), strict=True):
+        limit = SATURATED_SHARE * sum(s.samples for s in d.sides.values())
+        if reason or share[c] > 0.5:
+            found.append(reason or first[c])
+        else:
+            found.append("saturated" if d.flags.get("saturated", 0) > limit else "")
+    return tuple(found)
+
+
+def condensed(points: Points) -> Points:
+    """Group successive repeats of one condition, speed class and block.
+
+    Where there are very many cells, neighbouring blocks of the same levels count as one, then neighbouring speeds.
+    """
+    reduced = points.reduced
+    used = np.flatnonzero(points.use)
+    keys = (points.condition[used], _stretches(points)[used], points.level[used])
+    found, speeds = grouped(*keys, rows=MOST_CYCLES, cells=MOST_CELLS)
+    groups = [used[group].tolist() for group in found]
+    middle = [g[len(g) // 2] for g in groups]
+
+    def mean(values: Array) -> Array:
+        return np.array([values[g].mean() for g in groups])
+
+    def stderr(values: Array) -> Array:
+        return np.array([np.sqrt(np.sum(values[g] ** 2)) / len(g) for g in groups])
+
+    joined = replace(
+        reduced,
+        data=tuple(reduced.data[i] for i in middle),
+        **{n: mean(getattr(reduced, n)) for n in ("speed_m_s", "friction_n", "offset_n", "air_n")},
+        **{f"{n}_stderr_n": stderr(getattr(reduced, f"{n}_stderr_n")) for n in ("friction", "offset", "air", "total")},
+        relative_n=reduced.relative_n[middle],
+    )
+    of_level = points.level_speeds_m_s
+    return replace(
+        points,
+        reduced=joined,
+        condition=points.condition[middle],
+        level=points.level[middle] // speeds,
+        level_speeds_m_s=np.array([of_level[k : k + speeds].mean() for k in range(0, of_level.size, speeds)]),
+        reasons=("",) * len(groups),
+        members=tuple(tuple(reduced.data[i] for i in g) for g in groups),
+    )
+
+
+def _stretches(points: Points) -> NDArray[np.int64]:
+    """Count each cycle's block among those of the same mounting, seal and drive, from 0."""
+    data = points.reduced.data
+    ranks: dict[tuple[str, ...], dict[int, int]] = {}
+    found = []
+    for d in data:
+        same = ranks.setdefault(d.condition.levels, {})
+        found.append(same.setdefault(d.plan.block, len(same)))
+    return np.array(found, dtype=np.int64)
+
+
+def grouped(place: Whole, stretch: Whole, level: Whole, rows: int, cells: int) -> tuple[list[list[int]], int]:
+    """Group successive cycles of one place, level and stretch of the campaign.
+
+    Where there are very many combinations of the three, neighbouring stretches of the same levels count as one, then
+    neighbouring levels.
+
+    Parameters
+    ----------
+    place, stretch, level : ndarray of int, shape (n,)
+        Of each cycle, in the order in which they were run; from 0.
+    rows : int
+        Approximate number of groups.
+    cells : int
+        Most combinations that stay separate.
+
+    Returns
+    -------
+    list of list of int
+        Members of each group, in the order of their middle ones; together every cycle once.
+    int
+        Number of neighbouring levels that count as one.
+    """
+    stretches = levels = 1
+    while np.unique(cell := _cells(place, stretch // stretches, level // levels)).size > cells:
+        if stretches <= stretch.max():
+            stretches += 1
+        elif levels <= level.max():
+            levels += 1
+        else:
+            break
+    members: dict[int, list[int]] = {}
+    for i, key in enumerate(cell.tolist()):
+        members.setdefault(key, []).append(i)
+    each = -(-cell.size // rows)
+    groups = [some[k : k + each] for some in members.values() for k in range(0, len(some), each)]
+    groups.sort(key=lambda group: group[len(group) // 2])
+    return groups, levels
+
+
+def _cells(place: Whole, stretch: Whole, level: Whole) -> Whole:
+    """Return one number for each combination."""
+    return (place * (level.max() + 1) + level) * (stretch.max() + 1) + stretch
+
+
+def block_shares(points: Points) -> tuple[Array | None, str]:
+    """Find blocks whose deviation can be separated from the levels: some levels have several blocks, or several days.
+
+    Returns
+    -------
+    ndarray or None, shape (used, blocks)
+        Share of each in the cycles of a point.
+    str
+        block, day, or "" if there is none.
+    """
+    members = [some for some, use in zip(points.members, points.use, strict=True) if use]
+    named = [some[0].condition.levels for some in members]
+    of_levels = np.array([named.index(name) for name in named])
+    kinds = {
+        "block": [[d.plan.block for d in some] for some in members],
+        "day": [[d.plan.day for d in some] for some in members],
+    }
+    for kind, labels in kinds.items():
+        shares = shares_of(labels)
+        if any((shares[of_levels == level] > 0.0).any(axis=0).sum() > 1 for level in set(of_levels.tolist())):
+            return shares, kind
+    return None, ""
+
+
+def shares_of(labels: Sequence[Sequence[int]]) -> Array:
+    """Return the share of each label in each row of them, shape (rows, labels)."""
+    column = {label: k for k, label in enumerate(sorted({label for row in labels for label in row}))}
+    shares = np.zeros((len(labels), len(column)))
+    for i, row in enumerate(labels):
+        for label in row:
+            shares[i, column[label]] += 1.0
+    return shares / shares.sum(axis=1, keepdims=True)
+
+
+@dataclass(frozen=True, eq=False)
+class CurveSpeeds:
+    """Speeds of one curve: the measured ones and some between, shape (m,) each.
+
+    Attributes
+    ----------
+    number, index : int
+        Index of the curve in the models, and of its condition among those of the points.
+    condition : Condition
+    speed_m_s : ndarray
+    measured : ndarray of bool
+    cycles : ndarray of int
+        0 between the measured speeds.
+    """
+
+    number: int
+    index: int
+    condition: Condition
+    speed_m_s: Array
+    measured: NDArray[np.bool_]
+    cycles: NDArray[np.int64]
+
+    def only_measured(self) -> CurveSpeeds:
+        """Leave out the speeds between."""
+        arrays = {name: getattr(self, name)[self.measured] for name in ("speed_m_s", "measured", "cycles")}
+        return replace(self, **arrays)
+
+
+def curve_speeds(points: Points) -> tuple[CurveSpeeds, ...]:
+    """Return the speeds of all curves, in the order of the models' numbers."""
+    kept = sorted(set(points.condition[points.use].tolist()))
+    return tuple(_speeds(points, number, index) for number, index in enumerate(kept))
+
+
+def _speeds(points: Points, number: int, index: int) -> CurveSpeeds:
+    members = points.use & (points.condition == index)
+    levels = [members & (points.level == k) for k in sorted(set(points.level[members]))]
+    speeds = np.array([points.reduced.speed_m_s[level].mean() for level in levels])
+    counts = np.array([points.count[level].sum() for level in levels], dtype=np.int64)
+    between = np.geomspace(speeds[0], speeds[-1], BETWEEN + 2)[1:-1] if speeds.size > 1 else np.zeros(0)
+    apart = np.abs(between[:, None] / speeds[None, :] - 1.0).min(axis=1) > SAME_SPEED / 2.0
+    every = np.concatenate([speeds, between[apart]])
+    cycles = np.concatenate([counts, np.zeros(every.size - speeds.size, dtype=np.int64)])
+    order = np.argsort(every)
+    measured = order < speeds.size
+    return CurveSpeeds(number, index, points.conditions[index], every[order], measured, cycles[order])
+
+
+def excluded_points(points: Points, condition: int) -> tuple[ExcludedPoint, ...]:
+    """Return the excluded cycles of a condition, slowest first."""
+    found = []
+    for i, reason in enumerate(points.reasons):
+        if reason and points.condition[i] == condition:
+            sides = points.reduced.data[i].sides.values()
+            ripple = max(np.nan_to_num([v for s in sides for v in (s.ripple, s.piston_ripple)]))
+            speed, friction = points.reduced.speed_m_s[i], points.reduced.friction_n[i]
+            found.append(ExcludedPoint(float(speed), float(friction), reason, float(ripple)))
+    return tuple(sorted(found, key=lambda p: p.speed_m_s))

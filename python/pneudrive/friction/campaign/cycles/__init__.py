@@ -1,1 +1,0 @@
-"""Cycles of a campaign folder: samples, sensors, means."""
