@@ -45,7 +45,7 @@ def test_the_source_papers_protocol_keeps_the_ramps(quick, tmp_path):
 
 
 def test_worker_processes_give_the_same(quick, tmp_path, monkeypatch):
-    from pneudrive.friction.campaign.cycles import reading
+    from pneudrive.friction.campaign import reading
 
     folder = write_campaign(tmp_path / "campaign", quick(), 1)
     here = characteristics(folder, processes=1)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from threading import Lock
 
 import numpy as np
-from pneudrive.friction.campaign.cycles import reading
 
 from oracle.campaigns import write_campaign
 from pneudrive.campaign.folder import Campaign
 from pneudrive.files import seal, tables
+from pneudrive.friction.campaign import reading
 from pneudrive.friction.campaign.curves.points import points_of
 from pneudrive.friction.campaign.effects import position
 from pneudrive.friction.reduction.settling import Settled
