@@ -57,8 +57,7 @@ class Characterisation(Shown):
     results : tuple of RecordingResult
         One per used recording: ``recording`` (cleaned Recording with name, sha256, labels,
         flags as counts), ``strokes`` (tuple of Stroke: index, direction, start, stop, from_m, to_m,
-        speed_m_s, dwell_s), ``settled`` (n,) bool, ``balance_n`` (n,), ``levels`` (tuple of Level),
-        ``closure_points``.
+        speed_m_s, dwell_s), ``settled`` (n,) bool, ``balance_n`` (n,), ``levels`` (tuple of Level).
         A Level has ``profile`` (Profile: position_m, up_n, down_n, friction_n, offset_n, each (m,);
         up_strokes_n, down_strokes_n (strokes, m); in_window (m,)), ``window_m``, ``friction_n``,
         ``offset_n``, ``stderr_n``, ``u_systematic_n``, ``u_offset_n``, ``expanded_n`` (U, k = 2),

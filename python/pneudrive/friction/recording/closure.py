@@ -8,11 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import Estimate
+from pneudrive.friction.reduction.budget import uncertainty_of
+from pneudrive.friction.reduction.condition import ALL_RECORDINGS
 from pneudrive.friction.sentences import sentence
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from pneudrive.friction.reduction.level import Level
+    from pneudrive.signals.recording import Recording
 
 TOGETHER = 0.05  # pressures change together if the rest is below this share
 IMPLAUSIBLE_AREA = 0.25  # relative difference from nominal that no tolerance of a bore explains
@@ -39,6 +44,26 @@ class ClosurePoint:
     area_b_m2: float
     u_a_pa: float = 0.0
     u_b_pa: float = 0.0
+
+
+def closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
+    """Return half the sum of both directions' forces at equal positions; None without both directions or a pressure."""
+    if len(level.sides) != 2 or recording.area_a_m2 + recording.area_b_m2 == 0:
+        return None
+    gauge, weight = level.gauge_pa(recording.ambient_pressure_pa), recording.weight_n
+    force = level.offset_n - gauge["a"] * recording.area_a_m2 + gauge["b"] * recording.area_b_m2 + weight
+    return ClosurePoint(
+        recording=recording.name,
+        group=recording.labels.get("seal", ALL_RECORDINGS),
+        half_sum_force_n=force,
+        gauge_a_pa=gauge["a"],
+        gauge_b_pa=gauge["b"],
+        weight_n=weight,
+        area_a_m2=recording.area_a_m2,
+        area_b_m2=recording.area_b_m2,
+        u_a_pa=uncertainty_of(level.budget, "pressure a: common error"),
+        u_b_pa=uncertainty_of(level.budget, "pressure b: common error"),
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself

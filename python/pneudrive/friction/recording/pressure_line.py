@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive.estimate.estimates import changed, student
 from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
+from pneudrive.friction.reduction.condition import ALL_RECORDINGS as ALL_RECORDINGS
 from pneudrive.friction.sentences import sentence
 from pneudrive.numbers import with_u
 from pneudrive.show import Shown
@@ -18,8 +19,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.friction.reduction.level import RecordingResult
+
 BAND_POINTS = 41
-ALL_RECORDINGS = "all recordings"  # the group of recordings without different labels
 SAME_SPEED = 0.02  # controlled speeds closer than this are one level
 SHOWN_SPEEDS = 5
 CONFOUNDED = 0.7  # correlation of speed and pressure above which their effects are confounded
@@ -39,6 +41,24 @@ class FrictionPoint:
     friction_n: float
     expanded_n: float
     speed_stderr_m_s: float = 0.0
+
+
+def friction_points(result: RecordingResult) -> list[FrictionPoint]:
+    """Return one point per speed class: friction at the higher gauge pressure of both chambers."""
+    recording = result.recording
+    return [
+        FrictionPoint(
+            recording=recording.name,
+            seal=recording.labels.get("seal", ALL_RECORDINGS),
+            run=recording.labels.get("run", "1"),
+            pressure_pa=level.larger_gauge_pa(recording.ambient_pressure_pa),
+            speed_m_s=level.speed_m_s,
+            friction_n=level.friction_n,
+            expanded_n=level.expanded_n,
+            speed_stderr_m_s=level.speed_stderr_m_s,
+        )
+        for level in result.levels
+    ]
 
 
 @dataclass(frozen=True)

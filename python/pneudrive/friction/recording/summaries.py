@@ -10,7 +10,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import RecordingError
-from pneudrive.friction.reduction.level import RecordingResult, extract, friction_points
+from pneudrive.friction.recording.closure import closure_point
+from pneudrive.friction.recording.pressure_line import friction_points
+from pneudrive.friction.reduction.level import RecordingResult, extract
 from pneudrive.friction.reduction.stroke_use import StrokeUse
 from pneudrive.signals.cycles import Cycles, read_cycles
 from pneudrive.signals.load import RecordingFile
@@ -59,7 +61,7 @@ def summary_of(result: RecordingResult, digest: int = 0) -> Summary:
         digest,
         rows,
         result.recording.labels,
-        result.closure_points,
+        tuple(p for level in result.levels if (p := closure_point(result.recording, level)) is not None),
         tuple(friction_points(result)),
         sha256=result.recording.sha256 or "",
         stroke_use=result.stroke_use,

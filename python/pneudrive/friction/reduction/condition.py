@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 PA_PER_BAR = 1e5
 TOLD = {"both": ("a", "b"), "a": ("a",), "b": ("b",)}  # chambers whose pressure has a separate effect
 SAME_SLOPE = 1e-3  # of the largest pressure: pairs nearer to one line do not determine both effects
+ALL_RECORDINGS = "all recordings"  # the group of recordings without different labels
 BOTH = 0  # `direction` of half the difference of both directions
 
 

@@ -9,9 +9,7 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.friction.friction_map import Row
-from pneudrive.friction.recording.closure import ClosurePoint
-from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS, FrictionPoint
-from pneudrive.friction.reduction.budget import BudgetEntry, combined, expanded, systematic_budget, uncertainty_of
+from pneudrive.friction.reduction.budget import BudgetEntry, combined, expanded, systematic_budget
 from pneudrive.friction.reduction.motion import (
     SampleChoice,
     Sliding,
@@ -103,7 +101,6 @@ class RecordingResult(Sliding, Shown):
     """The result of one recording. ``recording`` is the cleaned one, with its counts of flags."""
 
     levels: tuple[Level, ...]
-    closure_points: tuple[ClosurePoint, ...]
     stroke_use: StrokeUse
 
 
@@ -152,8 +149,7 @@ def result_of(
             value=f"window {window[0] * 1e3:.4g} mm .. {window[1] * 1e3:.4g} mm, {use.recorded} strokes: {use.why}",
             remedy="widen window.position in the layout, or record longer strokes",
         )
-    points = [p for p in (_closure_point(sliding.recording, level) for level in levels) if p is not None]
-    return RecordingResult(**vars(sliding), levels=tuple(levels), closure_points=tuple(points), stroke_use=use)
+    return RecordingResult(**vars(sliding), levels=tuple(levels), stroke_use=use)
 
 
 def window_of(sliding: Sliding, choice: SampleChoice) -> tuple[float, float]:
@@ -347,41 +343,3 @@ def _rows(recording: Recording, level: Level, used: dict[int, list[StrokeFrictio
             )
         )
     return tuple(rows)
-
-
-def _closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
-    """Return half the sum of both directions' forces, from the balance at equal positions."""
-    if len(level.sides) != 2 or recording.area_a_m2 + recording.area_b_m2 == 0:
-        return None
-    gauge, weight = level.gauge_pa(recording.ambient_pressure_pa), recording.weight_n
-    force = level.offset_n - gauge["a"] * recording.area_a_m2 + gauge["b"] * recording.area_b_m2 + weight
-    return ClosurePoint(
-        recording=recording.name,
-        group=recording.labels.get("seal", ALL_RECORDINGS),
-        half_sum_force_n=force,
-        gauge_a_pa=gauge["a"],
-        gauge_b_pa=gauge["b"],
-        weight_n=weight,
-        area_a_m2=recording.area_a_m2,
-        area_b_m2=recording.area_b_m2,
-        u_a_pa=uncertainty_of(level.budget, "pressure a: common error"),
-        u_b_pa=uncertainty_of(level.budget, "pressure b: common error"),
-    )
-
-
-def friction_points(result: RecordingResult) -> list[FrictionPoint]:
-    """Return one point per speed class: friction at the higher gauge pressure of both chambers."""
-    recording = result.recording
-    return [
-        FrictionPoint(
-            recording=recording.name,
-            seal=recording.labels.get("seal", ALL_RECORDINGS),
-            run=recording.labels.get("run", "1"),
-            pressure_pa=level.larger_gauge_pa(recording.ambient_pressure_pa),
-            speed_m_s=level.speed_m_s,
-            friction_n=level.friction_n,
-            expanded_n=level.expanded_n,
-            speed_stderr_m_s=level.speed_stderr_m_s,
-        )
-        for level in result.levels
-    ]
