@@ -22,7 +22,7 @@ from pneudrive.friction.campaign.sensors import (
     without_zeros,
 )
 from pneudrive.friction.reduction.condition import Skipped
-from pneudrive.friction.reduction.cycle import CycleData, Plan, check_speed, reduce_cycle
+from pneudrive.friction.reduction.cycle import CycleData, CyclePlan, check_speed, reduce_cycle
 from pneudrive.friction.reduction.loop import Loop, chosen_loops, reversal_loop
 from pneudrive.friction.reduction.motion import find_motion
 from pneudrive.rig.interface import Identity, Move
@@ -159,7 +159,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     )
 
 
-def _plans(files: Sequence[CycleFile]) -> dict[str, Plan]:
+def _plans(files: Sequence[CycleFile]) -> dict[str, CyclePlan]:
     """Return the plan of each cycle by its key."""
     heads = [file.head for file in files]
     first, last = min(heads, key=lambda h: h.index), max(heads, key=lambda h: h.index)
@@ -201,7 +201,7 @@ class Read:
 @many_objects()
 def read_part(
     files: Sequence[CycleFile],
-    plans: dict[str, Plan],
+    plans: dict[str, CyclePlan],
     identity: Identity,
     choice: SampleChoice,
     edges_m: Array,

@@ -9,7 +9,7 @@ import numpy as np
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
 from pneudrive.friction.reduction.condition import Condition, Skipped
-from pneudrive.friction.reduction.cycle import MINIMUM_SAMPLES, CycleData, OpenPressure, Plan
+from pneudrive.friction.reduction.cycle import MINIMUM_SAMPLES, CycleData, CyclePlan, OpenPressure
 from pneudrive.rig.interface import SHARED, Hold, Move
 from pneudrive.signals.impossible import refuse_channels
 from pneudrive.signals.recording import Recording
@@ -38,7 +38,7 @@ def condition_of(head: Head) -> Condition:
     return Condition(a, b, **levels)
 
 
-def plan_of(head: Head, first: Head, last: Head, day: int, began_s: float) -> Plan:
+def plan_of(head: Head, first: Head, last: Head, day: int, began_s: float) -> CyclePlan:
     """Return the plan of a cycle.
 
     Parameters
@@ -50,7 +50,7 @@ def plan_of(head: Head, first: Head, last: Head, day: int, began_s: float) -> Pl
         Beginning of the campaign by the rig's clock.
     """
     cycle = head.cycle
-    return Plan(
+    return CyclePlan(
         key=cycle.key,
         kind=cycle.kind,
         index=head.index,
@@ -180,7 +180,9 @@ def read_or_skip(
     return Skipped(file.head.cycle.key, file.path.name, reason)
 
 
-def read_standing(file: CycleFile, recording: Recording, samples: Samples, plan: Plan, identity: Identity) -> CycleData:
+def read_standing(
+    file: CycleFile, recording: Recording, samples: Samples, plan: CyclePlan, identity: Identity
+) -> CycleData:
     """Read a tare or a known weight: mean force while the axis is released at rest, and its uncertainty.
 
     Raises

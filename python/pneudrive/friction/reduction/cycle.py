@@ -41,7 +41,7 @@ MINIMUM_SAMPLES = 20
 
 
 @dataclass(frozen=True)
-class Plan:
+class CyclePlan:
     """The place of a cycle in its measurement, and its set values; without a plan, the measured ones.
 
     Attributes
@@ -156,7 +156,7 @@ class CycleData:
 
     Attributes
     ----------
-    plan : Plan
+    plan : CyclePlan
     sides : dict of Side
         By direction +1/-1; empty for a cycle that does not move.
     flags : dict
@@ -184,7 +184,7 @@ class CycleData:
         Whether the accuracy of the force sensor is assumed.
     """
 
-    plan: Plan
+    plan: CyclePlan
     sides: dict[int, Side] = field(default_factory=dict)
     flags: dict[str, int] = field(default_factory=dict)
     strokes_recorded: int = 0
@@ -213,14 +213,14 @@ class CycleData:
         return sum(side.strokes for side in self.sides.values())
 
 
-def reduce_cycle(motion: SlidingMotion, plan: Plan, choice: SampleChoice, edges_m: Array) -> CycleData:
+def reduce_cycle(motion: SlidingMotion, plan: CyclePlan, choice: SampleChoice, edges_m: Array) -> CycleData:
     """Reduce the strokes of one speed to bins of position.
 
     Parameters
     ----------
     motion : SlidingMotion
         Strokes and balance of the recording.
-    plan : Plan
+    plan : CyclePlan
     choice : SampleChoice
         Which samples count.
     edges_m : ndarray, shape (bins + 1,)

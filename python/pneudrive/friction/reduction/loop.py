@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.reduction.condition import Condition
-    from pneudrive.friction.reduction.cycle import Plan
+    from pneudrive.friction.reduction.cycle import CyclePlan
     from pneudrive.friction.reduction.motion import SlidingMotion
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
@@ -64,7 +64,7 @@ class Loop:
     width_n: float
 
 
-def chosen_loops(plans: Sequence[Plan]) -> frozenset[str]:
+def chosen_loops(plans: Sequence[CyclePlan]) -> frozenset[str]:
     """Return the keys of the slowest, middle and fastest cycles of the first conditions."""
     keys: list[str] = []
     for condition in sorted({plan.condition for plan in plans})[:SHOWN_CONDITIONS]:
@@ -76,7 +76,7 @@ def chosen_loops(plans: Sequence[Plan]) -> frozenset[str]:
     return frozenset(keys)
 
 
-def reversal_loop(motion: SlidingMotion, plan: Plan) -> Loop | None:
+def reversal_loop(motion: SlidingMotion, plan: CyclePlan) -> Loop | None:
     """Return the force balance around the first reversal of a cycle; None if it has no reversal.
 
     The offset, half the sum of both directions, is still in `Loop.friction_n`.

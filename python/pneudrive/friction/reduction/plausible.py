@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.friction.reduction.condition import PA_PER_BAR
+from pneudrive.friction.reduction.stick_slip import RIPPLE_LIMIT
 from pneudrive.friction.sentences import Said, named, sentence
 from pneudrive.signals.impossible import PRESSURES_PA, SPEEDS_M_S
 
@@ -59,6 +60,59 @@ def doubts_of(
         "full_n": full,
     }
     return {flag: sentence(f"doubt.{flag}", **values) for flag, is_so in seen.items() if is_so}
+
+
+SWING_SHARE = 0.05  # of the friction: smaller swings are roughness or noise
+SWING_FLOOR = 3.0  # times the noise while standing
+UNRESOLVED = 0.4  # worst-case ripple of the piston's speed for a swing at the natural frequency
+UNNAMED = "speed ripple"
+STICK_SLIP = ("stick-slip", "force swing")
+NAMES = (*STICK_SLIP, UNNAMED)
+
+
+def unsteady(
+    data: Sequence[CycleData], tares: Sequence[CycleData], stiffness_n_m: float | None, mass_kg: float
+) -> tuple[str, ...]:
+    """Return for each cycle why its sliding was not steady behind the rig's spring; "" if it was steady.
+
+    Seen in three ways: the axis itself runs unevenly; the piston's position, which is the axis' less the deflection of
+    the force sensor, does; or, where samples are too far apart to show either, the force swings by far more than the
+    sensor's noise, and so much that at the rig's natural frequency the piston's speed would swing by 40 %.
+    """
+    floor = _noise(data, tares)
+    return tuple(_reason(d, floor, stiffness_n_m, mass_kg) for d in data)
+
+
+def _reason(d: CycleData, floor: float, stiffness_n_m: float | None, mass_kg: float) -> str:
+    sides = list(d.sides.values())
+    if any(s.ripple > RIPPLE_LIMIT for s in sides):
+        return "stick-slip" if any(s.stick_slip for s in sides) else UNNAMED
+    scatter = max(0.0 if np.isnan(s.scatter_n) else s.scatter_n for s in sides)
+    if scatter < SWING_FLOOR * floor:
+        return ""
+    level = float(np.nanmean([abs(np.nanmean(s.balance_n)) for s in sides]))
+    if scatter < SWING_SHARE * level:
+        return ""
+    if any(s.piston_ripple > RIPPLE_LIMIT for s in sides):
+        return "stick-slip" if any(s.stick_slip for s in sides) else UNNAMED
+    if stiffness_n_m and mass_kg:
+        swing = scatter / np.sqrt(stiffness_n_m * mass_kg)
+        if swing > UNRESOLVED * np.mean([abs(s.velocity_m_s) for s in sides]):
+            return "force swing"
+    return ""
+
+
+def _noise(data: Sequence[CycleData], tares: Sequence[CycleData]) -> float:
+    """Return the noise of the force at rest; without tares, the lower quartile of the slower half of the cycles.
+
+    Slow noise is visible within a bin of a slow cycle, but not of a fast one.
+    """
+    if tares:
+        return float(np.median([t.standing_sd_n for t in tares]))
+    speeds = np.array([np.mean([abs(s.velocity_m_s) for s in d.sides.values()]) for d in data])
+    scatters = np.array([max(float(np.nan_to_num(s.scatter_n)) for s in d.sides.values()) for d in data])
+    slow = speeds <= np.median(speeds)
+    return float(np.quantile(scatters[slow], 0.25))
 
 
 NEGATIVE = "negative friction"

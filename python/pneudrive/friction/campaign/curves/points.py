@@ -10,8 +10,7 @@ import numpy as np
 from pneudrive.estimate.groups import cells, levels
 from pneudrive.friction.campaign.result import ExcludedPoint
 from pneudrive.friction.reduction.common_range import Reduced, reduce
-from pneudrive.friction.reduction.plausible import implausible_friction
-from pneudrive.friction.reduction.stick_slip import unsteady
+from pneudrive.friction.reduction.plausible import implausible_friction, unsteady
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

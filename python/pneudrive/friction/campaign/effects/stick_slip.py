@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.friction.campaign.effects.effect import StickSlipPoint, StickSlipThreshold
-from pneudrive.friction.reduction.stick_slip import NAMES, STICK_SLIP
+from pneudrive.friction.reduction.plausible import NAMES, STICK_SLIP
 
 if TYPE_CHECKING:
     from pneudrive.friction.campaign.curves.points import Points
