@@ -108,22 +108,6 @@ VIEWS = (
   return out;
 }"""
 )
-#: Turns a surface by three degrees at each frame; ms between frames, and of each drawing.
-TURNED = """async (count) => {
-  const canvas = document.querySelector(".surface canvas");
-  const slider = document.querySelector(".surface input[type=range]");
-  const frames = [], drawings = [];
-  let last = await new Promise(requestAnimationFrame);
-  for (let i = 0; i < count; i++) {
-    slider.value = String(-180 + (3 * i) % 360);
-    slider.dispatchEvent(new Event("input", {bubbles: true}));
-    const now = await new Promise(requestAnimationFrame);
-    frames.push(now - last);
-    drawings.push(Number(canvas.dataset.ms));
-    last = now;
-  }
-  return [frames, drawings];
-}"""
 
 
 @contextmanager
@@ -174,7 +158,6 @@ def measure() -> list[tuple[str, str, str]]:
         folder = Path(name)
         (folder / "axis.toml").write_text(DRIVE)
         _recording(folder / "rig.parquet")
-        _map(folder / "map.parquet")
         page = browser.new_page(locale="en-GB", viewport={"width": 1400, "height": 1000})
         empty = page.evaluate(EMPTY, ROUNDS)
         began = time.perf_counter()
@@ -190,7 +173,7 @@ def measure() -> list[tuple[str, str, str]]:
             page.wait_for_selector("[data-end=position_m]")
             rows.append(("command to first curves, with a click", f"{time.perf_counter() - began:.2f} s", "1 s"))
             rows.append(("a frame of an empty page, median / p95", _ms(empty), ""))
-            return [*rows, *_rows(page), *_memory(process.pid), *_surface(page)]
+            return [*rows, *_rows(page), *_memory(process.pid)]
         finally:
             process.kill()
             process.communicate()
@@ -234,18 +217,6 @@ def _rows(page: Any) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _surface(page: Any) -> list[tuple[str, str, str]]:
-    page.click("nav >> text=Studies")
-    page.click("text=map.parquet")
-    page.click("button:text-is('Surface')")
-    page.wait_for_selector(".surface canvas[data-drawn][data-points='10000']")
-    frames, drawings = page.evaluate(TURNED, 2 * ROUNDS)
-    return [
-        ("surface with 1e4 points turned, a frame", _ms(frames), "16.7 ms"),
-        ("its drawing", _ms(drawings), "16.7 ms"),
-    ]
-
-
 def _memory(pid: int) -> list[tuple[str, str, str]]:
     """Return the most memory that the server and its process that reads files have had; on Linux alone."""
     place = Path(f"/proc/{pid}/task/{pid}/children")
@@ -264,17 +235,6 @@ def _recording(path: Path) -> None:
     time_s = np.arange(SAMPLES) * 1e-4
     values = {f"channel_{k}": np.sin(time_s * (k + 1)) + 0.1 * rng.standard_normal(SAMPLES) for k in range(3)}
     pl.DataFrame({"time_s": time_s, **values}).write_parquet(path, row_group_size=1 << 18)
-
-
-def _map(path: Path) -> None:
-    from pneudrive import fit_friction
-    from pneudrive.characterise import write_map
-    from web.maps import friction_map, stribeck
-
-    gauges = tuple(np.linspace(0.0, 6e5, 10))
-    curves = friction_map(stribeck, tuple(np.geomspace(0.002, 0.3, 250)), gauges, 1.0)
-    write_map(curves, path)
-    fit_friction(curves, pressure_dependence=True).to_toml(path.with_name("fit.toml"))
 
 
 def _first_page() -> int:

@@ -10,7 +10,6 @@ import { Scatter, type Group } from "./plot";
 import { isToml, link, route } from "./routes";
 import { ask, attempting, read, Refused, type Problem } from "./server";
 import { studies } from "./studies";
-import type { Surfaces } from "./surface";
 
 interface Point {
   recording: string;
@@ -237,33 +236,6 @@ function Cuts({ path, found }: { path: string; found: FrictionMap }) {
   );
 }
 
-const isSurface = signal(false);
-const surface = signal<{ of: Surfaces; found: FrictionMap; draw: typeof import("./surface") } | null>(null);
-
-/** The map in space, whose code is loaded when it is opened. */
-function Surface({ path, found }: { path: string; found: FrictionMap }) {
-  const isOpen = isSurface.value;
-  useEffect(() => {
-    if (!isOpen) return;
-    let gone = false;
-    const fit = drawnFit(path).replace(/^.*\//, "");
-    void attempt(async () => {
-      const [draw, of] = await Promise.all([import("./surface"), read<Surfaces>("/api/surface", { path, fit })]);
-      if (!gone) surface.value = { of, found, draw };
-    });
-    return () => void (gone = true);
-  }, [path, found, isOpen]);
-  const shown = surface.value?.found === found && surface.value;
-  return (
-    <section aria-label="Surface">
-      <p>
-        <button type="button" aria-expanded={isOpen} onClick={() => (isSurface.value = !isOpen)}>Surface</button>
-      </p>
-      {isOpen && shown && <shown.draw.SurfaceFigure key={path} of={shown.of} groups={found.groups} />}
-    </section>
-  );
-}
-
 function Map({ path, found }: { path: string; found: FrictionMap }) {
   const groups = drawnGroups("speed", MM, found.groups.filter((one) => !only.value || one.label === only.value));
   const points = found.groups.flatMap((group) => group.points.map((one) => ({ ...one, group: group.label })));
@@ -283,7 +255,6 @@ function Map({ path, found }: { path: string; found: FrictionMap }) {
       {curves > 0 && curves < found.groups.length && <p class="note">Curves are drawn for the first {curves} of {found.groups.length} pairs of pressures.</p>}
       <Cuts path={path} found={found} />
       <Heat of={found.heat} />
-      {found.heat.rows.length > 1 && <Surface path={path} found={found} />}
       <div class="scroll" tabIndex={0} role="region" aria-label="Points of the map">
         <table>
           <thead>

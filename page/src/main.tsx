@@ -6,9 +6,9 @@ import { ControlView } from "./control";
 import { DriveView } from "./drive";
 import { HandoverView } from "./handover";
 import { opened, open } from "./opened";
-import { ConnectionLine, Login } from "./parts";
+import { ConnectionLine } from "./parts";
 import { follow, link, route, type View } from "./routes";
-import { connection, hasUsers, unlock } from "./server";
+import { connection, unlock } from "./server";
 import { FrictionView } from "./friction";
 import { RecordingView } from "./recording";
 import { SimulateView } from "./simulate";
@@ -89,7 +89,6 @@ function Page() {
       <ConnectionLine />
       {isOld.value && <div class="banner" role="status">The server has another version of this page. Reload it.</div>}
       <main id="main" tabIndex={-1}>
-        {connection.value === "locked" && hasUsers() && <Login />}
         {connection.value !== "locked" && (
           <Guarded at={link(view, path)}>
             {view === "studies" && <StudiesView />}

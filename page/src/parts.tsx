@@ -2,7 +2,7 @@
 import type { Signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
 import { link, type View } from "./routes";
-import { ask, type attempting, connection, hasUsers, logIn, read, Refused, type Listed, type Problem } from "./server";
+import { ask, type attempting, connection, read, Refused, type Listed, type Problem } from "./server";
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
 
@@ -41,41 +41,11 @@ const WORDS: Record<string, string> = {
 };
 
 export function ConnectionLine() {
-  const words = connection.value === "locked" && hasUsers() ? "" : WORDS[connection.value];
+  const words = WORDS[connection.value];
   return (
     <div role="status" aria-live="assertive" class={words ? "banner" : ""} data-connection={connection.value}>
       {words}
     </div>
-  );
-}
-
-/** Name and password, where the server has users. */
-export function Login() {
-  const [problems, setProblems] = useState<Problem[]>([]);
-  const enter = async (event: SubmitEvent) => {
-    event.preventDefault();
-    const given = new FormData(event.currentTarget as HTMLFormElement);
-    try {
-      await logIn(String(given.get("user")), String(given.get("password")));
-    } catch (error) {
-      if (!(error instanceof Refused)) throw error;
-      setProblems(error.problems);
-    }
-  };
-  return (
-    <form onSubmit={(event) => void enter(event)}>
-      <h2>Log in</h2>
-      <p class="row">
-        <label>
-          Name <input name="user" autocomplete="username" required />
-        </label>
-        <label>
-          Password <input name="password" type="password" autocomplete="current-password" required />
-        </label>
-        <button type="submit">Log in</button>
-      </p>
-      <Problems of={problems} />
-    </form>
   );
 }
 

@@ -37,7 +37,6 @@ export type Connection = "open" | "full" | "lost" | "locked" | "starting";
 export const connection = signal<Connection>("starting");
 
 const KEY = "pneudrive-token";
-const LOGIN = "pneudrive-login"; // here users log in
 const CHANNEL = "pneudrive";
 let token = "";
 
@@ -48,7 +47,6 @@ export async function unlock(): Promise<boolean> {
     sessionStorage.setItem(KEY, found[1]);
     history.replaceState(null, "", "/#/");
   }
-  if (location.hash === "#login") sessionStorage.setItem(LOGIN, "yes");
   token = sessionStorage.getItem(KEY) ?? (await askTabs());
   const channel = new BroadcastChannel(CHANNEL);
   channel.onmessage = (event: MessageEvent<"ask" | { token: string }>) => {
@@ -59,17 +57,6 @@ export async function unlock(): Promise<boolean> {
   if (token) keep(token);
   else connection.value = "locked";
   return token !== "";
-}
-
-/** Whether users of a file log in at this server. */
-export const hasUsers = (): boolean => sessionStorage.getItem(LOGIN) !== null;
-
-/** Log in: the page begins again with the token that the server gives. */
-export async function logIn(user: string, password: string): Promise<void> {
-  const given = await ask<{ token: string }>("/api/login", { user, password });
-  sessionStorage.setItem(KEY, given.token);
-  location.hash = "#/";
-  location.reload();
 }
 
 function keep(given: string): void {

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from page.conftest import DRIVE, PICTURES, ROOT, Server, Tab
+from page.conftest import DRIVE, ROOT, Server, Tab
 from page.results import RECORDING, make_results
 from pneudrive.campaign.lock import holder
 from pneudrive.campaign.plan import lay_out
@@ -24,7 +24,6 @@ from pneudrive.campaign.status import status_of
 from pneudrive.characterise import write_map
 from pneudrive.identify.result import FrictionFit
 from pneudrive.rig import load_rig
-from pneudrive.rig.opcua.access import add_user, make_certificate
 from pneudrive.trajectory import save_columns
 
 AXE = ROOT / "page" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
@@ -575,31 +574,3 @@ def test_hand_over(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPat
     page.click("a:text-is('results/axis.fmu')")
     page.wait_for_selector("[data-variable=command]")
     tab.check()
-
-
-def test_from_another_address_with_a_password(browser: object, tmp_path: Path) -> None:
-    folder = tmp_path / "studies"
-    folder.mkdir()
-    (folder / "axis.toml").write_text(DRIVE)
-    certificate, key = make_certificate(tmp_path, "page")
-    add_user(tmp_path / "users", "ada", "a secret")
-    files = ("--certificate", str(certificate), "--key", str(key), "--user-file", str(tmp_path / "users"))
-    server = Server.start(folder, 0, "--bind", "127.0.0.2", *files)  # another address, which stays in this machine
-    context = browser.new_context(ignore_https_errors=True, locale="en-GB", viewport={"width": 1400, "height": 1000})
-    try:
-        assert server.address.startswith("https://127.0.0.2:")
-        assert "token" not in server.address
-        page = context.new_page()
-        page.goto(server.address)
-        page.fill("input[name=user]", "ada")
-        page.fill("input[name=password]", "wrong")
-        page.click("button:text-is('Log in')")
-        page.wait_for_selector(".problem >> text=the name or the password is wrong")
-        page.screenshot(path=PICTURES / "log-in.png")
-        page.fill("input[name=password]", "a secret")
-        page.keyboard.press("Enter")
-        page.click("text=axis.toml")
-        page.wait_for_selector("[data-end=position_m]")  # the socket is open too
-    finally:
-        context.close()
-        server.end()

@@ -121,7 +121,7 @@ def test_tokens_are_long_and_differ() -> None:
     tokens = {new_token() for _ in range(100)}
     assert len(tokens) == 100
     assert all(len(token) >= 32 for token in tokens)
-    assert address(PORT, "token=abc") == f"http://{OWN}/#token=abc"
+    assert address(PORT, "abc") == f"http://{OWN}/#token=abc"
 
 
 def test_the_address_of_a_report_opens_that_report_and_nothing_else(served: Served) -> None:

@@ -14,6 +14,7 @@ import pytest
 import uvicorn
 from starlette.responses import PlainTextResponse
 
+from pneudrive.cli.main import run
 from pneudrive.errors import CommandError
 from pneudrive.web import serve as served
 from pneudrive.web.guard import Guard
@@ -106,3 +107,14 @@ def test_what_cannot_be_made_ends_the_server(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr("pneudrive.web.app.make_app", lambda *_, **__: pytest.fail("made"))
     with pytest.raises(pytest.fail.Exception, match="made"):
         served.serve(tmp_path, 0, lambda _: None)
+
+
+REMOVED = (["--bind", "0.0.0.0"], ["--certificate", "a.pem"], ["--key", "a"], ["--user-file", "u"], ["--unprotected"])
+
+
+@pytest.mark.parametrize("option", REMOVED, ids=lambda option: option[0])
+def test_a_removed_option_names_its_replacement(option: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["web", *option, "--no-browser"]) == 2
+    said = capsys.readouterr().err
+    assert f"{option[0]} is no longer an option" in said
+    assert "ssh -L" in said

@@ -7,6 +7,18 @@ from typing import Annotated
 
 import typer
 
+from pneudrive.errors import CommandError
+
+
+def _removed(context: typer.Context, parameter: typer.CallbackParam, value: object) -> None:
+    """Name the replacement of an option that is gone."""
+    if value and not context.resilient_parsing:
+        raise CommandError(
+            f"{parameter.opts[0]} is no longer an option of pneudrive web",
+            rule="the page answers this machine alone",
+            remedy="From another machine: ssh -L 8123:127.0.0.1:8123 HOST, and pneudrive web --port 8123 on HOST.",
+        )
+
 
 def web(
     folder: Annotated[Path, typer.Argument(help="Folder of drives, circuits and recordings.")] = Path(),
@@ -15,37 +27,27 @@ def web(
         bool,
         typer.Option("--control", help="Let the page pause, stop, resume and abort campaigns too."),
     ] = False,
-    bind: Annotated[
-        str, typer.Option(help="Address or name of this machine to listen on; another than this needs the next three.")
-    ] = "127.0.0.1",
-    certificate: Annotated[Path | None, typer.Option(help="Certificate of this server (PEM): https.")] = None,
-    key: Annotated[Path | None, typer.Option(help="Private key of the certificate.")] = None,
-    user_file: Annotated[
-        Path | None, typer.Option(help="File of users that may log in; made by `pneudrive rig user`.")
-    ] = None,
-    unprotected: Annotated[
-        bool, typer.Option("--unprotected", help="Allow another address without them: who listens can use the page.")
-    ] = False,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+    bind: Annotated[str, typer.Option(hidden=True, callback=_removed)] = "",
+    certificate: Annotated[str, typer.Option(hidden=True, callback=_removed)] = "",
+    key: Annotated[str, typer.Option(hidden=True, callback=_removed)] = "",
+    user_file: Annotated[str, typer.Option(hidden=True, callback=_removed)] = "",
+    unprotected: Annotated[bool, typer.Option("--unprotected", hidden=True, callback=_removed)] = False,
 ) -> None:
     """Show a folder in the browser: circuits, sliders on running simulations, recordings. For this machine alone.
 
-    From another one, use ssh -L; or give an address with certificate, key and users.
+    From another machine, use ssh -L.
     """
     import sys
     import threading
     import webbrowser
 
-    from pneudrive.web.reach import WebReach
     from pneudrive.web.serve import serve
 
-    reach = WebReach.of(bind, certificate, key, user_file, unprotected=unprotected)
-    opens = "The users of the file log in there." if reach.users else "The address opens the page for whoever knows it."
-
     def opened(address: str) -> None:
-        typer.echo(f"{address}\n{opens} Ctrl-C ends the server.")
+        typer.echo(f"{address}\nThe address opens the page for whoever knows it. Ctrl-C ends the server.")
         sys.stdout.flush()
         if browser:
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
-    serve(folder, port, opened, control=control, reach=reach)
+    serve(folder, port, opened, control=control)

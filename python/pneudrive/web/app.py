@@ -9,7 +9,7 @@ import asyncio
 import json
 import math
 import os
-from functools import cached_property, partial
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from posixpath import basename, dirname
@@ -29,12 +29,11 @@ from pneudrive.web import description
 from pneudrive.web.asked_run import MOST_PIXELS, WRONG_REQUEST, AskedRun, described_at
 from pneudrive.web.beside import AskedBeside
 from pneudrive.web.drop import take
-from pneudrive.web.guard import DROP, LOGIN, REPORTS, Guard
+from pneudrive.web.guard import DROP, REPORTS, Guard
 from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job
 from pneudrive.web.live import live
 from pneudrive.web.messages import fault_of, pack, plain, problems_of
 from pneudrive.web.pages import BuiltPage
-from pneudrive.web.reach import Door, WebReach
 from pneudrive.web.reports import SANDBOX, OpenReports
 from pneudrive.web.workspace import (
     BUILT,
@@ -81,7 +80,6 @@ def make_app(
     built: Path = BUILT,
     *,
     control: bool = False,
-    reach: WebReach | None = None,
 ) -> Guard:
     """Return the application behind its guard.
 
@@ -96,15 +94,13 @@ def make_app(
         Folder of the built page.
     control : bool
         Whether the page may send requests to campaigns.
-    reach : WebReach, optional
-        From where the page may be reached; default: this machine.
 
     Raises
     ------
     CommandError
         The page is not built.
     """
-    page, reach = built_page(built), reach or WebReach()
+    page = built_page(built)
     files = BuiltPage(page)
     build = json.loads(page.get(f"/{BUILD_FILE}", b"{}")).get("build", "")
     reports: dict[str, str] = {}
@@ -135,7 +131,6 @@ def make_app(
         Route("/api/sizing", _answered(views.sizing)),
         Route("/api/map", _answered(views.map)),
         Route("/api/slice", _answered(views.slice)),
-        Route("/api/surface", _answered(views.surface)),
         Route("/api/map-difference", _answered(views.map_difference)),
         Route("/api/fit", _answered(views.fit)),
         Route("/api/behind", _answered(views.behind)),
@@ -152,7 +147,6 @@ def make_app(
         Route("/api/comparison", _answered(views.comparison)),
         Route("/api/tracks", _answered(views.tracks)),
         Route("/api/fmu", _answered(views.fmu)),
-        Route(LOGIN, partial(_login, Door(reach.users, token)), methods=["POST"]),
         Route(DROP, views.drop, methods=["PUT"]),
         Route("/api/report", _answered(views.report)),
         Route(f"{REPORTS}{{secret}}/{{name:path}}", views.open_report),
@@ -163,17 +157,7 @@ def make_app(
     ]
     app = Starlette(routes=routes)
     app.state.jobs = views.running
-    login = [LOGIN] if reach.users else []
-    return Guard(app, port, token, frozenset([*files.answers, *login]), reports, reach.names, reach.scheme)
-
-
-async def _login(door: Door, asked: Asked) -> Response:
-    """Give the token to who has a name and its password."""
-    try:
-        given = _table(await asked.body(), "user", "password")
-        return JSONResponse({"token": await door.token_for(given["user"], given["password"])})
-    except PneudriveError as error:
-        return JSONResponse({"problems": problems_of(error)}, status_code=401)
+    return Guard(app, port, token, frozenset(files.answers), reports)
 
 
 def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Asked], Any]:
@@ -389,14 +373,6 @@ class _Views:
         except ValueError:
             raise CommandError(WRONG_REQUEST, remedy="Reload the page.") from None
         return map_slice(self.workspace, given.get("path", ""), Path(given.get("fit", "")).name or FIT, speed)
-
-    def surface(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return a friction map as a surface over speed and pressure."""
-        from pneudrive.web.friction import FIT
-        from pneudrive.web.surface import map_surface
-
-        path = self.workspace.path(given.get("path", ""), (".parquet", ".csv"))
-        return map_surface(path, Path(given.get("fit", "")).name or FIT)
 
     def map_difference(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return what another map lies above a map."""

@@ -6,7 +6,6 @@ import hmac
 import secrets
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Iterable, MutableMapping
@@ -21,7 +20,6 @@ TOKEN_BYTES = 24  # 192 bits
 MOST_BODY = 1 << 20  # bytes
 TOO_LONG = f"more than {MOST_BODY} bytes are too many for the page: open a file of that size in an editor"
 MOST_SOCKETS = 8
-LOGIN = "/api/login"  # open where the server has users
 PROTOCOL = "pneudrive"  # subprotocol of the socket; a second one carries the token
 TOKEN_PROTOCOL = "token."
 REPORTS = "/report/"  # what follows is the secret of one report
@@ -76,10 +74,6 @@ class Guard:
         Paths that need no token: the page itself, which holds no data.
     reports : iterable of str
         Secrets of reports, each a part of the address that opens one report.
-    names : iterable of str
-        Hosts that a request may name.
-    scheme : str
-        ``"http"`` or ``"https"``.
     """
 
     app: App
@@ -87,8 +81,6 @@ class Guard:
     token: str
     open_paths: Iterable[str] = ()
     reports: Iterable[str] = ()
-    names: Iterable[str] = NAMES
-    scheme: str = "http"
     sockets: int = field(default=0, init=False)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -118,10 +110,10 @@ class Guard:
         if method not in METHODS:
             raise RefusedError(405, "method not allowed")
         host = _one(headers, "host")
-        if host not in {f"{name}:{self.port}" for name in self.names}:
+        if host not in {f"{name}:{self.port}" for name in NAMES}:
             raise RefusedError(421, "the host is not this server")
         origin = _one(headers, "origin")
-        if origin is not None and origin != f"{self.scheme}://{host}":
+        if origin is not None and origin != f"http://{host}":
             raise RefusedError(403, "the origin is another page")
         if origin is None and (is_socket or method not in READING):
             raise RefusedError(403, "the origin is missing")
@@ -210,8 +202,6 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, refused: RefusedEr
     await send({"type": "http.response.body", "body": text})
 
 
-def address(port: int, secret: str, name: str = NAMES[0], scheme: str = "http") -> str:
-    """Return the address that opens the page; the secret stands in the fragment, which no server sees."""
-    found = f"{scheme}://{name}:{port}/#{secret}"
-    assert urlsplit(found).netloc == f"{name}:{port}"  # nothing of the secret is part of the host
-    return found
+def address(port: int, token: str) -> str:
+    """Return the address that opens the page; the token stands in the fragment, which no server sees."""
+    return f"http://{NAMES[0]}:{port}/#token={token}"

@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError, PneudriveError, PneudriveWarning
-from pneudrive.web.guard import Guard, address, new_token
-from pneudrive.web.reach import HOST, WebReach
+from pneudrive.web.guard import NAMES, Guard, address, new_token
 from pneudrive.web.workspace import Workspace, built_page
 
 if TYPE_CHECKING:
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 MOST_MESSAGE = 1 << 16  # bytes of a message of the socket
 SWITCH_S = 5e-4  # an answer does not wait 5 ms, the usual time, for each thread that imports or reads beside it
 MOST_WAIT_S = 2.0  # for the first answer of a run, till the rest is imported
-LOG_IN = "login"  # in the place of the token, where users log in
 _LIBRARIES = ("starlette", "uvicorn", "websockets", "tomlkit")
 _NEEDED = 'pip install "pneudrive[web]"'
 
@@ -37,7 +35,6 @@ def serve(
     opened: Callable[[str], object],
     *,
     control: bool = False,
-    reach: WebReach | None = None,
 ) -> None:
     """Serve a folder until Ctrl-C.
 
@@ -53,31 +50,26 @@ def serve(
         Called with the address when the server listens.
     control : bool
         Whether the page may send requests to campaigns.
-    reach : WebReach, optional
-        From where the page may be reached; default: this machine.
 
     Raises
     ------
     CommandError
         The folder is not one, the port is taken, the page is not built, or the libraries of the page are missing.
     """
-    reach = reach or WebReach()
     for name in _LIBRARIES:
         if find_spec(name) is None:
             raise CommandError(f"the page needs {name}", remedy=_NEEDED)
     workspace, page = Workspace.at(folder), built_page()
-    family = socket.AF_INET6 if ":" in reach.bind else socket.AF_INET
     # The protocol is named: without it asyncio leaves small packets waiting for each other, 40 ms each.
-    with socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP) as listening:
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP) as listening:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            listening.bind((reach.bind, port))
+            listening.bind((NAMES[0], port))
         except (OSError, OverflowError) as error:
-            where = f"port {port}" if reach.bind == HOST else f"port {port} of {reach.bind}"
-            raise CommandError(f"{where} cannot be used: {error}", remedy="Choose another one: --port.") from None
+            raise CommandError(f"port {port} cannot be used: {error}", remedy="Choose another one: --port.") from None
         port, token = listening.getsockname()[1], new_token()
         listening.listen(128)
-        opened(address(port, LOG_IN if reach.users else f"token={token}", reach.name, reach.scheme))
+        opened(address(port, token))
 
         from concurrent.futures import Future
 
@@ -88,7 +80,7 @@ def serve(
         sys.setswitchinterval(SWITCH_S)
         whole: Future[App] = Future()
         built = BuiltPage(page)
-        first = Guard(built, port, token, built.answers, names=reach.names, scheme=reach.scheme)
+        first = Guard(built, port, token, built.answers)
         warnings.simplefilter("ignore", PneudriveWarning)  # the page shows the warnings of a run
         settings = uvicorn.Config(
             Opening(first, built, whole),
@@ -100,8 +92,6 @@ def serve(
             lifespan="off",
             log_level="warning",
             timeout_graceful_shutdown=1,
-            ssl_certfile=None if reach.certificate is None else str(reach.certificate),
-            ssl_keyfile=None if reach.key is None else str(reach.key),
         )
         server = uvicorn.Server(settings)
 
@@ -109,7 +99,7 @@ def serve(
             try:
                 from pneudrive.web.app import make_app
 
-                whole.set_result(make_app(workspace, port, token, control=control, reach=reach))
+                whole.set_result(make_app(workspace, port, token, control=control))
             except BaseException as error:  # the server ends with it, below
                 whole.set_exception(error)
                 server.should_exit = True
