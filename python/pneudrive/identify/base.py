@@ -188,7 +188,7 @@ class Fit(Shown):
         if found is None:
             raise FitError(
                 f"this {self.TITLE} was read from a file, without its data",
-                rule="profile, bootstrap and posterior need the data; apply, export and report do not",
+                rule="profile and bootstrap need the data; apply, export and report do not",
                 remedy="Fit again.",
             )
         if not self.converged:
