@@ -17,21 +17,10 @@ import venv
 import zipfile
 from pathlib import Path
 
-import zopfli
-
 ROOT = Path(__file__).resolve().parent.parent
 WHEELS = ROOT / "out" / "wheels"
 PAGE = "pneudrive/web/built/index.html"
-MOST_BYTES = 6_000_000
-
-
-def squeeze(wheel: Path) -> None:
-    """Pack a wheel again, into the smallest archive that every installer reads."""
-    smaller = wheel.with_suffix(".new")
-    with zipfile.ZipFile(wheel) as own, zopfli.ZipFile(smaller, "w", iterations=5) as packed:
-        for one in own.infolist():
-            packed.writestr(one, own.read(one))
-    smaller.replace(wheel)
+MOST_BYTES = 10_000_000
 
 
 def build() -> Path:
@@ -40,7 +29,6 @@ def build() -> Path:
     words = ["maturin", "build", "--release", "--quiet", "--out", str(WHEELS)]
     subprocess.run([Path(sys.executable).with_name(words[0]), *words[1:]], cwd=ROOT, check=True)
     (wheel,) = WHEELS.glob("*.whl")
-    squeeze(wheel)
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
         parts = sorted(((one.compress_size, one.filename) for one in archive.infolist()), reverse=True)

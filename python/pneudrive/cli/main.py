@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 import warnings
@@ -31,11 +30,6 @@ COMMANDS = {
 }
 HIDDEN = frozenset({"demo"})  # called by `make demo`
 
-#: Modules and classes stay: to look for what can go, every 700 objects, would take a twentieth of a short command.
-OBJECTS_BEFORE_COLLECTING = 50_000
-#: A command loads no plugins of pydantic: a search of all installed packages for them would take some 15 ms.
-#: Whoever needs them sets the variable, empty.
-NO_PLUGINS = ("PYDANTIC_DISABLE_PLUGINS", "__all__")
 EXIT_OTHER, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
 
 
@@ -119,6 +113,4 @@ def run(arguments: Sequence[str]) -> int:
 
 def main() -> None:
     """Entry point of the ``pneudrive`` script."""
-    gc.set_threshold(OBJECTS_BEFORE_COLLECTING)
-    os.environ.setdefault(*NO_PLUGINS)
     sys.exit(run(sys.argv[1:]))
