@@ -14,7 +14,7 @@ import time
 from urllib.parse import urlsplit
 
 from asyncua import Client, ua
-from asyncua.ua.ua_binary import nodeid_to_binary, struct_to_binary
+from asyncua.ua.ua_binary import struct_to_binary
 
 SPACE = "urn:pneudrive:rig"
 HELLO = struct.pack("<IIIII", 0, 65535, 65535, 0, 0) + struct.pack("<i", 4) + b"opc:"
@@ -57,13 +57,6 @@ def silent(url: str) -> None:
     _keep_open(url, 900, [b""])
 
 
-def half_open(url: str) -> None:
-    """Begin a handshake and leave it there: half a greeting, a greeting, half a channel, a channel of no policy."""
-    greeting = _chunk(b"HEL", HELLO)
-    secure = _chunk(b"OPN", struct.pack("<I", 0) + b"\xff" * 40)
-    _keep_open(url, 60, [greeting[:10], greeting, greeting + secure[:20], greeting + secure, greeting * 50])
-
-
 def garbage(url: str) -> None:
     """Send bytes that mean nothing, bare and in chunks of every kind, whole and cut into crumbs."""
     rng = random.Random(1)
@@ -91,7 +84,7 @@ async def _flood(client, requests) -> None:
     protocol = client.uaclient.protocol
     for request in requests:
         request.RequestHeader.AuthenticationToken = protocol.authentication_token
-    bodies = [one.to_binary() if isinstance(one, _Ready) else struct_to_binary(one) for one in requests]
+    bodies = [struct_to_binary(one) for one in requests]
     protocol.data_received = lambda data: None
     number = 1000
     while not protocol.transport.is_closing():
@@ -194,26 +187,6 @@ def writes(url: str) -> None:
     asyncio.run(_many(url, 8, work))
 
 
-def subscriptions(url: str) -> None:
-    """Subscribe to everything, as fast as it goes, as often as it goes; touch those of others."""
-
-    async def work(client, node) -> None:
-        class Ignore:
-            def datachange_notification(self, *_) -> None: ...
-
-        names = [f"State.{n}" for n in ("Position", "Force", "Time")] + [f"Samples.{i}.Force" for i in range(8)]
-        while True:
-            for interval in (0, 1, math.nan, 50, -5):
-                with contextlib.suppress(ua.UaStatusCodeError):
-                    subscription = await client.create_subscription(interval, Ignore())
-                    await subscription.subscribe_data_change([node(name) for name in names * 9])
-            for number in range(70, 110):
-                with contextlib.suppress(ua.UaStatusCodeError):
-                    await client.uaclient.delete_subscriptions([number])
-
-    asyncio.run(_many(url, 12, work))
-
-
 async def _command(node, verb: int, number: int, beat: int | None = None, **arguments: tuple[object, str]) -> None:
     for name, (content, kind) in arguments.items():
         await node(name.replace("_", ".")).write_value(content, ua.VariantType[kind])
@@ -267,113 +240,6 @@ def giant_acquires(url: str) -> None:
     asyncio.run(_many(url, 2, work))
 
 
-def come_and_go(url: str) -> None:
-    """Log in and leave, and log in, without end."""
-
-    async def work(_, node) -> None: ...
-
-    asyncio.run(_many(url, 30, work))
-
-
-def browses(url: str) -> None:
-    """Browse the nodes with most references, as many as a request takes and more; follow paths to and fro."""
-    heavy = [ua.NodeId(i) for i in (22, 7617, 8252, 58)]  # structures, lists of types, base of variables
-
-    def browse(count: int) -> ua.BrowseRequest:
-        request = ua.BrowseRequest()
-        request.Parameters.NodesToBrowse = [
-            ua.BrowseDescription(
-                NodeId=heavy[i % 4],
-                BrowseDirection=ua.BrowseDirection.Both,
-                ReferenceTypeId=ua.NodeId(ua.ObjectIds.References),
-                IncludeSubtypes=True,
-                ResultMask=63,
-            )
-            for i in range(count)
-        ]
-        return request
-
-    path = ua.BrowsePath(StartingNode=ua.NodeId(ua.ObjectIds.RootFolder))
-    path.RelativePath.Elements = [
-        ua.RelativePathElement(ua.NodeId(ua.ObjectIds.References), bool(i % 2), True, ua.QualifiedName(name))
-        for i, name in enumerate(["Objects", "Root"] * 8)
-    ]
-    follow = ua.TranslateBrowsePathsToNodeIdsRequest()
-    follow.Parameters.BrowsePaths = [path] * 16
-
-    async def work(client, node) -> None:
-        await _flood(client, [browse(400), browse(8), browse(1), follow])
-
-    asyncio.run(_many(url, 12, work))
-
-
-class _Ready:
-    """A request whose bytes are there; what is left out of it is put before them."""
-
-    def __init__(self, kind: int, body: bytes) -> None:
-        self.RequestHeader, self._kind, self._body = ua.RequestHeader(), kind, body
-
-    def to_binary(self) -> bytes:
-        return nodeid_to_binary(ua.NodeId(self._kind)) + struct_to_binary(self.RequestHeader) + self._body
-
-
-def dense_values(*sizes: int) -> list[_Ready]:
-    """Write requests whose value is an array of as many smallest parts as fit: each takes a thousand times its byte."""
-    write, head = ua.ObjectIds.WriteRequest_Encoding_DefaultBinary, b"\x01\0\x10\0\x0d\0\0\0\xff\xff\xff\xff\x01"
-    kinds = (17, 20, 21, 22, 23, 24, 25)  # node ids, names, texts, objects, data values, variants, diagnoses
-    arrays = [bytes([kind | 0x80]) + struct.pack("<i", size) + b"\0" * size for kind in kinds for size in sizes]
-    shapes = [
-        b"\xcb" + struct.pack("<i", 1) + b"\0" * 8 + struct.pack("<i", n // 4) + b"\1\0\0\0" * (n // 4) for n in sizes
-    ]
-    return [_Ready(write, struct.pack("<i", 1) + head + value) for value in [*arrays, *shapes, b"\x18" * 900]]
-
-
-def dense(url: str) -> None:
-    """Write values that are small on the way and large to look at."""
-
-    async def work(client, node) -> None:
-        await _flood(client, dense_values(70_000, 900))
-
-    asyncio.run(_many(url, 12, work))
-
-
-def crowd(url: str) -> None:
-    """Be more clients than there is room for; stay, and look now and then."""
-
-    async def work(client, node) -> None:
-        while True:
-            await client.nodes.server_state.read_value()
-            await asyncio.sleep(0.2)
-
-    asyncio.run(_many(url, 60, work))
-
-
-def unfinished(url: str) -> None:
-    """Create sessions and never log in; open the channel anew without end."""
-
-    async def one(renews: bool) -> None:
-        while True:
-            client = Client(url, timeout=5)
-            with contextlib.suppress(Exception):
-                await client.connect_socket()
-                await client.send_hello()
-                await client.open_secure_channel()
-                await client.create_session()
-                while not client.uaclient.protocol.transport.is_closing():
-                    if renews:
-                        await client.open_secure_channel(renew=True)
-                    else:
-                        await asyncio.sleep(0.05)
-            with contextlib.suppress(Exception):
-                client.disconnect_socket()
-            await asyncio.sleep(0.002)
-
-    async def go() -> None:
-        await asyncio.gather(*(one(i % 2 == 0) for i in range(40)))
-
-    asyncio.run(go())
-
-
 def stops(url: str) -> None:
     """Halt and stop all the time."""
 
@@ -384,10 +250,7 @@ def stops(url: str) -> None:
     asyncio.run(_many(url, 12, work))
 
 
-ALL = [
-    silent, half_open, garbage, reads, deaf, writes, subscriptions, second_commander, giant_acquires, come_and_go,
-    browses, dense, crowd, unfinished, stops,
-]  # fmt: skip
+ALL = [silent, garbage, reads, deaf, writes, second_commander, giant_acquires, stops]
 
 
 def run(name: str, url: str) -> None:

@@ -79,19 +79,7 @@ def at_rest(rig) -> None:
     assert rig.state().position_m == state.position_m
 
 
-BESIDE = [
-    "silent",
-    "half_open",
-    "garbage",
-    "reads",
-    "deaf",
-    "subscriptions",
-    "come_and_go",
-    "browses",
-    "dense",
-    "crowd",
-    "unfinished",
-]
+BESIDE = ["silent", "garbage", "reads", "deaf"]
 COMMANDING = ["writes", "second_commander", "giant_acquires"]
 
 

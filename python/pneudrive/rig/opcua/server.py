@@ -35,7 +35,6 @@ STOPPING_S = 10.0  # s; time in which a rig that still moves is stopped again
 AGAIN_S = 0.1
 GENTLE_S = 0.2  # s; time for a halted acquisition to end by itself
 CLOSING_S = 2.0
-LEAST_REQUEST, BYTES_A_STEP = 1 << 16, 64
 
 
 class RigServer:
@@ -149,7 +148,7 @@ class RigServer:
         self._space = Space(server, self.rig, self.nodes)
         await self._space.fill()
         await self._show_state()
-        self._front = Front(server, self, self.protection, LEAST_REQUEST + BYTES_A_STEP * self.nodes.steps)
+        self._front = Front(server, self, self.protection)
         self.port = await self._front.start(self.host, self.port)
         self.url = f"opc.tcp://{self.host}:{self.port}"
         for task in (self._beat(), self._watch(), self._keep_state()):

@@ -1,4 +1,4 @@
-"""Services of a connection to a served rig: those that a rig needs, within bounds, in one session."""
+"""Services of a connection to a served rig, in one session."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from asyncua.common.utils import ServiceError
 from asyncua.server.internal_session import InternalSession, SessionState
 
 from pneudrive.rig.opcua.access import opcua
-from pneudrive.rig.opcua.requests import CODES
 
 ua: Any = opcua("asyncua.ua")
+CODES = ua.StatusCodes
 MOST_SUBSCRIPTIONS, MOST_ITEMS = 2, 50  # of a session
 MOST_KINDS = 256  # kept references
 FASTEST_MS, SLOWEST_MS = 250.0, 60_000.0  # of a subscription
