@@ -112,19 +112,21 @@ def test_a_file_that_cannot_be_written_says_why(tmp_path):
         trajectory.save_columns({"x": np.zeros(1)}, {}, tmp_path / "no" / "run.parquet")
 
 
-def test_columns_that_are_not_plain_are_read_by_polars(tmp_path):
-    """Compressed, with missing values, with a dictionary, whole numbers, within others: the core leaves them alone."""
+def test_columns_of_any_encoding_are_read_in_part(tmp_path):
+    """Compressed, with missing values, with a dictionary, whole numbers, next to a column of tables."""
     x = np.repeat(np.arange(50.0), 40)
     frame = pl.DataFrame({"x": x, "gap": [None, *x[1:]], "whole": np.arange(x.size), "inner": [{"x": 1.0}] * x.size})
     path = tmp_path / "foreign.parquet"
     for compression in ("uncompressed", "zstd", "snappy"):
         frame.write_parquet(path, compression=compression)
-        file = _core.PlainFile.open(path)
         for name in ("x", "gap", "whole"):
             read = open_table(path, "parquet").get([name], (7, 90))[name]
             assert np.array_equal(read, frame[name].to_numpy()[7:90], equal_nan=True)
-            plain = file.read([name], 7, 90)
-            assert plain is None or np.array_equal(plain[0], read)
-        assert file.read(["gap"], 0, 5) is None
-        assert file.read(["whole"], 0, 5) is None
-    assert _core.PlainFile.open(tmp_path / "missing.parquet") is None
+
+
+def test_a_trajectory_of_several_groups_of_rows_comes_back_to_the_bit(tmp_path):
+    rows = 2 * (1 << 18) + 3
+    odd = np.resize([np.nan, -0.0, np.inf, 5e-324, 7.0], rows)
+    path = _saved(tmp_path, {"time_s": np.arange(rows) / 1e3, "Kraft µN": odd})
+    read = open_table(path, "parquet").get(["Kraft µN"], ((1 << 18) - 1, rows))["Kraft µN"]
+    assert np.array_equal(read.view(np.int64), odd[(1 << 18) - 1 :].view(np.int64))

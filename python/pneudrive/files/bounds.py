@@ -40,14 +40,14 @@ BOUNDS: dict[str, Bound] = {
     "text_bytes": Bound(16e6, "bytes", "descriptions, protocols and fits are far below 1 MB"),
     "nesting": Bound(64, "levels", "files of pneudrive are at most 8 levels deep", raised=False),
     "file_bytes": Bound(1e11, "bytes", "1e9 samples of 12 channels of 8 bytes"),
-    "unpacked_ratio": Bound(200, "times the packed size", "measured columns shrink to a third or a twentieth"),
-    "unpacked_bytes": Bound(1e10, "bytes", "1e8 rows of 100 characters"),
+    "unpacked_bytes": Bound(4e9, "bytes", "4e7 rows of 100 characters"),
     "line_bytes": Bound(1e6, "bytes", "a row of 50,000 columns"),
     "count": Bound(1e4, "", "10,000 levels, repeats or strokes take a rig months"),
     "cycles": Bound(1e6, "cycles", "a rig runs 1,000 cycles a day"),
     "samples": Bound(2e8, "samples", "recordings are below 1e8 samples"),
     "seconds": Bound(3.2e7, "s", "one year"),
     "reader_seconds": Bound(60, "s and 1 s for every 10 MB", "libraries read 30 to 1000 MB in a second"),
+    "reader_bytes": Bound(1.6e10, "bytes of memory", "2e9 samples of 8 bytes"),
 }
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cache
@@ -62,22 +61,14 @@ def parquet_metadata(path: Path) -> dict[str, str]:
 
 
 def open_parquet(path: Path) -> Opened:
-    """Open a Parquet file; its columns are read only on request: plain ones by the core, others by polars."""
+    """Open a Parquet file; its columns are read only on request."""
     import polars as pl
-
-    from pneudrive._core import PlainFile
-
-    plain = cache(PlainFile.open)
 
     @cache
     def scan() -> pl.LazyFrame:
         return pl.scan_parquet(path)
 
     def get(wanted: list[str], _: frozenset[str], part: Rows | None) -> dict[str, NDArray[Any]]:
-        opened = plain(path)
-        columns = opened and opened.read(wanted, *(part or (0, sys.maxsize)))
-        if columns is not None:
-            return dict(zip(wanted, columns, strict=True))
         table = scan().select(wanted)
         frame = (table if part is None else table.slice(part[0], part[1] - part[0])).collect()
         return {name: frame[name].to_numpy() for name in wanted}

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 #: Suffix of a file -> its unpacking function.
 COMPRESSIONS: dict[str, Callable[[Path], object]] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
 PIECE = 1 << 22
-SMALL_BYTES = 1 << 26  # bytes below which the ratio of sizes is not checked
 
 
 def pieces(path: Path, kind: type[PneudriveError], folder: str | None = None, size: int = PIECE) -> Iterator[bytes]:
@@ -69,5 +68,3 @@ def check_unpacked(size: int, packed: int, kind: type[PneudriveError], where: st
     """
     what = f"the file of {packed:,} bytes unpacks to {size:,} bytes or more"
     within("unpacked_bytes", size, what, kind, where)
-    if size > SMALL_BYTES:
-        within("unpacked_ratio", size / max(packed, 1), what, kind, where)

@@ -1,19 +1,18 @@
-"""Process in which libraries written in C read files: requests are JSON on a socket, answers are shared memory.
+"""Process in which libraries written in C read files: requests are JSON on a socket, answers are JSON and arrays.
 
-`pneudrive.files.tables` starts it. An answer is a file descriptor: length of a JSON text, the text, then the arrays as
-in memory. Effects of a damaged file on a library (an exception, a crash, an endless loop) end here: an exception
-becomes the answer, a crash or the alarm ends this process, and the client starts another one.
+`pneudrive.files.tables` starts it. An answer is the length of a JSON text, the text, and the bytes of the arrays.
+Effects of a damaged file on a library end here. An exception becomes the answer. A crash, the alarm or the bound of
+memory ends this process, and the client starts another one.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import signal
 import socket
 import sys
-import tempfile
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +20,6 @@ import numpy as np
 
 from pneudrive.errors import PneudriveError
 from pneudrive.files.formats import OPENERS, read_parquets
-from pneudrive.files.tables import ALIGNED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,8 +28,13 @@ if TYPE_CHECKING:
 
     from pneudrive.files.formats import Opened
 
+resource = None
+with suppress(ImportError):  # not on Windows
+    import resource
+
 FIELDS = ("what", "value", "rule", "remedy")
 LONGEST_REASON = 200
+ALIGNED = 8  # bytes; offset of the arrays of an answer
 
 
 class _Files:
@@ -115,7 +118,7 @@ def answers(request: dict[str, Any], files: _Files) -> tuple[list[dict[str, Any]
             if column.dtype.kind in "iufbMm":
                 answer_of["columns"][name] = {"dtype": column.dtype.str, "shape": column.shape, "place": end}
                 arrays.append(np.ascontiguousarray(column))
-                end += -(-arrays[-1].nbytes // ALIGNED) * ALIGNED
+                end += arrays[-1].nbytes + -arrays[-1].nbytes % ALIGNED
             else:
                 texts = [None if v is None else str(v) for v in column.ravel().tolist()]
                 answer_of["columns"][name] = {"texts": texts, "shape": column.shape, "dtype": str(column.dtype)}
@@ -123,30 +126,21 @@ def answers(request: dict[str, Any], files: _Files) -> tuple[list[dict[str, Any]
 
 
 def send(connection: socket.socket, each: list[dict[str, Any]], arrays: list[NDArray[Any]]) -> None:
-    """Send the answers as memory that the other process maps."""
+    """Send the answers: lengths of text and arrays, the text, the arrays."""
     text = json.dumps({"each": each}).encode()
-    head = -(-(8 + len(text)) // ALIGNED) * ALIGNED
-    descriptor = _memory()
-    with os.fdopen(descriptor, "wb", buffering=0) as file:
-        for chunk in (len(text).to_bytes(8, "little"), text, bytes(head - 8 - len(text))):
-            file.write(chunk)
-        for array in arrays:
-            _write_all(file.fileno(), array.reshape(-1).view(np.uint8).data)
-            file.write(bytes(-array.nbytes % ALIGNED))
-        socket.send_fds(connection, [b"."], [file.fileno()])
+    padding = [bytes(-array.nbytes % ALIGNED) for array in arrays]
+    sizes = (len(text), sum(array.nbytes + len(pad) for array, pad in zip(arrays, padding, strict=True)))
+    connection.sendall(b"".join(size.to_bytes(8, "little") for size in sizes) + text)
+    for array, pad in zip(arrays, padding, strict=True):
+        connection.sendall(array.reshape(-1).view(np.uint8).data)
+        connection.sendall(pad)
 
 
-def _write_all(descriptor: int, data: memoryview) -> None:
-    while data.nbytes:
-        data = data[os.write(descriptor, data) :]
-
-
-def _memory() -> int:
-    """Make a file without a name, in memory if the system supports it."""
-    if hasattr(os, "memfd_create"):
-        return os.memfd_create("pneudrive")
-    with tempfile.TemporaryFile() as file:
-        return os.dup(file.fileno())
+def limit_memory(most: int) -> None:
+    """Bound the memory of this process, where the system can."""
+    if resource is not None:
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
 
 
 def _requests(connection: socket.socket) -> Iterator[dict[str, Any]]:
@@ -161,6 +155,7 @@ def main() -> None:
     warnings.simplefilter("ignore")
     connection = socket.socket(fileno=int(sys.argv[1]))
     files = _Files()
+    limit_memory(int(sys.argv[2]))
     for request in _requests(connection):
         signal.alarm(request["seconds"])  # the default handler ends the process, even inside a library
         send(connection, *answers(request, files))

@@ -3,14 +3,13 @@
 A Parquet file with a valid checksum (`pneudrive.files.seal`: campaigns, maps and trajectories of pneudrive) has the
 bytes that we wrote, and is read here. All others are read in `reader_process`. Measured on two cores: the first
 file costs the start of a process and the import of its library (0.2 to 0.6 s), each further message 0.3 ms and the
-copy of the columns into shared memory; so many small files are one message.
+transfer of the columns; so many small files are one message.
 """
 
 from __future__ import annotations
 
 import atexit
 import json
-import mmap
 import os
 import socket
 import subprocess
@@ -44,7 +43,6 @@ FORMATS = {form: name for form, (name, _) in formats.OPENERS.items()}
 MOST_FILES, MOST_BYTES = 100, 1 << 25
 #: Files checked in one batch, and number of threads: keeps the disk and each processor busy.
 LOOKED_AT, LOOKERS = 20, 4
-ALIGNED = 64  # bytes; offset of the arrays of an answer
 BYTES_PER_SECOND = 1e7
 ALARM = -14  # exit status of a process ended by its alarm
 
@@ -354,25 +352,19 @@ class _Reader:
         assert self._connection is not None
         try:
             self._connection.sendall(line)
-            mark, descriptors, _, _ = socket.recv_fds(self._connection, 1, 1)
-        except (BrokenPipeError, ConnectionResetError):
+            sizes = _received(self._connection, 16)
+            text = _received(self._connection, int.from_bytes(sizes[:8], "little"))
+            arrays = _received(self._connection, int.from_bytes(sizes[8:], "little"))
+        except (BrokenPipeError, ConnectionResetError, EOFError):
             return None
-        if not mark:
-            return None
-        try:
-            memory = memoryview(mmap.mmap(descriptors[0], 0, access=mmap.ACCESS_COPY))
-        finally:
-            os.close(descriptors[0])
-        length = int.from_bytes(memory[:8], "little")
-        head = 8 + length + (-(8 + length) % ALIGNED)
-        return json.loads(bytes(memory[8 : 8 + length])), memory[head:]
+        return json.loads(bytes(text)), arrays
 
     def _start(self) -> None:
         ours, theirs = socket.socketpair()
         with theirs:
             number = theirs.fileno()
             self._process = subprocess.Popen(
-                child.command("pneudrive.files.reader_process", str(number)),
+                child.command("pneudrive.files.reader_process", str(number), str(int(bound("reader_bytes")))),
                 pass_fds=(number,),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
@@ -397,6 +389,24 @@ class _Reader:
         if process is not None and self._owner == os.getpid():
             process.kill()
             process.wait()
+
+
+def _received(connection: socket.socket, size: int) -> memoryview:
+    """Receive so many bytes.
+
+    Raises
+    ------
+    EOFError
+        The connection ended before.
+    """
+    data = memoryview(bytearray(size))
+    place = 0
+    while place < size:
+        count = connection.recv_into(data[place:])
+        if not count:
+            raise EOFError
+        place += count
+    return data
 
 
 def _seconds(size: int) -> int:

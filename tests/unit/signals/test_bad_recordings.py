@@ -101,7 +101,7 @@ def test_a_few_broken_rows_are_counted_and_many_refused(tmp_path):
         characterise(tmp_path / "a.csv", LAYOUT)
 
 
-def test_what_has_no_end_is_refused_before_it_is_read(tmp_path):
+def test_what_has_no_end_is_refused_before_it_is_read(tmp_path, monkeypatch):
     """A pipe that nobody writes to, a line without an end, a packed file that unpacks to gigabytes."""
     import lzma
     import os
@@ -114,6 +114,7 @@ def test_what_has_no_end_is_refused_before_it_is_read(tmp_path):
         propose_layout(tmp_path / "line.csv")
     packer = lzma.LZMACompressor(preset=0)
     (tmp_path / "bomb.csv.xz").write_bytes(packer.compress(b"0" * (1 << 27)) + packer.flush())
+    monkeypatch.setenv("PNEUDRIVE_BOUNDS", "unpacked_bytes=1e8")
     with pytest.raises(RecordingError, match="unpacks to"):
         propose_layout(tmp_path / "bomb.csv.xz")
 
