@@ -14,6 +14,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from pneudrive.lazy import UPPER
 from pneudrive.processor import require as require_processor
 
 __version__ = "0.1.0"
@@ -110,6 +111,17 @@ _HOME = {
     "validate": "pneudrive.validate",
     "PneudriveError": "pneudrive.errors",
 }
+# Functions that methods of lower layers forward to.
+UPPER.update(
+    start="pneudrive.start",
+    simulate="pneudrive.simulate",
+    Pneu="pneudrive.accessor",
+    write_fit_report="pneudrive.report.fit",
+    plot_sizing="pneudrive.report.sizing",
+    write_sizing_report="pneudrive.report.sizing_page",
+    Reproduction="pneudrive.studies.bracha.reproduction",
+    reproduce="pneudrive.studies.bracha.reproduction",
+)
 _SUBMODULES = ("control", "ensemble", "report", "rig", "errors", "units")
 
 __all__ = ["__version__", *sorted(_HOME), *_SUBMODULES]  # noqa: PLE0604 # pyright: ignore[reportUnsupportedDunderAll]

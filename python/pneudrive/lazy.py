@@ -5,10 +5,18 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
+
+#: Name -> module of an upper layer. The package root fills it, because the layers below do not know that module.
+UPPER: dict[str, str] = {}
+
+
+def upper(name: str) -> Any:  # noqa: ANN401 - any function
+    """Return a function of an upper layer, for a method that only forwards to it."""
+    return getattr(import_module(UPPER[name]), name)
 
 
 def lazy(package: str, homes: Mapping[str, Sequence[str]]) -> Callable[[str], object]:

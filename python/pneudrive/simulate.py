@@ -6,12 +6,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import __version__, humidity, units
 from pneudrive import command as commands
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, warn
+from pneudrive.lazy import upper
 from pneudrive.references import bibtex
 from pneudrive.session import short_name
 from pneudrive.show import Shown
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 MOST_SAMPLES = 50_000_000  # rows; such a trajectory takes about 6 GB
 MOST_BUDGET = 10**15
-#: What a run has as ``run.pneu``: by its name, since it knows of strokes what lies above a simulation.
-ACCESSOR = "pneudrive.accessor"
 #: Error of a ledger above which there is a warning: absolute, and as a multiple of the tolerance (assumed).
 ENERGY_CLOSES, ENERGY_RTOL = 1e-3, 300.0
 SOLVER = "Rodas5P"
@@ -90,7 +88,7 @@ def _dataset(variables: dict[str, xr.Variable], attrs: dict[str, Any]) -> xr.Dat
     import xarray as xr
     from xarray.indexes import PandasIndex
 
-    import_module(ACCESSOR)
+    upper("Pneu")  # registers `run.pneu`
     try:
         index = PandasIndex(variables["time"].values, "time")
         ready = variables | index.create_variables({"time": variables["time"]})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.datasheet.equilibrium import number_of
@@ -22,28 +21,29 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.watch import Flag
 
-#: Modules with a tuple CHARACTERISTICS, in the order of the datasheet.
-MODULES = (
-    "steady",
-    "stiffness",
-    "threshold",
-    "response",
-    "air",
-    "stands",
-    "cushion",
-    "frequency",
-    "tornado",
-    "line_study",
-    "valve_times",
-    "published",
-)
-
 
 @cache
 def characteristics() -> dict[str, Characteristic]:
     """Return all characteristics by name."""
-    found = (import_module(f"pneudrive.datasheet.{module}").CHARACTERISTICS for module in MODULES)
-    return {one.name: one for family in found for one in family}
+    from pneudrive.datasheet import (
+        air,
+        cushion,
+        frequency,
+        line_study,
+        published,
+        response,
+        stands,
+        steady,
+        stiffness,
+        threshold,
+        tornado,
+        valve_times,
+    )
+
+    # in the order of the datasheet
+    families = (steady, stiffness, threshold, response, air, stands)
+    families += (cushion, frequency, tornado, line_study, valve_times, published)
+    return {one.name: one for family in families for one in family.CHARACTERISTICS}
 
 
 def characteristic(

@@ -6,7 +6,6 @@ import hashlib
 import json
 import re
 from functools import cached_property, lru_cache, partial
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -22,6 +21,7 @@ from pneudrive.describe.parts import Ambient, Gas
 from pneudrive.describe.short import TABLES, Short, expanded
 from pneudrive.describe.starts import PRESSURE, Starts
 from pneudrive.errors import DescriptionError, Problems, together, warn
+from pneudrive.lazy import upper
 from pneudrive.references import entries as references
 from pneudrive.show import Card
 
@@ -292,8 +292,7 @@ class Circuit(Described):
         DescriptionError
             The start state does not fit the circuit.
         """
-        # Imported here: a session knows descriptions, not the other way round.
-        return import_module("pneudrive.start").start(self, initial, rtol)
+        return upper("start")(self, initial, rtol)
 
     def simulate(
         self,
@@ -332,8 +331,7 @@ class Circuit(Described):
             As `pneudrive.simulate`.
         """
         options = {"initial": initial, "sample_rate": sample_rate, "rtol": rtol, "ledger": ledger, "budget": budget}
-        simulate = import_module("pneudrive.simulate").simulate
-        return simulate(self, commands, duration, **options, progress=progress, cancel=cancel)
+        return upper("simulate")(self, commands, duration, **options, progress=progress, cancel=cancel)
 
     def sources(self) -> list[str]:
         """Return the values with a source, as ``NAME.key = value [source]``."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -22,6 +21,7 @@ from pneudrive.describe.short import TABLES, beside_control
 from pneudrive.describe.sourced import Value, has_origin
 from pneudrive.describe.valve_flow import FLOW_KEYS
 from pneudrive.errors import DescriptionError
+from pneudrive.lazy import upper
 from pneudrive.references import entries as references
 from pneudrive.show import Card
 
@@ -330,8 +330,7 @@ class Drive(Described):
         >>> session.read("velocity_m_s") > 0.5
         True
         """
-        # Imported here: a session knows descriptions, not the other way round.
-        return import_module("pneudrive.start").start(self, initial, rtol)
+        return upper("start")(self, initial, rtol)
 
     @property
     def end_stop(self) -> dict[str, float]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -16,6 +15,7 @@ from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import student
 from pneudrive.identify.determined import SIMULATED, Intervals, Undetermined, names_of, shown_in, whole_interval
 from pneudrive.identify.identified import Identified, joined
+from pneudrive.lazy import upper
 from pneudrive.numbers import places, plain
 from pneudrive.show import Shown
 from pneudrive.trajectory import whole
@@ -282,8 +282,7 @@ class Fit(Shown):
         CommandError
             The folder cannot be written to.
         """
-        pages = import_module("pneudrive.report.fit")  # a layer above, which draws
-        return pages.write_fit_report(self, folder)
+        return upper("write_fit_report")(self, folder)
 
     def identified_as(self, keys: Mapping[str, str]) -> Identified:
         """Return the values under their names in a drive file.

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
-from pneudrive.lazy import lazy
+from pneudrive.lazy import lazy, upper
 
 if TYPE_CHECKING:
     from pneudrive.report.campaign import write_campaign_report as write_campaign_report
@@ -56,5 +55,5 @@ _own = lazy(__name__, _HOMES)
 
 def __getattr__(name: str) -> object:
     if name in _STUDY:
-        return getattr(import_module("pneudrive.studies.bracha.reproduction"), name)
+        return upper(name)
     return _own(name)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.constants import ANR_LITRES_PER_KG
+from pneudrive.lazy import upper
 from pneudrive.show import Card, Shown
 from pneudrive.sizing.judge import PROBABILITY
 from pneudrive.sizing.strokes import Setting, circuit_of
@@ -207,15 +208,11 @@ class SizingResult(Shown):
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw time against air with the limits; see `pneudrive.report.sizing.plot_sizing`."""
-        from importlib import import_module
-
-        return import_module("pneudrive.report.sizing").plot_sizing(self, path)
+        return upper("plot_sizing")(self, path)
 
     def report(self, folder: str | Path) -> Path:
         """Write report.html into a folder; see `pneudrive.report.sizing_page.write_sizing_report`."""
-        from importlib import import_module
-
-        return import_module("pneudrive.report.sizing_page").write_sizing_report(self, folder)
+        return upper("write_sizing_report")(self, folder)
 
     def _card(self) -> Card:
         title = f"sizing of {self.task.name}: feasible = {str(self.feasible).lower()}"
