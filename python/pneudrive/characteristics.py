@@ -6,26 +6,19 @@ import sys
 from typing import NoReturn
 
 from pneudrive.estimate.estimates import Estimate, FTest
-<<<<<<< HEAD
-=======
-from pneudrive.friction.campaign import basics, files, result
 from pneudrive.friction.campaign import characteristics as _characteristics
 from pneudrive.friction.campaign import compare as _compare
+from pneudrive.friction.campaign import files, result
 from pneudrive.friction.campaign import stops as _stops
-from pneudrive.friction.campaign.basics import BOTH, Condition, Skipped, Statement
->>>>>>> 7e99ba98 (friction, rig: remove the simulation of self-excited operating points)
 from pneudrive.friction.campaign.characteristics import characterise, characteristics
 from pneudrive.friction.campaign.compare import comparison, curves
 from pneudrive.friction.campaign.effects import effect
 from pneudrive.friction.campaign.files import write_characteristics
 from pneudrive.friction.campaign.fits import fit_campaign
 from pneudrive.friction.campaign.result import CampaignCharacteristics, Curve, CycleResult
-<<<<<<< HEAD
+from pneudrive.friction.campaign.stops import dwell_design, dwell_forms, dwell_law, recovery, relaxation, stop
 from pneudrive.friction.reduction.condition import BOTH, Condition, Skipped
 from pneudrive.friction.sentences import Statement
-=======
-from pneudrive.friction.campaign.stops import dwell_design, dwell_forms, dwell_law, recovery, relaxation, stop
->>>>>>> 7e99ba98 (friction, rig: remove the simulation of self-excited operating points)
 
 __all__ = [
     "BOTH",
@@ -43,26 +36,9 @@ __all__ = [
     "write_characteristics",
 ]
 
-<<<<<<< HEAD
-# Modules that earlier versions listed below this name, and where they lie in `pneudrive.friction`.
-_LISTED = {
-    **{name: name for name in ("files", "result")},
-    **{name: name for name in ("compare", "compare.comparison", "compare.curves", "stops", "stops.stop")},
-    **{
-        f"stops.{name}": f"stops.{name}"
-        for name in ("dwell_design", "dwell_forms", "dwell_law", "recovery", "relaxation")
-    },
-    "campaign": "characteristics",
-    "effects": "effects.effect",
-}
-__path__: list[str] = []  # there are no others
-for _name, _home in _LISTED.items():
-    sys.modules[f"{__name__}.{_name}"] = import_module(f"pneudrive.friction.campaign.{_home}")
-sys.modules[f"{__name__}.basics"] = sys.modules[__name__]  # its names are here
-=======
 # Modules that earlier versions listed below this name.
 _LISTED = {
-    "basics": basics,
+    "basics": sys.modules[__name__],
     "files": files,
     "result": result,
     "campaign": _characteristics,
@@ -91,4 +67,3 @@ def __getattr__(name: str) -> NoReturn:
             "and are not fitted. Measure them with a stiffer sensor."
         )
     raise AttributeError(f"module 'pneudrive.characteristics' has no attribute '{name}'")
->>>>>>> 7e99ba98 (friction, rig: remove the simulation of self-excited operating points)
