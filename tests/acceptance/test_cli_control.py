@@ -35,6 +35,7 @@ def test_from_a_description_to_a_scored_run(tmp_path, capsys, axis):
     """The file that `tune` writes gives the bits of the law's name; another seed gives others."""
     file, out, picture = tmp_path / "controller.toml", tmp_path / "run.parquet", tmp_path / "run.png"
     assert run(["control", "tune", str(AXIS), "--law", "super-twisting", "--out", str(file)]) == 0
+    assert f'drive = "{os.path.relpath(AXIS, file.parent)}"' in file.read_text()
     said = capsys.readouterr().out
     assert "integral_gain" in said
     assert "0.3 K_s^2/phi" in said  # the rule that the gain follows from

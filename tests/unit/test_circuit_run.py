@@ -294,3 +294,23 @@ def test_members_of_one_topology_differ_in_numbers_alone():
         assert session.read("tank.pressure_pa") == alone.read("tank.pressure_pa")
     with pytest.raises(ValueError, match=r"tank\.volume = -1 m3 is out of bounds"):
         compiled(circuit.core_json()).members(["tank.volume"], np.array([[-1.0]]))
+
+
+def test_a_piston_in_the_open_air_stops_where_friction_and_spring_have_taken_its_energy():
+    """v0^2/2 = x^2/2 + F x with m = 1 kg, k = 1 N/m, F = 10 N: x = sqrt(125) - 10, and there the spring is too weak."""
+    body = {"area_a": "1 cm2", "area_b": "1 cm2", "stroke": "20 m", "moving_mass": "1 kg"}
+    circuit = pn.Circuit(
+        components={
+            "body": {"kind": "piston", **body, "friction": {"law": "coulomb", "coulomb": "10 N"}},
+            "spring": {"kind": "spring", "stiffness": "1 N/m", "rest_position": "10 m"},
+        },
+        connections=["ambient -> body.a", "ambient -> body.b", "body.rod -> spring"],
+        initial={"body": {"position": "10 m", "velocity": "5 m/s"}},
+    )
+    run = circuit.simulate({}, "31 s", sample_rate="10 Hz")
+    x = run["body.position"].to_numpy() - 10.0
+    assert x[-1] == pytest.approx(math.sqrt(125.0) - 10.0, abs=1e-6)
+    assert (x[10:] == x[-1]).all()
+    tube = {"kind": "fitting", "conductance": "1 dm3/(s bar)", "critical_pressure_ratio": 0.3}
+    with pytest.raises(DescriptionError, match="connects joint ambient with itself"):
+        pn.Circuit(components={"leak": tube}, connections=["ambient -> leak -> ambient"])

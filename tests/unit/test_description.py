@@ -4,10 +4,12 @@ import copy
 import json
 import math
 import pickle
+import re
 
 import pytest
 
 import pneudrive as pn
+from pneudrive.describe.components import component
 from pneudrive.errors import DescriptionError
 
 
@@ -113,7 +115,7 @@ WRONG = [
     ),
     ('kind = "rodless"', 'kind = "through-rod"', "cylinder.rod_diameter is missing", "has a rod"),
     ('kind = "rodless"', 'kind = "rodless"\nrod_diameter = "5 mm"', "has no rod", "rod_diameter"),
-    ('kind = "rodless"', 'kind = "single-acting"', "cannot be simulated yet", "rodless, through-rod, single-rod"),
+    ('kind = "rodless"', 'kind = "single-acting"', "is a component of circuits", "components.cylinder"),
     ('"25 mm"', '"-25 mm"', "out of bounds", "greater than 0"),
     ('"2 kg"', '"inf kg"', "is not finite", "moving_mass"),
     ('"2 kg"', '"nan kg"', "is not finite", "moving_mass"),
@@ -255,3 +257,44 @@ def test_a_text_in_place_of_a_file_is_told():
         pn.Drive.load(text)
     with pytest.raises(DescriptionError, match="there is no file"):
         pn.Drive.load(f"folder/{'x' * 5000}/drive.toml")
+
+
+def test_a_kind_of_circuits_is_named_as_one(tmp_path):
+    text = pn.Drive.load("catalogue:reference").to_toml().replace('"proportional-5/3"', '"valve/switching-5/2"')
+    (tmp_path / "drive.toml").write_text(text + "\n", encoding="utf-8")
+    with pytest.raises(DescriptionError, match="is a component of circuits") as caught:
+        pn.Drive.load(tmp_path / "drive.toml")
+    assert "[components.valve]" in str(caught.value)
+
+
+@pytest.mark.parametrize("size", [{"nominal_flow": "300 l/min ANR"}, {"kv": 0.3}, {"cv": 0.3}])
+def test_a_valve_by_a_flow_without_its_ratio_has_the_usual_one_as_an_assumption(size):
+    tables = pn.Drive.load("catalogue:reference").to_dict() | {"valve": {"kind": "proportional-5/3"} | size}
+    drive = pn.Drive.model_validate(tables)
+    whole = pn.Drive.model_validate(tables | {"valve": tables["valve"] | {"critical_pressure_ratio": 0.3}})
+    assert drive.valve.conductance_m3_s_pa == whole.valve.conductance_m3_s_pa
+    said = "valve.critical_pressure_ratio = 0.3"
+    assert [said in line for line in drive.assumed()].count(True) == 1
+    assert not any(said in line for line in whole.assumed())
+    tubed = pn.Drive.model_validate(tables | {"tubing": {"a": {"length": "1 m", "diameter": "6 mm"}}})
+    assert any(said in line for line in tubed.assumed())
+    with pytest.raises(DescriptionError, match=r"valve\.critical_pressure_ratio is missing"):
+        pn.Valve(kind="proportional-5/3", conductance="2 dm3/(s bar)")
+
+
+def test_a_component_by_a_flow_without_its_ratio_writes_the_assumption_down():
+    valve = component({"kind": "valve/switching-5/2", "cv": 1.0, "time_on": "10 ms", "time_off": "10 ms"})
+    assert any("critical_pressure_ratio = 0.3, usual of valves" in line for line in valve.assumed())
+    assert component(valve.to_dict()).to_dict() == valve.to_dict()
+    with pytest.raises(DescriptionError, match="critical_pressure_ratio is missing"):
+        component({"kind": "fitting", "conductance": "1 dm3/(s bar)"})
+
+
+@pytest.mark.parametrize("digits", [20, 400, 5000])
+def test_numbers_of_many_digits_are_refused_in_words(tmp_path, digits):
+    text = pn.Drive.load("catalogue:reference").to_toml()
+    (tmp_path / "drive.toml").write_text(re.sub(r"ratio = [0-9.]+", f"ratio = {'9' * digits}", text), encoding="utf-8")
+    with pytest.raises(DescriptionError, match=r"whole number|digits"):
+        pn.Drive.load(tmp_path / "drive.toml")
+    with pytest.raises(DescriptionError, match="is out of bounds"):
+        pn.Valve(kind="proportional-5/3", cv=0.3, critical_pressure_ratio=10**400)

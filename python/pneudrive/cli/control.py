@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -80,7 +81,7 @@ def tune(
     _show_tuning(found)
     _try_out(described, found, setup)
     if out is not None:
-        found.save(out)
+        replace(found, source=drive).save(out)
     tell([out])
 
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import Annotated
 
 import typer
 
 from pneudrive.cli.options import CatalogueFolders, Layout
 from pneudrive.cli.output import show_lines, tell
 
-if TYPE_CHECKING:
-    from pneudrive.describe.drive import Drive
-
 
 def datasheet(
-    drive: Annotated[str, typer.Argument(help="Drive file (TOML), or catalogue:NAME.", metavar="DRIVE")],
+    drive: Annotated[
+        str, typer.Argument(help="Drive or circuit file (TOML), or catalogue:NAME.", metavar="DRIVE|CIRCUIT")
+    ],
     recordings: Annotated[
         list[Path] | None,
         typer.Argument(
@@ -32,19 +31,10 @@ def datasheet(
     from pneudrive.cli.progress import on_terminal
     from pneudrive.datasheet.sheet import build
     from pneudrive.describe.load import load_described
-    from pneudrive.errors import CommandError
     from pneudrive.report.datasheet import SUFFIXES, write_datasheet
-    from pneudrive.start import is_circuit
     from pneudrive.trajectory import check_target
 
     check_target(out, SUFFIXES)
-    described = load_described(drive)
-    if is_circuit(described):
-        raise CommandError(
-            f"{described.name} is a circuit",
-            rule="a datasheet is of a drive file",
-            remedy="`pneudrive characteristic` takes circuits of one piston on one valve.",
-        )
-    found = build(cast("Drive", described), recordings or [], layout, on_terminal(), intervals=intervals)
+    found = build(load_described(drive), recordings or [], layout, on_terminal(), intervals=intervals)
     show_lines(found.headlines)
     tell([write_datasheet(found, out)])

@@ -50,14 +50,16 @@ def drawn_mass(plant: HeldDrive, command: float, half_s: float, repeats: int = R
     from pneudrive.ensemble.many import simulate_many
     from pneudrive.errors import PneudriveWarning
 
-    text = ", ".join(f"{k * half_s!r} s: {command if k % 2 == 0 else -command!r}" for k in range(2 * repeats + 2))
-    start = {f"{plant.piston}.position": "0 mm", f"{plant.piston}.b": f"{plant.supply_pa!r} Pa abs"}
+    plans = plant.plans([(k * half_s, command if k % 2 == 0 else -command) for k in range(2 * repeats + 2)])
+    start = {f"{plant.piston}.position": "0 mm"}
+    if f"{plant.piston}.b" in plant.nodes:
+        start[f"{plant.piston}.b"] = f"{plant.before(1.0)[1]!r} Pa abs"
     reservoir = plant.supply.removesuffix(".pressure_pa")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PneudriveWarning)
         found = simulate_many(
             plant.circuit,
-            {plant.valve: text},
+            plans,
             [2 * repeats * half_s, (2 * repeats + 2) * half_s],
             vary={f"{plant.piston}.stroke": [f"{plant.stroke_m!r} m"] * 2},
             outputs=[f"drawn = integral({reservoir}.mass_flow)"],

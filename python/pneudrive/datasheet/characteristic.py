@@ -55,7 +55,9 @@ class Characteristic:
     slow : bool
         Whether it takes more than about a second.
     held : bool
-        Whether it looks at the drive at states that are held, which a valve that lags behind its command does not have.
+        Whether it looks at the drive at states that are held: valves without lag, cylinder without cushions.
+    needs_shares : bool
+        Whether it needs commands between those of full opening, which switching valves do not have.
     """
 
     name: str
@@ -70,6 +72,7 @@ class Characteristic:
     settings: Mapping[str, tuple[Any, str]] = field(default_factory=dict)
     slow: bool = False
     held: bool = True
+    needs_shares: bool = False
 
     def of(self, plant: HeldDrive, **settings: Any) -> xr.Dataset:  # noqa: ANN401 - of each characteristic its own
         """Return it for one drive, without intervals."""

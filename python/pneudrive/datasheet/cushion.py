@@ -10,10 +10,11 @@ import numpy as np
 from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
 from pneudrive.datasheet.frequency import moving_pressures
 from pneudrive.datasheet.motion import simulate_plant
-from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
+    from pneudrive.datasheet.plant import HeldDrive
+
     Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
 
 END_SPEED, PRESSURE_SHARE = 0.1, 2.0  # m/s; times the supply (assumed limits)
@@ -65,7 +66,7 @@ def _with(plant: HeldDrive, mass: float | None = None, needle: tuple[str, float]
         si = getattr(plant.circuit.components[plant.piston], f"{key}_m3_s_pa")
         own[key] = f"{needle[1] * si!r} m3/(s Pa)"
     tables["components"][plant.piston] = own
-    return HeldDrive(type(plant.circuit).model_validate(tables), held=False)
+    return plant.varied(tables)
 
 
 def _end(plant: HeldDrive, side: str, speed: float) -> tuple[float, float]:
@@ -78,7 +79,8 @@ def _end(plant: HeldDrive, side: str, speed: float) -> tuple[float, float]:
     own = plant.piston
     start = {f"{own}.position": f"{x!r} m", f"{own}.velocity": f"{toward * speed!r} m/s"}
     start |= {f"{own}.a": f"{a!r} Pa abs", f"{own}.b": f"{b!r} Pa abs"}
-    run = simulate_plant(plant, toward, LASTING_S, RATE_HZ, initial=start)
+    plant = plant.with_held_valves  # the valve has opened long before
+    run = simulate_plant(plant, plant.plans([(0.0, toward)]), LASTING_S, RATE_HZ, initial=start)
     hit = next((one for one in run.attrs["impacts"] if one["end"] == side), None)
     peak = float(run[f"{own}.{side}.pressure"].max())
     return (hit["speed_m_s"] if hit is not None else 0.0), peak if math.isfinite(peak) else math.nan

@@ -93,7 +93,7 @@ def equilibrium(
     Parameters
     ----------
     drive : Drive or Circuit
-        One piston on one commanded valve.
+        One piston under one to four valves.
     command : float
         In [-1, 1].
     position : str or float, optional
@@ -121,7 +121,9 @@ def equilibrium(
     >>> round(pn.equilibrium(drive, 0.6, load=0.0).velocity_m_s, 4)
     2.4249
     """
-    plant = HeldDrive(drive).static
+    whole = HeldDrive(drive)
+    whole.actuation.commands(command)  # a switching valve has no commands between its positions
+    plant = whole.static
     x = 0.5 * plant.stroke_m if position is None else number_of(position, "m", "position")
     if load is None:
         return at_velocity(plant, command, x, 0.0 if velocity is None else number_of(velocity, "m/s", "velocity"))

@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
 from pneudrive.datasheet.equilibrium import under_load
 from pneudrive.datasheet.linear import SIDE, gas_at, linear_model
-from pneudrive.datasheet.motion import short_columns, simulate_plant
+from pneudrive.datasheet.motion import short_columns, simulate_plant, start_of
 from pneudrive.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ LOADS = (0.2, 0.3, 0.4)  # of the blocked force at full command: amplitudes of a
 
 def moving_pressures(plant: HeldDrive, position: float) -> tuple[float, float]:
     """Return the pressures of slow steady motion, Pa: the usual operating point of a drive in motion."""
-    found = under_load(plant, SMALL, position, 0.0)
+    found = under_load(plant, plant.sizes((SMALL,))[0], position, 0.0)
     return found.pressure_a_pa, found.pressure_b_pa
 
 
@@ -96,11 +96,10 @@ def _harmonics(plant: HeldDrive, amplitude: float, frequency: float) -> tuple[fl
     periods = SETTLING + COUNTED
     rest = gas_at(plant)
     pressures = plant.pressures(rest)
-    own = plant.piston
-    start = {f"{own}.position": f"{0.5 * plant.stroke_m!r} m"}
-    start |= {f"{own}.{side}": f"{p!r} Pa abs" for side, p in zip("ab", pressures, strict=True)}
+    start = start_of(plant, 0.5 * plant.stroke_m, pressures)
     try:
-        run = simulate_plant(plant, sine, periods / frequency, rate, initial=start)  # type: ignore[arg-type]
+        plans = {name: lambda t, size=size: size * sine(t) for name, size in plant.actuation.out.items()}
+        run = simulate_plant(plant, plans, periods / frequency, rate, initial=start)
     except SimulationError:
         return math.nan, math.nan, math.nan
     columns = short_columns(plant, run)
@@ -175,6 +174,7 @@ CHARACTERISTICS = (
             "pressures": (None, "of both chambers; default: those of slow steady motion"),
             "friction": ("sliding", "presliding, sliding or none"),
         },
+        needs_shares=True,
     ),
     Characteristic(
         name="describing-function",
@@ -188,6 +188,7 @@ CHARACTERISTICS = (
         settings={"amplitudes": (AMPLITUDES, "of the command"), "frequencies": (SINE_HZ, "Hz")},
         slow=True,
         held=False,
+        needs_shares=True,
     ),
     Characteristic(
         name="load-describing-function",

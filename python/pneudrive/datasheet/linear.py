@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.session import Linear
+    from pneudrive.session import Linear, Session
 
     Array = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ def linearise(
     Parameters
     ----------
     drive : Drive or Circuit
-        One piston on one commanded valve.
+        One piston under one to four valves.
     position : str or float, optional
         ``"120 mm"`` or in m; by default mid stroke.
     pressures : pair of str or float, or one for both, optional
@@ -84,7 +85,9 @@ def linearise(
         import control
     except ImportError:
         raise CommandError("python-control is not installed", remedy="pip install pneudrive[linear]") from None
-    plant = HeldDrive(drive).static
+    whole = HeldDrive(drive)
+    whole.actuation.commands(command)  # a switching valve has no commands between its positions
+    plant = whole.static
     x = 0.5 * plant.stroke_m if position is None else number_of(position, "m", "position")
     v = number_of(velocity, "m/s", "velocity")
     if opening not in OPENINGS:
@@ -126,7 +129,7 @@ def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - 
         raise CommandError(f"pressures = {pressures!r} are not two", remedy='("3 bar abs", "2 bar abs")')
     a, b = (_pressure(one, plant) for one in pair)
     sides = {f"{plant.piston}.a": a, f"{plant.piston}.b": b}
-    values = [sides.get(node, b if node.endswith((".2", "_b")) or "_b." in node else a) for node in plant.nodes]
+    values = [sides.get(node, b if plant.is_at_b(node) else a) for node in plant.nodes]
     return np.array([(value, plant.ambient[1]) for value in values])
 
 
@@ -149,14 +152,25 @@ def linear_model(
     """Return the linear model about a state, with the friction that is asked for; see `linearise`."""
     if friction not in FRICTIONS:
         raise CommandError(f'friction = "{friction}" is not known', remedy=" or ".join(f'"{one}"' for one in FRICTIONS))
-    inputs = (plant.command, plant.load, plant.supply)
     if friction == "presliding":
-        return plant.session(command, position, velocity, gas).linearise(inputs)
-    bare = plant.frictionless.session(command, position, velocity or MOVING, gas).linearise(inputs)
+        return _linear(plant, plant.session(command, position, velocity, gas), command)
+    bare = _linear(plant, plant.frictionless.session(command, position, velocity or MOVING, gas), command)
     if friction == "sliding":
         row = bare.states.index(f"{plant.piston}.velocity_m_s")
         bare.A[row, row] -= bare.B[row, 1] * friction_slope(plant, gas, position, velocity)
     return bare
+
+
+def _linear(plant: HeldDrive, session: Session, command: float) -> Linear:
+    """Return the linear model of a session with the inputs signal of the valves, load and pressure of the supply."""
+    found = session.linearise((*plant.commands, plant.load, plant.supply))
+    full = plant.actuation.out if command >= 0.0 else plant.actuation.back
+    slopes = np.array([math.copysign(1.0, command) * full[name] for name in plant.valves])
+    if len(slopes) == 1 and slopes[0] == 1.0:
+        return found
+    count = len(slopes)
+    b, d = (np.c_[matrix[:, :count] @ slopes, matrix[:, count:]] for matrix in (found.B, found.D))
+    return replace(found, B=b, D=d, inputs=(plant.commands[0], *found.inputs[count:]))
 
 
 def friction_slope(plant: HeldDrive, gas: Array, position: float, velocity: float) -> float:

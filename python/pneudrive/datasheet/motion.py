@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
+    from pneudrive.command import Commands
     from pneudrive.datasheet.plant import HeldDrive
 
     Array = NDArray[np.float64]
@@ -44,11 +45,11 @@ class StrokeRun(NamedTuple):
         return all(stroke.stroke_time == stroke.stroke_time for stroke in self.strokes)
 
 
-def simulate_plant(plant: HeldDrive, command: str | float, duration: float, rate: float, **more: Any) -> xr.Dataset:  # noqa: ANN401
+def simulate_plant(plant: HeldDrive, plans: Commands, duration: float, rate: float, **more: Any) -> xr.Dataset:  # noqa: ANN401
     """Simulate the circuit of a drive without its warnings, which belong to the user's own runs."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PneudriveWarning)
-        return simulate(plant.circuit, {plant.valve: command}, duration, sample_rate=rate, **more)
+        return simulate(plant.circuit, plans, duration, sample_rate=rate, **more)
 
 
 def short_columns(plant: HeldDrive, run: xr.Dataset) -> dict[str, Array]:
@@ -72,23 +73,25 @@ def one_stroke(
 ) -> StrokeRun:
     """Run one stroke from rest until the piston arrives, or rests elsewhere."""
     expected = expected_time(plant, abs(command))
-    start = _start(plant, position, pressures)
+    start = start_of(plant, position, pressures)
     times = 1.0
     while True:
         half = times * expected
-        run = simulate_plant(plant, command, half, SAMPLES / expected, initial=start, ledger=ledger)
+        run = simulate_plant(
+            plant, plant.plans([(0.0, command)]), half, SAMPLES / expected, initial=start, ledger=ledger
+        )
         found = _motion(plant, run, half, (0.0, half), command)
         if found.arrived() or times >= LONGEST or times * expected > LONGEST:
             return found
         times *= SLOWER
 
 
-def _start(plant: HeldDrive, position: float, pressures: tuple[float, float]) -> dict[str, str]:
-    """Return a start at ambient temperature; what lies before a chamber has its pressure."""
+def start_of(plant: HeldDrive, position: float, pressures: tuple[float, float]) -> dict[str, str]:
+    """Return a start at ambient temperature; lines have the pressure of their chamber."""
     own = plant.piston
     start = {f"{own}.position": f"{position!r} m"}
-    start |= {f"{own}.{side}": f"{p!r} Pa abs" for side, p in zip("ab", pressures, strict=True)}
-    return {key: text for key, text in start.items() if key.partition(".")[0] == own}
+    sides = [(side, p) for side, p in zip("ab", pressures, strict=True) if f"{own}.{side}" in plant.nodes]
+    return start | {f"{own}.{side}": f"{p!r} Pa abs" for side, p in sides}
 
 
 def cycle(
@@ -101,10 +104,10 @@ def cycle(
     """Run out and back until the cycle repeats itself; columns and strokes are those of the last cycle."""
     expected = expected_time(plant, command)
     times, half = 1.0, half_s or expected
-    start = _start(plant, 0.0, (plant.ambient[0], plant.supply_pa))
+    start = start_of(plant, 0.0, plant.before(1.0))
     while True:
-        text = ", ".join(f"{k * half!r} s: {command if k % 2 == 0 else -command!r}" for k in range(2 * repeats))
-        run = simulate_plant(plant, text, 2 * repeats * half, SAMPLES / min(expected, half), initial=start, **more)
+        plans = plant.plans([(k * half, command if k % 2 == 0 else -command) for k in range(2 * repeats)])
+        run = simulate_plant(plant, plans, 2 * repeats * half, SAMPLES / min(expected, half), initial=start, **more)
         begin = 2 * (repeats - 1) * half
         found = _motion(plant, run, half, (begin, begin + half, begin + 2 * half), command)
         if found.arrived() or half_s is not None or times >= LONGEST or half * SLOWER > LONGEST:

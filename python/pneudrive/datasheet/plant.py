@@ -1,19 +1,24 @@
-"""A drive as its characteristics see it: one piston on one commanded valve, evaluated at any state by the core."""
+"""A drive as its characteristics see it: one piston under valves, evaluated at any state by the core."""
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from itertools import product
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive.datasheet.actuation import HELD, LOCK, Actuation, held_tables, positions_of
 from pneudrive.describe.circuit import compiled
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.friction_curve import steady_friction
 from pneudrive.session import Session
-from pneudrive.start import circuit_of
+from pneudrive.start import circuit_of, is_circuit
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from pneudrive.describe.circuit import Circuit
@@ -23,13 +28,16 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 RTOL = 1e-6  # of sessions that are not advanced
+PINNED_N, LASTING_S = 1e9, 600.0  # friction that holds any piston, and a time in which chambers fill and empty
+MOST_VALVES, CLOSE = 4, 1e-6  # whose positions are tried; forces whose difference is below this part are equal
 NO_FRICTION_N = 1e-9  # a law of friction has a level above 0
 #: What does not act on a steady state away from the ends, but has states of its own: of the valve, of the piston.
+_ENDS = ("tank", "reservoir")
 _LAGS, _CUSHIONS = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis"), ("cushion_",)
 
 
 class Rates(NamedTuple):
-    """What the core says at one state.
+    """Rates and force of the core at one state.
 
     Attributes
     ----------
@@ -45,42 +53,39 @@ class Rates(NamedTuple):
 
 
 class HeldDrive:
-    """One piston on one commanded valve.
+    """One piston under valves, which one signal commands; see `pneudrive.datasheet.actuation`.
 
     Parameters
     ----------
     described : Drive or Circuit
-    held : bool
-        Whether it is looked at in states that are held.
+    actuation : Actuation, optional
+        Commands of the valves for the two directions; by default they are found.
 
     Raises
     ------
     CommandError
-        There is not one piston and one command, or the valve or a tube has states that cannot be held.
+        There is not one piston, its valves do not give it two directions, or a tube has states that cannot be held.
     DescriptionError
         It is neither a drive nor a circuit.
     """
 
-    def __init__(self, described: Drive | Circuit, *, held: bool = True) -> None:
+    def __init__(self, described: Drive | Circuit, *, actuation: Actuation | None = None) -> None:
         if not hasattr(described, "core_json"):
             raise DescriptionError(f"a {type(described).__name__} is not a drive", remedy='pn.Drive.load("drive.toml")')
         self.described = described
         self.circuit = circuit_of(described)
         pistons = [name for name, one in self.circuit.components.items() if one.entry["kind"].startswith("cylinder/")]
-        valves = list(self.circuit.commandable)
-        if len(pistons) != 1 or len(valves) != 1:
+        self.valves = list(self.circuit.commandable)
+        if len(pistons) != 1 or not self.valves:
             raise CommandError(
-                f"{self.circuit.name} has {len(pistons)} pistons and {len(valves)} commands",
-                rule="characteristics are those of one piston on one commanded valve",
+                f"{self.circuit.name} has {len(pistons)} pistons and {len(self.valves)} commands",
+                rule="characteristics are those of one piston under valves",
             )
-        self.piston, self.valve = pistons[0], valves[0]
-        self.command, self.load = f"{self.valve}.command", f"{self.piston}.load_force_n"
-        if held and "time_on" in self.circuit.components[self.valve].plain():
-            raise CommandError(
-                f"{self.valve} has time_on",
-                rule="a switching valve that opens later cannot be held open where the drive is looked at",
-                remedy="Take its flow as a proportional valve in a copy of the file.",
-            )
+        self.piston, self.valve = pistons[0], self.valves[0]
+        if actuation is None and not is_circuit(described):
+            actuation = Actuation({self.valve: 1.0}, {self.valve: -1.0})
+        self.actuation = actuation_of(self.circuit) if actuation is None else actuation
+        self.load = f"{self.piston}.load_force_n"
         self.core = compiled(self.circuit.core_json())
         self.start_values = self.circuit.core_initial(None)
         ends = ".pressure_pa"
@@ -88,23 +93,22 @@ class HeldDrive:
 
     @cached_property
     def static(self) -> HeldDrive:
-        """The drive without lags of its valve and without cushions: for steady states and linear models.
+        """The drive without lags of its valves and without cushions: for steady states and linear models.
 
         Raises
         ------
         CommandError
             A component has states that cannot be held, such as the flow of a distributed tube.
         """
-        tables = self.circuit.to_dict()
-        parts = tables["components"]
-        known = self.circuit.components
-        lags, cushions = known[self.valve].plain(), known[self.piston].plain()
+        plant = self.with_held_valves
+        tables, known = plant.circuit.to_dict(), plant.circuit.components
         without = {
-            self.valve: {key: one for key, one in lags.items() if key not in _LAGS},
-            self.piston: {key: one for key, one in cushions.items() if not key.startswith(_CUSHIONS)},
+            name: {key: one for key, one in known[name].plain().items() if key not in _LAGS} for name in plant.valves
         }
-        same = without[self.valve].keys() == lags.keys() and without[self.piston].keys() == cushions.keys()
-        plant = self if same else HeldDrive(type(self.circuit).model_validate(tables | {"components": parts | without}))
+        cushioned = known[self.piston].plain()
+        without[self.piston] = {key: one for key, one in cushioned.items() if not key.startswith(_CUSHIONS)}
+        if any(table.keys() != known[name].plain().keys() for name, table in without.items()):
+            plant = plant.varied(tables | {"components": tables["components"] | without})
         held = {f"{node}.mass_kg" for node in plant.nodes}
         loose = [name for name, _ in plant.core.states if name.endswith(("kg", "kg_s")) and name not in held]
         if loose:
@@ -114,6 +118,107 @@ class HeldDrive:
                 remedy='Take tubes with model = "steady".',
             )
         return plant
+
+    @cached_property
+    def with_held_valves(self) -> HeldDrive:
+        """The drive with proportional valves that hold the positions of its switching valves."""
+        if not self.actuation.is_switched:
+            return self
+        return HeldDrive(type(self.circuit).model_validate(held_tables(self.circuit)), actuation=self.actuation.of_held)
+
+    def before(self, u: float) -> tuple[float, float]:
+        """Return the pressures of chambers a and b before a stroke, Pa: those at rest under the opposite command."""
+        ambient, supply = self.ambient[0], self.supply_pa
+        usual = (ambient, supply) if u > 0.0 else (supply, ambient)
+        if not is_circuit(self.described):
+            return usual
+        session = self.settled(math.copysign(1.0, -u), 0.0 if u > 0.0 else self.stroke_m)
+        return self.pressures(np.array([(session.read(f"{node}.pressure_pa"), 0.0) for node in self.nodes]))
+
+    def settled(self, u: float, position: float) -> Session:
+        """Return a session in which the valves were held for a long time, with the piston pinned by friction."""
+        plant = self.with_held_valves
+        tables = plant.circuit.to_dict()
+        parts = dict(tables["components"])
+        parts[self.piston] = parts[self.piston] | {"friction": {"law": "coulomb", "coulomb": f"{PINNED_N!r} N"}}
+        middle = 0.5 * (self.supply_pa + self.ambient[0])
+        gas = np.array([(middle, self.ambient[1]) for _ in plant.nodes])
+        session = plant.varied(tables | {"components": parts}).session(u, position, 0.0, gas)
+        session.advance(LASTING_S)
+        return session
+
+    def varied(self, tables: dict[str, Any]) -> HeldDrive:
+        """Return the drive with other tables of its circuit, under the same commands."""
+        return HeldDrive(type(self.circuit).model_validate(tables), actuation=self.actuation)
+
+    def sizes(self, commands: Sequence[float]) -> tuple[float, ...]:
+        """Return the sizes of a command that the valves have: 1 alone where one of them switches."""
+        return tuple(commands) if self.actuation.has_shares else (1.0,)
+
+    def plans(self, steps: Sequence[tuple[float, float]]) -> dict[str, str]:
+        """Return the command of each valve over time, from pairs of time, s, and signal."""
+        rows = [(t, self.actuation.commands(u)) for t, u in steps]
+        return {name: ", ".join(f"{float(t)!r} s: {float(row[name])!r}" for t, row in rows) for name in self.valves}
+
+    def line(self, side: str) -> tuple[str, list[tuple[str, str, str]]]:
+        """Return the port of the valve that feeds chamber a or b, and the components between them, from the valve on.
+
+        Each component has its port towards the valve and that towards the chamber.
+
+        Raises
+        ------
+        CommandError
+            There is not one way of components with two ports.
+        """
+        wiring = self.circuit.wiring
+        chamber = next((port for port in wiring.at if port.id == f"{self.piston}.{side}"), None)
+        at, passed = (None if chamber is None else wiring.at[chamber]), []
+        while at is not None:
+            beside = [port for port in at.ports if port.component not in (self.piston, *(name for name, *_ in passed))]
+            beside = [port for port in beside if port.kind == "gas" and not port.is_pilot]
+            if len(beside) != 1:
+                break
+            (port,) = beside
+            if port.component in self.valves:
+                return port.id, passed[::-1]
+            others = [other for other in wiring.ports(port.component) if other != port and other in wiring.at]
+            if len(others) != 1 or self.circuit.components[port.component].entry["kind"] in _ENDS:
+                break
+            passed.append((port.component, others[0].name, port.name))
+            at = wiring.at[others[0]]
+        raise CommandError(
+            f"{self.name}: chamber {side} is not at a valve by one line",
+            rule="the flow of a path is that of a valve port with components of two ports in series",
+        )
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Chambers with a gas node: a and b, or a alone where b is open to the ambient."""
+        return tuple(side for side in "ab" if f"{self.piston}.{side}" in self.nodes)
+
+    def has_line(self, side: str) -> bool:
+        """Return whether one line leads from a valve to a chamber; see `line`."""
+        try:
+            self.line(side)
+        except CommandError:
+            return False
+        return True
+
+    def is_at_b(self, node: str) -> bool:
+        """Return whether the gas of a node belongs to the line of chamber b."""
+        if not is_circuit(self.described):
+            return node.endswith((".2", "_b")) or "_b." in node
+        return self.has_line("b") and node.partition(".")[0] in {name for name, *_ in self.line("b")[1]}
+
+    def set(self, session: Session, u: float) -> None:
+        """Command the valves of a session."""
+        for name, value in self.actuation.commands(u).items():
+            session.set(f"{name}.command", value)
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """Names of the inputs that are commands."""
+        return tuple(f"{name}.command" for name in self.valves)
 
     @property
     def name(self) -> str:
@@ -156,14 +261,14 @@ class HeldDrive:
         """The same with friction that does not act (the core's least law, at a force of no effect)."""
         tables = self.circuit.to_dict()
         tables["components"][self.piston]["friction"] = {"law": "coulomb", "coulomb": f"{NO_FRICTION_N!r} N"}
-        return HeldDrive(type(self.circuit).model_validate(tables))
+        return self.varied(tables)
 
     @cached_property
     def heatless(self) -> HeldDrive:
         """The same with walls of the cylinder that take no heat."""
         tables = self.circuit.to_dict()
         tables["components"][self.piston]["heat_transfer"] = "0 W/(m2 K)"
-        return HeldDrive(type(self.circuit).model_validate(tables))
+        return self.varied(tables)
 
     def session(
         self,
@@ -197,7 +302,7 @@ class HeldDrive:
             session = Session(self.core.start(start, rtol))
         except (ValueError, RuntimeError) as error:
             raise CommandError(str(error)) from None
-        session.set(self.command, command)
+        self.set(session, command)
         if load:
             session.set(self.load, load)
         return session
@@ -224,11 +329,11 @@ class HeldDrive:
     def mass(self) -> float:
         """Moving mass, kg: the inverse of the core's derivative of the acceleration by the load."""
         pressure, temperature = self.ambient
-        gas = np.tile([pressure, temperature], (len(self.nodes), 1))
-        linear = self.session(0.5, 0.5 * self.stroke_m, 0.0, gas).linearise([self.load])
+        gas, half = np.tile([pressure, temperature], (len(self.nodes), 1)), 1.0 if self.actuation.is_switched else 0.5
+        linear = self.session(half, 0.5 * self.stroke_m, 0.0, gas).linearise([self.load])
         rate = linear.B[linear.states.index(f"{self.piston}.velocity_m_s"), 0]
         if rate == 0.0:  # sticking: the contact takes the load
-            linear = self.session(0.5, 0.5 * self.stroke_m, 1.0, gas).linearise([self.load])
+            linear = self.session(half, 0.5 * self.stroke_m, 1.0, gas).linearise([self.load])
             rate = linear.B[linear.states.index(f"{self.piston}.velocity_m_s"), 0]
         return float(1.0 / rate)
 
@@ -243,6 +348,60 @@ class HeldDrive:
         return self.chamber(gas, "a")[0], self.chamber(gas, "b")[0]
 
     def chamber(self, gas: Array, which: str) -> tuple[float, float]:
-        """Return pressure and temperature of chamber a or b."""
-        pressure, temperature = gas[self.nodes.index(f"{self.piston}.{which}")]
+        """Return pressure and temperature of chamber a or b; those of the ambient where the chamber is open to it."""
+        node = f"{self.piston}.{which}"
+        if node not in self.nodes:
+            return self.ambient
+        pressure, temperature = gas[self.nodes.index(node)]
         return float(pressure), float(temperature)
+
+
+_known: dict[str, Actuation] = {}  # by the hash of a circuit's description
+
+
+def actuation_of(circuit: Circuit) -> Actuation:
+    """Return the commands by which the valves of a circuit move its piston; see `_search`."""
+    if circuit.description_hash not in _known:
+        _known[circuit.description_hash] = _search(circuit)
+    return _known[circuit.description_hash]
+
+
+def _search(circuit: Circuit) -> Actuation:
+    """Hold each combination of full commands with the piston pinned; the strongest force of each sign has a direction.
+
+    Raises
+    ------
+    CommandError
+        The circuit has another component with a command, too many valves, or valves that do not move the piston.
+    """
+    kinds = {name: circuit.components[name].kind for name in circuit.commandable}
+    others = [name for name, kind in kinds.items() if not kind.startswith("valve/") and kind != LOCK]
+    if others or len(kinds) > MOST_VALVES:
+        what = f"{others[0]} takes a command, but is not a valve" if others else f"it has {len(kinds)} valves"
+        rule = f"characteristics are those of one piston under 1 to {MOST_VALVES} valves"
+        raise CommandError(f"{circuit.name}: {what}", rule=rule)
+    positions = {name: positions_of(kind, circuit.components[name].plain()) for name, kind in kinds.items()}
+    held = {name: positions[name] for name, kind in kinds.items() if kind in HELD}
+    copy = type(circuit).model_validate(held_tables(circuit)) if held else circuit
+    forces: list[tuple[float, dict[str, float]]] = []
+    for choice in product(*(positions[name].items() for name in kinds)):
+        commands = {name: command for name, (command, _) in zip(kinds, choice, strict=True)}
+        seen = {name: command for name, (_, command) in zip(kinds, choice, strict=True)}
+        plant = HeldDrive(copy, actuation=Actuation(seen, seen))
+        session = plant.settled(1.0, 0.5 * plant.stroke_m)
+        forces.append((session.read(f"{plant.piston}.friction_force_n"), commands))
+    least, most = (_strongest(forces, sign) for sign in (-1.0, 1.0))
+    if not most[0] - least[0] > CLOSE * max(abs(most[0]), abs(least[0])):
+        raise CommandError(
+            f"{circuit.name}: no command of {', '.join(kinds)} moves the piston",
+            rule="the commands of the valves give the piston two directions",
+            remedy="Simulate the circuit, and look at the pressures of its chambers.",
+        )
+    return Actuation(most[1], least[1], bool(held), not held, held)
+
+
+def _strongest(forces: Sequence[tuple[float, dict[str, float]]], sign: float) -> tuple[float, dict[str, float]]:
+    """Return the largest force in a direction; of nearly equal ones that with the fewest commands."""
+    most = max(sign * force for force, _ in forces)
+    close = [one for one in forces if sign * one[0] >= most - CLOSE * abs(most)]
+    return min(close, key=lambda one: sum(value != 0.0 for value in one[1].values()))

@@ -60,7 +60,7 @@ def characteristic(
     Parameters
     ----------
     drive : Drive or Circuit
-        One piston on one commanded valve.
+        One piston under one to four valves.
     name : str
         ``"velocity"``, ``"force-speed"``, ...; `pneudrive characteristic DRIVE` lists them.
     intervals : bool
@@ -141,5 +141,10 @@ def _read_setting(one: Characteristic, name: str, value: Any) -> Any:  # noqa: A
 
 
 def _seen(drive: Drive | Circuit, one: Characteristic, settings: dict[str, Any]) -> xr.Dataset:
-    plant = HeldDrive(drive, held=one.held)
+    plant = HeldDrive(drive)
+    if plant.actuation.is_switched and one.needs_shares:
+        raise CommandError(
+            f"{plant.name}: {' and '.join(plant.actuation.held)} is on or off",
+            rule=f"{one.name} is about small and partial commands, which a switching valve does not have",
+        )
     return one.of(plant.static if one.held else plant, **settings)

@@ -47,12 +47,7 @@ def _numbers(motion: StrokeRun, dims: tuple[str, ...]) -> dict[str, ResultValue]
 
 def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None, pressures: Any = None) -> Found:  # noqa: ANN401
     x = (0.0 if command > 0.0 else plant.stroke_m) if position is None else position
-    emptying = (plant.ambient[0], plant.supply_pa)
-    at_rest = (
-        (emptying if command > 0.0 else (emptying[1], emptying[0]))
-        if pressures is None
-        else plant.pressures(gas_at(plant, pressures))
-    )
+    at_rest = plant.before(command) if pressures is None else plant.pressures(gas_at(plant, pressures))
     motion = one_stroke(plant, command, x, at_rest)
     axes, values = trace(motion)
     return axes, values | _numbers(motion, ())
@@ -70,11 +65,10 @@ def _square(plant: HeldDrive, command: float = 1.0, half_period: float | None = 
 
 
 def _impact(plant: HeldDrive) -> Found:
-    ambient, supply = plant.ambient[0], plant.supply_pa
-    rows = []
-    for command in COMMANDS:
-        out = one_stroke(plant, command, 0.0, (ambient, supply), ledger=True)
-        back = one_stroke(plant, -command, plant.stroke_m, (supply, ambient), ledger=True)
+    rows, commands = [], plant.sizes(COMMANDS)
+    for command in commands:
+        out = one_stroke(plant, command, 0.0, plant.before(1.0), ledger=True)
+        back = one_stroke(plant, -command, plant.stroke_m, plant.before(-1.0), ledger=True)
         rows.append([(_hit(motion), motion.strokes[0]) for motion in (out, back)])
     values = np.array(
         [
@@ -106,7 +100,7 @@ def _impact(plant: HeldDrive) -> Found:
     found["end_over_mean_speed"] = ResultValue(
         over, ratio, "1", "end speed over mean speed (makers reckon with 1.4 to 1.5)"
     )
-    return {"command": ResultValue(("command",), COMMANDS, "1", "size of the command"), "direction": DIRECTIONS}, found
+    return {"command": ResultValue(("command",), commands, "1", "size of the command"), "direction": DIRECTIONS}, found
 
 
 def _hit(motion: StrokeRun) -> dict[str, float]:

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.datasheet.measured import MeasuredBeside, beside
+from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.published import parts_of
 from pneudrive.datasheet.registry import characteristics, found_under
 from pneudrive.datasheet.words import written_value
-from pneudrive.errors import Cancelled, PneudriveError
+from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.show import Card, Shown
+from pneudrive.start import is_circuit
 from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.watch import Watch
 
@@ -55,7 +58,9 @@ class Datasheet(Shown):
 
     Attributes
     ----------
-    drive : Drive
+    drive : Drive or Circuit
+    stroke_m, supply_pa : float
+        Stroke of the piston, and absolute pressure of the supply.
     results : dict
         Characteristic -> data set.
     failed : dict
@@ -66,7 +71,9 @@ class Datasheet(Shown):
     measured : MeasuredBeside or None
     """
 
-    drive: Drive
+    drive: Drive | Circuit
+    stroke_m: float
+    supply_pa: float
     results: dict[str, xr.Dataset]
     failed: dict[str, str]
     numbers: tuple[SheetNumber, ...]
@@ -88,8 +95,8 @@ class Datasheet(Shown):
         at = {one.name: one for one in self.numbers}
         lines = []
         if "stroke time" in at:
-            time, where = at["stroke time"], f"{1e-5 * self.drive.supply_pressure_pa:.4g} bar abs"
-            stroke = f"Stroke of {1e3 * self.drive.cylinder.stroke_m:g} mm at {where} and full command"
+            time, where = at["stroke time"], f"{1e-5 * self.supply_pa:.4g} bar abs"
+            stroke = f"Stroke of {1e3 * self.stroke_m:g} mm at {where} and full command"
             if "none" in (time.out, time.back):
                 lines.append(f"{stroke}: the piston does not go from end to end and back.")
             else:
@@ -140,18 +147,27 @@ LIFE = "b10_cycles"
 
 
 def build(
-    drive: Drive, recordings: Sequence[Path], layout: Path | None, watch: Watch, *, intervals: bool = True
+    drive: Drive | Circuit, recordings: Sequence[Path], layout: Path | None, watch: Watch, *, intervals: bool = True
 ) -> Datasheet:
     """Compute all that a datasheet shows.
 
     Raises
     ------
+    CommandError
+        The circuit has not one piston under valves, or recordings are given for a circuit.
     RecordingError, LayoutError
         A recording cannot be used.
     Cancelled
         The watch says so.
     """
-    measured = beside(drive, recordings, layout, watch) if recordings else None
+    if recordings and is_circuit(drive):
+        raise CommandError(
+            f"{drive.name} is a circuit",
+            rule="recordings stand beside the datasheet of a drive file",
+            remedy="Leave the recordings out, or describe the drive by [supply], [valve], [cylinder] and [friction].",
+        )
+    plant = HeldDrive(drive)
+    measured = None if is_circuit(drive) or not recordings else beside(drive, recordings, layout, watch)
     results: dict[str, xr.Dataset] = {}
     failed: dict[str, str] = {}
     for name in watch.each(OF_A_SHEET, "characteristics"):
@@ -159,6 +175,8 @@ def build(
     return Datasheet(
         *(
             drive,
+            plant.stroke_m,
+            plant.supply_pa,
             results,
             failed,
             (*_numbers(results), *_life(drive)),
@@ -169,7 +187,9 @@ def build(
     )
 
 
-def _try(drive: Drive, name: str, results: dict[str, xr.Dataset], failed: dict[str, str], *, intervals: bool) -> None:
+def _try(
+    drive: Drive | Circuit, name: str, results: dict[str, xr.Dataset], failed: dict[str, str], *, intervals: bool
+) -> None:
     try:
         results[name] = found_under(drive, name, UNWATCHED, intervals=intervals)
     except Cancelled:
@@ -194,12 +214,12 @@ def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
     return out
 
 
-def _life(drive: Drive) -> list[SheetNumber]:
+def _life(drive: Drive | Circuit) -> list[SheetNumber]:
     """Return the life of the drive and its parts as it is stated: nothing of it is computed."""
-    stated = [("drive, by its label", drive.labels[LIFE])] if LIFE in drive.labels else []
+    stated: list[tuple[str, object]] = [("drive, by its label", drive.labels[LIFE])] if LIFE in drive.labels else []
     stated += [
         (f"{part.name} [{one.source}]", str(one.value))
-        for part in parts_of(drive)
+        for part in (() if is_circuit(drive) else parts_of(drive))
         for one in part.printed
         if one.key == LIFE
     ]
@@ -232,12 +252,12 @@ def shown(found: xr.Dataset, name: str, at: dict[str, int]) -> str:
     return written_value(value, found[name].attrs["units"], *ends)
 
 
-def values_of(drive: Drive) -> list[SheetValue]:
+def values_of(drive: Drive | Circuit) -> list[SheetValue]:
     """Return each value that the drive gives, as written, with where it comes from."""
-    said = {one.key: one.said for one in drive.origins}
-    identified: Any = drive.provenance
+    said = _origins(drive)
+    identified: Any = getattr(drive, "provenance", None) or {}
     out = []
-    for key, text in _leaves(drive.to_dict()):
+    for key, text in _leaves(_plain_tables(drive)):
         if key.partition(".")[0] in ("provenance", "labels", "name", "schema", "initial"):
             continue
         origin = said.get(key) or next((words for other, words in said.items() if key.startswith(f"{other}.")), "given")
@@ -248,9 +268,26 @@ def values_of(drive: Drive) -> list[SheetValue]:
     return out
 
 
-def _defaults(drive: Drive) -> list[str]:
+def _origins(drive: Drive | Circuit) -> dict[str, str]:
+    """Return the origin in words of each value that has one, by its key."""
+    if not is_circuit(drive):
+        return {one.key: one.said for one in drive.origins}
+    parts = drive.components.items()
+    return {f"components.{name}.{key}": one.said for name, part in parts for key, one in part.origins.items()}
+
+
+def _plain_tables(drive: Drive | Circuit) -> dict[str, Any]:
+    """Return the tables of a drive with values only."""
+    tables = drive.to_dict()
+    if is_circuit(drive):
+        tables = {key: table for key, table in tables.items() if key not in ("connections", "plugged")}
+        tables |= {"components": {name: one.plain() for name, one in drive.components.items()}}
+    return tables
+
+
+def _defaults(drive: Drive | Circuit) -> list[str]:
     """Return the assumptions that the drive does not write down itself."""
-    written = {one.key for one in drive.origins}
+    written = {key.removeprefix("components.") for key in _origins(drive)}
     return [line for line in drive.assumed() if line.partition(" = ")[0] not in written]
 
 

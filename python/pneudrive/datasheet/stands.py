@@ -8,9 +8,11 @@ import numpy as np
 
 from pneudrive import _core, units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
+from pneudrive.datasheet.actuation import path_of
 from pneudrive.datasheet.characteristic import Characteristic, ResultValue
 from pneudrive.datasheet.linear import gas_at
 from pneudrive.describe import Ambient
+from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,11 +28,6 @@ SETTLED_S = 5.0  # after that the flow through a line is steady
 ISOTHERMAL_S = 60.0
 
 
-def line_of(plant: HeldDrive, side: str) -> list[str]:
-    """Return the components between the valve and a chamber, from the valve on."""
-    return [name for name in (f"tube_{side}", f"flow_control_{side}") if name in plant.circuit.components]
-
-
 def flow_through(plant: HeldDrive, side: str, *, inward: bool, upstream: float, ratios: Array) -> Array:
     """Return the steady mass flow of a path between supply or exhaust and a chamber, kg/s, over pressure ratios.
 
@@ -41,16 +38,25 @@ def flow_through(plant: HeldDrive, side: str, *, inward: bool, upstream: float, 
 
 def _stand(plant: HeldDrive, side: str, inward: bool, before: float, behind: float) -> Circuit:
     circuit = plant.circuit
-    valve = {k: v for k, v in circuit.components[plant.valve].plain().items() if k in _EDGE}
+    port, line = plant.line(side)
+    valve = circuit.components[port.partition(".")[0]].plain()
+    edge = path_of(valve, exhaust=not inward)
+    if "flow_table" in valve or not edge:
+        raise CommandError(
+            f"{port.partition('.')[0]} has no single C and b: its flow table, or its formula, is what it has"
+        )
     kelvin = units.UnitFloat(ANR_TEMPERATURE_K, "K", "K")
-    names = line_of(plant, side)
     parts: dict[str, Any] = {
         "upstream": {"kind": "reservoir", "pressure": f"{before!r} Pa abs", "temperature": kelvin},
-        "edge": {"kind": "fitting"} | valve,
-    } | {name: circuit.components[name] for name in names}
-    order = ["edge", *names] if inward else [*reversed(names), "edge"]
-    enters = [f"{name}.1" if name == "edge" or inward else f"{name}.2" for name in order]
-    leaves = [f"{name}.2" if name == "edge" or inward else f"{name}.1" for name in order]
+        "edge": {"kind": "fitting"} | edge,
+    } | {name: circuit.components[name] for name, *_ in line}
+    way = (
+        [("edge", "1", "2"), *line]
+        if inward
+        else [*((n, out, near) for n, near, out in line[::-1]), ("edge", "1", "2")]
+    )
+    enters = [f"{name}.{first}" for name, first, _ in way]
+    leaves = [f"{name}.{last}" for name, _, last in way]
     joined = zip(["upstream", *leaves], [*enters, "ambient"], strict=True)
     return type(circuit)(
         gas=circuit.gas,
@@ -58,9 +64,6 @@ def _stand(plant: HeldDrive, side: str, inward: bool, before: float, behind: flo
         components=parts,
         connections=tuple(f"{one} -> {other}" for one, other in joined),
     )
-
-
-_EDGE = ("conductance", "nominal_flow", "kv", "cv", "critical_pressure_ratio", "subsonic_index", "linear_above")
 
 
 def _flow(stand: Circuit) -> float:
@@ -87,12 +90,26 @@ def reduce_flow(
     return float(found.x[0]) * first, float(found.x[1]), float(np.max(np.abs(found.fun)))
 
 
+def _fed(plant: HeldDrive) -> list[str]:
+    """Return the chambers that a valve feeds; a chamber open to the ambient is left out.
+
+    Raises
+    ------
+    CommandError
+        There is none.
+    """
+    fed = [side for side in plant.sides if plant.has_line(side)]
+    if not fed:
+        plant.line(plant.sides[0])
+    return fed
+
+
 def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
-    before = plant.supply_pa if upstream is None else upstream
+    before = plant.supply_pa if upstream is None else float(gas_at(plant, upstream)[0, 0])
     ratios, density = np.array(RATIOS), plant.circuit.gas.anr_density_kg_m3
     index = float(getattr(plant.circuit.components[plant.valve], "subsonic_index", 0.5))
     named, flows, rows = [], [], []
-    for side in "ab":
+    for side in _fed(plant):
         for inward in (True, False):
             named.append(f"{'supply to' if inward else 'exhaust of'} {side}")
             flows.append(flow_through(plant, side, inward=inward, upstream=before, ratios=ratios))
@@ -122,8 +139,8 @@ def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMA
     filled = plant.supply_pa if pressure is None else float(gas_at(plant, pressure)[0, 0])
     ambient, kelvin = plant.ambient
     times = np.linspace(0.0, duration, 61)
-    curves = []
-    for side in "ab":
+    curves, plant = [], plant.with_held_valves
+    for side in plant.sides:
         level = [filled if node == f"{plant.piston}.{side}" else ambient for node in plant.nodes]
         at = plant.stroke_m if side == "a" else 0.0  # pressed against its end
         session = plant.session(0.0, at, 0.0, np.array([(p, kelvin) for p in level]))
@@ -137,7 +154,7 @@ def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMA
     rate = np.log(values[:, half] / values[:, -1]) / (times[-1] - times[half])
     axes = {
         "chamber": ResultValue(
-            ("chamber",), ["a", "b"], "1", "the filled chamber; the other one is at ambient pressure"
+            ("chamber",), list(plant.sides), "1", "the filled chamber; the other one is at ambient pressure"
         ),
         "time": ResultValue(("time",), times, "s", "time from shutting the valve"),
     }
@@ -164,6 +181,7 @@ CHARACTERISTICS = (
         y="flow",
         settings={"upstream": (None, "absolute pressure before the path, Pa; default: that of the supply")},
         slow=True,
+        held=False,
     ),
     Characteristic(
         name="leakage",

@@ -39,11 +39,13 @@ def full_force(plant: HeldDrive, direction: float) -> tuple[float, float]:
 
 def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a sequence of numbers
     x = 0.5 * plant.stroke_m
-    commands = np.array([*(-u for u in reversed(COMMANDS)), *COMMANDS])
+    sizes = plant.sizes(COMMANDS)
+    commands = np.array([*(-u for u in reversed(sizes)), *sizes])
     stall = max(min(full_force(plant, direction)[1] for direction in (1.0, -1.0)), 0.0)
     against = np.array([share * stall for share in SHARES] if loads is None else list(loads), dtype=float)
     found = np.array([[_moving(plant, u, x, -math.copysign(1.0, u) * load) for load in against] for u in commands])
-    gains = [velocity_gain(plant, direction, x) for direction in (1.0, -1.0)]
+    has_shares = len(sizes) > 1
+    gains = [velocity_gain(plant, u, x) if has_shares else (math.nan, math.nan) for u in (1.0, -1.0)]
     axes = {
         "command": ResultValue(("command",), commands, "1", "command of the valve"),
         "load_force": ResultValue(("load_force",), against, "N", "constant force against the motion"),
@@ -176,5 +178,6 @@ CHARACTERISTICS = (
         x="command",
         y="pressure_difference",
         settings={"position": (None, "of the blocked piston, m; default: mid stroke")},
+        needs_shares=True,
     ),
 )

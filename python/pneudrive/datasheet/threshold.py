@@ -31,7 +31,7 @@ def _reaches(plant: HeldDrive, pressure: float, direction: float, share: float) 
     start = 0.0 if direction > 0.0 else plant.stroke_m
     gas = np.tile(plant.ambient, (len(plant.nodes), 1))
     session = plant.session(0.0, start, 0.0, gas, rtol=RTOL)
-    session.set(plant.command, direction)
+    plant.set(session, direction)
     rise = np.linspace(plant.ambient[0], pressure, RISES + 1)
     session.schedule(plant.supply, list(zip(RISING_S * np.arange(RISES + 1) / RISES, rise.tolist(), strict=True)))
     for k in range(1, LOOKS + 1):

@@ -56,7 +56,7 @@ def _of(plant: HeldDrive) -> dict[str, float]:
     """Return the results of one drive."""
     x = 0.5 * plant.stroke_m
     spring = adiabatic_stiffness(plant.static, x, "3 bar abs")
-    stroke = one_stroke(plant, 1.0, 0.0, (plant.ambient[0], plant.supply_pa)).strokes[0]
+    stroke = one_stroke(plant, 1.0, 0.0, plant.before(1.0)).strokes[0]
     return {
         "steady_speed": under_load(plant.static, 1.0, x, 0.0).velocity_m_s,
         "stall_force": full_force(plant.static, 1.0)[1],

@@ -111,7 +111,10 @@ def number(given: object, bounds: Bounds) -> float:
     """Check a pure number, or raise `WrongValueError`."""
     if isinstance(given, bool | units.UnitFloat) or not isinstance(given, (int, float)):
         raise WrongValueError(f"{given!r} is not a number", rule="a pure number, without unit and quotes")
-    value = float(given)
+    try:
+        value = float(given)
+    except OverflowError:  # a whole number beyond all numbers with a fraction
+        value = math.inf
     rule = "finite" if not math.isfinite(value) else bounds.broken(value)
     if rule:
         raise WrongValueError(f"{given!r} is out of bounds", rule=rule)

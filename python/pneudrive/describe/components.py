@@ -40,7 +40,8 @@ COMMAND = "command"
 #: Largest coordinate of a place in a drawing, in modules.
 MOST_MODULES = 1000.0
 #: Other parameters of a flow path whose size may be given in other ways than by its conductance.
-_FLOW = ("critical_pressure_ratio", "subsonic_index")
+_RATIO = "critical_pressure_ratio"
+_FLOW = (_RATIO, "subsonic_index")
 
 
 @lru_cache(maxsize=1)
@@ -218,9 +219,21 @@ class Component(Described):
         if not isinstance(data, dict):
             return handler(data)
         plain, origins = sourced.parted(cls.flat(data))
+        if cls._lacks_ratio(plain):
+            ratio, said = valve_flow.USUAL_RATIO, valve_flow.USUAL_RATIO_SAID
+            plain[_RATIO] = ratio
+            origins = {**origins, _RATIO: sourced.Value(_RATIO, ratio, None, said)}
         made = handler(plain)
         vars(made)["origins"] = origins
         return made
+
+    @classmethod
+    def _lacks_ratio(cls, table: Mapping[str, Any]) -> bool:
+        """Return whether a size is given by a flow or a flow coefficient, without the critical pressure ratio."""
+        if _RATIO in table or not any(p["key"] == _RATIO and is_needed(p) for p in cls.entry["parameters"]):
+            return False
+        sizes = {key for p in cls.entry["parameters"] for key in flow_keys(cls.entry, p["key"])[1:]}
+        return not sizes.isdisjoint(table)
 
     @cached_property
     def origins(self) -> Mapping[str, sourced.Value]:

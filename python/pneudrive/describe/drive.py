@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pneudrive.session import Session
 
 # Defaults without a source: results that use them say so.
-_ASSUMED = {"cylinder": ("heat_transfer",), "valve": ("subsonic_index", "linear_above")}
+_ASSUMED = {"cylinder": ("heat_transfer",), "valve": ("critical_pressure_ratio", "subsonic_index", "linear_above")}
 
 
 class _FileOrTable(classmethod):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from pneudrive import units
+from pneudrive import _core, units
 from pneudrive.constants import (
     AIR_GAS_CONSTANT_J_KG_K,
     AIR_HEAT_CAPACITY_RATIO,
@@ -39,6 +39,9 @@ from pneudrive.describe.base import (
 from pneudrive.describe.geometry import check_rod, piston_areas
 from pneudrive.describe.signal import Signal, SignalRange
 from pneudrive.errors import warn
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 NOT_NEGATIVE = Bounds(at_least=0.0)
 #: -80 to 60 degC: the range of dryers and of the formula of the vapour pressure.
@@ -186,6 +189,20 @@ class Supply(Described):
         return {"pressure_pa": self.pressure.absolute_pa(ambient.pressure_pa), "temperature_k": temperature}
 
 
+def _not_of_a_circuit(data: Any, table: str, known: Sequence[str]) -> Any:  # noqa: ANN401 - input of any type
+    """Refuse a kind that circuits have, but drive files do not."""
+    kind = data.get("kind") if isinstance(data, dict) else None
+    short = kind.removeprefix(f"{table}/") if isinstance(kind, str) else ""
+    if short and short not in known and any(entry["kind"] == f"{table}/{short}" for entry in _core.components()):
+        raise wrong(
+            f"{table}.kind",
+            f'{table}.kind = "{kind}" is a component of circuits',
+            rule=f"[{table}] of a drive file is {' or '.join(known)}",
+            remedy=f'Write a circuit file: [components.{table}] with kind = "{table}/{short}", and connections.',
+        )
+    return data
+
+
 class EndStop(Described):
     """Contact with the end cover.
 
@@ -223,14 +240,8 @@ class Cylinder(Described):
 
     @model_validator(mode="before")
     @classmethod
-    def _not_yet(cls, data: Any) -> Any:  # noqa: ANN401
-        if isinstance(data, dict) and data.get("kind") == "single-acting":
-            raise wrong(
-                "cylinder.kind",
-                'cylinder.kind = "single-acting" cannot be simulated yet',
-                remedy="Available: rodless, through-rod, single-rod (all double-acting).",
-            )
-        return data
+    def _of_a_circuit(cls, data: Any) -> Any:  # noqa: ANN401
+        return _not_of_a_circuit(data, "cylinder", get_args(cls.model_fields["kind"].annotation))
 
     @model_validator(mode="after")
     def _rod_fits(self) -> Cylinder:
@@ -298,14 +309,22 @@ class Valve(Described):
     nominal_flow_m3_s_anr: Annotated[float | None, Quantity("m^3/s ANR", "l/min ANR", Bounds(above=0.0))] = None
     kv: Annotated[float | None, FlowCoefficient("", "Kv", Bounds(above=0.0))] = None
     cv: Annotated[float | None, FlowCoefficient("", "Cv", Bounds(above=0.0))] = None
-    critical_pressure_ratio: Fraction
+    critical_pressure_ratio: Fraction = valve_flow.USUAL_RATIO
     subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
     linear_above: Fraction = 0.999
     command: Annotated[Signal | None, SignalRange("")] = None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_a_circuit(cls, data: Any) -> Any:  # noqa: ANN401
+        return _not_of_a_circuit(data, "valve", get_args(cls.model_fields["kind"].annotation))
+
     @model_validator(mode="after")
     def _one_size(self) -> Valve:
         valve_flow.size_given(self._sizes(), valve_flow.FLOW_KEYS, "valve.")
+        if self.conductance_given is not None and "critical_pressure_ratio" not in self.model_fields_set:
+            key, rule = "valve.critical_pressure_ratio", "a valve is given by C and b, or by a nominal flow, kv or cv"
+            raise wrong(key, f"{key} is missing", rule=rule, remedy="Write critical_pressure_ratio = 0.3.")
         if not self.critical_pressure_ratio < self.linear_above:
             key = "valve.linear_above"
             b = self.critical_pressure_ratio

@@ -83,6 +83,8 @@ def parse(text: str, origin: str, kind: type[PneudriveError] = DescriptionError)
     except tomllib.TOMLDecodeError as error:
         what, line = _syntax(str(error), text)
         raise kind(f"the file is not TOML: {what}", where=f"{origin}:{line}", value=_line(text, line)) from None
+    except ValueError as error:  # a whole number of thousands of digits
+        raise kind(f"the file is not TOML: {error}", where=origin) from None
     check_depth(tables, origin, kind)
     return tables
 

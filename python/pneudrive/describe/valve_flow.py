@@ -59,6 +59,11 @@ def conductance_from_cv(cv: float) -> float:
     return conductance_from_kv(cv * KV_PER_CV)
 
 
+#: Critical pressure ratio of a valve whose data sheet states a flow but not b, and why (assumed): printed values of
+#: valves in the catalogue lie between 0.13 and 0.44.
+USUAL_RATIO, USUAL_RATIO_SAID = 0.3, "usual of valves: the size is given without critical_pressure_ratio"
+
+
 #: Alternative keys of a flow path's size.
 FLOW_KEYS = ("conductance", "nominal_flow", "kv", "cv")
 

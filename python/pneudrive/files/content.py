@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import re
 import stat
 from pathlib import Path
@@ -24,6 +25,8 @@ _TOKENS = re.compile(
     re.DOTALL,
 )
 _JSON_TOKENS = re.compile(r'"(?:\\.|[^"\\])*"?|[\[\]{}]', re.DOTALL)
+
+LARGEST_WHOLE = 2**63 - 1  # of TOML
 
 
 def read_bytes(path: Path, kind: type[PneudriveError], most: str = "text_bytes", folder: str | None = None) -> bytes:
@@ -176,7 +179,9 @@ def _check_depth(depths: Iterable[tuple[int, int]], kind: type[PneudriveError], 
 
 
 def check_depth(value: object, where: str, kind: type[PneudriveError]) -> None:
-    """Check the nesting of parsed tables and lists: keys with many parts multiply with brackets.
+    """Check the nesting of parsed tables and lists, and the size of their whole numbers.
+
+    Keys with many parts multiply with brackets. TOML has whole numbers of 64 bits; Python reads longer ones.
 
     Raises
     ------
@@ -186,5 +191,16 @@ def check_depth(value: object, where: str, kind: type[PneudriveError]) -> None:
     while level:
         depth += 1
         within("nesting", depth - 1, "the file is nested too deep", kind, where)
+        for table in (table for table in level if isinstance(table, dict | list)):
+            for key, number in table.items() if isinstance(table, dict) else enumerate(table, start=1):
+                if type(number) is int and abs(number) > LARGEST_WHOLE:
+                    name = key if isinstance(table, dict) else f"number {key} of a list"
+                    digits = round(number.bit_length() * math.log10(2.0))
+                    raise kind(
+                        f"{name} is out of bounds: a whole number of {digits} digits",
+                        where=where,
+                        rule="whole numbers have up to 64 bits",
+                        remedy="Write a decimal point, or an exponent.",
+                    )
         inner = [v.values() if isinstance(v, dict) else v for v in level if isinstance(v, dict | list)]
         level = [v for values in inner for v in values]

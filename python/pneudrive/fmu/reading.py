@@ -70,8 +70,10 @@ def read_fmu(path: Path) -> SeenFmu:
                 rule="XML in UTF-8 without entities, up to 16 MB",
             )
         root = ElementTree.fromstring(text)
-    except (zipfile.BadZipFile, KeyError, ElementTree.ParseError, NotImplementedError, RuntimeError, OSError) as error:
-        raise CommandError(f"{path.name} is no FMU: {error}") from None
+    except CommandError:
+        raise
+    except Exception as error:  # what the libraries for archives and XML raise on damaged bytes is not documented
+        raise CommandError(f"{path.name} is not an FMU that can be read: {error}") from None
     return SeenFmu(
         title=root.get("modelName", ""),
         tool=root.get("generationTool", ""),

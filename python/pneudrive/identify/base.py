@@ -14,6 +14,7 @@ from pneudrive.describe import toml
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import student
 from pneudrive.identify.determined import SIMULATED, Intervals, Undetermined, names_of, shown_in, whole_interval
+from pneudrive.identify.fit_file import check_shape
 from pneudrive.identify.identified import Identified, joined
 from pneudrive.lazy import upper
 from pneudrive.numbers import places, plain
@@ -388,7 +389,7 @@ class Fit(Shown):
             The file does not exist, is not TOML, is another kind of fit, or is incomplete.
         """
         where = str(path)
-        content, _ = toml.read(path, FitError, "pneudrive fit and pneudrive identify write a fit.toml.")
+        content, text = toml.read(path, FitError, "pneudrive fit and pneudrive identify write a fit.toml.")
         kind = content.get("kind", "friction map")
         if kind != cls.KIND:
             raise FitError(
@@ -400,9 +401,10 @@ class Fit(Shown):
             raise FitError(
                 "the fit has another schema", where=where, value=content["schema"], rule=f"schema = {SCHEMA}"
             )
+        check_shape(content, cls.TITLE, cls.GROUPS, where, text)
         try:
             found = cls(**cls._from_content(content))
-            str(found)  # a missing key raises here
+            _ = str(found), found.toml()  # a key that only some fits need raises here
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             what = f'"{error.args[0]}" is missing' if isinstance(error, KeyError) else str(error)
             remedy = "Give a fit.toml as pneudrive fit or pneudrive identify wrote it."

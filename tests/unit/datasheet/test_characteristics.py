@@ -315,8 +315,8 @@ def test_times_of_a_switching_valve_and_what_it_cannot_have():
     found = pn.characteristic(circuit, "valve-times")
     for time in (float(found.time_on), float(found.time_off)):
         assert 0.012 < time < 0.015  # 12 ms to the middle of the travel, then the outlet fills
-    with pytest.raises(pn.PneudriveError, match="valve has time_on"):
-        pn.characteristic(circuit, "velocity")
+    with pytest.raises(pn.PneudriveError, match="valve is on or off"):
+        pn.characteristic(circuit, "pressure-gain")
     with pytest.raises(pn.PneudriveError, match="times are those of a switching valve"):
         pn.characteristic(DRIVE, "valve-times")
 

@@ -180,8 +180,14 @@ def test_friction_at_one_level_is_not_tested():
     assert verdict == (None, "friction law against measured friction: one level only, largest difference 3 N")
 
 
-def test_a_circuit_has_no_datasheet(tmp_path, capsys):
-    path = tmp_path / "circuit.toml"
-    path.write_text(DRIVE.circuit.to_toml(), encoding="utf-8")
-    assert run(["datasheet", str(path), "--out", str(tmp_path / "x.html")]) == 2
-    assert "is a circuit" in capsys.readouterr().err
+def test_the_circuit_of_a_drive_has_the_numbers_of_the_drive(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("pneudrive.datasheet.sheet.OF_A_SHEET", ("force-speed", "square-response"))
+    (tmp_path / "drive.toml").write_text(DRIVE.to_toml(), encoding="utf-8")
+    (tmp_path / "circuit.toml").write_text(DRIVE.circuit.to_toml(), encoding="utf-8")
+    said = []
+    for name in ("drive", "circuit"):
+        page = tmp_path / f"{name}.html"
+        assert run(["datasheet", str(tmp_path / f"{name}.toml"), "--out", str(page)]) == 0
+        said.append(capsys.readouterr().out.splitlines()[0])
+        assert "blocked force" in page.read_text(encoding="utf-8")
+    assert said[0] == said[1]

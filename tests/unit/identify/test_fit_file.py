@@ -7,8 +7,11 @@ import tomllib
 import numpy as np
 import pytest
 
+import pneudrive as pn
 from pneudrive.errors import CommandError, FitError
 from pneudrive.identify import FrictionFit, fit_friction
+from pneudrive.identify.dynamic.result import DriveFit
+from pneudrive.identify.files import read_fit
 
 SPEED = np.geomspace(1e-3, 0.45, 16)
 
@@ -103,3 +106,44 @@ def test_a_fit_whose_parts_do_not_fit_together(make_map, friction_of, tmp_path, 
     path.write_text("\n".join(changed))
     with pytest.raises(FitError, match="not a complete friction fit"):
         FrictionFit.from_toml(path)
+
+
+@pytest.fixture
+def drive_fit(tmp_path):
+    """Return the path of a fit of a drive as `pneudrive identify` writes it, with two values."""
+    drive = pn.Drive.load("catalogue:reference")
+    fit = DriveFit(
+        values={"friction.coulomb": 30.0, "friction.viscous": 40.0},
+        units={"friction.coulomb": "N", "friction.viscous": "N s/m"},
+        free=("friction.coulomb", "friction.viscous"),
+        covariance=np.diag([1e-4, 4e-4]),
+        intervals={"friction.coulomb": (29.98, 30.02), "friction.viscous": (39.96, 40.04)},
+        statistics={"samples": 501.0, "rms.position": 1e-6, "fit_percent.position": 99.9},
+        provenance={"version": "0.1.0", "recordings": [{"name": "run", "sha256": "0", "seconds": 0.5}]},
+        sensors={},
+        start=drive,
+    )
+    fit.to_toml(tmp_path / "fit.toml")
+    return tmp_path / "fit.toml"
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "message"),
+    [
+        ('name = "run"', "", r"provenance\.recordings\.0\.name is missing"),
+        ('name = "run"', "name = 3", r"recordings\.0\.name must be a text"),
+        ("value = 30.0", 'value = "30 N"', r"friction\.coulomb\.value must be a number"),
+        ('unit = "N"', "", r"friction\.coulomb\.unit is missing"),
+        ("[statistics]", "[other]", "statistics is missing"),
+        ("seconds = 0.5", "seconds = []", "seconds must be a number"),
+        ("interval = [29.98, 30.02]", "interval = [29.98]", "interval"),
+    ],
+)
+def test_an_incomplete_fit_of_a_drive_is_refused_with_key_and_line(drive_fit, line, instead, message):
+    read_fit(drive_fit)
+    text = drive_fit.read_text(encoding="utf-8")
+    assert line in text
+    drive_fit.write_text(text.replace(line, instead, 1), encoding="utf-8")
+    with pytest.raises(FitError, match=message) as caught:
+        read_fit(drive_fit)
+    assert (f"{drive_fit}:" in str(caught.value)) is (line != "[statistics]")  # a missing table has no line
