@@ -12,9 +12,11 @@ if TYPE_CHECKING:
 Point = TypeVar("Point")
 
 #: Largest number of steps to find an end, and relative error of the root of the cost's growth at it.
-STEPS, ROOT_ERROR = 8, 0.02
+STEPS, ROOT_ERROR = 12, 0.02
 #: Distance without sufficient growth of the cost beyond which a side is open.
 FARTHEST = 50.0
+#: Least distance of a step from both ends of the bracket, as a share of the bracket, and largest growth of a distance.
+INSET, GROWTH = 0.1, 3.0
 
 
 def profile_interval(
@@ -28,13 +30,16 @@ def profile_interval(
 ) -> tuple[float, float]:
     """Return the interval of one coordinate in which the cost grows by no more than `allowed`.
 
-    The secant rule finds the root of the cost's growth at each end, as this root is linear for a linear model.
+    The root of the cost's growth is linear for a linear model, so that a secant finds each end. The secant stays within
+    a bracket: the farthest point below the limit and the nearest one beyond it. Costs that a search has not fully
+    minimised scatter, but no point of the bracket is lost for that. A side is open only if no point lies beyond the
+    limit.
 
     Parameters
     ----------
     held : callable
         ``held(value, start)`` holds the coordinate at a value, fits all others from a start, and returns the cost and
-        the point where it ended, from which the next step starts. The cost may be infinite.
+        the point where it ended. A step starts from the last point below the limit. The cost may be infinite.
     point : object
         Point of the estimate: start of the first step to either side.
     estimate : float
@@ -59,22 +64,42 @@ def profile_interval(
     >>> round(low, 6), round(high, 6)
     (0.0, 2.0)
     """
-    ends = []
-    for sign in (-1.0, 1.0):
-        away, last, root_last, start = step if step > 0.0 else 1.0, 0.0, 0.0, point
-        for _ in range(STEPS):
-            cost, start = held(estimate + sign * away, start)
-            root = np.sqrt(max(cost - least, 0.0) / allowed) if np.isfinite(cost) else 2.0
-            if abs(root - 1.0) < ROOT_ERROR:
-                break
-            slope = (root - root_last) / (away - last)
-            last, root_last = away, root
-            if slope <= 1e-3 / max(away, 1e-300):
-                away = np.inf
-                break
-            away = float(np.clip(last + (1.0 - root) / slope, 0.3 * last, 3.0 * last))
-            if away > farthest:
-                away = np.inf
-                break
-        ends.append(estimate + sign * away)
-    return ends[0], ends[1]
+    first = step if step > 0.0 else 1.0
+    low, high = (_end(held, point, estimate, sign * min(first, farthest), least, allowed, farthest) for sign in (-1, 1))
+    return estimate + low, estimate + high
+
+
+def _end(
+    held: Callable[[float, Point], tuple[float, Point]],
+    point: Point,
+    estimate: float,
+    step: float,
+    least: float,
+    allowed: float,
+    farthest: float,
+) -> float:
+    """Return the signed distance to one end; infinite if no point lies beyond the limit up to `farthest`."""
+    sign, away = float(np.sign(step)), abs(step)
+    below, beyond = [(0.0, 0.0)], (np.inf, np.inf)  # distances, and roots of the cost's growth
+    for _ in range(STEPS):
+        cost, ended = held(estimate + sign * away, point)
+        root = float(np.sqrt(max(cost - least, 0.0) / allowed)) if np.isfinite(cost) else np.inf
+        if abs(root - 1.0) < ROOT_ERROR:
+            return sign * away
+        if root < 1.0:
+            below.append((away, root))
+            point = ended
+        else:
+            beyond = (away, root)
+        last, root_last = below[-1]
+        if np.isfinite(beyond[0]):
+            share = (1.0 - root_last) / (beyond[1] - root_last) if np.isfinite(beyond[1]) else 0.5
+            away = last + (beyond[0] - last) * float(np.clip(share, INSET, 1.0 - INSET))
+        elif last >= farthest:
+            break
+        else:
+            before, root_before = below[-2]
+            slope = (root_last - root_before) / (last - before)
+            away = last + (1.0 - root_last) / slope if slope > 0.0 else np.inf
+            away = min(max(away, (1.0 + INSET) * last), GROWTH * last, farthest)
+    return sign * (away if np.isfinite(beyond[0]) else np.inf)

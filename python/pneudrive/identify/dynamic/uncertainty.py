@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 LAG_SHARE = 0.1
 #: Least number of blocks of a recording in the bootstrap.
 LEAST_BLOCKS = 8
-PROFILE_FITS = 6
+PROFILE_FITS = 12
 
 
 @dataclass(frozen=True)
