@@ -1,9 +1,9 @@
 """How often profile intervals of hidden tubes and drives hold the truth: ``python -m oracle.profile_coverage``.
 
-Every tube and drive has hidden values, a start value that is off by up to a third, and white noise of its sensors. Tubes
-are discharges and fills of a tank: those without waves come from the independent model, those with waves from a circuit.
-The last lines count intervals that hold the truth, with the 95 % range of a binomial count, and values that are called
-undetermined although the first-order interval is within a tenth of the value.
+Every tube and drive has hidden values, a start value that is off by up to a third, and white noise of its sensors.
+Tubes are discharges and fills of a tank. Those without waves come from the independent model, the others from a
+circuit. The last line counts intervals that hold the truth, with the 95 % range of a binomial count. It names values
+that are called undetermined although their first-order interval is within a tenth of the value.
 """
 
 from __future__ import annotations
@@ -53,7 +53,9 @@ class Count:
                 held = low <= value <= high
                 self.inside += held
                 self.total += 1
-                words.append(f"{key} {100 * spread:.2g} %" + ("" if held else f" OUTSIDE {low / value:.4f}..{high / value:.4f}"))
+                words.append(
+                    f"{key} {100 * spread:.2g} %" + ("" if held else f" OUTSIDE {low / value:.4f}..{high / value:.4f}")
+                )
         self.unfinished += not fit.converged
         state = "" if fit.converged else " NOT CONVERGED"
         sys.stdout.write(f"{name}{state}: {'; '.join(words)}\n")
@@ -62,9 +64,9 @@ class Count:
     def __str__(self) -> str:
         """Return the counts in words."""
         low, high = binom.interval(0.95, max(self.total, 1), 0.95)
+        share = 100 * self.inside / max(self.total, 1)
         return (
-            f"{self.inside} of {self.total} inside ({100 * self.inside / max(self.total, 1):.1f} %; by chance {low:.0f} to "
-            f"{high:.0f}); called undetermined though determined: {', '.join(self.lost) or 'none'}; "
+            f"{self.inside} of {self.total} inside ({share:.1f} %; by chance {low:.0f} to {high:.0f}); called undetermined though determined: {', '.join(self.lost) or 'none'}; "
             f"not converged: {self.unfinished}"
         )
 
@@ -109,7 +111,12 @@ def hose(seed: int) -> tuple[pn.Tank, dict[str, Any], dict[str, float]]:
         components={
             "mains": {"kind": "reservoir", "pressure": "7 bar abs"},
             "nozzle": {"kind": "fitting", "conductance": f"{c} dm3/(s bar)", "critical_pressure_ratio": b},
-            "hose": {"kind": "tube/distributed", "length": f"{length} m", "diameter": f"{mm} mm", "friction_scale": scale},
+            "hose": {
+                "kind": "tube/distributed",
+                "length": f"{length} m",
+                "diameter": f"{mm} mm",
+                "friction_scale": scale,
+            },
             "tank": {
                 "kind": "tank",
                 "volume": f"{litres} dm3",
@@ -128,7 +135,11 @@ def hose(seed: int) -> tuple[pn.Tank, dict[str, Any], dict[str, float]]:
     }
     started = {
         "volume": {"value": f"{litres} dm3", "heat_transfer": f"{heat * off(draw)} W/K"},
-        "line": {"conductance": f"{c * off(draw)} dm3/(s bar)", "critical_pressure_ratio": 0.3, "pressure": "7 bar abs"},
+        "line": {
+            "conductance": f"{c * off(draw)} dm3/(s bar)",
+            "critical_pressure_ratio": 0.3,
+            "pressure": "7 bar abs",
+        },
         "tube": {"length": f"{length} m", "diameter": f"{mm} mm"},
     }
     truth = {"line.conductance": c * 1e-8, "line.critical_pressure_ratio": b, "volume.heat_transfer": heat}

@@ -92,10 +92,10 @@ class Transforms:
     def natural(self, q: Array) -> Array:
         """Return the values at coordinates, shape (p,), or at many points, shape (n, p)."""
         x = self.size * q
-        x[..., self._log] = self.lower[self._log] + np.exp(q[..., self._log])
+        x[..., self._log] = self.lower[self._log] + _exp(q[..., self._log])
         if self._odds.any():
             low, high = self.lower[self._odds], self.upper[self._odds]
-            x[..., self._odds] = low + (high - low) * (1.0 / (1.0 + np.exp(-q[..., self._odds])))
+            x[..., self._odds] = low + (high - low) * (1.0 / (1.0 + _exp(-q[..., self._odds])))
         if self.excess is not None:
             x[..., self.excess] += self._base(x)
         return x
@@ -103,14 +103,20 @@ class Transforms:
     def jacobian(self, q: Array) -> Array:
         """Return the derivatives of the values by the coordinates, shape (p, p)."""
         slope = self.size.copy()
-        slope[self._log] = np.exp(q[self._log])
+        slope[self._log] = _exp(q[self._log])
         if self._odds.any():
-            share = 1.0 / (1.0 + np.exp(-q[self._odds]))
+            share = 1.0 / (1.0 + _exp(-q[self._odds]))
             slope[self._odds] = (self.upper - self.lower)[self._odds] * share * (1.0 - share)
         out = np.diag(slope)
         if self.excess is not None and isinstance(self.over, int):
             out[self.excess, self.over] = slope[self.over]
         return out
+
+
+def _exp(q: Array) -> Array:
+    """Return exp(q); infinite beyond the largest number, without a warning."""
+    with np.errstate(over="ignore"):
+        return np.exp(q)
 
 
 def intervals(values: Array, reach: Array, lower: ArrayLike, upper: ArrayLike = np.inf) -> tuple[Array, Array]:

@@ -20,6 +20,7 @@ from pneudrive.estimate.transforms import Transforms
 from pneudrive.free.parameters import DriveFamily, Parameter
 from pneudrive.identify.determined import Undetermined
 from pneudrive.identify.dynamic.fit import noise_of, solve
+from pneudrive.identify.dynamic.mixture import applied_note
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
 from pneudrive.identify.dynamic.search import Watcher, join_segments
 from pneudrive.identify.dynamic.sensors import Channel
@@ -266,7 +267,7 @@ def _result(tank: Tank, records: list[VolumeRecording], attempt: Attempt, held: 
         covariance=jacobian @ found.covariance(problem) @ jacobian.T,
         intervals=intervals,
         undetermined=(*held, *lost),
-        notes=tuple(_notes(tank, attempt, tau)),
+        notes=(*_notes(tank, attempt, tau), *applied_note(solved, {u.parameter for u in lost})),
         statistics={
             "samples": float(off.size),
             "rms.pressure": float(np.sqrt(np.mean(off**2))),

@@ -10,6 +10,7 @@ from pneudrive.describe.tank import Tank
 from pneudrive.errors import FitError
 from pneudrive.identify.base import Fit
 from pneudrive.identify.determined import FittedData
+from pneudrive.identify.dynamic.mixture import warn_of_mixture
 
 if TYPE_CHECKING:
     import numpy as np
@@ -74,11 +75,19 @@ class VolumeFit(Fit):
         ------
         FitError
             The fit was read from a file without the tank.
+
+        Warns
+        -----
+        PneudriveWarning
+            Undetermined values keep those of the tank, with what this mixture predicts.
         """
         start = self.start if tank is None else tank
         if start is None:
             raise FitError("the file of this fit has no tank", remedy="Fit again.")
         changes = {}
+        if self.determined:
+            kept = set(self.free) - {*self.determined}
+            warn_of_mixture(self.notes, kept, same_start=tank is None or tank == self.start)
         for name in self.determined:
             value, unit = self.values[name], self.units[name]
             text = value if unit == "1" else units.write(value, unit, _WRITTEN.get(unit))

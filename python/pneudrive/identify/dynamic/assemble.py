@@ -13,6 +13,7 @@ from pneudrive.estimate.estimates import student
 from pneudrive.estimate.transforms import intervals as intervals_at
 from pneudrive.free.parameters import Parameter, numbers_of
 from pneudrive.identify.determined import SIMULATED
+from pneudrive.identify.dynamic.mixture import applied_note
 from pneudrive.identify.dynamic.model_error import model_errors
 from pneudrive.identify.dynamic.result import DriveFit, Series, fit_hash
 from pneudrive.identify.dynamic.uncertainty import profile
@@ -87,7 +88,8 @@ def assembled(
     )
     lost = statements(names, values, sizes, intervals, fit.units, fit.correlation, found.weak)
     fit.provenance["fit_hash"] = fit_hash(fit.provenance, fit.values)
-    return replace(fit, undetermined=(*options.lost, *lost))
+    notes = (*fit.notes, *applied_note(solved, {u.parameter for u in lost}))
+    return replace(fit, undetermined=(*options.lost, *lost), notes=notes)
 
 
 def _sizes(parameters: list[Parameter], problem: FitProblem) -> list[float]:

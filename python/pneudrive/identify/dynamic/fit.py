@@ -163,7 +163,10 @@ def _best_of_attempts(attempt: Callable[[Array | None], Attempt], options: Searc
         if whole is None or options.interrupted or tried[-1].good or share * whole < SHORTEST_SEGMENT_S:
             break
         options.segment_s = share * whole
-        tried.append(attempt(None))
+        try:
+            tried.append(attempt(None))
+        except FitError:  # the first search has a result
+            break
         if tried[0].converged and tried[-1].score > tried[0].score - GAIN:
             break
     options.segment_s = whole
@@ -176,7 +179,10 @@ def _best_of_attempts(attempt: Callable[[Array | None], Attempt], options: Searc
         options.lengths_s, options.last_attempt = lengths_s, lengths_s == SECOND_LADDER_S
         if options.last_attempt:
             options.rtol *= LAST_RTOL
-        tried.append(attempt(nearest.solved.problem.values(nearest.solved.point.eta)))
+        try:
+            tried.append(attempt(nearest.solved.problem.values(nearest.solved.point.eta)))
+        except FitError:
+            break
     return min(tried, key=Attempt.rank)
 
 

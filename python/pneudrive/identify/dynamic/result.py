@@ -14,6 +14,7 @@ from pneudrive.errors import warn
 from pneudrive.estimate.estimates import intervals_of_draws
 from pneudrive.identify.base import HASH_DIGITS, Fit
 from pneudrive.identify.determined import FittedData, Intervals
+from pneudrive.identify.dynamic.mixture import warn_of_mixture
 from pneudrive.identify.dynamic.recordings import CHANNELS
 from pneudrive.identify.friction_curve import SlidingCurve, curve_of_drive
 from pneudrive.identify.identified import apply_identified
@@ -169,9 +170,16 @@ class DriveFit(Fit):
         ------
         FitError, DescriptionError
             The drive lacks a value, or the combination of fitted and kept values is not valid.
+
+        Warns
+        -----
+        PneudriveWarning
+            The search did not converge; undetermined values keep those of the drive, with what this mixture predicts.
         """
         if not self.converged:
             warn("the search did not converge: the drive gets its best values so far, without intervals")
+        if self.determined:
+            warn_of_mixture(self.notes, set(self.values) - {*self.determined}, same_start=drive in (None, self.start))
         return apply_identified(
             self.identified_as({n: n for n in self.determined}), self.start if drive is None else drive
         )

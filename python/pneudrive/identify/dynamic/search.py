@@ -48,6 +48,8 @@ MOST_STEPS = 40
 DAMPING_LEAST = 1e-3
 #: Number of moves of only the carried states before the first phase gives up.
 MOST_CLOSINGS = 2
+#: Rounding error of a number, as a share.
+ROUNDING = float(np.finfo(np.float64).eps)
 #: Shortest step of a search.
 SHORTEST = 1e-6
 
@@ -99,7 +101,7 @@ def reduced(blocks: list[Equations], size: int) -> tuple[Array, Array]:
     gradient: Array = np.zeros(size)
     for block in blocks:
         n, b = block.information, block.gradient
-        gain = np.linalg.solve(n[size:, size:], np.c_[n[size:, :size], b[size:]])
+        gain = start_solution(block, np.c_[n[size:, :size], b[size:]])
         information += n[:size, :size] - n[:size, size:] @ gain[:, :-1]
         gradient += b[:size] - n[:size, size:] @ gain[:, -1]
     return 0.5 * (information + information.T), gradient
@@ -107,9 +109,21 @@ def reduced(blocks: list[Equations], size: int) -> tuple[Array, Array]:
 
 def start_step(block: Equations, step: Array) -> Array:
     """Return the change of a block's start for a change of the global coordinates."""
-    size = step.size
     n, b = block.information, block.gradient
-    return np.asarray(np.linalg.solve(n[size:, size:], b[size:] - n[size:, :size] @ step), dtype=np.float64)
+    return start_solution(block, b[step.size :] - n[step.size :, : step.size] @ step)
+
+
+def start_solution(block: Equations, right: Array) -> Array:
+    """Solve the equations of a block's start, which with its prior are positive definite but for rounding.
+
+    Directions below the rounding error of the scaled equations are left out.
+    """
+    n = block.information[-len(right) :, -len(right) :]
+    scale = np.sqrt(np.diag(n))
+    power, axes = np.linalg.eigh(n / np.outer(scale, scale))
+    inverse = np.where(power > ROUNDING * len(n), 1.0 / np.maximum(power, ROUNDING), 0.0)
+    scaled = (right.T / scale).T
+    return ((axes @ ((axes.T @ scaled).T * inverse).T).T / scale).T
 
 
 def bounded_step(information: Array, gradient: Array, longest: float) -> Array:
@@ -219,22 +233,43 @@ def judge(
 def linearise(
     problem: FitProblem, point: Iterate, believed: list[Array], shots: list[Shot], *, reset: bool = False
 ) -> Joined:
-    """Return the normal equations of all recordings, from runs with derivatives; parameters as for `judge`."""
+    """Return the normal equations of all recordings, from runs with derivatives; parameters as for `judge`.
+
+    Raises
+    ------
+    FitError
+        Derivatives overflow; the message names the recording and the values.
+    """
     blocks, slopes, carried = [], [], []
     size = problem.size
     for i, (experiment, shot) in enumerate(zip(problem.experiments, shots, strict=True)):
-        by_unknown, closing = _condense(problem, point, shot, i, reset=reset)
-        outputs, jac = _outputs(problem, i, shot, point, by_unknown, closing)
-        closed, jac = problem.measure(i, point.eta, slice(None), outputs, jac)
-        robust = problem.robust_weight(closed)
-        flat, rest = (jac * robust[:, :, None]).reshape(closed.size, -1), (closed * robust).ravel()
-        information, gradient = flat.T @ flat, flat.T @ rest
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is named below
+            by_unknown, closing = _condense(problem, point, shot, i, reset=reset)
+            outputs, jac = _outputs(problem, i, shot, point, by_unknown, closing)
+            closed, jac = problem.measure(i, point.eta, slice(None), outputs, jac)
+            robust = problem.robust_weight(closed)
+            flat, rest = (jac * robust[:, :, None]).reshape(closed.size, -1), (closed * robust).ravel()
+            information, gradient = flat.T @ flat, flat.T @ rest
+        if not (np.isfinite(information).all() and np.isfinite(gradient).all()):
+            raise _overflow(problem, i, information)
         information[size:, size:] += np.eye(len(information) - size)
         gradient[size:] += (believed[i][0] - point.states[i][0]) / experiment.starts.belief
         blocks.append(Equations(information, gradient))
         slopes.append(jac)
         carried.append((by_unknown, closing))
     return Joined(blocks, slopes, carried, judge(problem, point, believed, shots, reset=reset))
+
+
+def _overflow(problem: FitProblem, i: int, information: Array) -> FitError:
+    """Return the error for derivatives that are not finite."""
+    lost = ~np.isfinite(np.diag(information))
+    names = [name for name, is_lost in zip(problem.names, lost, strict=False) if is_lost]
+    by = ", ".join(names) or "its start"
+    return FitError(
+        f"{problem.experiments[i].shooter.recording.name}: the derivatives by {by} overflow",
+        rule="the normal equations have a solution if each value has a finite effect within a segment",
+        remedy="Use shorter segments (segment=...), or hold these values.",
+    )
 
 
 def _gaps(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: bool) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
 from pneudrive.estimate.profile import profile_interval
-from pneudrive.identify.dynamic.search import SINGULAR_SHARE, Joined, join_segments, reduced
+from pneudrive.identify.dynamic.search import SINGULAR_SHARE, Joined, join_segments, reduced, start_solution
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -84,8 +84,8 @@ def information(problem: FitProblem, at: Joined) -> Information:
     slopes = []
     for block, jac in zip(at.blocks, at.slopes, strict=True):
         n = block.information
-        slopes.append(jac[..., :size] - jac[..., size:] @ np.linalg.solve(n[size:, size:], n[size:, :size]))
-    scale = np.sqrt(np.diag(matrix))
+        slopes.append(jac[..., :size] - jac[..., size:] @ start_solution(block, n[size:, :size]))
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))  # what rounding makes negative is zero
     scale[scale == 0.0] = 1.0
     power, axes = np.linalg.eigh(matrix / np.outer(scale, scale))
     good = power > SINGULAR_SHARE**2 * max(power[-1], 1e-300)

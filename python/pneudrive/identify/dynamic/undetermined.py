@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 #: Largest distance of a 95 % interval's end, as a share of the value, for a determined value.
 LARGEST_REACH = 0.5
+#: Ratio of the ends of an interval beyond which a value has no effect.
+NO_EFFECT = 1e6
 #: Component of a vanishing direction from which a parameter counts as part of it.
 TAKES_PART = 0.3
 #: Correlation above which two values are only determined together.
@@ -113,6 +115,8 @@ def statements(
             continue
         factor, unit = readable(units[n])
         reason = f"anything from {plain(lower / factor)} to {plain(upper / factor)} {unit}".rstrip() + " fits"
+        if upper > NO_EFFECT * lower > 0.0:
+            reason = "the recordings do not depend on it"
         partners = [m for j, m in enumerate(names) if j != i and abs(correlation[i, j]) > TOGETHER]
         if partners:
             reason += f", as it is determined only together with {', '.join(partners)}"
