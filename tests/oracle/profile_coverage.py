@@ -66,7 +66,8 @@ class Count:
         low, high = binom.interval(0.95, max(self.total, 1), 0.95)
         share = 100 * self.inside / max(self.total, 1)
         return (
-            f"{self.inside} of {self.total} inside ({share:.1f} %; by chance {low:.0f} to {high:.0f}); called undetermined though determined: {', '.join(self.lost) or 'none'}; "
+            f"{self.inside} of {self.total} inside ({share:.1f} %; by chance {low:.0f} to {high:.0f}); "
+            f"called undetermined though determined: {', '.join(self.lost) or 'none'}; "
             f"not converged: {self.unfinished}"
         )
 
