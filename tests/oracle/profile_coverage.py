@@ -2,8 +2,9 @@
 
 Every tube and drive has hidden values, a start value that is off by up to a third, and white noise of its sensors.
 Tubes are discharges and fills of a tank. Those without waves come from the independent model, the others from a
-circuit. The last line counts intervals that hold the truth, with the 95 % range of a binomial count. It names values
-that are called undetermined although their first-order interval is within a tenth of the value.
+circuit. Every second tube of the independent model has no linear region of flow. The last line counts intervals that
+hold the truth, with the 95 % range of a binomial count. It names values that are called undetermined although their
+first-order interval is within a tenth of the value.
 """
 
 from __future__ import annotations
@@ -96,7 +97,8 @@ def tube(seed: int) -> tuple[pn.Tank, dict[str, Any], dict[str, float]]:
     other, start = (supply, AMBIENT_PA) if fills else (AMBIENT_PA, supply)
     if fills:
         tables["line"]["pressure"] = f"{supply!r} Pa abs"
-    values = pressure(time, start, volume=volume, c=c, b=b, other=other, heat=heat)
+    region = float(draw.choice([0.999, 1.0]))
+    values = pressure(time, start, volume=volume, c=c, b=b, other=other, heat=heat, linear_above=region)
     columns = {"time_s": time, "pressure_pa": values + noise * draw.standard_normal(time.size)}
     return pn.Tank.model_validate(tables), columns | {"command": np.ones(time.size)}, truth
 

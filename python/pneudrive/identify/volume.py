@@ -9,6 +9,7 @@ so far, the interval is open and the value not determined.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from pneudrive import __version__, _core
 from pneudrive.errors import FitError, nearest
+from pneudrive.estimate.estimates import student
 from pneudrive.estimate.transforms import Transforms
 from pneudrive.free.parameters import DriveFamily, Parameter
 from pneudrive.identify.determined import Undetermined
@@ -27,7 +29,7 @@ from pneudrive.identify.dynamic.sensors import Channel
 from pneudrive.identify.dynamic.shooting import Shooter
 from pneudrive.identify.dynamic.solved import Attempt, SearchOptions
 from pneudrive.identify.dynamic.states import SegmentStarts
-from pneudrive.identify.dynamic.uncertainty import profile
+from pneudrive.identify.dynamic.uncertainty import Solved, information, profile
 from pneudrive.identify.volume_result import VolumeFit
 from pneudrive.numbers import plain
 from pneudrive.signals.drive_recording import VolumeRecording, read_volume_recordings
@@ -83,6 +85,10 @@ BENDS = {
     "volume.leakage": (-1.5, 1.5),
 }
 ENOUGH_TO_START = 500
+#: Distance between the coordinates of two minima.
+APART = 0.05
+#: Ratio of pressures where a shorter linear region begins (assumed), and samples that show the end of a recording.
+SHORT_REGION, LAST_SAMPLES = 0.99999, 10
 #: Prior standard deviations of a start: any pressure, Pa; the temperature is held, K.
 BELIEF = np.array([1e5, 1e-6])
 #: Largest distance of an interval's end, as a share of the value, for a determined value.
@@ -134,11 +140,24 @@ def identify_volume(
     records = read_volume_recordings(recordings, layout)
     names, held = _free(tank, records, free)
     watcher = Watcher(lambda at: watch.tell(at.step, 0, "steps of the search"), watch)
-    point = _best_start(tank, records, names, watcher)
+    tried = [(_minima(one, records, names, watcher), one) for one in _linear_regions(tank, records)]
+    minima, tank = min(tried, key=lambda found: found[0][0][0])
     problem, _ = _problem(tank, records, names, watch)
     options = SearchOptions(None, robust=False, rtol=RTOL, threads=1)
     stated = [np.zeros(e.noise.size, dtype=bool) for e in problem.experiments]
-    return _result(tank, records, solve(problem, point, stated, options, watcher), held)
+    attempt = solve(problem, minima[0][1], stated, options, watcher)
+    others = _other_minima(attempt.solved, [point for _, point in minima[1:]]) if attempt.converged else []
+    return _result(tank, records, attempt, others, held)
+
+
+def _linear_regions(tank: Tank, records: list[VolumeRecording]) -> list[Tank]:
+    """Return the tank, and one with a shorter linear region if that is assumed and a recording reaches into it."""
+    line = tank.line
+    if line is None or "linear_above" in line.to_dict():
+        return [tank]
+    other = tank.core_form()["line"]["pressure_pa"]
+    ratios = [np.median(np.minimum(r.pressure_pa / other, other / r.pressure_pa)[-LAST_SAMPLES:]) for r in records]
+    return [tank, tank.replace({"line.linear_above": SHORT_REGION})] if max(ratios) > line.linear_above else [tank]
 
 
 def _free(
@@ -215,11 +234,13 @@ def _upper(tank: Tank, name: str) -> float:
     return tank.core_form()["line"]["linear_above"] if is_ratio else np.inf
 
 
-def _best_start(tank: Tank, records: list[VolumeRecording], names: list[str], watcher: Watcher) -> Iterate:
-    """Search from several starts over some of the samples, as the cost has several minima."""
+def _minima(
+    tank: Tank, records: list[VolumeRecording], names: list[str], watcher: Watcher
+) -> list[tuple[float, Iterate]]:
+    """Return the minima of the cost with their costs, best first: searches from several starts over some samples."""
     bends = [i for i, name in enumerate(names) if name in BENDS]
     problem, first = _problem(tank, [_thinned(r) for r in records], names, watcher.watch)
-    found = []
+    found: list[tuple[float, Iterate]] = []
     for apart in [(0.0,) * len(bends), *product(*(BENDS[names[i]] for i in bends))]:
         eta = first.eta.copy()
         eta[bends] += apart
@@ -230,7 +251,26 @@ def _best_start(tank: Tank, records: list[VolumeRecording], names: list[str], wa
         found.append((at.cost, point))
     if not found:
         raise FitError("the tank cannot be simulated at the start values", remedy="Give other start values.")
-    return min(found, key=lambda one: one[0])[1]
+    distinct: list[tuple[float, Iterate]] = []
+    for cost, point in sorted(found, key=lambda minimum: minimum[0]):
+        if all(np.abs(point.eta - known.eta).max() > APART for _, known in distinct):
+            distinct.append((cost, point))
+    return distinct
+
+
+def _other_minima(solved: Solved, points: list[Iterate]) -> list[Solved]:
+    """Return further minima whose cost does not exclude them: the recordings do not tell them from the best one."""
+    problem, found = solved.problem, []
+    for point in points:
+        try:
+            end, at, converged = join_segments(problem, point, solved.believed, None)
+        except FitError:
+            continue
+        known = [solved, *found]
+        is_new = all(np.abs(end.eta - other.point.eta).max() > APART for other in known)
+        if converged and is_new and at.cost - solved.at.cost < student(solved.freedom) ** 2:
+            found.append(replace(solved, point=end, at=at, information=information(problem, at)))
+    return found
 
 
 def _thinned(record: VolumeRecording) -> VolumeRecording:
@@ -242,11 +282,13 @@ def _thinned(record: VolumeRecording) -> VolumeRecording:
     return record.at(keep)
 
 
-def _result(tank: Tank, records: list[VolumeRecording], attempt: Attempt, held: list[Undetermined]) -> VolumeFit:
+def _result(
+    tank: Tank, records: list[VolumeRecording], attempt: Attempt, others: list[Solved], held: list[Undetermined]
+) -> VolumeFit:
     solved = attempt.solved
     problem, at, found = solved.problem, solved.at, solved.information
     values = dict(zip(problem.names, problem.values(solved.point.eta).tolist(), strict=True))
-    intervals = {n: profile(solved, n) for n in problem.names} if attempt.converged else {}
+    intervals = {n: _hull(solved, others, n) for n in problem.names} if attempt.converged else {}
     lost = [u for n in intervals if (u := _lost(tank, records, n, values[n], *intervals[n]))]
     series, rests, shares = {}, [], []
     for experiment, residual, record in zip(problem.experiments, at.residuals, records, strict=True):
@@ -267,7 +309,7 @@ def _result(tank: Tank, records: list[VolumeRecording], attempt: Attempt, held: 
         covariance=jacobian @ found.covariance(problem) @ jacobian.T,
         intervals=intervals,
         undetermined=(*held, *lost),
-        notes=(*_notes(tank, attempt, tau), *applied_note(solved, {u.parameter for u in lost})),
+        notes=(*_notes(tank, attempt, tau), *_alternatives(others), *applied_note(solved, {u.parameter for u in lost})),
         statistics={
             "samples": float(off.size),
             "rms.pressure": float(np.sqrt(np.mean(off**2))),
@@ -290,6 +332,12 @@ def _result(tank: Tank, records: list[VolumeRecording], attempt: Attempt, held: 
         series=series,
         profiler=intervals.__getitem__,
     )
+
+
+def _hull(solved: Solved, others: list[Solved], name: str) -> tuple[float, float]:
+    """Return the interval over all minima: the range in which the cost stays within that of the best one."""
+    ends = [profile(minimum, name, least=solved.at.cost) for minimum in (solved, *others)]
+    return min(low for low, _ in ends), max(high for _, high in ends)
 
 
 def _lost(
@@ -329,8 +377,22 @@ def _lost(
     return Undetermined(name, reason, NUMBERS[name][2])
 
 
+def _alternatives(others: list[Solved]) -> list[str]:
+    """Return a note on values that fit as well as the best ones."""
+    notes = []
+    for minimum in others:
+        problem = minimum.problem
+        values = zip(problem.parameters, problem.values(minimum.point.eta), strict=True)
+        shown = [(p.name, value / readable(p.unit)[0], readable(p.unit)[1]) for p, value in values]
+        words = ", ".join(f"{name} = {plain(value)} {unit}".rstrip() for name, value, unit in shown)
+        notes.append(f"other values fit as well: {words}; the intervals hold both, record also with the line shut")
+    return notes
+
+
 def _notes(tank: Tank, attempt: Attempt, tau: float) -> list[str]:
     notes = []
+    if tank.line is not None and tank.line.linear_above == SHORT_REGION:
+        notes.append(f"line.linear_above = {SHORT_REGION:g} fits the end of the recordings better than the default")
     if not attempt.converged:
         notes.append("the search did not converge, so there are no intervals; give other start values")
     if tank.volume.start_temperature_k is None:

@@ -424,7 +424,8 @@ def join_segments(
     for _ in range(most):
         information, gradient = equations(problem, point, at)
         step = bounded_step(information, gradient, LONGEST)
-        length = float(np.sqrt(max(step @ information @ step, 0.0) / problem.size))
+        gain = float(step @ information @ step) + _start_gain(at.blocks, problem.size)
+        length = float(np.sqrt(max(gain, 0.0) / problem.size))
         short = length < SHORT_STEP and at.standing.gap < SMALL_GAP
         if short or (at.exact and at.standing.gap < SOLVER_GAP):
             return point, at, True
@@ -438,6 +439,11 @@ def join_segments(
         if watcher is not None:
             watcher.step(problem, "steps with joined segments", at.standing, point)
     return point, at, False
+
+
+def _start_gain(blocks: list[Equations], size: int) -> float:
+    """Return the gain that the starts alone allow: their part of the Newton decrement."""
+    return sum(float(b.gradient[size:] @ start_solution(b, b.gradient[size:])) for b in blocks)
 
 
 def _moved(point: Iterate, at: Joined, step: Array) -> Iterate:

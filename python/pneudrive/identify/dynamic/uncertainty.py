@@ -159,7 +159,7 @@ def bootstrap(solved: Solved, count: int, seed: int) -> Array:
     return out
 
 
-def profile(solved: Solved, name: str) -> tuple[float, float]:
+def profile(solved: Solved, name: str, least: float | None = None) -> tuple[float, float]:
     """Return the interval of one value by profile likelihood, SI.
 
     With all other values refitted, the cost may grow by Student's t squared times the inflation of the residuals. If
@@ -171,6 +171,8 @@ def profile(solved: Solved, name: str) -> tuple[float, float]:
         End of the search.
     name : str
         Name of the value, as in `FitProblem.names`.
+    least : float, optional
+        Cost of the best minimum; by default that of this one.
     """
     problem, point, found, reach = solved.problem, solved.point, solved.information, student(solved.freedom)
     index = problem.names.index(name)
@@ -181,8 +183,9 @@ def profile(solved: Solved, name: str) -> tuple[float, float]:
     def held(value: float, start: Iterate) -> tuple[float, Iterate]:
         return _constrained(problem, start, solved.believed, value, index)
 
+    least = solved.at.cost if least is None else least
     at, ends = point.eta[index], []
-    for end in profile_interval(held, point, at, reach * spread, solved.at.cost, allowed):
+    for end in profile_interval(held, point, at, reach * spread, least, allowed):
         eta = point.eta.copy()
         eta[index] = end
         ends.append(float(problem.values(eta)[index]))
