@@ -237,7 +237,7 @@ def run(
         )
     except (ValueError, RuntimeError) as error:
         raise SimulationError(str(error)) from None
-    meanings = drive.meanings if is_circuit(drive) else drive.circuit.meanings if drive.has_lines else {}
+    meanings = drive.meanings if is_circuit(drive) else drive.circuit.meanings if drive.runs_as_circuit else {}
     if meanings and not is_circuit(drive):
         _in_short(result)
     result["warnings"] += _open_ledger(result["ledger"], rtol) + humidity.warnings(drive, result["columns"])
@@ -251,7 +251,7 @@ def run(
         values = [one.value for one in differentiator.parameters]
         columns = [name for name in result["columns"] if name not in UNDIFFERENTIATED]
         by_numbers = differentiator.run(values, result["columns"]["time_s"], columns, watch=watch)
-    known = {} if is_circuit(drive) else _steps(*(plan[0][0][1:] if drive.has_lines else plan))
+    known = {} if is_circuit(drive) else _steps(*(plan[0][0][1:] if drive.runs_as_circuit else plan))
     return Run(result["columns"], _provenance(drive, result, rtol) | known, meanings, by_numbers)
 
 
@@ -261,7 +261,7 @@ def _plan(drive: Drive | Circuit, command: Any, asked: list[float] | None) -> tu
         named = commands.plans(command, drive.commandable, asked)
         return ([(f"{name}.command", list(times), list(values)) for name, (times, values) in named],)
     steps = commands.steps(command, asked, drive.valve.command)
-    return ([("valve.command", *map(list, steps))],) if drive.has_lines else steps
+    return ([("valve.command", *map(list, steps))],) if drive.runs_as_circuit else steps
 
 
 def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[list[float]]]:

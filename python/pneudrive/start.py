@@ -31,12 +31,12 @@ def start(
     check_tolerance(rtol)
     core, state = ready(described, initial)
     session = core.start(state, rtol)
-    is_short = not is_circuit(described) and described.has_lines
+    is_short = not is_circuit(described) and described.runs_as_circuit
     return Session(cast("CoreSession", _Short(session)) if is_short else session)
 
 
 def ready(described: Drive | Circuit, initial: Any) -> tuple[CoreDrive | CoreCircuit, dict[str, float]]:  # noqa: ANN401
-    """Return the core's form of a drive or a circuit, and the start state in SI; a drive with lines becomes a circuit.
+    """Return the core's form of a drive or a circuit, and the start state in SI; some drives run as their circuit.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def ready(described: Drive | Circuit, initial: Any) -> tuple[CoreDrive | CoreCir
 
         return compiled_circuit(described.core_json()), described.core_initial(start_values(initial))
     given = read_initial(initial)
-    if described.has_lines:
+    if described.runs_as_circuit:
         from pneudrive.describe.circuit import compiled as compiled_circuit
 
         return compiled_circuit(described.circuit.core_json()), described.circuit_initial(given)

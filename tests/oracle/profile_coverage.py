@@ -1,8 +1,8 @@
 """How often profile intervals of hidden tubes and drives hold the truth: ``python -m oracle.profile_coverage``.
 
 Every tube and drive has hidden values, a start value that is off by up to a third, and white noise of its sensors.
-Tubes are discharges and fills of a tank. Those without waves come from the independent model, the others from a
-circuit. Every second tube of the independent model has no linear region of flow. The last line counts intervals that
+Tubes are discharges and fills of a tank by the independent model, half of them without a linear region of flow. Hoses
+are tubes with waves from a circuit. The last line counts intervals that
 hold the truth, with the 95 % range of a binomial count. It names values that are called undetermined although their
 first-order interval is within a tenth of the value.
 """
@@ -180,7 +180,7 @@ def hidden_drive(seed: int) -> tuple[pn.Drive, Any, dict[str, float]]:
 def main() -> None:
     """Print all cases and the counts."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("kind", choices=("tubes", "drives"))
+    parser.add_argument("kind", choices=("tubes", "hoses", "drives"))
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)
     options = parser.parse_args()
@@ -193,7 +193,7 @@ def main() -> None:
             fit: Fit = pn.identify(start, made, free=list(truth))
             ends = fit.profile(fit.determined) if fit.converged else {}
         else:
-            tank, columns, truth = (tube if seed % 2 else hose)(seed)
+            tank, columns, truth = (tube if options.kind == "tubes" else hose)(seed)
             fit = pn.identify_volume(tank, columns, free=list(truth))
             ends = fit.intervals
         count.add(f"{options.kind} {seed}", fit, ends, truth)

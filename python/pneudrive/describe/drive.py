@@ -82,7 +82,7 @@ class Drive(Described):
 
     @model_validator(mode="after")
     def _lines_fit(self) -> Drive:
-        if self.has_lines:
+        if self.runs_as_circuit:
             assert self.circuit  # raises an error if it is wrong
         return self
 
@@ -192,6 +192,11 @@ class Drive(Described):
         """Whether tubes or flow controls lie between valve and cylinder."""
         return bool(self.tubing or self.flow_control)
 
+    @property
+    def runs_as_circuit(self) -> bool:
+        """Whether a run needs the drive's circuit: it has lines, or a valve with overlap or leakage."""
+        return self.has_lines or self.valve.has_shape
+
     @cached_property
     def circuit(self) -> Circuit:
         """The drive as a circuit of components."""
@@ -214,12 +219,16 @@ class Drive(Described):
         Raises
         ------
         DescriptionError
-            Tubes or flow controls lie between valve and cylinder; callers of this form do not support them.
+            The drive needs its circuit, which callers of this form do not support.
         """
         if self.has_lines:
             key = "tubing" if self.tubing else "flow_control"
             what = f"a drive with [{key}] can be simulated, drawn and started as a session, but not used here"
             raise wrong(key, what, remedy=f"Remove [{key}], or describe its volume by cylinder.dead_volume.")
+        if self.runs_as_circuit:
+            key = "valve.leakage" if self.valve.overlap is None else "valve.overlap"
+            what = f"a drive with {key} can be simulated, drawn and started as a session, but not used here"
+            raise wrong(key, what, remedy=f"Remove {key}.")
         return self.si_form
 
     def model_copy(self, *, update: Any = None, deep: bool = False) -> Drive:  # noqa: ANN401 - pydantic's signature
@@ -232,7 +241,7 @@ class Drive(Described):
     @property
     def description_hash(self) -> str:
         """SHA-256 of the simulated values: name and labels do not count."""
-        if self.has_lines:
+        if self.runs_as_circuit:
             return self.circuit.description_hash
         return hashlib.sha256(self.core_json().encode()).hexdigest()
 
@@ -341,7 +350,7 @@ class Drive(Described):
         from pneudrive import _core
 
         try:
-            return _core.Drive(self.core_json())
+            return _core.Drive(self.si_form)
         except ValueError as error:
             raise DescriptionError(str(error)) from None
 
@@ -366,7 +375,7 @@ class Drive(Described):
     def all_assumptions(self) -> list[tuple[str, str]]:
         """Cached result of `assumptions`."""
         out = [f"{v.key} = {inline(v.value)}, {v.assumed}" for v in self.origins if v.assumed is not None]
-        if self.has_lines:
+        if self.runs_as_circuit:
             return [(escaped(line), "") for line in out] + self.circuit.assumptions()
         for table, keys in _ASSUMED.items():
             part = getattr(self, table)

@@ -297,6 +297,8 @@ class Valve(Described):
 
     A command u > 0 opens supply -> a and b -> exhaust with the fraction u of the conductance, u < 0 supply -> b and
     a -> exhaust. `command` is the range of the electrical input, for commands in V or mA; its ends are u = -1 and 1.
+    `overlap` is the fraction of the command up to which an edge stays shut, negative for an edge that is open in the
+    centre. `leakage` is the fraction of the conductance that leaks past each edge in the centre.
     The size is given in exactly one way: conductance C (ISO 6358), nominal_flow (6 to 5 bar gauge), kv or cv
     (`pneudrive.describe.valve_flow` states the assumptions of each conversion).
     """
@@ -312,6 +314,8 @@ class Valve(Described):
     critical_pressure_ratio: Fraction = valve_flow.USUAL_RATIO
     subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
     linear_above: Fraction = 0.999
+    overlap: Annotated[float | None, Quantity("", bounds=Bounds(above=-1.0, below=1.0))] = None
+    leakage: Annotated[float | None, Quantity("", bounds=Bounds(at_least=0.0, at_most=1.0))] = None
     command: Annotated[Signal | None, SignalRange("")] = None
 
     @model_validator(mode="before")
@@ -330,6 +334,11 @@ class Valve(Described):
             b = self.critical_pressure_ratio
             raise wrong(key, f"{key} = {self.linear_above:g} must exceed valve.critical_pressure_ratio = {b:g}")
         return self
+
+    @property
+    def has_shape(self) -> bool:
+        """Whether overlap or leakage of the edges is given."""
+        return self.overlap is not None or self.leakage is not None
 
     def _sizes(self) -> tuple[float | None, ...]:
         return self.conductance_given, self.nominal_flow_m3_s_anr, self.kv, self.cv

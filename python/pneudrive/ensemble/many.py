@@ -249,7 +249,7 @@ def numbers_of(drive: Drive | Circuit) -> dict[str, Varied]:
 def _plans(drive: Drive | Circuit, command: Any, duration: Any) -> MemberPlans:  # noqa: ANN401
     if is_circuit(drive):
         return circuit_plans(command, duration, drive.commandable)
-    return drive_plans(command, duration, "valve.command" if drive.has_lines else "command", drive.valve.command)
+    return drive_plans(command, duration, "valve.command" if drive.runs_as_circuit else "command", drive.valve.command)
 
 
 def _signals(drive: Drive | Circuit, columns: Sequence[str], plans: MemberPlans) -> SignalNames:

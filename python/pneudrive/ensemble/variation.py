@@ -149,9 +149,9 @@ class Variation:
     def form(self) -> CoreForm:
         """The description in the core's form."""
         drive = self.drive
-        return (
-            CoreForm("circuit", drive.circuit.core_json()) if drive.has_lines else CoreForm("drive", drive.core_json())
-        )
+        if drive.runs_as_circuit:
+            return CoreForm("circuit", drive.circuit.core_json())
+        return CoreForm("drive", drive.core_json())
 
     def start_said(self) -> dict[str, str]:
         """Return the start state of all members in words: with the same ones, studies start alike."""
@@ -193,7 +193,7 @@ class Variation:
             It is not valid.
         """
         drive, initial = self.single(row)
-        drive.circuit_initial(initial) if drive.has_lines else drive.core_initial(initial)
+        drive.circuit_initial(initial) if drive.runs_as_circuit else drive.core_initial(initial)
 
     def coupled(self) -> Iterator[tuple[str, str]]:
         """Yield the pairs of numbers the first of which must not exceed the second."""
@@ -230,7 +230,7 @@ class Variation:
     def _starts(self, rows: Array) -> dict[str, float | Array]:
         columns = dict(zip(self.names, rows.T, strict=True))
         moved = [name for name in columns if name.startswith(INITIAL) or name in STARTS_FROM]
-        if self.drive.has_lines:
+        if self.drive.runs_as_circuit:
             if not moved:
                 return dict(self.drive.circuit_initial(self.initial))
             each = [self._lines_start(row) for row in rows]

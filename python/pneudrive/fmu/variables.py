@@ -292,13 +292,13 @@ def _starts(start: dict[str, float], is_short: bool, actuator: bool) -> Iterator
 
 def _results(session: CoreSession, described: Drive | Circuit, actuator: bool) -> Iterator[FmuVariable]:
     is_short = not is_circuit(described)
-    has_lines = is_short and described.has_lines  # type: ignore[union-attr]
+    as_circuit = is_short and described.runs_as_circuit  # type: ignore[union-attr]
     moved = (_PISTON, "cylinder.velocity_m_s") if actuator else ()
     seen = set()
     for core in session.columns:
         last = core.rpartition(".")[2]
         name, unit, what = _named(core, is_short)
-        foreign = is_short and not has_lines and "." in name
+        foreign = is_short and not as_circuit and "." in name
         if last in ("time_s", "command") or core in moved or foreign:
             continue
         if actuator and last == "acceleration_m_s2":

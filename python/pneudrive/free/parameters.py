@@ -53,8 +53,11 @@ _SIGNED = {
     "load.force": 10.0,
     "cylinder.incline": 0.1,
     "load.spring.rest_position": 0.1,
+    "valve.overlap": 0.05,
     "friction.position.slope": 1.0,
 }
+#: Start values of the valve's shape for a drive without it (assumed): leakage has no logarithm at 0.
+VALVE_SHAPE = {"valve.overlap": 0.0, "valve.leakage": 1e-3}
 _SEAL_SLOPE = 1e-5  # N/Pa: 1 N/bar
 _AGEING_SLOPE = 1e-6  # 1/Pa: 0.1/bar
 
@@ -94,7 +97,7 @@ class Parameter:
 def numbers_of(drive: Drive) -> dict[str, Parameter]:
     """Return every number of a drive that can be free, by its name in the drive file."""
     laws = {p["key"]: p for p in drive.friction.entry["parameters"]}
-    if not drive.has_lines:
+    if not drive.runs_as_circuit:
         form = json.loads(drive.core_json())
         return {p.name: p for p in (_parameter(path, value, laws) for path, value in _leaves(form, ""))}
     friction = (_parameter(path, value, laws) for path, value in _leaves({"friction": drive.friction.core()}, ""))
@@ -102,6 +105,14 @@ def numbers_of(drive: Drive) -> dict[str, Parameter]:
     ambient = _leaves({"ambient": json.loads(drive.circuit.core_json())["ambient"]}, "")
     found |= {p.name: p for p in (_parameter(path, value, laws) for path, value in ambient)}
     return found | {one[0]: _of_component(*one) for one in lines.numbers(drive)}
+
+
+def with_shape(drive: Drive, names: Iterable[str]) -> Drive:
+    """Return a drive whose valve has overlap or leakage if they are among names; the start values are assumed."""
+    lacking = {
+        name for name in names if name in VALVE_SHAPE and getattr(drive.valve, name.removeprefix("valve.")) is None
+    }
+    return drive.replace({name: VALVE_SHAPE[name] for name in lacking}) if lacking else drive
 
 
 def find(drive: Drive, names: Sequence[str]) -> list[Parameter]:
@@ -319,7 +330,7 @@ class DriveFamily:
 
 
 class LinesFamily(DriveFamily):
-    """Family of drives with tubes or flow controls, as circuits."""
+    """Family of drives that run as their circuit."""
 
     def core(self, values: Array) -> Any:  # noqa: ANN401 - an object with the interface of the core's drive
         """Return the core's drive with these values."""
@@ -332,6 +343,6 @@ class LinesFamily(DriveFamily):
 def family_of(drive: Drive, parameters: Sequence[Parameter]) -> DriveFamily:
     """Return the family of a drive for some free parameters."""
     free = [p.core for p in parameters]
-    if drive.has_lines:
+    if drive.runs_as_circuit:
         return LinesFamily(json.loads(drive.circuit.core_json()), free, lines.derived_in_circuit(drive))
     return DriveFamily(json.loads(drive.core_json()), free, derived(drive))

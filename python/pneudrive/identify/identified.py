@@ -18,6 +18,7 @@ from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.describe.provenance import marks as marks_of
 from pneudrive.describe.provenance import values as values_of
 from pneudrive.errors import FitError, nearest, warn
+from pneudrive.free.parameters import with_shape
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -128,6 +129,7 @@ def apply_identified(
     changes: dict[str, object] = dict(tables or {})
     if beside is not None:
         found = found.lowered({f"friction.{name}": force for name, force in beside.sliding.items()})
+    drive = with_shape(drive, found.values)
     known = marks_of(drive)
     law = changes.get("friction.law")
     entry = drive.friction.entry if law is None else friction_laws()[str(law)]

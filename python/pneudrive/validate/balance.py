@@ -34,6 +34,8 @@ Values = tuple["Array", "Array", "Array"]
 #: Half of the kernel's support, s, and its least number of samples (assumed: longer than the window of the velocity's
 #: derivative, shorter than a motion).
 HALF_SUPPORT_S, LEAST_SAMPLES = 0.02, 5
+#: Command over which the leakage of a valve falls to 1/e, as in the core (assumed).
+LEAKAGE_WIDTH = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +94,7 @@ class Scene:
     def of(cls, drive: Drive, signals: Signals) -> Scene:
         """Return the scene of an unchanged drive and its signals."""
         pressures = (signals.pressure_a_pa, signals.pressure_b_pa)
-        opened = at_samples(_core.valve_openings(signals.command))
+        opened = at_samples(openings(drive, signals.command))
         return cls(drive, _equations(drive), signals, signals.position_m, pressures, opened)
 
     def with_drive(self, drive: Drive) -> Scene:
@@ -128,9 +130,21 @@ class Scene:
         return force, a, b
 
 
+def openings(drive: Drive, command: Array) -> Array:
+    """Return the open fraction of the conductance of each edge of the valve for a command, shape (n, 4).
+
+    An edge opens by clip((u - overlap) / (1 - overlap), 0, 1) + leakage exp(-|u| / leakage_width).
+    """
+    if not drive.valve.has_shape:
+        return _core.valve_openings(command)
+    overlap, leakage = drive.valve.overlap or 0.0, drive.valve.leakage or 0.0
+    towards = command[:, None] * np.array([1.0, -1.0, -1.0, 1.0])
+    leaks = leakage * np.exp(-np.abs(command) / LEAKAGE_WIDTH)
+    return np.clip((towards - overlap) / (1.0 - overlap), 0.0, 1.0) + leaks[:, None]
+
+
 def _equations(drive: Drive) -> Any:  # noqa: ANN401 - the core's
-    plain = drive.model_copy(update={"tubing": {}, "flow_control": {}}) if drive.has_lines else drive
-    return compiled(plain.core_json())
+    return compiled(drive.si_form)
 
 
 def moving_mass(drive: Drive) -> float:

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive import _core
 from pneudrive.units import write
-from pneudrive.validate.balance import Scene, Values, at_samples
+from pneudrive.validate.balance import Scene, Values, at_samples, openings
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,6 +27,10 @@ Change = Callable[[Scene, float], Scene]
 
 #: Bounds of a change as a share of the present value.
 SHARE = (-0.95, 20.0)
+#: Bounds of a critical pressure ratio.
+RATIO = (0.01, 0.95)
+#: Bounds of an amount that physics allows in one sense only: a leak does not blow, a supply does not rise with flow.
+NOT_NEGATIVE = (0.0, np.inf)
 
 
 @dataclass(frozen=True)
@@ -176,8 +179,9 @@ def _command(how: Callable[[Array, float, float], Array]) -> Change:
 
     def change(scene: Scene, amount: float) -> Scene:
         command = scene.signals.command
-        after = at_samples(_core.valve_openings(how(command, amount, scene.signals.step_s)))
-        return replace(scene, opened=np.maximum(scene.opened + after - at_samples(_core.valve_openings(command)), 0.0))
+        after = at_samples(openings(scene.drive, how(command, amount, scene.signals.step_s)))
+        before = at_samples(openings(scene.drive, command))
+        return replace(scene, opened=np.maximum(scene.opened + after - before, 0.0))
 
     return change
 
@@ -191,8 +195,12 @@ def _delayed(command: Array, delay_s: float, step_s: float) -> Array:
     return (1.0 - part) * late + part * later
 
 
-def _dead_zone(command: Array, zone: float, _: float) -> Array:
-    return np.sign(command) * np.maximum(np.abs(command) - zone, 0.0)
+def _overlap(scene: Scene, amount: float) -> Scene:
+    """Change the overlap of the valve's edges."""
+    changed = scene.with_drive(scene.drive.replace({"valve.overlap": (scene.drive.valve.overlap or 0.0) + amount}))
+    command = scene.signals.command
+    before, after = (at_samples(openings(one.drive, command)) for one in (scene, changed))
+    return replace(changed, opened=np.maximum(scene.opened + after - before, 0.0))
 
 
 def _sensor(position: float = 0.0, a: float = 0.0, b: float = 0.0) -> Change:
@@ -247,7 +255,15 @@ def causes(drive: Drive) -> list[Cause]:
     """Return all causes that are tested for a drive."""
     friction = _of_friction(drive) if "coulomb" in drive.friction.parameters else []
     leaks = _of_leaks(drive)
-    return [*friction, *_of_load(drive), *_of_valve(), *_of_supply(), *leaks, *_of_chambers(drive), *_of_sensors()]
+    return [
+        *friction,
+        *_of_load(drive),
+        *_of_valve(drive),
+        *_of_supply(drive),
+        *leaks,
+        *_of_chambers(drive),
+        *_of_sensors(),
+    ]
 
 
 def _mass(drive: Drive, share: float) -> dict[str, object]:
@@ -258,6 +274,8 @@ def _mass(drive: Drive, share: float) -> dict[str, object]:
 
 
 def _of_load(drive: Drive) -> list[Cause]:
+    spring = drive.carried.spring
+    own_stiffness = 0.0 if spring is None else spring.stiffness_n_m
     heavier = "load.mass" if drive.carried.mass_kg > drive.cylinder.moving_mass_kg else "cylinder.moving_mass"
     return [
         Cause("moving mass", "load", "{size} moving mass", "share", 0.05, 0.03,
@@ -266,11 +284,12 @@ def _of_load(drive: Drive) -> list[Cause]:
                   "check the incline (weight), the drag of cables, and the zeros of the pressure sensors",
                   _value("load.force", "N", lambda d, f: d.carried.force_n + f), free=("load.force",)),
         Cause("spring", "load", "a spring of {size} around mid stroke that the model lacks", "N/m", 20.0, 10.0,
-                  "check for cables, hoses and covers that pull", _drive(_spring)),
+                  "check for cables, hoses and covers that pull", _drive(_spring), bounds=(-own_stiffness, np.inf)),
     ]  # fmt: skip
 
 
-def _of_valve() -> list[Cause]:
+def _of_valve(drive: Drive) -> list[Cause]:
+    ratio = drive.valve.critical_pressure_ratio
     conductance = _value(
         "valve.conductance", "m^3/(s Pa)", lambda d, share: d.valve.conductance_m3_s_pa * (1.0 + share)
     )
@@ -289,7 +308,8 @@ def _of_valve() -> list[Cause]:
         Cause("critical pressure ratio", "valve", "critical pressure ratio b {size}", "1", 0.03, 0.03,
                   "measure b (ISO 6358), or fit valve.critical_pressure_ratio to these records",
                   _drive(lambda d, b: {"valve.critical_pressure_ratio": float(
-                      np.clip(d.valve.critical_pressure_ratio + b, 0.01, 0.95))}), bounds=(-0.6, 0.6),
+                      np.clip(d.valve.critical_pressure_ratio + b, *RATIO))}),
+                  bounds=(RATIO[0] - ratio, RATIO[1] - ratio),
                   free=("valve.critical_pressure_ratio",)),
         Cause("valve delay", "valve", "a valve that acts {size} late", "s", 2e-3, 1e-3,
                   "measure the valve's step response (negative: the command was logged late); identify with a free "
@@ -298,31 +318,35 @@ def _of_valve() -> list[Cause]:
                   "find the command at which the piston rests, and tare it",
                   _command(lambda u, zero, _: np.clip(u - zero, -1.0, 1.0)), described=False),
         Cause("dead zone", "valve", "a dead zone of the valve of {size} of its command", "1", 0.01, 0.005,
-                  "measure the flow over the command near zero", _command(_dead_zone), described=False),
+                  "measure the flow over the command near zero, or fit valve.overlap to small and large commands",
+                  _overlap, bounds=(-(drive.valve.overlap or 0.0), 0.9), free=("valve.overlap",)),
     ]  # fmt: skip
 
 
-def _of_supply() -> list[Cause]:
+def _of_supply(drive: Drive) -> list[Cause]:
+    gauge = drive.supply_pressure_pa - drive.ambient.pressure_pa
     return [
         Cause("supply pressure", "supply", "{size} supply pressure", "Pa", 0.05e5, 0.05e5,
                   "measure the pressure at the valve's inlet while the drive runs",
                   _drive(lambda d, p: {"supply.pressure": f"{d.supply_pressure_pa + p!r} Pa abs"}),
-                  free=("supply.pressure",)),
+                  bounds=(-0.9 * gauge, np.inf), free=("supply.pressure",)),
         Cause("supply sag", "supply", "a supply pressure that falls by {size} at the greatest flow", "Pa",
                   0.05e5, 0.1e5, "a larger regulator or a tank near the valve; measure the pressure there", term=_sag,
-                  described=False),
+                  bounds=NOT_NEGATIVE, described=False),
     ]  # fmt: skip
 
 
 def _of_leaks(drive: Drive) -> list[Cause]:
     return [
         Cause("leak from a", "valve", "a leak from chamber a outside, {size} of C", "share of C", 0.005, 0.002,
-                  "seal-tightness test: shut the valve and watch pressure a", _leak(1), described=False),
+                  "seal-tightness test: shut the valve and watch pressure a", _leak(1), bounds=NOT_NEGATIVE,
+                  described=False),
         Cause("leak from b", "valve", "a leak from chamber b outside, {size} of C", "share of C", 0.005, 0.002,
-                  "seal-tightness test: shut the valve and watch pressure b", _leak(3), described=False),
+                  "seal-tightness test: shut the valve and watch pressure b", _leak(3), bounds=NOT_NEGATIVE,
+                  described=False),
         Cause("leak through the valve", "valve", "a leak of the valve from supply to both chambers, {size} of C",
                   "share of C", 0.005, 0.002, "measure the pressure rise behind the shut valve", _leak(0, 2),
-                  described=False),
+                  bounds=NOT_NEGATIVE, described=False),
         Cause("leak past the piston", "chamber", "a leak past the piston of {size} of C", "share of C",
                   0.005, 0.002, "hold the piston with one chamber under pressure and watch the other; "
                   "cylinder.leakage describes it", _value("cylinder.leakage", "m^3/(s Pa)", _piston_leak),
@@ -368,12 +392,13 @@ def _of_friction(drive: Drive) -> list[Cause]:
     refit = "measure friction over speed (pneudrive campaign), or fit it to these records"
     parameters = drive.friction.parameters
     level = parameters["coulomb"]
+    own_lips = (0.0,) if drive.friction.pressure is None else drive.friction.pressure.coulomb_n_pa
     out = [
         Cause("Coulomb friction", "friction", "{size} Coulomb friction", "N", 0.05 * level, 0.04 * level, refit,
-                  _drive(_friction_level), free=("friction.coulomb",)),
+                  _drive(_friction_level), bounds=(-level, np.inf), free=("friction.coulomb",)),
         Cause("pressure-dependent friction", "friction", "friction that grows by {size} more with the pressure in "
                   "either chamber", "N/Pa", 2e-6, 2e-6, "fit with pressure_dependence=True over several pressures",
-                  _drive(_pressure_friction)),
+                  _drive(_pressure_friction), bounds=(-min(own_lips), np.inf)),
         Cause("direction of friction", "friction", "{size} friction towards +x and the opposite change "
                   "towards -x", "share", 0.03, 0.03, "fit each direction separately (friction.direction)",
                   _drive(_direction), bounds=(-0.9, 0.9)),
@@ -385,12 +410,12 @@ def _of_friction(drive: Drive) -> list[Cause]:
         out.append(
             Cause("viscous friction", "friction", "{size} viscous friction", "N s/m", 5.0, 4.0, refit,
                   _value("friction.viscous", "N s/m", lambda d, b: max(d.friction.parameters["viscous"] + b, 0.0)),
-                  free=("friction.viscous",))
+                  bounds=(-parameters["viscous"], np.inf), free=("friction.viscous",))
         )  # fmt: skip
     if "breakaway" in parameters:
         out.append(
             Cause("Stribeck friction", "friction", "{size} friction at low speed (breakaway above Coulomb)", "N",
                       0.05 * level, 0.1 * level, refit, _value("friction.breakaway", "N", _breakaway),
-                      free=("friction.breakaway",))
+                      bounds=(level - parameters["breakaway"], np.inf), free=("friction.breakaway",))
         )  # fmt: skip
     return out

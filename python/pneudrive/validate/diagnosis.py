@@ -6,6 +6,9 @@ that explains most is added to the model, and the search continues with the rema
 
     share explained = 1 - |e(changed model)|^2 / |e(model)|^2
 
+A search for values, such as `identify`, compensates an unmodelled effect by wrong values. A cause that explains little
+alone is therefore fitted together with these values too. It counts if both leave much less than either alone.
+
 Standard errors come from the scores of blocks of 0.25 s, as neighbouring samples are correlated.
 """
 
@@ -18,7 +21,7 @@ import numpy as np
 
 from pneudrive.errors import DescriptionError, SimulationError
 from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.numbers import with_u
+from pneudrive.numbers import plain, with_u
 from pneudrive.show import Shown
 from pneudrive.units import readable
 from pneudrive.validate.balance import Scene, Values, half_support
@@ -50,6 +53,10 @@ REFINED = 8
 #: A cause is indistinguishable from the best one if its squared residual is within this factor.
 RIVAL = 2.0
 NEWTON_STEPS = 3
+#: Causes that are fitted together with their companions.
+JOINT = 4
+#: Values that compensate an unmodelled effect, if the drive does not say which of its values were identified.
+COMPENSATING = frozenset({"valve.conductance", "friction.coulomb", "friction.viscous"})
 
 
 @dataclass(frozen=True)
@@ -181,11 +188,18 @@ class _Search:
         return effect if np.isfinite(effect).all() else None
 
     def with_cause(self, model: _Model, r: _Refined) -> _Model:
-        """Return the model with a cause added."""
-        change = r.cause.change
-        if change is None:
+        """Return the model with a cause added, and the causes that were fitted with it."""
+        for cause, amount in r.others:
+            model = self.changed(model, cause, amount)
+        if r.cause.change is None:
             return _Model(model.scenes, model.taken + r.amount * r.column)
-        return _Model([change(scene, r.amount) for scene in model.scenes], model.taken)
+        return self.changed(model, r.cause, r.amount)
+
+    @staticmethod
+    def changed(model: _Model, cause: Cause, amount: float) -> _Model:
+        """Return the model changed by an amount of a cause."""
+        assert cause.change is not None
+        return _Model([cause.change(scene, amount) for scene in model.scenes], model.taken)
 
     def squares(self, e: Array) -> dict[str, float]:
         """Return the sum of squares of each balance."""
@@ -212,13 +226,14 @@ class _Search:
 
 @dataclass(frozen=True, eq=False)
 class _Refined:
-    """Fitted cause: amount, explained share, column of the regression, and residual after it."""
+    """Fitted cause: amount, explained share, column of the regression, and residual after it; others fitted with it."""
 
     cause: Cause
     amount: float
     share: float
     column: Array
     after: Array
+    others: tuple[tuple[Cause, float], ...] = ()
 
     @classmethod
     def of(cls, cause: Cause, amount: float, column: Array, left: Array, effect: Array | None = None) -> _Refined:
@@ -256,8 +271,11 @@ def diagnose(
     culprits: list[Culprit] = []
     alone: tuple[tuple[str, float, float], ...] = ()
     while len(culprits) < MOST_CULPRITS and _is_dirty(search, left):
-        refined = _refined(search, model, left, {c.key for c in culprits}, watch)
+        taken = {c.key for c in culprits}
+        refined = _refined(search, model, left, taken, watch)
         alone = alone or tuple((r.cause.key, r.amount, r.share) for r in refined)
+        if refined and _is_dirty(search, refined[0].after):
+            refined = _with_companions(search, model, left, taken, watch, refined)
         # Only the cause that explains most counts: weaker ones are no evidence.
         if not refined or not _is_shown(search, found := refined[0], left):
             break
@@ -285,6 +303,86 @@ def _refined(search: _Search, model: _Model, left: Array, taken: set[str], watch
     # Of indistinguishable causes, the one with the fewest coefficients comes first.
     rivals = [r for r in refined if _is_rival(search, r, refined[0])]
     return sorted(rivals, key=lambda r: (r.cause.parts, -r.share)) + [r for r in refined if r not in rivals]
+
+
+def _with_companions(
+    search: _Search, model: _Model, left: Array, taken: set[str], watch: Watch, alone: list[_Refined]
+) -> list[_Refined]:
+    """Fit each cause together with values that compensate it; return these fits if one leaves much less than any alone.
+
+    The companions alone count as a fit of one, so that a wrong value is not taken for another cause.
+    """
+    drive = model.scenes[0].drive
+    values = frozenset(drive.provenance) or COMPENSATING
+    companions = [c for c in search.causes.values() if c.free and values.issuperset(c.free) and c.change]
+    if not companions:
+        return alone
+    fits = []
+    wanted = [c for key, c in search.causes.items() if key not in taken and c.change and c not in companions]
+    for cause in watch.each(_most_joint(search, model, left, wanted, companions), "causes tested with fitted values"):
+        fit = _together(search, model, left, cause, companions)
+        fits += [fit] if fit is not None else []
+    base = _together(search, model, left, companions[0], companions[1:])
+    least = 1.0 - max(alone[0].share, 0.0 if base is None else base.share)
+    fits = sorted((fit for fit in fits if RIVAL * (1.0 - fit.share) < least), key=lambda fit: -fit.share)
+    shown = [fit for fit in fits if _is_shown(search, fit, left)]
+    return [*shown, *alone] if shown else alone
+
+
+def _most_joint(
+    search: _Search, model: _Model, left: Array, wanted: list[Cause], companions: list[Cause]
+) -> list[Cause]:
+    """Return the causes that explain most together with their companions, in the linear fit."""
+    base = [column for c in companions if (column := search.effect(model, c, c.step)) is not None]
+    rests = []
+    for cause in wanted:
+        column = search.effect(model, cause, cause.step)
+        if column is not None and column.any():
+            matrix = np.column_stack([*base, column])
+            matrix = matrix / np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+            rest = left - matrix @ np.linalg.lstsq(matrix, left, rcond=None)[0]
+            rests.append((float(rest @ rest), cause))
+    return [cause for _, cause in sorted(rests, key=lambda one: one[0])[:JOINT]]
+
+
+def _together(search: _Search, model: _Model, left: Array, cause: Cause, companions: list[Cause]) -> _Refined | None:
+    """Fit the amounts of a cause and of its companions by Gauss-Newton; None if no drive can be like that."""
+    every = [*companions, cause]
+    amounts, best = np.zeros(len(every)), None
+    for _ in range(NEWTON_STEPS + 1):
+        here = _residual_with(search, model, every, amounts)
+        if here is None:
+            return best
+        columns = []
+        for k, one in enumerate(every):
+            step = 0.1 * one.step * np.eye(len(every))[k]
+            beside = _residual_with(search, model, every, amounts + step)
+            if beside is None:
+                return best
+            columns.append((here - beside) / step[k])
+        others = np.column_stack(columns[:-1]) if companions else np.zeros((here.size, 0))
+        own = columns[-1] - others @ np.linalg.lstsq(others, columns[-1], rcond=None)[0]
+        share = 1.0 - float(here @ here) / float(left @ left)
+        if best is None or share > best.share:
+            rest = tuple(zip(companions, amounts[:-1].tolist(), strict=True))
+            best = _Refined(cause, float(amounts[-1]), share, own, here, rest)
+        matrix = np.column_stack(columns)
+        size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+        change = np.linalg.lstsq(matrix / size, here, rcond=1e-6)[0] / size
+        low, high = np.array([one.bounds for one in every]).T
+        amounts = np.clip(amounts + change, low, high)
+    return best
+
+
+def _residual_with(search: _Search, model: _Model, every: list[Cause], amounts: Array) -> Array | None:
+    """Return the stacked residual with amounts of several causes; None if no drive can be, or be moved, like that."""
+    try:
+        for cause, amount in zip(every, amounts.tolist(), strict=True):
+            model = search.changed(model, cause, amount) if amount else model
+        residual = search.left(model)
+    except (DescriptionError, SimulationError):
+        return None
+    return residual if np.isfinite(residual).all() else None
 
 
 def _linear(search: _Search, model: _Model, left: Array, cause: Cause) -> _Refined | None:
@@ -344,7 +442,8 @@ def _is_shown(search: _Search, r: _Refined, left: Array) -> bool:
 
 def _culprit(search: _Search, r: _Refined, others: list[_Refined], left: Array) -> Culprit:
     cause, stderr = r.cause, search.stderr(r.column, r.after)
-    rivals = tuple((o.cause.key, o.share) for o in others[:REFINED] if o is not r and _is_rival(search, o, r))
+    alike = (o for o in others[:REFINED] if o.cause.key != r.cause.key and _is_rival(search, o, r))
+    rivals = tuple((o.cause.key, o.share) for o in alike)
     was, now, whole = search.squares(left), search.squares(r.after), float(left @ left)
     balances = {b: 1.0 - now[b] / was[b] for b in BALANCES if was[b] > 0.02 * whole}
     said = (cause.key, cause.family, cause.unit, cause.remedy)
@@ -355,16 +454,24 @@ def _culprit(search: _Search, r: _Refined, others: list[_Refined], left: Array) 
 _SAID = {"s": (1e3, "ms"), "share of C": (100.0, "%"), "share": (100.0, "%")}
 
 
-def _in_words(r: _Refined, stderr: float, rivals: tuple[tuple[str, float], ...]) -> str:
-    """Return a sentence: explained share, cause and size, indistinguishable causes, remedy."""
-    cause = r.cause
+def _amount_in_words(cause: Cause, amount: float, stderr: float | None = None) -> str:
+    """Return a cause with its amount, with the uncertainty of a known standard error."""
     size, unit = readable(cause.unit)
     factor, unit = _SAID.get(cause.unit, (1.0 / size, unit))
     compared = cause.words.startswith("{size} ")
-    shown = with_u(factor * (abs(r.amount) if compared else r.amount), factor * NORMAL_95 * stderr, unit)
+    value = factor * (abs(amount) if compared else amount)
+    shown = f"{plain(value)} {unit}".rstrip() if stderr is None else with_u(value, factor * NORMAL_95 * stderr, unit)
     if compared:
-        shown += " more" if r.amount > 0.0 else " less"
-    text = f"{100.0 * r.share:.0f} % of the residual is explained by {cause.words.format(size=shown)}"
+        shown += " more" if amount > 0.0 else " less"
+    return cause.words.format(size=shown)
+
+
+def _in_words(r: _Refined, stderr: float, rivals: tuple[tuple[str, float], ...]) -> str:
+    """Return a sentence: explained share, cause and size, indistinguishable causes, remedy."""
+    cause = r.cause
+    text = f"{100.0 * r.share:.0f} % of the residual is explained by {_amount_in_words(cause, r.amount, stderr)}"
+    if r.others:
+        text += " together with " + ", ".join(_amount_in_words(other, amount) for other, amount in r.others)
     if rivals:
         text += "; the recordings cannot distinguish this from " + ", ".join(
             f"{key} ({100 * s:.0f} %)" for key, s in rivals[:4]

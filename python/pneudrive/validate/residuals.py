@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive import _core
 from pneudrive.identify.dynamic.model_error import MODEL_SHARE
 from pneudrive.signals.motion import noise_level
-from pneudrive.validate.balance import Scene, Terms, Values, half_support, moving_mass
+from pneudrive.validate.balance import Scene, Terms, Values, half_support, moving_mass, openings
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -124,7 +123,7 @@ def _scales(scene: Scene) -> Values:
     # Where pressures are nearly equal, flow changes steeply with them: noise becomes flow.
     p_a, p_b = scene.pressures
     shaken = replace(
-        scene, pressures=(p_a + noise_p[0], p_b + noise_p[1]), opened=_core.valve_openings(signals.command)
+        scene, pressures=(p_a + noise_p[0], p_b + noise_p[1]), opened=openings(drive, signals.command)
     ).terms
     out = []
     for noise, rate, other, p, area, length, dead in zip(

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 RTOL = 1e-6
-#: Result of a run of a drive with tubes or flow controls.
+#: Result of a run of a drive as its circuit.
 LINES_COLUMNS = ["position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "friction_force_n"]
 
 
@@ -55,8 +55,8 @@ def run_model(drive: Drive, signals: Signals, restarts: NDArray[np.int64] | None
     """
     at = np.zeros(1, dtype=np.int64) if restarts is None else np.asarray(restarts, dtype=np.int64)
     states = np.array([_inside(drive, signals.state(int(i))) for i in at])
-    if drive.has_lines:
-        return _run_with_lines(drive, signals, at, states)
+    if drive.runs_as_circuit:
+        return _run_as_circuit(drive, signals, at, states)
     times, commands = command_steps(signals)
     columns, failures = compiled(drive.core_json()).restarted(
         times,
@@ -74,7 +74,7 @@ def run_model(drive: Drive, signals: Signals, restarts: NDArray[np.int64] | None
     return ModelRun(even, at, tuple(failures))
 
 
-def _run_with_lines(drive: Drive, signals: Signals, at: NDArray[np.int64], states: Array) -> ModelRun:
+def _run_as_circuit(drive: Drive, signals: Signals, at: NDArray[np.int64], states: Array) -> ModelRun:
     """Simulate the segments one after the other; the gas in tubes and joints continues from segment to segment.
 
     Bristles start undeflected. A failed segment ends the run: the state of the gas in the tubes is unknown after it.

@@ -8,7 +8,7 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import robust_deviation
-from pneudrive.free.parameters import Parameter, chosen, family_of
+from pneudrive.free.parameters import Parameter, chosen, family_of, with_shape
 from pneudrive.identify.dynamic.assemble import assembled
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
 from pneudrive.identify.dynamic.recordings import CHANNELS, channels_in
@@ -134,6 +134,7 @@ def identify(
     refuse_standstill(records, free)
     options.notes += time_gaps(records)
     names = [c for c in CHANNELS if any(c in p for p in present)]
+    drive = with_shape(drive, free)
     described = {c.name: c for c in channels_of(names, sensors)}
     options.delay = command_delay(sensors)
     parameters = _resolvable(drive, chosen(drive, free), records, described, options)

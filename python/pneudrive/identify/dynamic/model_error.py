@@ -45,7 +45,7 @@ _STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
 
 def model_errors(drive: Drive, parameters: list[Parameter], solved: Solved) -> dict[str, float]:
     """Return the lower limit of the model error of each free value with an effect on sliding, SI."""
-    if drive.has_lines:  # with lines, the balances of the chambers differ
+    if drive.runs_as_circuit:  # the balances of the chambers differ
         return {}
     found = solved.problem.values(solved.point.eta)[: len(parameters)]
     free = [replace(p, value=float(value)) for p, value in zip(parameters, found, strict=True)]

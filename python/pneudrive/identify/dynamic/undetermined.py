@@ -46,6 +46,7 @@ _REMEDIES = {
     "friction.position.*": "record over the whole stroke",
     "friction.side_load.*": "fix it: a side load and the Coulomb force act alike",
     "valve.conductance": "record fast motion with choked flow at a known supply pressure",
+    "valve.overlap": "record motion at small and at large commands",
     "valve.critical_pressure_ratio": "record fills and releases that end near supply and ambient pressure",
     "valve.*": "measure the valve by itself (ISO 6358)",
     "cylinder.dead_volume.a": "record motion near the end of chamber a",
