@@ -189,7 +189,7 @@ class _Search:
 
     def with_cause(self, model: _Model, r: _Refined) -> _Model:
         """Return the model with a cause added, and the causes that were fitted with it."""
-        for cause, amount in r.others:
+        for cause, amount, _ in r.others:
             model = self.changed(model, cause, amount)
         if r.cause.change is None:
             return _Model(model.scenes, model.taken + r.amount * r.column)
@@ -233,7 +233,7 @@ class _Refined:
     share: float
     column: Array
     after: Array
-    others: tuple[tuple[Cause, float], ...] = ()
+    others: tuple[tuple[Cause, float, Array], ...] = ()
 
     @classmethod
     def of(cls, cause: Cause, amount: float, column: Array, left: Array, effect: Array | None = None) -> _Refined:
@@ -279,7 +279,10 @@ def diagnose(
         # Only the cause that explains most counts: weaker ones are no evidence.
         if not refined or not _is_shown(search, found := refined[0], left):
             break
-        culprits.append(_culprit(search, found, refined, left))
+        culprits.append(_culprit(search, found, refined, left, is_identified=bool(drive.provenance)))
+        if not drive.provenance:  # a companion that no fit has moved may be a cause of its own
+            own = (_alone(search, model, found, k) for k in range(len(found.others)))
+            culprits += [_culprit(search, r, [], left) for r in own if _is_shown(search, r, left)]
         model = search.with_cause(model, found)
         left = search.left(model)
     remains = float(left @ left) / float(first @ first) if first.size and first.any() else 0.0
@@ -360,24 +363,34 @@ def _together(search: _Search, model: _Model, left: Array, cause: Cause, compani
             if beside is None:
                 return best
             columns.append((here - beside) / step[k])
-        others = np.column_stack(columns[:-1]) if companions else np.zeros((here.size, 0))
-        own = columns[-1] - others @ np.linalg.lstsq(others, columns[-1], rcond=None)[0]
-        share = 1.0 - float(here @ here) / float(left @ left)
-        if best is None or share > best.share:
-            rest = tuple(zip(companions, amounts[:-1].tolist(), strict=True))
-            best = _Refined(cause, float(amounts[-1]), share, own, here, rest)
         matrix = np.column_stack(columns)
         size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+        share = 1.0 - float(here @ here) / float(left @ left)
+        if best is None or share > best.share:
+            # The pseudo-inverse's rows are the columns without the part that the others can replace.
+            own = np.linalg.pinv(matrix / size, rcond=1e-6) / size[:, None]
+            own = own / np.maximum(np.sum(own**2, axis=1), 1e-300)[:, None]
+            rest = tuple(zip(companions, amounts[:-1].tolist(), own[:-1], strict=True))
+            best = _Refined(cause, float(amounts[-1]), share, own[-1], here, rest)
         change = np.linalg.lstsq(matrix / size, here, rcond=1e-6)[0] / size
         low, high = np.array([one.bounds for one in every]).T
         amounts = np.clip(amounts + change, low, high)
     return best
 
 
-def _residual_with(search: _Search, model: _Model, every: list[Cause], amounts: Array) -> Array | None:
+def _alone(search: _Search, model: _Model, r: _Refined, k: int) -> _Refined:
+    """Return the k-th companion of a cause as a cause, by what is left without it."""
+    cause, amount, column = r.others[k]
+    every = [(other, size) for other, size, _ in (*r.others[:k], *r.others[k + 1 :])] + [(r.cause, r.amount)]
+    without = _residual_with(search, model, *map(list, zip(*every, strict=True)))
+    left = r.after if without is None else without
+    return _Refined(cause, amount, 1.0 - float(r.after @ r.after) / float(left @ left), column, r.after)
+
+
+def _residual_with(search: _Search, model: _Model, every: list[Cause], amounts: Array | list[float]) -> Array | None:
     """Return the stacked residual with amounts of several causes; None if no drive can be, or be moved, like that."""
     try:
-        for cause, amount in zip(every, amounts.tolist(), strict=True):
+        for cause, amount in zip(every, np.asarray(amounts).tolist(), strict=True):
             model = search.changed(model, cause, amount) if amount else model
         residual = search.left(model)
     except (DescriptionError, SimulationError):
@@ -440,14 +453,17 @@ def _is_shown(search: _Search, r: _Refined, left: Array) -> bool:
     return worth and r.share >= LEAST_SHARE and abs(r.amount) >= LEAST_T * search.stderr(r.column, r.after)
 
 
-def _culprit(search: _Search, r: _Refined, others: list[_Refined], left: Array) -> Culprit:
+def _culprit(
+    search: _Search, r: _Refined, others: list[_Refined], left: Array, *, is_identified: bool = False
+) -> Culprit:
     cause, stderr = r.cause, search.stderr(r.column, r.after)
     alike = (o for o in others[:REFINED] if o.cause.key != r.cause.key and _is_rival(search, o, r))
     rivals = tuple((o.cause.key, o.share) for o in alike)
     was, now, whole = search.squares(left), search.squares(r.after), float(left @ left)
     balances = {b: 1.0 - now[b] / was[b] for b in BALANCES if was[b] > 0.02 * whole}
     said = (cause.key, cause.family, cause.unit, cause.remedy)
-    return Culprit(*said, r.amount, stderr, r.share, balances, rivals, _in_words(r, stderr, rivals), cause.free)
+    text = _in_words(r, stderr, rivals, is_identified=is_identified)
+    return Culprit(*said, r.amount, stderr, r.share, balances, rivals, text, cause.free)
 
 
 #: Unit of an amount -> factor and unit in texts, if they differ from the common unit.
@@ -466,12 +482,13 @@ def _amount_in_words(cause: Cause, amount: float, stderr: float | None = None) -
     return cause.words.format(size=shown)
 
 
-def _in_words(r: _Refined, stderr: float, rivals: tuple[tuple[str, float], ...]) -> str:
+def _in_words(r: _Refined, stderr: float, rivals: tuple[tuple[str, float], ...], *, is_identified: bool) -> str:
     """Return a sentence: explained share, cause and size, indistinguishable causes, remedy."""
     cause = r.cause
     text = f"{100.0 * r.share:.0f} % of the residual is explained by {_amount_in_words(cause, r.amount, stderr)}"
-    if r.others:
-        text += " together with " + ", ".join(_amount_in_words(other, amount) for other, amount in r.others)
+    if r.others and is_identified:
+        words = (_amount_in_words(other, amount) for other, amount, _ in r.others)
+        text += f" together with other values than the identified ones: {', '.join(words)}"
     if rivals:
         text += "; the recordings cannot distinguish this from " + ", ".join(
             f"{key} ({100 * s:.0f} %)" for key, s in rivals[:4]

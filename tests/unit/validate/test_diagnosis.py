@@ -125,3 +125,37 @@ def test_what_the_verdicts_cannot_see_is_told():
     still = validate(drive(), record(drive(), 21, duration_s=1.0, steps=[(0.0, 0.0)]))
     assert any("does not move" in note for note in still.notes)
     assert not any("another way" in note for note in still.notes)
+
+
+def test_a_dead_zone_is_named_behind_values_that_absorbed_it():
+    """Conductance and friction were fitted to a valve with a dead zone of 3 %: their errors hide it."""
+    draw = np.random.default_rng(43)
+    steps = [(0.15 * k, float(draw.uniform(0.04, 0.4)) * (-1.0) ** k) for k in range(20)]
+    made = record(drive(valve__overlap=0.03), 11, duration_s=3.0, steps=steps)
+    absorbed = drive(valve__conductance="1.7 dm3/(s bar)", friction__coulomb="33 N", friction__viscous="30 N s/m")
+    found = diagnose(absorbed, [Signals.of(made)])
+    first = found.culprits[0]
+    assert first.key == "dead zone"
+    assert first.free == ("valve.overlap",)
+    assert first.amount == pytest.approx(0.03, abs=1e-3)
+    amounts = {c.key: c.amount for c in found.culprits}
+    assert amounts["conductance"] == pytest.approx(2.0 / 1.7 - 1.0, abs=0.01)
+    assert found.left < 0.02
+
+
+def test_no_cause_has_an_amount_that_physics_forbids():
+    """A supply does not rise with flow, a leak does not blow, friction does not push, a spring does not repel."""
+    one_sided = {"supply sag", "leak from a", "leak from b", "leak through the valve", "leak past the piston"}
+    one_sided |= {"dead zone", "spring", "pressure-dependent friction"}
+    model = drive(friction__pressure={"coulomb": {"a": "0 N/bar", "b": "0 N/bar"}})
+    by_key = {cause.key: cause for cause in causes(model)}
+    for key in one_sided:
+        assert by_key[key].bounds[0] == 0.0, key
+    level = model.friction.parameters
+    assert by_key["Coulomb friction"].bounds[0] == -level["coulomb"]
+    assert by_key["viscous friction"].bounds[0] == -level["viscous"]
+    assert by_key["Stribeck friction"].bounds[0] == level["coulomb"] - level["breakaway"]
+    strong = diagnose(drive(supply__pressure="6 bar abs"), [Signals.of(record(drive(), 11, duration_s=3.0))])
+    amounts = {key: amount for key, amount, _ in strong.alone}
+    assert amounts["supply pressure"] == pytest.approx(1e5, rel=0.05)
+    assert all(amounts[key] >= 0.0 for key in one_sided & amounts.keys())
