@@ -1,7 +1,12 @@
 """Sphinx configuration."""
 
+import sys
 from importlib import import_module
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from benches.quoted import quoted
 
 project = "pneudrive"
 author = "the pneudrive developers"
@@ -14,7 +19,8 @@ html_context = {"default_mode": "auto"}  # of light and dark; left out, the them
 html_static_path = [str(Path(__file__).parents[1] / "page/node_modules/mathjax/es5/tex-svg.js")]
 mathjax_path = "tex-svg.js"
 bibtex_bibfiles = ["../references.bib"]
-myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
+myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "substitution"]
+myst_substitutions = quoted()
 nb_execution_mode = "cache"
 nb_execution_timeout = 300  # s; on a busy machine a cell takes ten times as long
 nb_render_markdown_format = "myst"

@@ -50,7 +50,7 @@ def test_the_balances_use_the_openings_of_the_run(plain):
 def test_a_drive_without_these_keys_is_as_before(plain):
     assert plain.description_hash == "6dd42b38838bd530334e75ffcda9d794a940c8a1734304a60ebb3537f6798480"
     assert plain.replace({"valve.overlap": 0.03}).description_hash != plain.description_hash
-    with pytest.raises(DescriptionError, match=r"valve\.overlap = 1"):
+    with pytest.raises(DescriptionError, match=r"valve\.overlap: 1.0 is out of bounds"):
         plain.replace({"valve.overlap": 1.0})
 
 

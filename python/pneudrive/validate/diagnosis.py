@@ -379,7 +379,7 @@ def _together(search: _Search, model: _Model, left: Array, cause: Cause, compani
 
 
 def _alone(search: _Search, model: _Model, r: _Refined, k: int) -> _Refined:
-    """Return the k-th companion of a cause as a cause, by what is left without it."""
+    """Return the k-th companion of a cause as a cause: its share of the residual of the other changes."""
     cause, amount, column = r.others[k]
     every = [(other, size) for other, size, _ in (*r.others[:k], *r.others[k + 1 :])] + [(r.cause, r.amount)]
     without = _residual_with(search, model, *map(list, zip(*every, strict=True)))

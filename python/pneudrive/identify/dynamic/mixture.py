@@ -1,4 +1,4 @@
-"""Prediction of a fit as it is applied: determined values are fitted, undetermined ones keep their start value."""
+"""Prediction by the values that `apply` writes: fitted ones, and start values of undetermined parameters."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ KEPT = "apply keeps the start value of "
 
 
 def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
-    """Return a note on the error of a free run with the applied values beside that with the fitted ones.
+    """Return a note that compares the error of a free run with the applied values and with the fitted ones.
 
     The start of each recording and the errors of its sensors are those of the fit. There is no note if nothing is kept,
     or nothing is determined.
@@ -58,7 +58,7 @@ def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
 
 
 def warn_of_mixture(notes: Sequence[str], kept: Collection[str], *, same_start: bool) -> None:
-    """Warn of kept values beside fitted ones with what the mixture predicts, if a fit knows it.
+    """Warn of start values that are kept next to fitted ones, with the error of this mixture if the fit knows it.
 
     Parameters
     ----------

@@ -114,7 +114,7 @@ def start_step(block: Equations, step: Array) -> Array:
 
 
 def start_solution(block: Equations, right: Array) -> Array:
-    """Solve the equations of a block's start, which with its prior are positive definite but for rounding.
+    """Solve the equations of a block's start, which are positive definite with its prior, except for rounding.
 
     Directions below the rounding error of the scaled equations are left out.
     """
