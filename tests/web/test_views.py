@@ -16,9 +16,9 @@ import pneudrive as pn
 from pneudrive.cli.main import run as run_command
 from pneudrive.errors import CommandError
 from pneudrive.web.app import make_app
-from pneudrive.web.asked_run import RunLimit
 from pneudrive.web.live import answer
 from pneudrive.web.messages import pack, unpack
+from pneudrive.web.run_request import RunLimit
 from pneudrive.web.workspace import Workspace
 from web.conftest import DRIVE, PORT, TOKEN, Served, TestClient
 
@@ -462,7 +462,7 @@ def test_a_fault_is_answered_too(served: Served, monkeypatch: pytest.MonkeyPatch
         raise IndexError("index 0 is out of bounds")
 
     monkeypatch.setattr("pneudrive.web.messages.print_exception", lambda _: None)
-    monkeypatch.setattr("pneudrive.web.live.AskedRun.of", faulty)
+    monkeypatch.setattr("pneudrive.web.live.RunRequest.of", faulty)
     with served.client.websocket_connect("/api/live", **served.socket) as socket:
         for number in (1, 2):
             socket.send_text(f'{{"number": {number}}}')

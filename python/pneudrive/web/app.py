@@ -26,8 +26,7 @@ from pneudrive.files.content import read_text
 from pneudrive.start import is_circuit
 from pneudrive.units import in_unit
 from pneudrive.web import description
-from pneudrive.web.asked_run import MOST_PIXELS, WRONG_REQUEST, AskedRun, described_at
-from pneudrive.web.beside import AskedBeside
+from pneudrive.web.beside import ExtrasRequest
 from pneudrive.web.drop import take
 from pneudrive.web.guard import DROP, REPORTS, Guard
 from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job
@@ -35,6 +34,8 @@ from pneudrive.web.live import live
 from pneudrive.web.messages import fault_of, pack, plain, problems_of
 from pneudrive.web.pages import BuiltPage
 from pneudrive.web.reports import SANDBOX, OpenReports
+from pneudrive.web.requests import MOST_PIXELS, WRONG_REQUEST
+from pneudrive.web.run_request import RunRequest, described_at
 from pneudrive.web.workspace import (
     BUILT,
     MOST_FILES,
@@ -270,10 +271,10 @@ class _Views:
     def copy(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Return a run as a line of a shell and as Python."""
         given = _table(body, "path")
-        asked = AskedRun.of(given)
+        asked = RunRequest.of(given)
         asked.check_saved(self.workspace)
         described = described_at(self.workspace, asked.path, asked.text)
-        beside = AskedBeside.of(given)
+        beside = ExtrasRequest.of(given)
         columns = given.get("columns", [])
         columns = [name for name in columns if isinstance(name, str)] if isinstance(columns, list) else []
         python = asked.as_python(circuit=is_circuit(described)) + beside.as_python(self.workspace, asked, columns)
@@ -341,9 +342,9 @@ class _Views:
 
     def measure(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Measure a recording at two times."""
-        from pneudrive.web.measuring import AskedMeasure
+        from pneudrive.web.measuring import MeasureRequest
 
-        return AskedMeasure.of(_table(body, "path")).answer(self.recordings)
+        return MeasureRequest.of(_table(body, "path")).answer(self.recordings)
 
     def propose(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Propose a layout."""

@@ -6,10 +6,11 @@ import math
 import re
 import shlex
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import Field, StrictStr, field_validator
 
 from pneudrive.describe.geometry import chamber_sizes
 from pneudrive.errors import CommandError, PneudriveError
@@ -17,7 +18,8 @@ from pneudrive.start import circuit_of, is_circuit
 from pneudrive.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse
 from pneudrive.watch import Watch
-from pneudrive.web.asked_run import WRONG_REQUEST, described_at
+from pneudrive.web.requests import WRONG_REQUEST, PageRequest
+from pneudrive.web.run_request import described_at
 from pneudrive.web.tiles import drawn_columns
 from pneudrive.web.workspace import DESCRIPTIONS, is_in_catalogue, safe
 
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.ensemble.study import EnsembleStudy
     from pneudrive.simulate import Run
-    from pneudrive.web.asked_run import AskedRun, RunLimit
+    from pneudrive.web.run_request import RunLimit, RunRequest
     from pneudrive.web.workspace import NewNames, Workspace
 
     Array = NDArray[Any]
@@ -47,8 +49,7 @@ _KEY, _UNIT = re.compile(r"[A-Za-z_][\w-]*(?:\.[\w-]+)*"), re.compile(r"[A-Za-zÂ
 _PLACES = (("{}.position_m", "{}.a.pressure_pa", "{}.b.pressure_pa"), ("position_m", "pressure_a_pa", "pressure_b_pa"))
 
 
-@dataclass(frozen=True)
-class AskedBeside:
+class ExtrasRequest(PageRequest):
     """What is asked for beside a run.
 
     Attributes
@@ -61,32 +62,21 @@ class AskedBeside:
         Whether p-V loops are, what an animation needs to know of the cylinders, and the balance of energy.
     """
 
-    others: tuple[str, ...]
-    spreads: Mapping[str, tuple[str, str]]
-    loops: bool
-    motion: bool
-    energy: bool
+    others: Annotated[tuple[StrictStr, ...], Field(max_length=MOST_OTHERS)] = ()
+    spreads: dict[str, Any] = Field(default_factory=dict)
+    loops: bool = False
+    motion: bool = False
+    energy: bool = False
 
+    @field_validator("spreads")
     @classmethod
-    def of(cls, given: Mapping[str, Any]) -> AskedBeside:
-        """Read the page's request.
-
-        Raises
-        ------
-        CommandError
-            A part is of another type, or a spread is none.
-        """
-        others, spreads = given.get("others", []), given.get("spreads", {})
-        right = isinstance(others, list) and isinstance(spreads, dict) and len(others) <= MOST_OTHERS
-        if not right or not all(isinstance(one, str) for one in others):
-            raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
-        wanted = (bool(given.get(name)) for name in ("loops", "motion", "energy"))
-        return cls(tuple(others), {key: _ends(key, one) for key, one in spreads.items()}, *wanted)
+    def _read_spreads(cls, spreads: dict[str, Any]) -> dict[str, tuple[str, str]]:
+        return {key: _ends(key, ends) for key, ends in spreads.items()}
 
     def answer(
         self,
         workspace: Workspace,
-        asked: AskedRun,
+        asked: RunRequest,
         described: Drive | Circuit,
         run: Run,
         shown: Sequence[str],
@@ -124,7 +114,7 @@ class AskedBeside:
         return head, arrays
 
     def _band(
-        self, workspace: Workspace, described: Drive | Circuit, asked: AskedRun, shown: Sequence[str], limit: RunLimit
+        self, workspace: Workspace, described: Drive | Circuit, asked: RunRequest, shown: Sequence[str], limit: RunLimit
     ) -> tuple[dict[str, Any], dict[str, Array]]:
         from pneudrive.ensemble.engine import DONE
         from pneudrive.ensemble.many import Gathered, results, study_of
@@ -167,12 +157,12 @@ class AskedBeside:
         return {key.removeprefix("components."): f"uniform({low}, {high})" for key, (low, high) in self.spreads.items()}
 
     @staticmethod
-    def _output(asked: AskedRun, name: str) -> str:
+    def _output(asked: RunRequest, name: str) -> str:
         return f"samples({name}, {BAND_SAMPLES / parse(asked.duration, 's')!r} Hz)"
 
-    def as_command(self, asked: AskedRun, shown: Sequence[str], out: str, names: NewNames) -> str:
+    def as_command(self, asked: RunRequest, shown: Sequence[str], out: str, names: NewNames) -> str:
         """Return the lines of a shell that make what is beside the run that is written into `out`."""
-        others = [replace(asked, path=path, text=None, changes={}) for path in self.others if _is_described(path)]
+        others = [asked.with_path(path) for path in self.others if _is_described(path)]
         lines = [one.as_command(names.of(one.stem())) for one in others]
         lines += [f"{asked.as_command(out)} --energy"] if self.energy else []
         if self.spreads:
@@ -188,12 +178,12 @@ class AskedBeside:
             lines.append(shlex.join([*words, "--out", names.of(f"{asked.stem()}-band")]))
         return "\n".join(lines)
 
-    def as_python(self, workspace: Workspace, asked: AskedRun, shown: Sequence[str]) -> str:
+    def as_python(self, workspace: Workspace, asked: RunRequest, shown: Sequence[str]) -> str:
         """Return the lines of Python that make what is beside the run, to follow those of the run."""
         lines = []
         for number, path in enumerate(self.others, start=1):
             if _is_described(path):
-                one = replace(asked, path=path, text=None, changes={})
+                one = asked.with_path(path)
                 circuit = is_circuit(described_at(workspace, path))
                 own = one.as_python(circuit=circuit).splitlines()[2:]
                 lines += [line.replace("drive", f"drive_{number}", 1) for line in own[:-1]]
@@ -265,12 +255,12 @@ def _is_described(path: str) -> bool:
 
 
 def _other(
-    workspace: Workspace, asked: AskedRun, path: str, columns: Sequence[str], limit: RunLimit
+    workspace: Workspace, asked: RunRequest, path: str, columns: Sequence[str], limit: RunLimit
 ) -> dict[str, Array]:
     """Return columns of another drive with the same command, or of a trajectory file."""
     if _is_described(path):
         try:
-            found = replace(asked, path=path, text=None, changes={}).run(workspace, limit).columns
+            found = asked.with_path(path).run(workspace, limit).columns
         except PneudriveError as error:
             error.where = error.where or path  # it is not the run's own file
             raise
@@ -313,7 +303,7 @@ def _cylinders(described: Drive | Circuit, columns: Mapping[str, Array]) -> Iter
                 break
 
 
-def _energy(described: Drive | Circuit, command: Any, asked: AskedRun, limit: RunLimit) -> dict[str, Any]:  # noqa: ANN401 - any form of a command
+def _energy(described: Drive | Circuit, command: Any, asked: RunRequest, limit: RunLimit) -> dict[str, Any]:  # noqa: ANN401 - any form of a command
     """Return the balance of energy of the run as plain data."""
     from pneudrive.datasheet.energy import energy_balance
 

@@ -7,10 +7,10 @@ import posixpath
 import shlex
 import time
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import AfterValidator, Field, StrictInt, StrictStr
 
 from pneudrive.control.card import read_comparison
 from pneudrive.control.comparison import standard
@@ -25,9 +25,10 @@ from pneudrive.describe import toml
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.start import is_circuit
 from pneudrive.watch import Watch
-from pneudrive.web.asked_run import MOST_PIXELS, MOST_SAMPLES, WRONG_REQUEST, RunLimit, described_at
 from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
 from pneudrive.web.messages import pack
+from pneudrive.web.requests import PageRequest, Pixels, Value
+from pneudrive.web.run_request import MOST_SAMPLES, RunLimit, described_at
 from pneudrive.web.tiles import drawn_columns
 from pneudrive.web.workspace import DESCRIPTIONS, NewNames, is_in_catalogue, safe
 
@@ -56,8 +57,7 @@ _PANELS = (
 _REFERENCE_FILES = (*DESCRIPTIONS, *RECORDS, *PROGRAMS)
 
 
-@dataclass(frozen=True)
-class AskedControl:
+class ControlRequest(PageRequest):
     """A run under control, checked as far as it can be without its drive.
 
     Attributes
@@ -77,34 +77,15 @@ class AskedControl:
         Width of the drawing.
     """
 
-    path: str
-    law: str
-    gains: Mapping[str, str | float]
-    reference: str
-    setup: str
-    mismatch: str
-    seed: int
-    duration: str
-    pixels: int
-
-    @classmethod
-    def of(cls, given: Mapping[str, Any]) -> AskedControl:
-        """Read the page's request.
-
-        Raises
-        ------
-        CommandError
-            A part is of another type.
-        """
-        usual = {"path": "", "law": "nmpc", "reference": "", "setup": "real", "mismatch": "", "duration": ""}
-        texts = {name: given.get(name, value) for name, value in usual.items()}
-        seed, pixels, gains = given.get("seed", 1), given.get("pixels", 1000), given.get("gains", {})
-        right = all(isinstance(one, str) for one in texts.values()) and isinstance(gains, dict)
-        right = right and all(isinstance(one, int) and not isinstance(one, bool) for one in (seed, pixels))
-        if not right or not all(isinstance(one, str | int | float) for one in gains.values()):
-            raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
-        texts["reference"] = texts["reference"].strip()
-        return cls(**texts, seed=seed, gains=gains, pixels=max(10, min(pixels, MOST_PIXELS)))
+    path: StrictStr = ""
+    law: StrictStr = "nmpc"
+    gains: dict[str, Value] = Field(default_factory=dict)
+    reference: Annotated[StrictStr, AfterValidator(str.strip)] = ""
+    setup: StrictStr = "real"
+    mismatch: StrictStr = ""
+    seed: StrictInt = 1
+    duration: StrictStr = ""
+    pixels: Pixels = 1000
 
     def prepared(self, workspace: Workspace) -> Prepared:
         """Return all that decides the run but its seed.
@@ -233,9 +214,9 @@ def answer(workspace: Workspace, asked: Mapping[str, Any], limit: RunLimit | Non
     Raises
     ------
     PneudriveError
-        As for `AskedControl.run`.
+        As for `ControlRequest.run`.
     """
-    request = AskedControl.of(asked)
+    request = ControlRequest.of(asked)
     began = time.monotonic()
     prepared, run = request.run(workspace, limit)
     took = time.monotonic() - began

@@ -17,8 +17,8 @@ from pneudrive.describe.written import FILE_PREFIX
 from pneudrive.errors import CommandError, PneudriveError, Problems
 from pneudrive.start import is_circuit, start
 from pneudrive.units import like
-from pneudrive.web.asked_run import described_at
 from pneudrive.web.messages import problems_of
+from pneudrive.web.run_request import described_at
 from pneudrive.web.workspace import is_in_catalogue
 
 if TYPE_CHECKING:

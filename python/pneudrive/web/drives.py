@@ -10,7 +10,7 @@ from pneudrive.errors import PneudriveError
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.files import read_fit
 from pneudrive.start import is_circuit
-from pneudrive.web.asked_run import described_at, kept
+from pneudrive.web.run_request import described_at, kept
 
 if TYPE_CHECKING:
     from pathlib import Path

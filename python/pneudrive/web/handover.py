@@ -10,8 +10,8 @@ from pneudrive.errors import CommandError
 from pneudrive.files.content import read_bytes
 from pneudrive.fmu.package import VERSIONS
 from pneudrive.fmu.reading import read_fmu
-from pneudrive.web.asked_run import described_at
 from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
+from pneudrive.web.run_request import described_at
 from pneudrive.web.workspace import FMUS, safe
 
 if TYPE_CHECKING:

@@ -12,10 +12,10 @@ from starlette.websockets import WebSocketDisconnect
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.trajectory import meaning
 from pneudrive.units import readable
-from pneudrive.web.asked_run import AskedRun, RunLimit
-from pneudrive.web.beside import AskedBeside
+from pneudrive.web.beside import ExtrasRequest
 from pneudrive.web.guard import PROTOCOL
 from pneudrive.web.messages import fault_of, pack, problems_of
+from pneudrive.web.run_request import RunLimit, RunRequest
 from pneudrive.web.tiles import drawn_columns
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def answer(
 
             return validation.frame_of(workspace, asked, number)
         limit = limit or RunLimit()
-        request, beside = AskedRun.of(asked), AskedBeside.of(asked)
+        request, beside = RunRequest.of(asked), ExtrasRequest.of(asked)
         described = request.described(workspace)
         run = request.run_of(described, workspace, limit)
         head, arrays = beside.answer(workspace, request, described, run, shown_columns(run), limit)

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import shlex
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import FiniteFloat, StrictStr
 
-from pneudrive.errors import CommandError
 from pneudrive.signals.channels import pairs
 from pneudrive.signals.measuring import measured
-from pneudrive.web.asked_run import WRONG_REQUEST
 from pneudrive.web.messages import plain
+from pneudrive.web.requests import PageRequest
 from pneudrive.web.workspace import safe
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -26,8 +24,7 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 
-@dataclass(frozen=True)
-class AskedMeasure:
+class MeasureRequest(PageRequest):
     """Two times at which a recording is measured, as the page asks for them.
 
     Attributes
@@ -44,32 +41,12 @@ class AskedMeasure:
         What that adds to the times of the other one, s.
     """
 
-    path: str
-    at: tuple[float, float]
-    columns: tuple[str, ...]
-    beside: str
+    path: StrictStr
+    at: tuple[FiniteFloat, FiniteFloat]
+    columns: tuple[StrictStr, ...]
+    beside: StrictStr
     strokes: tuple[int, int]
-    shift: float
-
-    @classmethod
-    def of(cls, given: Mapping[str, Any]) -> AskedMeasure:
-        """Read the page's request.
-
-        Raises
-        ------
-        CommandError
-            A part is missing or of another type.
-        """
-        try:
-            (at, to), (own, other) = given["at"], given["strokes"]
-            columns, shift = tuple(given["columns"]), float(given["shift"])
-            found = cls(given["path"], (float(at), float(to)), columns, given["beside"], (int(own), int(other)), shift)
-        except (KeyError, TypeError, ValueError):
-            raise CommandError(WRONG_REQUEST, remedy="Reload the page.") from None
-        texts = all(isinstance(one, str) for one in (found.path, found.beside, *found.columns))
-        if not texts or not all(math.isfinite(one) for one in (*found.at, found.shift)):
-            raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
-        return found
+    shift: FiniteFloat
 
     def answer(self, recordings: Recordings) -> dict[str, Any]:
         """Return the channels at two samples, also of the recording beside, and the same as command and as Python.

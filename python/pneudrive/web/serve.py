@@ -115,13 +115,13 @@ def serve(
 def warm_up() -> None:
     """Simulate once, and behind the first curves import what other views need, so that no first click waits for it."""
     from pneudrive.web.app import BEHIND
-    from pneudrive.web.asked_run import AskedRun
     from pneudrive.web.cache import cache_folder, forget_unused
     from pneudrive.web.live import ANSWERED
+    from pneudrive.web.run_request import RunRequest
 
     asked = {"path": "catalogue:reference", "command": "1", "duration": "10 ms"}
     with suppress(PneudriveError):
-        AskedRun.of(asked).run(Workspace.at(Path(__file__).parent))
+        RunRequest.of(asked).run(Workspace.at(Path(__file__).parent))
     ANSWERED.wait(MOST_WAIT_S)
     for name in BEHIND:
         import_module(name)

@@ -6,9 +6,10 @@ import difflib
 import shlex
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import Field, StrictInt, StrictStr
 
 from pneudrive import units
 from pneudrive.describe import toml
@@ -27,13 +28,14 @@ from pneudrive.validate.metrics import metrics
 from pneudrive.validate.signals import Signals
 from pneudrive.validate.simulation import run_model
 from pneudrive.validate.validation import CHANNELS
-from pneudrive.web.asked_run import MOST_PIXELS, WRONG_REQUEST, check_changes, described_at, with_changes
 from pneudrive.web.description import field_of
 from pneudrive.web.drives import MOST_DRIVES, drive_at, hash_at, is_fit
 from pneudrive.web.jobs import MOST_RECORDINGS, RESULTS, AskedJob, folder_name
 from pneudrive.web.lineage import MOST_TRACED, Input, Lineage
 from pneudrive.web.messages import pack, plain
 from pneudrive.web.recordings import by_stem, layout_in
+from pneudrive.web.requests import MOST_PIXELS, WRONG_REQUEST, PageRequest
+from pneudrive.web.run_request import Changes, described_at, with_changes
 from pneudrive.web.tiles import drawn_columns
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, is_in_catalogue, safe
 
@@ -245,6 +247,33 @@ def _fits(workspace: Workspace) -> dict[str, str]:
     return {hash_at(workspace.path(one.path), one.changed): one.path for one in found}
 
 
+class FrameRequest(PageRequest):
+    """A view of one record of a validation.
+
+    Attributes
+    ----------
+    path : str
+        The validation.
+    record : int
+        Place of the record in it.
+    span : (float, float)
+        First and last time, s.
+    pixels : int
+        Width of the drawing.
+    drive : str
+        Drive that is changed, by its name in the workspace or the catalogue.
+    changes : dict
+        Its changed values; empty for none.
+    """
+
+    path: StrictStr
+    record: Annotated[StrictInt, Field(ge=0)]
+    span: tuple[float, float]
+    pixels: Annotated[StrictInt, Field(ge=1, le=MOST_PIXELS)]
+    drive: StrictStr = ""
+    changes: Changes = Field(default_factory=dict)
+
+
 def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> bytes:
     """Return a view of one record as a frame: measured, both runs, residuals, and the run of a changed drive.
 
@@ -255,19 +284,12 @@ def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> 
     DescriptionError
         A changed value is not valid.
     """
-    found: list[Any] = [asked.get(key) for key in ("path", "record", "span", "pixels")]
-    name, place, span, pixels = found
-    changes: Any = asked.get("changes") or {}
-    check_changes(changes)
-    right = isinstance(name, str) and isinstance(place, int)
-    right = right and isinstance(pixels, int) and 1 <= pixels <= MOST_PIXELS
-    right = right and isinstance(span, list) and len(span) == 2 and all(isinstance(one, int | float) for one in span)
-    if not right:
+    request = FrameRequest.of(asked)
+    name, span, changes = request.path, request.span, request.changes
+    records = _read(workspace, name)["record"]
+    if request.record >= len(records):
         raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
-    records = _read(workspace, str(name))["record"]
-    if not 0 <= place < len(records):
-        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
-    path = workspace.path(f"{str(name).rpartition('/')[0]}/{records[place]['run']}".lstrip("/"), TABLES)
+    path = workspace.path(f"{name.rpartition('/')[0]}/{records[request.record]['run']}".lstrip("/"), TABLES)
     if not path.is_file():
         raise CommandError(f"{path.name} is missing beside {name}", remedy="Validate again.")
     table, signals = _run(path, path.stat().st_mtime_ns)
@@ -275,8 +297,7 @@ def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> 
     columns = {"time_s": table["time_s"], "command": table["command"]}
     changed: Mapping[str, Any] = {}
     if changes:
-        drive = asked.get("drive", "")
-        head["fit"], changed = _changed(described_at(workspace, str(drive)), dict(changes), signals)
+        head["fit"], changed = _changed(described_at(workspace, request.drive), changes, signals)
     for channel in CHANNELS:
         measured = table[channel]
         columns[f"{channel}.measured"] = measured
@@ -289,7 +310,7 @@ def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> 
     time = columns["time_s"]
     begin, end = np.searchsorted(time, [span[0], span[1]])
     rows = slice(max(int(begin) - 1, 0), max(int(end) + 1, int(begin) + 2))
-    return pack(head, drawn_columns({key: values[rows] for key, values in columns.items()}, pixels))
+    return pack(head, drawn_columns({key: values[rows] for key, values in columns.items()}, request.pixels))
 
 
 @lru_cache(maxsize=4)

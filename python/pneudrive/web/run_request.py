@@ -6,11 +6,12 @@ import math
 import re
 import shlex
 import time
-from dataclasses import dataclass
 from functools import lru_cache, wraps
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+
+from pydantic import AfterValidator, Field, StrictStr, field_validator
 
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.load import described_in
@@ -19,6 +20,7 @@ from pneudrive.errors import CommandError
 from pneudrive.simulate import positive, run
 from pneudrive.start import is_circuit
 from pneudrive.watch import Watch
+from pneudrive.web.requests import PageRequest, Pixels, Value
 from pneudrive.web.workspace import COMMANDS, is_in_catalogue, safe
 
 if TYPE_CHECKING:
@@ -33,14 +35,29 @@ Found = TypeVar("Found")
 
 MOST_SAMPLES = 1_000_000
 MOST_SECONDS = 2.0  # of a run, on the clock: the page waits for it
-MOST_PIXELS = 4000
-WRONG_REQUEST = "the request is not one of this page"
 _KEPT = 32  # descriptions that were read already
 #: A command that is no file: a number, or times with values; with the name of a component before it or not.
 _COMMAND = re.compile(r"\s*(?:[A-Za-z_][\w-]*(?:\.command)?\s*:)?\s*[-+.\d][^/\\]*", re.DOTALL)
 #: A command that is a file of the workspace, with the name of a component before it or not.
 _FILE = re.compile(r"(\s*(?:[A-Za-z_][\w-]*(?:\.command)?\s*:)?\s*)(\S.*\.csv)\s*", re.IGNORECASE)
 
+
+def check_changes(changes: dict[str, Any]) -> dict[str, Any]:
+    """Refuse changed values that name a file.
+
+    Raises
+    ------
+    CommandError
+        One does.
+    """
+    for key, value in changes.items():
+        if isinstance(value, str) and FILE_PREFIX in value:
+            raise CommandError(f"{key} = {value[:80]!r} names a file", remedy="Change it in the text of the file.")
+    return changes
+
+
+#: Changed values that a page sends: dotted keys, with numbers and texts.
+Changes = Annotated[dict[str, Value], AfterValidator(check_changes)]
 _read: dict[tuple[str, str, str], Drive | Circuit] = {}
 _reading = Lock()
 
@@ -61,8 +78,7 @@ class RunLimit:
         return self.cancelled or time.monotonic() > self.end
 
 
-@dataclass(frozen=True)
-class AskedRun:
+class RunRequest(PageRequest):
     """A run, checked as far as it can be without its drive.
 
     Attributes
@@ -82,48 +98,29 @@ class AskedRun:
         Width of the drawing: at most two samples a pixel are sent.
     """
 
-    path: str
-    text: str | None
-    changes: Mapping[str, Any]
-    command: str | list[str]
-    duration: str
-    rate: str
-    initial: str
-    pixels: int
+    path: StrictStr = ""
+    text: StrictStr | None = None
+    changes: Changes = Field(default_factory=dict)
+    command: StrictStr | list[StrictStr] = ""
+    duration: StrictStr = ""
+    rate: StrictStr = "1 kHz"
+    initial: StrictStr = ""
+    pixels: Pixels = 1000
 
+    @field_validator("command")
     @classmethod
-    def of(cls, given: Mapping[str, Any]) -> AskedRun:
-        """Read the page's request.
-
-        Raises
-        ------
-        CommandError
-            A part is missing or of another type.
-        """
-        texts = {key: given.get(key, usual) for key, usual in (("path", ""), ("duration", ""), ("rate", "1 kHz"))}
-        text, changes = given.get("text"), given.get("changes", {})
-        command, initial = given.get("command", ""), given.get("initial", "")
-        pixels = given.get("pixels", 1000)
+    def _check_command(cls, command: str | list[str]) -> str | list[str]:
+        """Refuse a line that is neither a command nor a file; empty lines of a circuit are left out."""
         lines = command if isinstance(command, list) else [command]
-        right = all(isinstance(one, str) for one in (*texts.values(), *lines, initial))
-        right = right and (text is None or isinstance(text, str))
-        right = right and isinstance(pixels, int) and not isinstance(pixels, bool)
-        if not right:
-            raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
-        check_changes(changes)
-        for one in lines:
-            if one.strip() and not (_FILE if one.lower().rstrip().endswith(".csv") else _COMMAND).fullmatch(one):
+        for line in lines:
+            if line.strip() and not (_FILE if line.lower().rstrip().endswith(".csv") else _COMMAND).fullmatch(line):
                 rule = 'a number, "0 s: 1, 1 s: -1", or a CSV file of the folder'
-                raise CommandError(f'command "{one}" is not one', rule=rule)
-        kept = [one for one in lines if one.strip()]
-        return cls(
-            **texts,
-            text=text,
-            changes=changes,
-            command=kept if isinstance(command, list) else command,
-            initial=initial,
-            pixels=max(10, min(pixels, MOST_PIXELS)),
-        )
+                raise CommandError(f'command "{line}" is not one', rule=rule)
+        return [line for line in lines if line.strip()] if isinstance(command, list) else command
+
+    def with_path(self, path: str) -> RunRequest:
+        """Return the same run of another drive or circuit, without changes."""
+        return self.model_copy(update={"path": path, "text": None, "changes": {}})
 
     def described(self, workspace: Workspace) -> Drive | Circuit:
         """Return the drive or circuit with its changes.
@@ -233,7 +230,7 @@ def described_at(workspace: Workspace, path: str, text: str | None = None) -> Dr
     Raises
     ------
     CommandError, DescriptionError
-        As for `AskedRun.described`.
+        As for `RunRequest.described`.
     """
     if text is None and is_in_catalogue(path):
         key = (path, "", "")
@@ -282,21 +279,6 @@ def _names_files(workspace: Workspace, name: str, _changed: float) -> bool:
         return FILE_PREFIX in workspace.read(name)[0]
     except CommandError:
         return False
-
-
-def check_changes(given: Any) -> None:  # noqa: ANN401 - plain data of a request
-    """Check changed values that a page sends: numbers and texts, none of which names a file.
-
-    Raises
-    ------
-    CommandError
-        They are others.
-    """
-    if not isinstance(given, dict) or not all(isinstance(one, str | int | float) for one in given.values()):
-        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
-    for key, value in given.items():
-        if isinstance(value, str) and FILE_PREFIX in value:
-            raise CommandError(f"{key} = {value[:80]!r} names a file", remedy="Change it in the text of the file.")
 
 
 def with_changes(described: Drive | Circuit, changes: Mapping[str, Any]) -> Drive | Circuit:
