@@ -81,9 +81,9 @@ class Explorer:
 
     def answer(self, asked: Mapping[str, Any]) -> bytes:
         """Simulate with the changes of a message, and return the frame that the widget draws."""
-        from pneudrive.web.run_request import RunLimit
         from pneudrive.web.live import frame_of
         from pneudrive.web.messages import pack, problems_of
+        from pneudrive.web.run_request import RunLimit
 
         changes = dict(asked.get("changes") or {})
         head = {"number": asked.get("number"), "view": asked.get("view"), "changes": changes}
