@@ -41,11 +41,14 @@ def characterise(
 ) -> None:
     """Characterise recordings: friction map (map.parquet, map.csv), fit (fit.toml), report.html.
 
-    For a campaign also curves.parquet and effects.toml, and sentences on what its data show.
+    Also curves.parquet, effects.toml, and sentences on what the data show.
+    Each seal and mounting has its own curves and fit.
     """
+    from pneudrive.friction.campaign.characteristics import recorded_characteristics
+    from pneudrive.friction.campaign.files import write_curves_and_effects
     from pneudrive.friction.friction_map import write_map
     from pneudrive.friction.recording.characterisation import characterise_recordings
-    from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS
+    from pneudrive.friction.reduction.condition import ALL_RECORDINGS
     from pneudrive.friction.reduction.settling import SAMPLE_CHOICES
     from pneudrive.identify.fit import LAWS
     from pneudrive.identify.seals import fit_characterisation
@@ -62,10 +65,12 @@ def characterise(
         written = [write_map(found.friction_map, folder / name) for name in ("map.parquet", "map.csv")]
         fits, problems = fit_characterisation(found)
         written += _write_fits(fits, law, folder, whole=ALL_RECORDINGS)
-        written.append(Path(write_report(found, fits, folder)))
+        curves = recorded_characteristics(found)
+        written += [] if curves is None else write_curves_and_effects(curves, folder)
+        written.append(Path(write_report(found, fits, folder, curves=curves)))
     for problem in problems:
         sys.stderr.write(f"Note: no fit of {problem}\n")
-    _say(found, written)
+    _say(found, curves, written)
 
 
 def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: SampleChoice, law: str) -> None:
@@ -91,7 +96,8 @@ def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: Sa
         written.append(write_campaign_report(found, folder))
     for problem in problems:
         sys.stderr.write(f"Note: no fit of {problem}\n")
-    _say_campaign(found, written)
+    _say_curves(found)
+    tell(written)
 
 
 @contextmanager
@@ -122,8 +128,8 @@ def _write_fits(fits: Fits, law: str, folder: Path, whole: str) -> list[Path]:
     return written
 
 
-def _say(found: Characterisation, written: list[Path]) -> None:
-    """Print one line per recording, the notes, and the paths of the results."""
+def _say(found: Characterisation, curves: CampaignCharacteristics | None, written: list[Path]) -> None:
+    """Print one line per recording, then curves and sentences as for a campaign, and the paths of the results."""
     heads = ("recording", "speed mm/s", "strokes", "friction N", "U (k=2) N", "offset N", "<flags")
     rows = []
     for level in found.levels[:MOST_ROWS]:
@@ -133,11 +139,13 @@ def _say(found: Characterisation, written: list[Path]) -> None:
         rows.append((level.recording, speeds, f"{used} of {recorded}", *numbers, " ".join(level.flags)))
     show_table(heads, rows)
     show_lines(f"- {note}" for note in found.notes)
+    if curves is not None:
+        _say_curves(curves)
     tell(written)
 
 
-def _say_campaign(found: CampaignCharacteristics, written: list[Path]) -> None:
-    """Print one line per curve, sentences on what the data show, and the paths of the results."""
+def _say_curves(found: CampaignCharacteristics) -> None:
+    """Print one line per curve, and sentences on what the data show."""
     ambient, rows = found.identity.ambient_pressure_pa, []
     what = "seal + air N" if any(curve.contains_air for curve in found.curves) else "friction N"
     for curve in (one for one in found.curves if one.direction == 0):
@@ -145,6 +153,6 @@ def _say_campaign(found: CampaignCharacteristics, written: list[Path]) -> None:
         band = float(((curve.high_n - curve.low_n) / 2.0)[curve.measured].mean())
         ends = (f"{speeds[0]:.3g} .. {speeds[-1]:.3g}", f"{friction.min():.2f} .. {friction.max():.2f}")
         rows.append((curve.condition.label(ambient), str(int(curve.cycles.sum())), *ends, f"+-{band:.2f}"))
-    show_table(("curve", "cycles", "speeds mm/s", what, "95 % band N"), rows)
+    if rows:
+        show_table(("curve", "cycles", "speeds mm/s", what, "95 % band N"), rows)
     show_statements(found.statements)
-    tell(written)

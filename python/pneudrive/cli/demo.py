@@ -21,12 +21,11 @@ def demo(
     ] = None,
 ) -> None:
     """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report."""
-    from pneudrive.cli.output import writable_folder
+    from pneudrive.cli.output import file_name, writable_folder
     from pneudrive.describe.circuit import Circuit
     from pneudrive.errors import CommandError
     from pneudrive.friction.friction_map import write_map
     from pneudrive.friction.recording.characterisation import characterise_recordings
-    from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS
     from pneudrive.identify.seals import fit_characterisation
     from pneudrive.report import write_report
     from pneudrive.report.study import WithSections
@@ -49,8 +48,9 @@ def demo(
     for name in ("map.parquet", "map.csv"):
         write_map(found.friction_map, folder / name)
     fits, _ = fit_characterisation(found)
-    if "stribeck" in fits.get(ALL_RECORDINGS, {}):
-        fits[ALL_RECORDINGS]["stribeck"].to_toml(folder / "fit.toml")
+    for group, by_law in fits.items():
+        if "stribeck" in by_law:
+            by_law["stribeck"].to_toml(folder / f"fit-{file_name(group)}.toml")
     made = reproduce(folder / FOLDER)
     more = (identify_axis(Circuit.load(AXIS)).section(),)
     report = write_report(found, fits, folder, WithSections(made, more))

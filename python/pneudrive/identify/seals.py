@@ -8,7 +8,7 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
-from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS
+from pneudrive.friction.reduction.condition import ALL_RECORDINGS, group_of
 from pneudrive.identify.fit import LAWS, fit_friction
 
 if TYPE_CHECKING:
@@ -35,14 +35,14 @@ def fit_characterisation(
     Returns
     -------
     dict of dict of FrictionFit, list of str
-        Group -> law -> fit, and notes on failed fits. Groups are ``all recordings`` and, if there are several, each
-        seal. Friction may depend on pressure if the recordings have several pressures.
+        Group -> law -> fit, and notes on failed fits. Each assembly (mounting, seal, drive) is a group of its own, or
+        ``all recordings`` if there is one. Friction may depend on pressure if the recordings have several pressures.
     """
     curves = characterisation.friction_map
     of_row = np.array(row_seals_and_runs(characterisation)[0])
     groups = {ALL_RECORDINGS: curves}
     if len(set(of_row)) > 1:
-        groups |= {seal: curves.isel(row=np.flatnonzero(of_row == seal)) for seal in dict.fromkeys(of_row.tolist())}
+        groups = {seal: curves.isel(row=np.flatnonzero(of_row == seal)) for seal in dict.fromkeys(of_row.tolist())}
     return fit_groups(groups, laws)
 
 
@@ -72,7 +72,7 @@ def fit_map(table: xr.Dataset, law: str, exclude_flags: Sequence[str] = ()) -> F
 
 def row_seals_and_runs(characterisation: Characterisation) -> tuple[list[str], list[str]]:
     """Return seal and run of each row of the friction map of a characterisation, for :func:`survey`."""
-    labels = {r.name: (r.labels.get("seal", ALL_RECORDINGS), "1") for r in characterisation.recordings}
+    labels = {r.name: (group_of(r.labels), "1") for r in characterisation.recordings}
     labels |= {point.recording: (point.seal, point.run) for point in characterisation.points}
     rows = [labels[name] for name in characterisation.friction_map["recording"].to_numpy()]
     return [seal for seal, _ in rows], [run for _, run in rows]

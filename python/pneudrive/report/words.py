@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS
+from pneudrive.friction.reduction.condition import group_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,8 +19,8 @@ MOST_SHOWN = 24  # panels of one kind in a report; a campaign has too many recor
 
 
 def seal_of(recording: Recording) -> str:
-    """Return the name of the seal, or of the group of recordings without different labels."""
-    return recording.labels.get("seal", ALL_RECORDINGS)
+    """Return the name of the assembly: seal, mounting, drive."""
+    return group_of(recording.labels)
 
 
 def by_seal(found: Characterisation) -> dict[str, list[RecordingResult]]:

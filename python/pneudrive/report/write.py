@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from pneudrive.report import campaign_course as course
 from pneudrive.report import (
+    campaign_curves,
+    campaign_run,
     closure,
     loops,
     measured,
@@ -25,14 +28,32 @@ from pneudrive.report.verdict import lines_of
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.recording.characterisation import Characterisation
     from pneudrive.report.page import Section
     from pneudrive.report.study import Addition, Fits, Study
 
 
+#: Sections that recordings share with campaigns; a section without data is None.
+CURVES = (
+    campaign_curves.curves,
+    campaign_curves.pressure,
+    campaign_curves.direction,
+    course.position,
+    course.repeatability,
+    course.stick_slip,
+    campaign_run.said,
+    campaign_run.budget,
+)
+
+
 @style.applied()
 def write_report(
-    found: Characterisation | None, fits: Fits, folder: str | Path, reproduction: Study | None = None
+    found: Characterisation | None,
+    fits: Fits,
+    folder: str | Path,
+    reproduction: Study | None = None,
+    curves: CampaignCharacteristics | None = None,
 ) -> Path:
     """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
 
@@ -46,6 +67,8 @@ def write_report(
         Must be there; figures go into its folder ``figures``.
     reproduction : Reproduction, optional
         Adds the sections of the source paper; any study with an `addition` fits.
+    curves : CampaignCharacteristics, optional
+        Curves, effects and statements of the recordings, from ``recorded_characteristics``.
 
     Returns
     -------
@@ -60,13 +83,16 @@ def write_report(
     study = None if reproduction is None else reproduction.addition(found)
     lines = lines_of(found, fits, () if study is None else study.verdict)
     synthetic = found is not None and found.synthetic
-    return Report(_title(found, study), lines, sections(found, fits, study), synthetic).write(folder)
+    return Report(_title(found, study), lines, sections(found, fits, study, curves), synthetic).write(folder)
 
 
-def sections(found: Characterisation | None, fits: Fits, study: Addition | None) -> list[Section]:
+def sections(
+    found: Characterisation | None, fits: Fits, study: Addition | None, curves: CampaignCharacteristics | None = None
+) -> list[Section]:
     """Return all sections with data, in the report's order."""
     parts: dict[str, Section] = {}
-    for part in (*(_of_recordings(found, fits) if found is not None else ()), *(study.sections if study else ())):
+    own = (*(_of_recordings(found, fits) if found is not None else ()), *(study.sections if study else ()))
+    for part in (*own, *(section(curves) for section in (CURVES if curves is not None else ()))):
         if part is not None:
             before = parts.pop(part.key, None)
             parts[part.key] = part if before is None else replace(before, blocks=before.blocks + part.blocks)

@@ -22,13 +22,14 @@ from pneudrive.friction.campaign.effects.pressure import pressure_effects
 from pneudrive.friction.campaign.effects.stick_slip import stick_slip_points, thresholds
 from pneudrive.friction.campaign.effects.zero import asymmetries, sensor_zero
 from pneudrive.friction.campaign.reading import CampaignData, read_campaign
+from pneudrive.friction.campaign.recorded import reading_of
 from pneudrive.friction.campaign.result import CampaignCharacteristics, CycleResult, Ranges
 from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
 from pneudrive.friction.campaign.stops.stop import find_stops
 from pneudrive.friction.campaign.table import friction_map
 from pneudrive.friction.reduction.loop import SHOWN_CONDITIONS, Loop
-from pneudrive.friction.reduction.settling import Settled
+from pneudrive.friction.reduction.settling import SAMPLE_CHOICES, Settled
 from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from pneudrive.friction.recording.characterisation import Characterisation
     from pneudrive.friction.reduction.settling import SampleChoice
     from pneudrive.signals.layout import Layout
     from pneudrive.signals.recording import Recording
@@ -124,6 +126,26 @@ def characterise(
     from pneudrive.friction.recording.characterisation import characterise_recordings
 
     return characterise_recordings(recordings, layout, protocol).friction_map
+
+
+def recorded_characteristics(found: Characterisation) -> CampaignCharacteristics | None:
+    """Return curves, effects and statements of recordings, as of a campaign without a plan.
+
+    Parameters
+    ----------
+    found : Characterisation
+        Result of ``characterise_recordings``.
+
+    Returns
+    -------
+    CampaignCharacteristics or None
+        With the friction map of the recordings; None if only some of the recordings were kept in memory.
+    """
+    if len(found.stroke_uses) > len(found.results):
+        return None
+    with one_thread():
+        reduced = _characterise(reading_of(found), SAMPLE_CHOICES[found.protocol]())
+    return replace(reduced, friction_map=found.friction_map)
 
 
 @many_objects()

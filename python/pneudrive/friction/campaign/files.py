@@ -47,8 +47,14 @@ def write_characteristics(found: CampaignCharacteristics, folder: str | Path) ->
     """
     folder = Path(folder)
     written = [write_map(found.friction_map, folder / name) for name in MAP_FILES]
-    written += [write_curves(found, folder / CURVES_FILE), write_effects(found, folder / EFFECTS_FILE)]
+    written += write_curves_and_effects(found, folder)
     return [*written, write_stops(found, folder / STOPS_FILE)] if found.stops else written
+
+
+def write_curves_and_effects(found: CampaignCharacteristics, folder: Path) -> list[Path]:
+    """Write curves.parquet and effects.toml; without curves, effects.toml alone."""
+    effects = write_effects(found, folder / EFFECTS_FILE)
+    return [write_curves(found, folder / CURVES_FILE), effects] if found.curves else [effects]
 
 
 def write_curves(found: CampaignCharacteristics, path: str | Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
@@ -270,19 +271,21 @@ def _way(samples: Samples) -> float:
 
 
 def _edges(files: Sequence[CycleFile]) -> Array:
-    """Return the bins over the way that sliding cycles move along, from the positions of some of them.
-
-    A cycle far beside the others (millimetres for metres) does not affect the bins.
-    """
-    ends: list[Array] = []
+    """Return the bins over the way that sliding cycles move along, from the positions of some of them."""
+    positions: list[Array] = []
     for i in np.unique(np.linspace(0, len(files) - 1, LOOKED_AT).astype(int)) if files else ():
-        try:
-            position = files[i].samples().position_m
-        except PneudriveError:
-            continue
-        position = position[np.isfinite(position)]
-        if position.size:
-            ends.append(np.quantile(position, ENDS))
+        with suppress(PneudriveError):
+            positions.append(files[i].samples().position_m)
+    return common_edges(positions)
+
+
+def common_edges(positions: Sequence[Array]) -> Array:
+    """Return the bins over the way of several motions, shape (bins + 1,).
+
+    A motion far beside the others (millimetres for metres) does not affect the bins.
+    """
+    finite = [position[np.isfinite(position)] for position in positions]
+    ends = [np.quantile(position, ENDS) for position in finite if position.size]
     low, high = 0.0, 1.0  # nothing moves: the cycles report this
     if ends:
         known = np.array(ends)

@@ -179,7 +179,7 @@ def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) ->
     if drift is None:
         return
     if fits.drift_share >= CARRIED:
-        yield "drift.not_carried", {}
+        yield ("drift.not_carried" if np.ptp(fits.points.order) > 0.0 else "drift.no_order"), {}
         return
     yield (
         "drift.moved",

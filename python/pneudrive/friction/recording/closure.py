@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.estimate.estimates import Estimate
 from pneudrive.friction.reduction.budget import uncertainty_of
-from pneudrive.friction.reduction.condition import ALL_RECORDINGS
+from pneudrive.friction.reduction.condition import group_of
 from pneudrive.friction.sentences import sentence
 from pneudrive.show import Shown
 
@@ -54,7 +54,7 @@ def closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
     force = level.offset_n - gauge["a"] * recording.area_a_m2 + gauge["b"] * recording.area_b_m2 + weight
     return ClosurePoint(
         recording=recording.name,
-        group=recording.labels.get("seal", ALL_RECORDINGS),
+        group=group_of(recording.labels),
         half_sum_force_n=force,
         gauge_a_pa=gauge["a"],
         gauge_b_pa=gauge["b"],

@@ -10,6 +10,7 @@ import numpy as np
 from pneudrive.estimate.estimates import changed, student
 from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
 from pneudrive.friction.reduction.condition import ALL_RECORDINGS as ALL_RECORDINGS
+from pneudrive.friction.reduction.condition import group_of
 from pneudrive.friction.sentences import sentence
 from pneudrive.numbers import with_u
 from pneudrive.show import Shown
@@ -49,7 +50,7 @@ def friction_points(result: RecordingResult) -> list[FrictionPoint]:
     return [
         FrictionPoint(
             recording=recording.name,
-            seal=recording.labels.get("seal", ALL_RECORDINGS),
+            seal=group_of(recording.labels),
             run=recording.labels.get("run", "1"),
             pressure_pa=level.larger_gauge_pa(recording.ambient_pressure_pa),
             speed_m_s=level.speed_m_s,

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
 PA_PER_BAR = 1e5
 TOLD = {"both": ("a", "b"), "a": ("a",), "b": ("b",)}  # chambers whose pressure has a separate effect
 SAME_SLOPE = 1e-3  # of the largest pressure: pairs nearer to one line do not determine both effects
-ALL_RECORDINGS = "all recordings"  # the group of recordings without different labels
+ALL_RECORDINGS = "all recordings"  # the group of recordings without labels of their assembly
+LEVELS = ("mounting", "seal", "drive")  # labels of the assembly: different ones never share a curve
 BOTH = 0  # `direction` of half the difference of both directions
 
 
@@ -69,6 +72,17 @@ class Skipped:
     key: str
     file: str
     reason: str
+
+
+def group_of(labels: Mapping[str, str]) -> str:
+    """Return the name of the assembly, from the labels of mounting, seal and drive.
+
+    Examples
+    --------
+    >>> group_of({"seal": "NBR", "run": "2"}), group_of({})
+    ('NBR', 'all recordings')
+    """
+    return ", ".join(labels[name] for name in LEVELS if labels.get(name)) or ALL_RECORDINGS
 
 
 def classify_pressures(pairs: NDArray[np.float64]) -> str:

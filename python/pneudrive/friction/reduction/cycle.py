@@ -213,7 +213,13 @@ class CycleData:
         return sum(side.strokes for side in self.sides.values())
 
 
-def reduce_cycle(motion: SlidingMotion, plan: CyclePlan, choice: SampleChoice, edges_m: Array) -> CycleData:
+def reduce_cycle(
+    motion: SlidingMotion,
+    plan: CyclePlan,
+    choice: SampleChoice,
+    edges_m: Array,
+    settled: NDArray[np.bool_] | None = None,
+) -> CycleData:
     """Reduce the strokes of one speed to bins of position.
 
     Parameters
@@ -225,6 +231,8 @@ def reduce_cycle(motion: SlidingMotion, plan: CyclePlan, choice: SampleChoice, e
         Which samples count.
     edges_m : ndarray, shape (bins + 1,)
         Edges of the bins of position that all cycles share.
+    settled : ndarray of bool, optional
+        Chosen samples, if they are known; the balance of the motion is then that of the choice.
 
     Raises
     ------
@@ -232,7 +240,7 @@ def reduce_cycle(motion: SlidingMotion, plan: CyclePlan, choice: SampleChoice, e
         If no stroke has a settled part.
     """
     recording = motion.recording
-    settled, balance = choice.choose(motion)
+    settled, balance = choice.choose(motion) if settled is None else (settled, motion.balance_n)
     if choice.uses_window:
         settled = settled & ~_ends(motion)
     sides = {d: side for d in (1, -1) if (side := _side(motion, settled, balance, d, edges_m)) is not None}
