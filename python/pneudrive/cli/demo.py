@@ -21,12 +21,12 @@ def demo(
     ] = None,
 ) -> None:
     """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report."""
-    from pneudrive.cli.output import file_name, writable_folder
+    from pneudrive.cli.output import writable_folder
     from pneudrive.describe.circuit import Circuit
     from pneudrive.errors import CommandError
     from pneudrive.friction.friction_map import write_map
     from pneudrive.friction.recording.characterisation import characterise_recordings
-    from pneudrive.identify.seals import fit_characterisation
+    from pneudrive.identify.seals import fit_characterisation, fit_file
     from pneudrive.report import write_report
     from pneudrive.report.study import WithSections
     from pneudrive.report.verdict import verdict
@@ -50,7 +50,7 @@ def demo(
     fits, _ = fit_characterisation(found)
     for group, by_law in fits.items():
         if "stribeck" in by_law:
-            by_law["stribeck"].to_toml(folder / f"fit-{file_name(group)}.toml")
+            by_law["stribeck"].to_toml(folder / fit_file(group))
     made = reproduce(folder / FOLDER)
     more = (identify_axis(Circuit.load(AXIS)).section(),)
     report = write_report(found, fits, folder, WithSections(made, more))

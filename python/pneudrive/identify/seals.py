@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,6 +45,17 @@ def fit_characterisation(
     if len(set(of_row)) > 1:
         groups = {seal: curves.isel(row=np.flatnonzero(of_row == seal)) for seal in dict.fromkeys(of_row.tolist())}
     return fit_groups(groups, laws)
+
+
+def fit_file(group: str) -> str:
+    """Return the name of the file of a group's fit.
+
+    Examples
+    --------
+    >>> fit_file("all recordings"), fit_file("NBR, mounting 2")
+    ('fit.toml', 'fit-NBR-mounting-2.toml')
+    """
+    return "fit.toml" if group == ALL_RECORDINGS else f"fit-{re.sub(r'[^A-Za-z0-9._-]+', '-', group)}.toml"
 
 
 def fit_groups(

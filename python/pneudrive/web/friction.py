@@ -11,6 +11,7 @@ from pneudrive.campaign.next_points import limits_of
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.friction.friction_map import AMBIENT, COLUMNS, read_map
+from pneudrive.friction.reduction.condition import ALL_RECORDINGS, LEVELS, group_of
 from pneudrive.identify.design import design
 from pneudrive.identify.determined import shown_in
 from pneudrive.identify.differences import common, curve_differences
@@ -18,6 +19,7 @@ from pneudrive.identify.files import read_fit
 from pneudrive.identify.laws import CANDIDATES
 from pneudrive.identify.model import PRESSURE_FORMS
 from pneudrive.identify.result import FrictionFit
+from pneudrive.identify.seals import fit_file
 from pneudrive.identify.sliding_fit import SlidingFit
 from pneudrive.identify.with_map import PROBABILITIES, ellipses, profiles, with_map
 from pneudrive.rig.loading import load_rig
@@ -75,7 +77,9 @@ def fit_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
 
 
 def shown_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
-    """Return the points of a map, in groups of one pair of chamber pressures, with the curves of a fit beside it.
+    """Return the points of a map, in groups of one assembly and pair of chamber pressures, with curves of fits.
+
+    A curve is that of the fit of its own seal, mounting and drive: a fit over several of them has no curve.
 
     Raises
     ------
@@ -84,18 +88,25 @@ def shown_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
     """
     found = read_map(path)
     ambient = float(found.attrs.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
-    fit, why = fit_beside(path, fit_name)
     rows = np.arange(min(found.sizes["row"], MOST_POINTS))
     pairs = _pressures(found, rows) - ambient
+    assemblies = _assemblies(found, rows)
+    names = list(dict.fromkeys(assemblies.tolist()))
     groups = []
-    for inside in alike(pairs):
-        gauges = pairs[inside].mean(axis=0)
-        groups.append({"gauges": gauges.tolist(), "label": _label(gauges), "points": _points(found, rows[inside])})
-    groups.sort(key=lambda one: tuple(one["gauges"]))
-    if fit is not None:
-        ends = np.abs(found["velocity_m_s"].to_numpy())
-        speeds = np.geomspace(ends.min(), ends.max(), SPEEDS) if ends.min() < ends.max() else ends[:1]
-        for group in groups[:MOST_CURVES]:
+    for name in names:
+        own = np.flatnonzero(assemblies == name)
+        for inside in (own[part] for part in alike(pairs[own])):
+            gauges = pairs[inside].mean(axis=0)
+            label = f"{name}: {_label(gauges)}" if len(names) > 1 else _label(gauges)
+            points = _points(found, rows[inside])
+            groups.append({"assembly": name, "gauges": gauges.tolist(), "label": label, "points": points})
+    groups.sort(key=lambda one: (names.index(one["assembly"]), *one["gauges"]))
+    fits, why = fits_of(path, fit_name, names)
+    ends = np.abs(found["velocity_m_s"].to_numpy())
+    speeds = np.geomspace(ends.min(), ends.max(), SPEEDS) if ends.min() < ends.max() else ends[:1]
+    for group in groups[:MOST_CURVES]:
+        fit = fits.get(group["assembly"])
+        if fit is not None:
             predicted = fit.predict(speeds, *group["gauges"])
             own = [one["speed"] for one in group["points"]]
             group["curve"] = {
@@ -103,7 +114,7 @@ def shown_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
                 **_band(predicted),
                 "measured": [min(own), max(own)],
             }
-    heat = _heat(groups, fit)
+    heat = _heat(groups, fits)
     about = {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in COLUMNS.items()}
     return {
         "groups": groups,
@@ -137,12 +148,17 @@ def map_slice(workspace: Workspace, name: str, fit_name: str, speed_m_s: float) 
     if not (np.isfinite(speed_m_s) and speed_m_s > 0.0):
         raise CommandError(f"speed = {speed_m_s} m/s", rule="a speed above zero")
     path = workspace.path(name, (".parquet", ".csv"))
-    found, (fit, _) = shown_map(path, fit_name), fit_beside(path, fit_name)
+    found = shown_map(path, fit_name)
     gauges = np.array([one["gauges"] for one in found["groups"]])
     along = int(np.ptp(gauges[:, 1]) >= np.ptp(gauges[:, 0]))
+    assemblies = np.array([one["assembly"] for one in found["groups"]])
+    names = list(dict.fromkeys(assemblies.tolist()))
+    fits, _ = fits_of(path, fit_name, names)
+    parts = [np.flatnonzero(assemblies == one) for one in names]
     groups, others = [], []
-    for inside in alike(gauges[:, [1 - along]]):
+    for inside in (part[near] for part in parts for near in alike(gauges[part][:, [1 - along]])):
         own = [found["groups"][k] for k in inside]
+        fit, title = fits.get(own[0]["assembly"]), f"{own[0]['assembly']}: " if len(names) > 1 else ""
         points = [
             {**point, "gauge": group["gauges"][along]}
             for group in own
@@ -150,7 +166,7 @@ def map_slice(workspace: Workspace, name: str, fit_name: str, speed_m_s: float) 
             if abs(np.log(point["speed"] / speed_m_s)) <= NEAR
         ]
         other = float(gauges[inside, 1 - along].mean())
-        groups.append({"label": f"chamber {'ba'[along]} at {bar(other)} bar gauge", "points": points})
+        groups.append({"label": f"{title}chamber {'ba'[along]} at {bar(other)} bar gauge", "points": points})
         reach = gauges[inside, along]
         if fit is not None and np.ptp(reach) > SAME_PA:
             over = np.linspace(reach.min(), reach.max(), SPEEDS)
@@ -192,14 +208,18 @@ def map_difference(workspace: Workspace, path: str, fit_name: str, other: str) -
     places = [workspace.path(name, (".parquet", ".csv")) for name in names]
     beside = [fit_name, FIT]
     old, new = (shown_map(place, fit)["groups"] for place, fit in zip(places, beside, strict=True))
-    fits = [fit_beside(place, fit) for place, fit in zip(places, beside, strict=True)]
-    first, second = (fit for fit, _ in fits)
+    # Maps of one assembly each are compared whatever their labels; otherwise equal assemblies are.
+    several = all(len({one["assembly"] for one in groups}) == 1 for groups in (old, new))
+    listed = (list(dict.fromkeys(one["assembly"] for one in groups)) for groups in (old, new))
+    fits = [fits_of(place, fit, one) for place, fit, one in zip(places, beside, listed, strict=True)]
     groups, pairs = [], []
     for one in old:
-        pair = next((two for two in new if np.abs(np.subtract(one["gauges"], two["gauges"])).max() < SAME_PA), None)
+        alike_pairs = (two for two in new if np.abs(np.subtract(one["gauges"], two["gauges"])).max() < SAME_PA)
+        pair = next((two for two in alike_pairs if several or two["assembly"] == one["assembly"]), None)
         if pair is None:
             continue
         group: dict[str, Any] = {"label": one["label"], "points": _paired(one["points"], pair["points"])}
+        first, second = (fits[k][0].get(side["assembly"]) for k, side in enumerate((one, pair)))
         low, high = (0.0, -1.0) if first is None or second is None else common(first, second, "speed_m_s")
         if first is not None and second is not None and low < high:
             speeds = np.geomspace(low, high, SPEEDS)
@@ -245,7 +265,7 @@ def _band(said: Prediction) -> dict[str, list[float]]:
     return {"friction": said.friction_n.tolist(), "low": said.lower_n.tolist(), "high": said.upper_n.tolist()}
 
 
-def _heat(groups: list[dict[str, Any]], fit: FrictionFit | None) -> dict[str, Any]:
+def _heat(groups: list[dict[str, Any]], fits: Mapping[str, FrictionFit]) -> dict[str, Any]:
     """Return friction over speed and pressure as cells: the mean of the points in a cell, else what the fit says.
 
     Of each pair of pressures one row of cells ``[friction, kind]``: ``"measured"``, ``"fit"`` between the measured
@@ -261,6 +281,7 @@ def _heat(groups: list[dict[str, Any]], fit: FrictionFit | None) -> dict[str, An
         own = np.array([one["speed"] for one in group["points"]])
         friction = np.array([one["friction"] for one in group["points"]])
         column = np.clip(np.searchsorted(edges, own, side="right") - 1, 0, HEAT_COLUMNS - 1)
+        fit = fits.get(group["assembly"])
         known = None if fit is None else fit.predict(middles, *group["gauges"]).friction_n
         cells: list[list[Any] | None] = []
         for place, middle in enumerate(middles):
@@ -316,6 +337,29 @@ def _label(gauges: Any) -> str:  # noqa: ANN401 - two numbers
 def bar(gauge_pa: float) -> str:
     """Return a gauge pressure in bar for people, zero where it is nearly that."""
     return f"{0.0 if abs(gauge_pa) < 0.5 * SAME_PA else gauge_pa / 1e5:.3g}"
+
+
+def _assemblies(found: xr.Dataset, rows: Any) -> Any:  # noqa: ANN401 - arrays
+    """Return the name of the assembly (mounting, seal, drive) of each row."""
+    columns = {name: found[name].to_numpy()[rows].astype(str).tolist() for name in LEVELS if name in found}
+    labels = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
+    return np.array([group_of(row) for row in labels] if columns else [ALL_RECORDINGS] * len(rows))
+
+
+def fits_of(path: Path, fit_name: str, names: list[str]) -> tuple[dict[str, FrictionFit], str]:
+    """Return the fit of each assembly, and why one is missing.
+
+    Of a map with several assemblies, the usual name stands for the fit of each; another file is that of one of them.
+    """
+    if len(names) == 1:
+        fit, why = fit_beside(path, fit_name)
+        return ({} if fit is None else {names[0]: fit}), why
+    wanted = {name: fit_file(name) for name in names if fit_name in (FIT, fit_file(name))}
+    if not wanted:
+        return {}, f"{fit_name} is a fit over several seals or mountings: its curve belongs to none of them."
+    read = {name: fit_beside(path, file) for name, file in wanted.items()}
+    missing = " ".join(dict.fromkeys(why for _, why in read.values() if why))
+    return {name: fit for name, (fit, _) in read.items() if fit is not None}, missing
 
 
 def fit_beside(path: Path, name: str) -> tuple[FrictionFit | None, str]:
