@@ -10,7 +10,7 @@ from pneudrive.friction.campaign import characteristics as _characteristics
 from pneudrive.friction.campaign import compare as _compare
 from pneudrive.friction.campaign import files, result
 from pneudrive.friction.campaign import stops as _stops
-from pneudrive.friction.campaign.characteristics import characterise, characteristics
+from pneudrive.friction.campaign.characteristics import characterise, characteristics, recorded_characteristics
 from pneudrive.friction.campaign.compare import comparison, curves
 from pneudrive.friction.campaign.effects import effect
 from pneudrive.friction.campaign.files import write_characteristics
@@ -33,6 +33,7 @@ __all__ = [
     "characterise",
     "characteristics",
     "fit_campaign",
+    "recorded_characteristics",
     "write_characteristics",
 ]
 

@@ -17,7 +17,7 @@ def test_recordings_become_map_fit_and_report(tmp_path, capsys):
     files = [str(DATA / "friction" / f"PK_{bar}bar.csv.xz") for bar in (1, 3, 5, 7)]
     assert run(["characterise", *files, "--out", str(tmp_path / "out")]) == 0
     out = capsys.readouterr().out
-    for name in ("map.parquet", "map.csv", "fit.toml", "report.html"):
+    for name in ("map.parquet", "map.csv", "curves.parquet", "effects.toml", "fit.toml", "report.html"):
         assert (tmp_path / "out" / name).stat().st_size > 500, name
         assert name in out
     assert read_map(tmp_path / "out" / "map.csv").sizes["row"] == 8
@@ -25,6 +25,7 @@ def test_recordings_become_map_fit_and_report(tmp_path, capsys):
     assert not re.search(r"""(?:src|href)\s*=\s*["']https?://[^"']+\.(?:js|css|png|svg|woff2?)""", page)
     assert "PK_5bar" in page
     assert "PK_5bar" in out
+    assert "! The effect of pressure cannot be determined" in out  # in the words of a campaign
 
 
 def test_a_foreign_recording_by_way_of_a_proposed_layout(tmp_path, capsys):

@@ -30,7 +30,7 @@ def test_the_demo_prints_five_lines_and_where_the_report_lies(demonstration):
         "provenance",
     ):
         assert f'<section id="{key}">' in page
-    for name in ("map.parquet", "map.csv", "fit.toml"):
+    for name in ("map.parquet", "map.csv", "fit-PK.toml"):
         assert (demonstration.folder / name).stat().st_size > 500
 
 

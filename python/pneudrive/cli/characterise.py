@@ -67,7 +67,7 @@ def characterise(
         written += _write_fits(fits, law, folder, whole=ALL_RECORDINGS)
         curves = recorded_characteristics(found)
         written += [] if curves is None else write_curves_and_effects(curves, folder)
-        written.append(Path(write_report(found, fits, folder, curves=curves)))
+        written.append(Path(write_report(found, fits, folder, None, curves)))
     for problem in problems:
         sys.stderr.write(f"Note: no fit of {problem}\n")
     _say(found, curves, written)

@@ -9,9 +9,8 @@ import numpy as np
 
 from pneudrive.campaign.next_points import limits_of
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.errors import CommandError
 from pneudrive.friction.friction_map import AMBIENT, COLUMNS, read_map
-from pneudrive.friction.reduction.condition import ALL_RECORDINGS, LEVELS, group_of
 from pneudrive.identify.design import design
 from pneudrive.identify.determined import shown_in
 from pneudrive.identify.differences import common, curve_differences
@@ -19,12 +18,12 @@ from pneudrive.identify.files import read_fit
 from pneudrive.identify.laws import CANDIDATES
 from pneudrive.identify.model import PRESSURE_FORMS
 from pneudrive.identify.result import FrictionFit
-from pneudrive.identify.seals import fit_file
 from pneudrive.identify.sliding_fit import SlidingFit
 from pneudrive.identify.with_map import PROBABILITIES, ellipses, profiles, with_map
 from pneudrive.rig.loading import load_rig
 from pneudrive.web.jobs import RIG, AskedJob, folder_name
 from pneudrive.web.lineage import MOST_TRACED, SAME, Lineage
+from pneudrive.web.map_fits import FIT, assemblies_of, fits_of
 from pneudrive.web.workspace import safe
 
 if TYPE_CHECKING:
@@ -42,7 +41,6 @@ MOST_CURVES = 8
 MOST_NEXT = 200  # points of a design
 HEAT_COLUMNS, HEAT_ROWS = 24, 60
 SPEEDS = 120  # points of a curve
-FIT = "fit.toml"
 PRESSURES = ("none", *PRESSURE_FORMS)
 NEAR = 0.05  # speeds that differ by less, relatively, are one speed
 SAME_PA = 1e4  # chamber pressures that differ by less make one curve
@@ -90,7 +88,7 @@ def shown_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
     ambient = float(found.attrs.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
     rows = np.arange(min(found.sizes["row"], MOST_POINTS))
     pairs = _pressures(found, rows) - ambient
-    assemblies = _assemblies(found, rows)
+    assemblies = assemblies_of(found, rows)
     names = list(dict.fromkeys(assemblies.tolist()))
     groups = []
     for name in names:
@@ -337,43 +335,6 @@ def _label(gauges: Any) -> str:  # noqa: ANN401 - two numbers
 def bar(gauge_pa: float) -> str:
     """Return a gauge pressure in bar for people, zero where it is nearly that."""
     return f"{0.0 if abs(gauge_pa) < 0.5 * SAME_PA else gauge_pa / 1e5:.3g}"
-
-
-def _assemblies(found: xr.Dataset, rows: Any) -> Any:  # noqa: ANN401 - arrays
-    """Return the name of the assembly (mounting, seal, drive) of each row."""
-    columns = {name: found[name].to_numpy()[rows].astype(str).tolist() for name in LEVELS if name in found}
-    labels = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
-    return np.array([group_of(row) for row in labels] if columns else [ALL_RECORDINGS] * len(rows))
-
-
-def fits_of(path: Path, fit_name: str, names: list[str]) -> tuple[dict[str, FrictionFit], str]:
-    """Return the fit of each assembly, and why one is missing.
-
-    Of a map with several assemblies, the usual name stands for the fit of each; another file is that of one of them.
-    """
-    if len(names) == 1:
-        fit, why = fit_beside(path, fit_name)
-        return ({} if fit is None else {names[0]: fit}), why
-    wanted = {name: fit_file(name) for name in names if fit_name in (FIT, fit_file(name))}
-    if not wanted:
-        return {}, f"{fit_name} is a fit over several seals or mountings: its curve belongs to none of them."
-    read = {name: fit_beside(path, file) for name, file in wanted.items()}
-    missing = " ".join(dict.fromkeys(why for _, why in read.values() if why))
-    return {name: fit for name, (fit, _) in read.items() if fit is not None}, missing
-
-
-def fit_beside(path: Path, name: str) -> tuple[FrictionFit | None, str]:
-    """Return the fit in the folder of a map, or why there is none."""
-    place = path.parent / name
-    if not place.is_file():
-        return None, f"There is no {name} beside the map."
-    try:
-        fit = read_fit(place)
-    except PneudriveError as error:
-        return None, error.what
-    if not isinstance(fit, FrictionFit):
-        return None, f"{name} is the fit of a {fit.KIND}, which has no curve over speed."
-    return fit, ""
 
 
 def shown_fit(path: Path) -> dict[str, Any]:
