@@ -68,6 +68,8 @@ const WORDS: Record<string, string> = {
   saturated: "sensor at its limit",
   stuck: "sensor stuck",
   gap: "gap in time",
+  counter_wrap: "counter wrapped",
+  position_jump: "position jumps",
 };
 
 export const marksOf = (faults: Faults): Mark[] => Object.values(faults).flatMap((one) => one.places.map(([from, to]) => ({ from, to })));

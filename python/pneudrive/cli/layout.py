@@ -45,7 +45,9 @@ def layout(
             sys.stderr.write(f"{path}\n")
     if proposal.problem:
         raise RecordingError(
-            f"the proposed layout does not read the file yet: {proposal.problem}",
+            proposal.problem
+            if proposal.asks
+            else f"the proposed layout does not read the file yet: {proposal.problem}",
             where=str(file),
-            remedy="Correct the lines marked guess or not found, and check the picture.",
+            remedy="Correct the lines marked guess, open or not found, and check the picture.",
         )

@@ -150,7 +150,8 @@ def open_netcdf(path: Path) -> Opened:
 def open_tdms(path: Path) -> Opened:
     """Open a TDMS file; channels are named ``group/channel``.
 
-    A waveform has no channel of times: ``time`` is then computed from its properties, s from its start.
+    A waveform has no channel of times: ``time`` is then computed from its properties, s from the first start.
+    Channels that start at different times, or have other rates, are interpolated to the fastest one.
     """
     nptdms = _optional("nptdms", "tdms")
     data = nptdms.TdmsFile.read(path)
@@ -160,15 +161,14 @@ def open_tdms(path: Path) -> Opened:
 
     def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> dict[str, NDArray[Any]]:
         part = slice(*(rows or (None,)))
-        found = {name: channels[name][part] for name in wanted if name in channels}
-        if timed and "time" in wanted:
-            clocks = [name for name in found if name in clocked]
-            if not clocks:
-                raise RecordingError("no channel that is read has times")
-            channel = channels[clocks[0]]
-            step, start = channel.properties["wf_increment"], channel.properties.get("wf_start_offset", 0.0)
-            found["time"] = (start + np.arange(len(channel)) * step)[part]
-        return found
+        found = {name: np.asarray(channels[name][:]) for name in wanted if name in channels}
+        times = _waveform_times({name: channels[name] for name in found if name in clocked}) if timed else {}
+        if timed and "time" in wanted and not times:
+            raise RecordingError("no channel that is read has times")
+        if times:
+            base, found = _on_one_clock(times, found)
+            found |= {"time": base} if "time" in wanted else {}
+        return {name: column[part] for name, column in found.items()}
 
     said = {name: str(channel.properties.get("unit_string", "")).strip() for name, channel in channels.items()}
     units = {UNIT_OF + name: unit for name, unit in said.items() if unit}
@@ -176,7 +176,7 @@ def open_tdms(path: Path) -> Opened:
 
 
 def open_mf4(path: Path) -> Opened:
-    """Open an MDF file; channels are interpolated to the times of the first wanted one, which are ``time``, s.
+    """Open an MDF file; channels are interpolated to the times of the fastest wanted one, which are ``time``, s.
 
     A name in several channel groups is written ``number of the group/name``.
     """
@@ -196,8 +196,8 @@ def open_mf4(path: Path) -> Opened:
         if not chosen:
             raise RecordingError("no channel but the time is wanted")
         signals = {n: data.get(places[n][0], group=places[n][1], index=places[n][2]) for n in chosen}
-        base = signals[chosen[0]].timestamps
-        values = {n: _on(base, signal.timestamps, np.asarray(signal.samples)) for n, signal in signals.items()}
+        times = {name: signal.timestamps for name, signal in signals.items()}
+        base, values = _on_one_clock(times, {name: np.asarray(signal.samples) for name, signal in signals.items()})
         part = slice(*(rows or (None,)))
         return {name: column[part] for name, column in {**values, "time": base}.items()}
 
@@ -239,11 +239,51 @@ def _no_tables() -> None:
     """Return None: channels of these formats may differ in length."""
 
 
-def _on(base: NDArray[np.float64], times: NDArray[np.float64], values: NDArray[Any]) -> NDArray[Any]:
-    """Interpolate a channel to other times; a channel with the same times, or not a series of numbers, is unchanged."""
-    if values.ndim != 1 or values.dtype.kind not in "iuf" or np.array_equal(base, times):
-        return values
-    return np.interp(base, times, values.astype(np.float64))
+def _waveform_times(channels: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
+    """Return the times of the samples of TDMS waveforms, s from the first start.
+
+    Raises
+    ------
+    RecordingError
+        Some have a start time, others do not.
+    """
+    starts = {name: channel.properties.get("wf_start_time") for name, channel in channels.items()}
+    without = [name for name, start in starts.items() if start is None]
+    if without and len(without) < len(starts):
+        raise RecordingError(
+            "some channels state their start time, others do not",
+            value=f"without wf_start_time: {', '.join(without)}",
+            rule="the samples of all channels must lie on one time axis",
+            remedy="write the start time of each channel, or read channels of one kind",
+        )
+    known = [np.datetime64(start, "ns") for start in starts.values() if start is not None]
+    out = {}
+    for name, channel in channels.items():
+        begin = channel.properties.get("wf_start_offset", 0.0)
+        if known:
+            begin += (np.datetime64(starts[name], "ns") - min(known)) / np.timedelta64(1, "ns") / 1e9
+        out[name] = begin + np.arange(len(channel)) * channel.properties["wf_increment"]
+    return out
+
+
+def _on_one_clock(
+    times: dict[str, NDArray[np.float64]], values: dict[str, NDArray[Any]]
+) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
+    """Return the times of the fastest channel of those that run for half of the time or more, and all channels there.
+
+    A channel has NaN before its first sample and behind its last one; one of texts is unchanged.
+    """
+    spans = {name: float(np.ptp(own)) for name, own in times.items() if own.size}
+    if not spans:
+        return np.zeros(0), values
+    long = [name for name, span in spans.items() if span >= 0.5 * max(spans.values())]
+    base = times[max(long, key=lambda name: times[name].size / max(spans[name], 1e-30))]
+    out = dict(values)
+    for name, own in times.items():
+        column = values[name]
+        if column.ndim == 1 and column.dtype.kind in "iuf" and own.size and not np.array_equal(base, own):
+            out[name] = np.interp(base, own, column.astype(np.float64), left=np.nan, right=np.nan)
+    return base, out
 
 
 def _optional(module: str, form: str) -> Any:  # noqa: ANN401 - a module

@@ -273,9 +273,9 @@ def _open(path: Path, said: SampledLayout | None, cache: Path) -> _OpenTable:
         table = open_table(path, "parquet")
         if said is None:
             return _OpenTable(table)
-        names = names_of([one.column for one in said.columns.values()], table.names, path)
+        names = names_of(said.places, table.names, path)
         kinds = [table.get([name], (0, 16))[name].dtype.kind for name in names]
-        if not any(one in TEXT_KINDS for one in kinds):
+        if said.is_plain and not any(one in TEXT_KINDS for one in kinds):
             return _OpenTable(table, roles=dict(zip(names, said.columns, strict=True)))
     how = (said.format, said.text, said.columns) if said is not None else ()
     converted = cache / f"table-{hashlib.sha256(repr(how).encode()).hexdigest()[:16]}.parquet"

@@ -70,6 +70,12 @@ def find_cycles(path: Path, layout: Layout) -> Cycles:
             value=f'format = "{said.format}"',
             remedy="write the campaign as one Parquet file, or each cycle as a file without columns.cycle",
         )
+    if not said.is_plain:
+        raise RecordingError(
+            "a campaign file needs a column for each channel",
+            where=str(path),
+            rule="the keys rate, date, clock and wraps are for files of one recording",
+        )
     table = open_table(path, "parquet")
     column = table.names[column_number(said.cycle or 0, table.names, len(table.names), path)]
     numbers = table.get([column])[column]

@@ -16,7 +16,7 @@ from pneudrive.files.tables import open_table
 from pneudrive.show import Shown
 from pneudrive.signals.impossible import QUANTILES, refuse_pressure
 from pneudrive.signals.layout import Layout, SampledLayout, stem
-from pneudrive.signals.load import convert, find_layout, layout_beside, read_raw, shifted
+from pneudrive.signals.load import aligned, convert, find_layout, layout_beside, read_raw
 from pneudrive.signals.motion import NOISE_FACTOR, noise_level
 from pneudrive.signals.trajectories import is_run
 from pneudrive.trajectory import columns_in, meaning, read_columns
@@ -425,11 +425,7 @@ def _first_line(path: Path) -> str | None:
 def _columns_of(path: Path, said: SampledLayout) -> dict[str, Array]:
     """Read a file through a layout: columns in SI, on one time base."""
     raw, _, _ = read_raw(path, said)
-    values = {channel: convert(said, channel, column) for channel, column in raw.items()}
-    for channel, column in said.columns.items():
-        delay = column.delay_s - said.columns["time"].delay_s
-        if channel != "time" and delay:
-            values[channel] = shifted(values["time"], values[channel], delay)
+    values = aligned(said, {channel: convert(said, channel, column) for channel, column in raw.items()})
     return {_LAYOUT_COLUMNS[channel]: column for channel, column in values.items()}
 
 

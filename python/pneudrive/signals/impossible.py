@@ -26,6 +26,7 @@ QUANTILES = (0.01, 0.99)
 LOWEST_PA = -5e3  # absolute: largest error of a transducer's zero at vacuum
 PRESSURES_PA = (100e5, 20e5)
 SPEEDS_M_S = (50.0, 10.0)
+SLOWEST_M_S = 5e-5  # a stroke of 50 mm in a quarter of an hour: slower ones are doubted, too
 FORCES_N = (1e7, 1e6)
 LONGEST_M = 100.0
 

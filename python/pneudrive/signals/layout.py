@@ -35,9 +35,11 @@ class Column:
     uncertainty; ``range_si`` the lowest and highest value that the sensor can give (pressures absolute);
     ``curve`` the calibration of the force sensor, before the sign;
     ``date_form`` the format of dates and times, if the column of the time has them.
+    ``clock`` is the column of the channel's own times. ``wraps`` is the number of counts until a counter restarts.
+    A time has a column or ``rate_hz``. A time of day may have a column of dates, ``date``.
     """
 
-    column: int | str
+    column: int | str | None
     unit: ColumnUnit
     sign: int = 1
     scale: float = 1.0
@@ -48,6 +50,11 @@ class Column:
     calibration: str = ""
     curve: ForceCalibration | None = None
     date_form: str | None = None
+    clock: int | str | None = None
+    wraps: float | None = None
+    rate_hz: float | None = None
+    date: int | str | None = None
+    date_format: str = ""
 
     def in_unit(self, raw: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return raw numbers in the column's unit, towards +x, before a curve; unchanged ones are not copied."""
@@ -74,7 +81,31 @@ class SampledLayout:
     @property
     def dates(self) -> dict[int | str, str]:
         """Columns of dates and times, with their format."""
-        return {column.column: column.date_form for column in self.columns.values() if column.date_form is not None}
+        time = self.columns["time"]
+        clocks = (
+            [time.column, *(column.clock for column in self.columns.values())] if time.date_form is not None else []
+        )
+        found = {place: time.date_form or "" for place in clocks if place is not None}
+        return found if time.date is None else found | {time.date: time.date_format}
+
+    @property
+    def places(self) -> list[int | str]:
+        """Columns of the file that are read: those of the channels, and of their dates and clocks."""
+        columns = self.columns.values()
+        places = [*(c.column for c in columns), self.columns["time"].date, *(c.clock for c in columns)]
+        return list(dict.fromkeys(place for place in places if place is not None))
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether every channel is a column, and each of its rows can be read alone."""
+        time = self.columns["time"]
+        special = (
+            time.rate_hz,
+            time.date,
+            *(c.clock for c in self.columns.values()),
+            *(c.wraps for c in self.columns.values()),
+        )
+        return all(value is None for value in special)
 
 
 @dataclass(frozen=True)

@@ -82,6 +82,8 @@ class ColumnTable(Described):
 
     channel: ClassVar[str] = ""
     column: Annotated[int | str, Reads(_place)]
+    clock: Annotated[int | str | None, Reads(_place)] = None
+    wraps: Annotated[float | None, Quantity("", bounds=Bounds(above=0.0))] = None
     scale: Annotated[float, Reads(_scale)] = 1.0
     offset: Annotated[float, Quantity("")] = 0.0
     delay_s: Annotated[float, Quantity("s", "s")] = 0.0
@@ -110,6 +112,29 @@ class ColumnTable(Described):
         if "format" in said and not self.is_date:
             rule = f'a format is a text, for a time with unit = "{date_times.UNIT}" only'
             raise wrong("format", f"format = {self.format!r}", rule=rule)
+        if "clock" in said and self.channel == "time":
+            raise wrong("clock", "the time has no clock of its own", rule="clock names the column of a channel's times")
+        return self
+
+
+class TimeTable(ColumnTable):
+    """Keys of the time: a column, a date and a time of day in two columns, or the rate of the samples."""
+
+    channel: ClassVar[str] = "time"
+    column: Annotated[int | str | None, Reads(_place)] = None  # type: ignore[assignment]
+    rate_hz: Annotated[float | None, Quantity("1/s", "Hz", Bounds(above=0.0))] = None
+    date: Annotated[int | str | None, Reads(_place)] = None
+    date_format: str = date_times.ISO
+
+    @model_validator(mode="after")
+    def _once(self) -> TimeTable:
+        if (self.column is None) == (self.rate_hz is None):
+            remedy = 'time = { column = 0, unit = "s" }, or time = { rate = "50 Hz" }'
+            raise wrong("", "give the column of the time, or the rate of the samples", remedy=remedy)
+        if self.column is not None and self.unit is None:
+            raise wrong("unit", "unit is missing", remedy='time = { column = 0, unit = "s" }')
+        if "date_format" in self.model_fields_set and self.date is None:
+            raise wrong("date_format", f"date_format = {self.date_format!r}", rule="it belongs to a column: date = 0")
         return self
 
 
@@ -122,10 +147,11 @@ def _column_class(channel: str) -> type[ColumnTable]:
         "range": (Annotated[Any, ends], None),
         "unit": (
             Annotated[Any, Reads(partial(_unit, channel))],
-            Field(None if channel == "command" else ..., examples=[EXAMPLES.get(si_unit, "V")]),
+            Field(None if channel in ("command", "time") else ..., examples=[EXAMPLES.get(si_unit, "V")]),
         ),
     }
-    made = create_model(f"{channel.title()}Column", __base__=ColumnTable, **fields)
+    base = TimeTable if channel == "time" else ColumnTable
+    made = create_model(f"{channel.title()}Column", __base__=base, **fields)
     made.channel = channel
     return made
 
@@ -201,9 +227,11 @@ class LayoutTables(Described):
     format: Annotated[str, Choice(("csv", *FORMATS))] = "csv"
     delimiter: Annotated[str | None, Reads(_delimiter)] = None
     header: StrictBool = False
+    quoted: StrictBool = False
     decimal: Literal[".", ","] = "."
     thousands: Annotated[str | None, Reads(_one_character)] = None
     comment: str = "#"
+    header_delimiter: Annotated[str | None, Reads(_delimiter)] = ""
     skip_lines: Annotated[int, Whole(at_least=0, bound=None)] = 0
     skip_samples: Annotated[int, Whole(at_least=0, bound=None)] = 0
     columns: ColumnsTable = ColumnsTable()  # type: ignore[valid-type]
@@ -217,9 +245,9 @@ class LayoutTables(Described):
 
     @model_validator(mode="after")
     def _signs_differ(self) -> LayoutTables:
-        if self.delimiter == self.decimal:
+        if self.delimiter == self.decimal and not self.quoted:
             what = f"'{self.decimal}' cannot be delimiter and decimal sign at once"
-            raise wrong("delimiter", what)
+            raise wrong("delimiter", what, remedy="if the numbers are in quotation marks, write quoted = true")
         return self
 
     @property
@@ -237,6 +265,7 @@ class LayoutTables(Described):
             thousands=self.thousands,
             skip_lines=self.skip_lines,
             comment=self.comment or "\0",  # None: a character that no text contains
+            header_delimiter=self.header_delimiter,
         )
 
     def missing(self, kind: str) -> Iterator[DescriptionError]:
@@ -258,7 +287,7 @@ class LayoutTables(Described):
         units = CHANNELS[kind][0]
         for channel in units:
             column: ColumnTable | None = getattr(self.columns, channel)
-            if column is None:
+            if column is None or column.column is None:
                 continue
             other = read.setdefault(column.column, channel)
             if units[other] != units[channel]:  # both chambers may share a transducer
@@ -300,6 +329,7 @@ class LayoutTables(Described):
     def column(self, channel: str, kind: str) -> dict[str, Any]:
         """Return a column as a `Column`."""
         given: ColumnTable = getattr(self.columns, channel)
+        is_time = isinstance(given, TimeTable)
         scale, offset, ends = given.scale, given.offset, given.range
         if channel == "command" and ends is not None:
             # The ends of the signal are -1 and 1, or 0 and 1 for the line of a volume.
@@ -321,4 +351,7 @@ class LayoutTables(Described):
             "calibration": given.calibration,
             "curve": self.force_calibration if channel == "force" else None,
             "date_form": given.format if given.is_date else None,
+            "clock": given.clock,
+            "wraps": given.wraps,
+            **({"rate_hz": given.rate_hz, "date": given.date, "date_format": given.date_format} if is_time else {}),
         }

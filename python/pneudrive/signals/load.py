@@ -17,6 +17,7 @@ from pneudrive.signals.layout_tables import CHANNEL_UNITS
 from pneudrive.signals.recording import Recording
 from pneudrive.signals.tables.formats import read_columns
 from pneudrive.signals.tables.text_table import read_bytes, read_text
+from pneudrive.signals.tables.timing import overlap, timed
 from pneudrive.signals.trajectories import (
     COLUMNS,
     MEASURED,
@@ -170,8 +171,7 @@ def load_drive_motion(path: Path, layout: Layout) -> Recording:
 
 def read_rows(path: Path, said: FileLayout, rows: tuple[int, int]) -> dict[str, NDArray[np.float64]]:
     """Read some rows of the raw columns that a layout names, by channel, from a Parquet file."""
-    wanted = [column.column for column in said.columns.values()]
-    return dict(zip(said.columns, read_columns(said.format, path, wanted, said.dates, rows).columns, strict=True))
+    return dict(zip(said.columns, read_columns(said.format, path, said.places, said.dates, rows).columns, strict=True))
 
 
 @dataclass(frozen=True)
@@ -231,7 +231,7 @@ class LongFile:
 def find_long(file: RecordingFile, least: int) -> LongFile | None:
     """Return a Parquet file as one of many rows if it has more than `least`; None for all others, and with dates."""
     said = None if file.layout is None or file.has_cycles else file.layout.for_file(file.path)
-    if file.has_cycles or (said is not None and (said.format != "parquet" or said.dates)):
+    if file.has_cycles or (said is not None and (said.format != "parquet" or said.dates or not said.is_plain)):
         return None
     if said is None and file.path.suffix != ".parquet":
         return None
@@ -282,10 +282,11 @@ def read_table(
     RecordingError
         If the file cannot be read so.
     """
-    wanted = [column.column for column in said.columns.values()]
     if said.format == "csv":
-        return read_text(path, data or read_bytes(path), said.text, wanted, said.dates, others=others)
-    return read_columns(said.format, path, wanted, said.dates, others=others)
+        table = read_text(path, data or read_bytes(path), said.text, said.places, said.dates, others=others)
+    else:
+        table = read_columns(said.format, path, said.places, said.dates, others=others)
+    return timed(table, said.columns, said.places, str(path))
 
 
 def to_recording(
@@ -297,7 +298,7 @@ def to_recording(
     sha256: str | None,
 ) -> Recording:
     """Convert raw columns to SI, absolute pressures and one time base."""
-    values = {channel: convert(said, channel, column) for channel, column in raw.items()}
+    values = aligned(said, {channel: convert(said, channel, column) for channel, column in raw.items()})
     time = values.pop("time")
     accuracy = dict(said.geometry_accuracy)
     limits: dict[str, tuple[float, float]] = {}
@@ -311,11 +312,7 @@ def to_recording(
             channels[suffix] = 0.0 if channel == "force" else said.chamber_pressures[channel]
             continue
         column = said.columns[channel]
-        aligned = values[channel]
-        delay = column.delay_s - said.columns["time"].delay_s
-        if delay:
-            aligned = shifted(time, aligned, delay)
-        channels[suffix] = aligned
+        channels[suffix] = values[channel]
         if column.accuracy_si is not None:
             accuracy[suffix] = column.accuracy_si
         if column.calibration:
@@ -364,9 +361,20 @@ def convert(said: FileLayout | SampledLayout, channel: str, raw: NDArray[np.floa
     return value + said.ambient_pressure_pa if column.unit.gauge else value
 
 
+def aligned(said: FileLayout | SampledLayout, values: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    """Return all channels on the time base, without the ends at which a channel that is read late has no values."""
+    time = values["time"]
+    delays = {channel: said.columns[channel].delay_s - said.columns["time"].delay_s for channel in values}
+    late = {channel: shifted(time, values[channel], delay) for channel, delay in delays.items() if delay}
+    if not late:
+        return values
+    part = overlap(late.values(), time.size)
+    return {channel: column[part] for channel, column in (values | late).items()}
+
+
 def shifted(time_s: NDArray[np.float64], values: NDArray[np.float64], delay_s: float) -> NDArray[np.float64]:
-    """Return the values of a channel that is read ``delay_s`` late, on the common time base."""
+    """Return the values of a channel that is read ``delay_s`` late, on the common time base; NaN where it has none."""
     order = np.isfinite(time_s)
     if not order.any() or (np.diff(time_s[order]) < 0).any():
         return values  # the recording refuses such times with its own message
-    return np.interp(time_s, time_s[order] - delay_s, values[order])
+    return np.interp(time_s, time_s[order] - delay_s, values[order], left=np.nan, right=np.nan)

@@ -22,6 +22,8 @@ STEP_FACTOR = 3.0  # and stands out by this many of the channel's own steps:
 FEW_SPIKES = 0.95  # those below this quantile, which spikes do not reach,
 OWN_STEPS = 0.99  # and, without the spikes, below this one
 AGREEMENT = 0.5  # neighbours of a spike differ by less than this share of its height
+JUMP_SHARE = 0.5  # least jump of a position, of the travel
+JUMP_NEIGHBOURS, JUMP_FACTOR = 3, 10.0  # steps on each side that show the motion; least ratio of the jump to them
 SATURATED_RUN = 5  # equal samples in a row at a channel's extreme
 CLIPPED_SHARE = 0.5  # share of the samples at the extremes above which a signal is smooth
 STUCK_RUN = 20  # equal samples in a row while the piston travels
@@ -116,6 +118,9 @@ def clean(
         good &= ~mask
     if good.any():
         recording = _take(recording, good)
+    jumps = jumps_back(recording.position_m)
+    _count(counts, "position_jump", int(jumps.sum()))
+    found("position_jump", recording.time_s, jumps)
     steps = np.diff(recording.time_s)
     if steps.size:
         gaps = steps > GAP_FACTOR * middle(steps)
@@ -172,6 +177,24 @@ def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
         rest[large[alone]] = rest[large[alone] + 1] = False
         alone &= height > STEP_FACTOR * _upper(steps[rest], OWN_STEPS)
     mask[large[alone] + 1] = True
+    return mask
+
+
+def jumps_back(position: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return the samples before jumps over most of the travel, against the motion before and behind them.
+
+    A counter that wraps makes them, and so does one that is reset. No piston moves so.
+    """
+    mask = np.zeros(position.size, dtype=bool)
+    steps = np.diff(position)
+    if steps.size < 2 * JUMP_NEIGHBOURS + 1:
+        return mask
+    for at in np.flatnonzero(np.abs(steps) > JUMP_SHARE * np.ptp(position)):
+        before, behind = steps[max(at - JUMP_NEIGHBOURS, 0) : at], steps[at + 1 : at + 1 + JUMP_NEIGHBOURS]
+        if not before.size or not behind.size:
+            continue
+        moved = [float(np.sum(part)) / part.size * np.sign(steps[at]) for part in (before, behind)]
+        mask[at] = all(abs(steps[at]) > -JUMP_FACTOR * step > 0 for step in moved)
     return mask
 
 

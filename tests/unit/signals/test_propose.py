@@ -19,9 +19,12 @@ def write(path, head, rows, delimiter=" ", decimal="."):
     path.write_text("\n".join([*head, *lines]) + "\n", encoding="utf-8")
 
 
-def check(path, truth, sign=1.0):
+UNITS = "the file does not state these units, which are guessed from the size of the numbers: "
+
+
+def check(path, truth, sign=1.0, unsure=""):
     proposal = propose_layout(path)
-    assert proposal.problem == ""
+    assert proposal.problem == (UNITS + unsure if unsure else "")
     assert len(proposal.strokes) == 6
     recording = load_recordings([path], Layout.loads(proposal.text))[0]
     assert recording.position_m == pytest.approx(truth.position_m, abs=1e-7)
@@ -34,7 +37,7 @@ def test_bare_numbers_with_voltages_beside_them(make, tmp_path):
     truth, t, x, p, f = columns(make)
     noise = np.random.default_rng(1).normal(0, 1e-3, t.size)
     write(tmp_path / "a.txt", [], [t * 1e3, x / 10 + 1, p / 2, f / 50, x, p + noise * 0, f])
-    proposal = check(tmp_path / "a.txt", truth)
+    proposal = check(tmp_path / "a.txt", truth, unsure="position in mm, force in N, pressure_b in bar")
     found = {g.role: (g.column, g.unit) for g in proposal.guesses}
     assert found == {"time": (0, "ms"), "position": (4, "mm"), "pressure_b": (5, "bar"), "force": (6, "N")}
     # The bore closes the mean balance: within 1 % of the 25 mm that made the recording.
@@ -177,12 +180,14 @@ def test_the_voltage_of_a_drive_s_valve_is_its_command_and_no_force(driven, tmp_
     head = ["t [s],Ventil [V],Weg [mm],p_A [bar abs],p_B [bar abs]"] if named else []
     write(tmp_path / "a.csv", head, table, ",")
     proposal = propose_layout(tmp_path / "a.csv")
-    assert (proposal.kind, proposal.problem) == ("drive", "")
+    assert proposal.kind == "drive"
     assert 'unit = "V", range = "0 V .. 10 V"' in proposal.text
     assert "force" not in {g.role for g in proposal.guesses}
     assert {g.role: g.index for g in proposal.guesses}["command"] == 1
-    if not named:  # which of three smooth curves is the position, numbers alone do not tell
+    if not named:
+        assert "position, pressure_a and pressure_b: numbers alone do not tell them apart" in proposal.problem
         return
+    assert proposal.problem == ""
     layout = Layout.loads(proposal.text.replace('"bar gauge"', '"bar abs"'))
     read = read_drive_recordings([tmp_path / "a.csv"], layout)[0]
     assert read["command"] == pytest.approx(driven["command"], abs=1e-4)
@@ -195,8 +200,11 @@ def test_a_pressure_alone_is_a_fixed_volume(tmp_path):
     rows = [f"{100 * i}.000;{3.6 - 1e-4 * i:.4f};{7.2 - 2e-4 * i:.4f}" for i in range(400)]
     (tmp_path / "leak.csv").write_text("\n".join(rows))
     proposal = propose_layout(tmp_path / "leak.csv")
+    assert "the unit of the time is not stated (s or ms or us): state it" in proposal.problem
+    (tmp_path / "leak.csv").write_text("\n".join(["t [ms];U [V];p [barg]", *rows]))
+    proposal = propose_layout(tmp_path / "leak.csv")
     assert (proposal.kind, proposal.problem) == ("fixed-volume", "")
-    assert 'pressure = { column = 2, unit = "bar gauge" }' in proposal.text
+    assert 'pressure = { column = "p [barg]", unit = "bar gauge" }' in proposal.text
     assert write_layout_figure(proposal, tmp_path / "a.png").stat().st_size > 1000
 
 

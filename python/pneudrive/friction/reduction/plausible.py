@@ -9,7 +9,7 @@ import numpy as np
 from pneudrive.friction.reduction.condition import PA_PER_BAR
 from pneudrive.friction.reduction.stick_slip import RIPPLE_LIMIT
 from pneudrive.friction.sentences import Said, named, sentence
-from pneudrive.signals.impossible import PRESSURES_PA, SPEEDS_M_S
+from pneudrive.signals.impossible import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -45,7 +45,7 @@ def doubts_of(
     full = FULL_PRESSURE_PA * max(areas)
     seen = {
         "below_ambient": lowest < (1.0 - BELOW_AMBIENT) * ambient,
-        "beyond_usual": highest > PRESSURES_PA[1] or speed_m_s > SPEEDS_M_S[1],
+        "beyond_usual": highest > PRESSURES_PA[1] or not SLOWEST_M_S <= speed_m_s <= SPEEDS_M_S[1],
         "force_not_pressure": any(areas) and unfollowed,
         "friction_beyond_piston": any(areas) and friction > full,
         "no_friction": any(areas) and friction < SMALLEST_N,

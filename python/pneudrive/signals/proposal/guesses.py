@@ -1,271 +1,457 @@
-"""Guesses of the columns of a foreign table: by name if there is one, else by the signal."""
+"""Roles of the columns of a foreign table, each with its evidence and its rank; close ones are left open."""
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.errors import RecordingError
-from pneudrive.signals.motion import local_slope, noise_level, turning_points
-from pneudrive.signals.tables.date_times import UNIT
+from pneudrive.signals.proposal.evidence import (
+    FEWEST,
+    PHYSICS,
+    Candidate,
+    Directions,
+    TableSignals,
+    groups_of,
+    is_held,
+    same_signal,
+    unevenness,
+)
+from pneudrive.signals.proposal.times import Times, find_times, unit_by_size
+from pneudrive.signals.tables.names import FAMILY, family_of, side_of
+from pneudrive.signals.tables.timing import COUNTERS, filled, on_clock, unwrapped
+from pneudrive.units import converter
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.typing import NDArray
 
     from pneudrive.signals.tables.sniff import FileForm
 
-WORDS = {
-    "time": r"^(t|time|zeit|temps|tijd)\b|time|zeit|stamp|stempel",
-    "position": r"^(x|s|pos)\b|posi|weg\b|displ|stroke|laser|travel",
-    "force": r"^(f|fx)\b|force|kraft|load",
-    "pressure": r"^p\d?\b|^p_|press|druck",
-    "command": r"^(u|cmd)\b|^u_|command|valve|ventil|voltage|spannung",
-    "cycle": r"^cycle|zyklus",
-}
-UNIT_IN_NAME = re.compile(r"[\[(/]\s*([A-Za-zµ°]+)\s*[\])]?\s*$")
-KNOWN_UNITS = {
-    "time": {"s", "ms", "us", "µs", "min"},
-    "position": {"m", "mm", "cm", "um", "µm", "in", "inch", "ft"},
-    "force": {"N", "kN", "mN", "lbf", "kgf"},
-    "pressure": {"bar", "mbar", "Pa", "kPa", "MPa", "psi"},
-    "command": {"V", "mV", "mA"},
-}
-GROUPED = ("tdms", "mf4")  # formats with names group/channel
-HELD_SHARE = 0.9  # share of samples equal to the previous one: a held command, not a measured force
-FEWEST = 3  # least number of values for a guess
-SAME_SIGNAL = 0.98  # least correlation of columns that may be one signal in two units
-SIDE_IN_NAME = re.compile(r"(?:^|[\W_]|p)(a|b|1|2)(?=$|[\W_])")
+    Array = NDArray[np.float64]
+
+CLEAR = 1.0  # least difference of the weights of two candidates
+CLEAR_STROKES = 0.5  # the same of two signals, in unevenness
+CLEAR_SWING = 2.0  # least ratio of the swings of a force and of the next signal
+CLEAR_PRESSURES = 1.6  # least ratio of two pressures, beyond that of the areas of a piston with a rod
+CLEAR_SHARE = 0.5  # least correlation of force and pressure within one direction
+WHOLE_SPAN = 500  # whole numbers over more than this are counts
 
 
 @dataclass(frozen=True)
 class Guess:
-    """A guess of a column: ``role`` time, position, force, command, pressure, pressure_a or pressure_b."""
+    """A guess of a column: ``role`` time, position, force, command, pressure, pressure_a or pressure_b.
+
+    A time at a rate has no ``index``. If a pressure does not say gauge or absolute, ``gauge`` is None.
+    The layout gets ``keys`` as further keys of the column.
+    """
 
     role: str
     column: int | str
-    index: int
+    index: int | None
     unit: str
     reason: str
+    gauge: bool | None = None
+    keys: str = ""
 
 
-def _roles_by_name(reading: FileForm) -> dict[str, tuple[int, str]]:
-    """Return role -> column and reason for columns identified by name; of several the first."""
-    roles: dict[str, tuple[int, str]] = {}
-    for index, name in enumerate(reading.names):
-        if index in reading.words:
-            continue
-        bare = name.rpartition("/")[2] if reading.format in GROUPED else name
-        for role, pattern in WORDS.items():
-            if re.search(pattern, bare.strip().lower()):
-                key = role if role != "pressure" else f"pressure {sum(r.startswith('pressure') for r in roles)}"
-                roles.setdefault(key, (index, f"named '{name}'"))
-                break
+@dataclass(frozen=True)
+class Question:
+    """A role that is left open: why, and the columns that may have it."""
+
+    role: str
+    why: str
+    choices: tuple[Guess, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """One sentence."""
+        names = families([str(choice.column) for choice in self.choices])
+        return f"{self.role}: {self.why}" + (f" ({', '.join(names)})" if names else "")
+
+
+@dataclass
+class Roles:
+    """The guesses and the questions of one table; ``unsure`` names the roles whose unit is guessed from its size."""
+
+    signals: TableSignals
+    times: Times
+    guesses: list[Guess] = field(default_factory=list)
+    questions: list[Question] = field(default_factory=list)
+    unsure: list[str] = field(default_factory=list)
+    directions: Directions | None = None
+    sign: int = 0
+
+    def index(self, role: str) -> int | None:
+        """Return the column of a role."""
+        return next((guess.index for guess in self.guesses if guess.role == role), None)
+
+
+def families(names: list[str]) -> list[str]:
+    """Return names, those that differ by their number as one.
+
+    Examples
+    --------
+    >>> families(["pa0", "pa1", "pa2", "t"])
+    ['pa0 .. pa2', 't']
+    """
+    out: dict[str, list[str]] = {}
+    for name in names:
+        out.setdefault(family_of(name), []).append(name)
+    return [text for some in out.values() for text in ([f"{some[0]} .. {some[-1]}"] if len(some) >= FAMILY else some)]
+
+
+def guess_columns(reading: FileForm, columns: list[Array]) -> Roles:
+    """Guess the role and unit of each relevant column by name, unit and signal."""
+    signals = TableSignals.of(reading, columns)
+    times = find_times(signals)
+    signals.columns = [_on_time(signals, times, at) for at in range(len(columns))]
+    roles = Roles(signals, times)
+    _position(roles)
+    _command(roles)
+    _force(roles)
+    _pressures(roles)
+    _time(roles)
     return roles
 
 
-def guess_columns(path: Path, reading: FileForm, columns: list[NDArray[np.float64]]) -> list[Guess]:
-    """Guess the role and unit of each relevant column, by name if there is one, else by its signal."""
-    roles = _roles_by_name(reading)
-    taken = {index for index, _ in roles.values()}
-    if "time" not in roles and (found := _time_column(columns, taken)) is not None:
-        roles["time"] = (found, "grows in even steps")
-    if "time" not in roles:
-        raise RecordingError("no column rises like a time", where=str(path), remedy="write the layout by hand")
-    time = columns[roles["time"][0]]
-    taken.add(roles["time"][0])
-    groups = _signals(columns, taken | {roles["time"][0]})
-    if "position" not in roles and (found := _position_column(columns, groups, taken)) is not None:
-        roles["position"] = (found, "moves back and forth in even strokes")
-    if "position" in roles:
-        taken.add(roles["position"][0])
-        taken |= next((set(g) for g in groups if roles["position"][0] in g), set())
-    rest = [g[-1] for g in groups if not set(g) & taken]
-    rest.sort(key=lambda index: _relative_swing(columns[index]))
-    if "force" not in roles and "command" not in roles and rest and "position" in roles:
-        swings = rest.pop()
-        if len(rest) >= 2 and _is_held(columns[swings]):
-            roles["command"] = (swings, "held from step to step, unlike a force")
-        else:
-            roles["force"] = (swings, "changes most with direction")
-    if not any(role.startswith("pressure") for role in roles):
-        if "position" in roles:
-            most_even = sorted(rest[:2]) if "command" in roles else rest[:2]
-            roles |= {f"pressure {n}": (index, "held more evenly than the force") for n, index in enumerate(most_even)}
-        elif len(rest) == 1 and not reading.names:
-            roles["pressure 0"] = (rest[0], "the only signal beside the time")
-    return _with_units(reading, columns, roles, time)
+def _on_time(signals: TableSignals, times: Times, at: int) -> Array:
+    """Return a column at the times of the table: a slow one filled, one with its own clock or start aligned."""
+    values = signals.columns[at]
+    if at in signals.taken:
+        return values
+    values, _ = unwrapped(values, COUNTERS)
+    if (clock := times.clocks.get(at)) is not None:
+        return on_clock(times.values, signals.columns[clock], values)
+    if late := _late(signals, times).get(at, 0.0):
+        begin = late * (times.rate_hz or 0.0)
+        return on_clock(times.values, times.values + begin, values)
+    return filled(times.values, values)
 
 
-def _time_column(columns: list[NDArray[np.float64]], taken: set[int]) -> int | None:
-    for index, values in enumerate(columns):
-        steps = np.diff(values[np.isfinite(values)])
-        if index not in taken and steps.size and (steps >= 0).mean() > 0.999 and np.median(steps) > 0:
-            return index
+def _late(signals: TableSignals, times: Times) -> dict[int, float]:
+    """Return the starts of channels without times, s after the first, by column."""
+    return signals.reading.preamble.starts_s if times.index is None else {}
+
+
+def _position(roles: Roles) -> None:
+    signals = roles.signals
+    named = signals.candidates("position")
+    evenness = {one.index: unevenness(signals.columns[one.index], is_one_of_many=True) for one in named}
+    named = [
+        Candidate(one.index, one.score + PHYSICS, (*one.evidence, "strokes")) if evenness[one.index] < np.inf else one
+        for one in named
+    ]
+    chosen = _choose(roles, "position", named) if named else _position_by_strokes(roles)
+    if chosen is None:
+        return
+    roles.directions = Directions.of(signals.columns[chosen.index])
+    if not named:
+        return
+    _accept(roles, "position", chosen, _next(signals, chosen, named))
+
+
+def _position_by_strokes(roles: Roles) -> Candidate | None:
+    """Find the signal that moves evenly between its turning points, with little extra path."""
+    signals = roles.signals
+    groups = groups_of(signals, signals.without_role())
+    ranked = sorted(
+        (unevenness(signals.columns[group[-1]], is_one_of_many=len(groups) > 1), group[-1]) for group in groups
+    )
+    ranked = [pair for pair in ranked if pair[0] < 3.0]
+    if not ranked:
+        return None
+    close = [
+        Candidate(index, PHYSICS, ("even strokes",))
+        for badness, index in ranked
+        if badness < ranked[0][0] + CLEAR_STROKES
+    ]
+    held = [group[-1] for group in groups if is_held(signals.columns[group[-1]])]
+    if len(close) > 1 and held and len(groups) > FEWEST:
+        _accept(roles, "command", Candidate(held[0], PHYSICS, ("held from step to step, unlike a force",)), "")
+        close = [Candidate(group[-1], PHYSICS, ("a signal",)) for group in groups if group[-1] != held[0]]
+        _leave_open(roles, "position, pressure_a and pressure_b", "numbers alone do not tell them apart", close)
+    elif len(close) > 1:
+        _leave_open(roles, "position", "these columns move alike", close)
+    if len(close) > 1:
+        signals.taken |= {one.index for one in close}
+        return None
+    chosen = Candidate(ranked[0][1], PHYSICS, ("even strokes",))
+    rank = f"next: column {signals.place(ranked[1][1])!r}" if len(ranked) > 1 else "no other candidate"
+    _accept(roles, "position", chosen, rank)
+    return chosen
+
+
+def _command(roles: Roles) -> None:
+    signals = roles.signals
+    named = [one for one in signals.candidates("command") if "name" in one.evidence]
+    if named and (chosen := _choose(roles, "command", named)):
+        _accept(roles, "command", chosen, _next(signals, chosen, named))
+
+
+def _force(roles: Roles) -> None:
+    signals, directions = roles.signals, roles.directions
+    named = signals.candidates("force")
+    if directions is not None:
+        named = [
+            Candidate(one.index, one.score + PHYSICS, (*one.evidence, "changes with the direction"))
+            if directions.sign(signals.columns[one.index])
+            else one
+            for one in named
+        ]
+    if named:
+        chosen = _choose(roles, "force", named)
+        rank = "" if chosen is None else _next(signals, chosen, named)
+    elif directions is not None and roles.index("command") is None:
+        chosen, rank = _force_by_swing(roles)
+    else:
+        return
+    if chosen is None:
+        return
+    if directions is not None:
+        roles.sign = directions.sign(signals.columns[chosen.index])
+        if roles.sign == 0:
+            why = 'the force does not tell its sign, as it hardly changes with the direction: positive = "+x" or "-x"'
+            _leave_open(roles, "force", why, [chosen])
+            signals.taken.add(chosen.index)
+            return
+    _accept(roles, "force", chosen, rank)
+
+
+def _force_by_swing(roles: Roles) -> tuple[Candidate | None, str]:
+    """Find the signal that changes most with the direction."""
+    signals, directions = roles.signals, roles.directions
+    assert directions is not None
+    rest = [group[-1] for group in groups_of(signals, signals.without_role())]
+    ranked = sorted(((directions.swing(signals.columns[at]), at) for at in rest), reverse=True)
+    if not ranked:
+        return None, ""
+    if ranked[0][0] == 0.0:
+        return None, ""
+    if is_held(signals.columns[ranked[0][1]]) and len(rest) >= FEWEST:
+        _accept(roles, "command", Candidate(ranked[0][1], PHYSICS, ("held from step to step, unlike a force",)), "")
+        return None, ""
+    close = [at for swing, at in ranked if swing * CLEAR_SWING > ranked[0][0]]
+    if len(close) > 1:
+        some = [Candidate(at, PHYSICS, ("changes with the direction",)) for at in close]
+        _leave_open(roles, "force", "these columns change with the direction", some)
+        signals.taken |= set(close)
+        return None, ""
+    rank = f"next: column {signals.place(ranked[1][1])!r}" if len(ranked) > 1 else "no other candidate"
+    return Candidate(ranked[0][1], PHYSICS, ("changes most with the direction",)), rank
+
+
+def _pressures(roles: Roles) -> None:
+    signals = roles.signals
+    named = signals.candidates("pressure")
+    if not named:
+        rest = [group[-1] for group in groups_of(signals, signals.without_role())]
+        is_alone = not any(header.name for header in signals.headers) and len(rest) == 1
+        if roles.index("position") is None and not is_alone:
+            return
+        why = (
+            "the only signal beside the time" if roles.index("position") is None else "held more evenly than the force"
+        )
+        named = [Candidate(at, PHYSICS, (why,)) for at in rest]
+    if not named:
+        return
+    sides: dict[str, list[Candidate]] = {}
+    for one in named:
+        sides.setdefault(_side(signals, one) or "", []).append(one)
+    free = sides.pop("", [])
+    digits = {side_of(signals.headers[one.index].bare) for one in named} & {"1", "2"}
+    best = named[0].score
+    if sides and not (digits and len(sides) < 2):
+        free = [one for one in free if one.score > best - CLEAR] if len(sides) < 2 else []
+        for side, some in sides.items():
+            chosen = _choose(roles, f"pressure_{side}", some)
+            if chosen is not None:
+                rank = _next(signals, chosen, some)
+                _accept(roles, f"pressure_{side}", chosen, f"chamber {side} by its name; {rank}")
+        if len(sides) == 1 and len(free) == 1:
+            side = "b" if "a" in sides else "a"
+            _accept(roles, f"pressure_{side}", free[0], f"chamber {side}: the other one has a name")
+        elif free:
+            _leave_open(roles, "the other pressure", "more than one column may be it", free)
+        return
+    free = [one for one in [*free, *(one for some in sides.values() for one in some)] if one.score > best - CLEAR]
+    _without_names(roles, free)
+
+
+def _side(signals: TableSignals, one: Candidate) -> str | None:
+    """Return the chamber by the name of a pressure; 1 and 2 are a and b only if there is no other number."""
+    side = side_of(signals.headers[one.index].bare)
+    return {"1": "a", "2": "b"}.get(side or "", side)
+
+
+def _without_names(roles: Roles, free: list[Candidate]) -> None:
+    """Tell the chambers of pressures apart by the balance of forces, else ask."""
+    signals = roles.signals
+    if len(free) > 2:
+        _leave_open(roles, "pressure_a and pressure_b", "more than two columns may be pressures of chambers", free)
+        return
+    if roles.index("position") is None:
+        if chosen := _choose(roles, "pressure", free):
+            _accept(roles, "pressure", chosen, _next(signals, chosen, free))
+        return
+    side, why = _chamber(roles, [signals.columns[one.index] for one in free])
+    if not side:
+        _leave_open(roles, "pressure_a and pressure_b" if len(free) > 1 else "pressure", why, free)
+        return
+    for one, chamber in zip(free, (side, "b" if side == "a" else "a"), strict=False):
+        _accept(roles, f"pressure_{chamber}", one, f"chamber {chamber}: {why}; no other candidate")
+
+
+def _chamber(roles: Roles, pressures: list[Array]) -> tuple[str, str]:
+    """Return the chamber of the first pressure and why; empty if the force does not tell it."""
+    directions, force = roles.directions, roles.index("force")
+    ask = "neither names nor forces tell the chamber: a is the one that grows with the position"
+    if force is None or directions is None:
+        return "", ask
+    values = roles.sign * roles.signals.columns[force]
+    levels = directions.levels(values)
+    means = [abs(float(np.nanmean(p))) for p in pressures]
+    if levels is not None and (len(means) == 1 or max(means) > CLEAR_PRESSURES * min(means)):
+        mean, half = sum(levels) / 2, abs(levels[0] - levels[1]) / 2
+        if abs(mean) > half:
+            is_first = len(means) == 1 or means[0] > means[1]
+            side = "b" if (mean > 0) == is_first else "a"
+            return side, f"the mean force towards {'+x' if mean > 0 else '-x'} is held by the higher pressure"
+    together = [_within_directions(directions, values, p) for p in pressures]
+    strongest = max(range(len(together)), key=lambda at: abs(together[at]))
+    if abs(together[strongest]) > CLEAR_SHARE:
+        side = "b" if (together[strongest] > 0) == (strongest == 0) else "a"
+        return side, f"the force towards +x {'grows' if together[strongest] > 0 else 'falls'} with it"
+    return "", ask
+
+
+def _within_directions(directions: Directions, force: Array, pressure: Array) -> float:
+    """Return the correlation of force and pressure within one direction, where friction does not change sign."""
+    parts: list[tuple[Array, Array]] = []
+    for moving in (directions.up, directions.down):
+        there = moving & np.isfinite(force) & np.isfinite(pressure)
+        if there.sum() >= FEWEST:
+            parts.append((force[there] - force[there].mean(), pressure[there] - pressure[there].mean()))
+    if not parts:
+        return 0.0
+    first, second = (np.concatenate([part[at] for part in parts]) for at in (0, 1))
+    return float(np.corrcoef(first, second)[0, 1]) if np.ptp(first) > 0 and np.ptp(second) > 0 else 0.0
+
+
+def _time(roles: Roles) -> None:
+    signals, times = roles.signals, roles.times
+    if times.question:
+        roles.questions.insert(0, Question("time", times.question))
+        return
+    if times.rate_hz is not None:
+        guess = Guess("time", "", None, "", times.reason, keys=f'rate = "{times.rate_hz:.6g} Hz"')
+        roles.guesses.insert(0, guess)
+        return
+    assert times.index is not None
+    unit, reason = times.unit, f"{times.reason}, unit as named"
+    place = signals.place(times.index)
+    if not unit:
+        position = next((guess for guess in roles.guesses if guess.role == "position"), None)
+        metres = None
+        if position is not None and position.index is not None and position.unit:
+            metres = signals.columns[position.index] * converter(position.unit, "m")[0]
+        unit, why = unit_by_size(times, metres)
+        if not unit:
+            roles.questions.insert(0, Question("time", why, (Guess("time", place, times.index, "s", why),)))
+            return
+        reason = f"{times.reason}, {why}"
+    keys = f'format = "{form}"' if (form := signals.reading.dates.get(times.index)) else ""
+    if times.date is not None:
+        form = signals.reading.dates[times.date]
+        more = f', date_format = "{form}"' if form else ""
+        keys = ", ".join(filter(None, [keys, f"date = {_toml(signals.place(times.date))}{more}"]))
+    roles.guesses.insert(0, Guess("time", place, times.index, unit, reason, keys=keys))
+
+
+def _toml(place: int | str) -> str:
+    from pneudrive.describe.toml import value_text
+
+    return value_text(place)
+
+
+def _choose(roles: Roles, role: str, named: list[Candidate]) -> Candidate | None:
+    """Return the best candidate; close ones are left open, unless they hold one signal."""
+    signals = roles.signals
+    named = sorted(named, key=lambda one: -one.score)
+    best = named[0]
+    close = [one for one in named if one.score > best.score - CLEAR]
+    others = [one for one in close[1:] if not same_signal(signals.columns[best.index], signals.columns[one.index])]
+    signals.taken |= {one.index for one in close}
+    if not others:
+        return best
+    _leave_open(roles, role, "more than one column may be it", [best, *others])
     return None
 
 
-def _is_held(values: NDArray[np.float64]) -> bool:
-    """Return whether a column is constant from sample to sample, with occasional steps."""
-    steps = np.diff(values[np.isfinite(values)])
-    return bool(steps.size and steps.any() and (steps == 0).mean() > HELD_SHARE)
+def _next(signals: TableSignals, chosen: Candidate, named: list[Candidate]) -> str:
+    """Return the rank of a choice against the second best."""
+    second = next((one for one in sorted(named, key=lambda one: -one.score) if one.index != chosen.index), None)
+    if second is None:
+        return "no other candidate"
+    return f"next: column {signals.place(second.index)!r} ({', '.join(second.evidence)})"
 
 
-def _signals(columns: list[NDArray[np.float64]], taken: set[int]) -> list[list[int]]:
-    """Group columns that hold one signal, such as volts and newtons of one sensor."""
-    groups: list[list[int]] = []
-    for index, values in enumerate(columns):
-        if index in taken or not np.isfinite(values).all() or np.ptp(values) == 0:
-            continue
-        for group in groups:
-            if _same_signal(columns[group[0]], values):
-                group.append(index)
-                break
-        else:
-            groups.append([index])
-    return groups
+def _accept(roles: Roles, role: str, one: Candidate, rank: str) -> None:
+    """Add a guess with its unit; a unit that is not known, and the size of a count, are left open."""
+    signals = roles.signals
+    guess = _guess(roles, role, one, rank)
+    if "guessed from its size" in guess.reason and (
+        role != "command" or np.nanmax(np.abs(signals.columns[one.index])) > 1
+    ):
+        roles.unsure.append(f"{role} in {guess.unit or 'V'}")
+    header, values = signals.headers[one.index], signals.columns[one.index]
+    signals.taken |= {at for at in signals.without_role() if same_signal(values, signals.columns[at])} | {one.index}
+    if header.unknown and not header.unit:
+        why = f"its unit {header.unknown!r} is not known: state the unit"
+        roles.questions.append(Question(role, why, (guess,)))
+        return
+    if role == "position" and not guess.unit:
+        why = "it holds counts: state the unit, and its scale in the unit for each count"
+        roles.questions.append(
+            Question(role, why, (Guess(role, guess.column, guess.index, "mm", why, keys="scale = 1.0"),))
+        )
+        return
+    roles.guesses.append(guess)
 
 
-def _same_signal(first: NDArray[np.float64], second: NDArray[np.float64]) -> bool:
-    """Return whether two columns are one signal in two units: related by a straight line, except for rounding."""
-    if abs(np.corrcoef(first, second)[0, 1]) < SAME_SIGNAL:
-        return False
-    slope, intercept = np.polyfit(first, second, 1)
-    rest = float(np.std(second - slope * first - intercept))
-    steps = [float(np.min(s[s > 0], initial=np.inf)) for s in (np.diff(np.unique(v)) for v in (first, second))]
-    return rest <= max(abs(slope) * steps[0], steps[1])
+def _guess(roles: Roles, role: str, one: Candidate, rank: str) -> Guess:
+    signals = roles.signals
+    unit, gauge, is_named = _unit(signals, one.index, role)
+    keys = []
+    if (clock := roles.times.clocks.get(one.index)) is not None:
+        keys.append(f"clock = {_toml(signals.place(clock))}")
+    if late := _late(signals, roles.times).get(one.index, 0.0):
+        keys.append(f'delay = "{-late:.9g} s"')
+    reason = f"{', '.join(one.evidence)}, unit {'as named' if is_named else 'guessed from its size'}"
+    return Guess(
+        role, signals.place(one.index), one.index, unit, "; ".join(filter(None, [reason, rank])), gauge, ", ".join(keys)
+    )
 
 
-def _position_column(columns: list[NDArray[np.float64]], groups: list[list[int]], taken: set[int]) -> int | None:
-    """Find the signal that moves evenly between its turning points, with little extra path."""
-    best, found = 3.0, None
-    for group in groups:
-        if set(group) & taken:
-            continue
-        values = columns[group[-1]]
-        span = float(np.ptp(values))
-        points = turning_points(values, 0.3 * span)
-        if points.size < (2 if len(groups) > 1 else 3) or noise_level(values) > 0.02 * span:
-            continue
-        needed = float(np.abs(np.diff(values[points])).sum())
-        middle = ((values > values.min() + 0.2 * span) & (values < values.min() + 0.8 * span)).mean()
-        # An even stroke spends 60 % of its time in the middle 60 % of its travel; a switched signal almost none.
-        badness = float(np.abs(np.diff(values)).sum()) / needed + 5 * abs(middle - 0.6)
-        if badness < best:
-            best, found = badness, group[-1]
-    return found
+def _leave_open(roles: Roles, role: str, why: str, candidates: list[Candidate]) -> None:
+    kind = "pressure" if "pressure" in role else role
+    choices = tuple(_guess(roles, kind, one, "") for one in candidates)
+    roles.questions.append(Question(role, why, choices))
 
 
-def _relative_swing(values: NDArray[np.float64]) -> float:
-    low, high = np.quantile(values, [0.05, 0.95])
-    return float((high - low) / max(abs(high + low) / 2, 1e-12 * max(abs(high), 1e-300)))
-
-
-def _with_units(
-    reading: FileForm, columns: list[NDArray[np.float64]], roles: dict[str, tuple[int, str]], time: NDArray[np.float64]
-) -> list[Guess]:
-    guesses = []
-    roles.pop("cycle", None)
-    for role in ("time", "position", *sorted(r for r in roles if r.startswith("pressure")), "force", "command"):
-        if role not in roles:
-            continue
-        index, reason = roles[role]
-        kind = role.split()[0]
-        unit, from_name = _unit(reading, index, kind, columns[index])
-        name = reading.names[index] if reading.names else ""
-        place: int | str = name if reading.names.count(name) == 1 and name else index
-        reason += f", unit {'as named' if from_name else 'guessed from its size'}"
-        guesses.append(Guess(role, place, index, unit, reason))
-    return _sides(guesses, columns, time)
-
-
-def _unit(reading: FileForm, index: int, kind: str, values: NDArray[np.float64]) -> tuple[str, bool]:
-    """Return the unit in the header, else guess it from the size of the numbers."""
-    if index in reading.dates:
-        return UNIT, True
-    words = [reading.units[index].strip("[]() ")] if index < len(reading.units) else []
-    if index < len(reading.names) and (match := UNIT_IN_NAME.search(reading.names[index])):
-        words.append(match.group(1))
-    if index < len(reading.names):
-        words.append(reading.names[index].rpartition("_")[2])
-    for word in words:
-        known = {unit.lower(): unit for unit in KNOWN_UNITS[kind]}
-        if kind == "pressure" and word.lower().endswith(("a", "g")) and word[:-1].lower() in known:
-            word = word[:-1]  # noqa: PLW2901 - psia, barg
-        if word in KNOWN_UNITS[kind] or word.lower() in known:
-            return (word if word in KNOWN_UNITS[kind] else known[word.lower()]), True
+def _unit(signals: TableSignals, index: int, role: str) -> tuple[str, bool | None, bool]:
+    """Return the unit in the header, else guess it from the size of the numbers; whether it is gauge, and named."""
+    unit = signals.headers[index].unit
+    kind = role.partition("_")[0]
+    if unit is not None and unit.si not in ("", "count"):
+        return unit.unit, unit.gauge, True
+    values = signals.columns[index]
     finite = values[np.isfinite(values)]
-    if finite.size < FEWEST:
-        finite = np.zeros(FEWEST)  # no values for a guess
-    largest = float(np.abs(finite).max())
-    if kind == "time":
-        step = float(np.median(np.diff(finite)))
-        return ("ms" if step >= 0.5 else "s"), False
+    largest, span = (float(np.abs(finite).max()), float(np.ptp(finite))) if finite.size else (0.0, 0.0)
     if kind == "position":
-        return ("mm" if np.ptp(finite) > 2 else "m"), False
+        is_whole = bool((finite == np.floor(finite)).all()) and span > WHOLE_SPAN
+        is_count = is_whole or (unit is not None and unit.si == "count")
+        return "" if is_count else "mm" if span > 2 else "m", None, False
     if kind == "pressure":
-        return ("bar" if largest < 30 else "kPa" if largest < 3000 else "Pa"), False
-    return ("" if kind == "command" else "N"), False
-
-
-def _sides(guesses: list[Guess], columns: list[NDArray[np.float64]], time: NDArray[np.float64]) -> list[Guess]:
-    """Return the chamber of a pressure: if the rig must push towards +x against it, it is chamber b."""
-    by_role = {g.role: g for g in guesses}
-    force, command = by_role.get("force"), by_role.get("command")
-    sign = -1.0 if force_levels(guesses, columns)[0] == "-x" else 1.0
-    named = []
-    for guess in guesses:
-        if not guess.role.startswith("pressure"):
-            named.append(guess)
-            continue
-        side, why = "b", "assumed to be the chamber that shrinks as position grows"
-        in_name = SIDE_IN_NAME.search(_without_unit(guess.column)) if isinstance(guess.column, str) else None
-        if in_name:
-            side = {"1": "a", "2": "b"}.get(in_name.group(1), in_name.group(1))
-            why = f"chamber {side} by its name"
-        elif command is not None:
-            side, why = "a", "which chamber is a guess, by the order of the columns"
-        elif force is not None:
-            both = np.isfinite(columns[force.index]) & np.isfinite(columns[guess.index])
-            f, p = (columns[i][both] if both.any() else np.zeros(1) for i in (force.index, guess.index))
-            f = sign * f
-            together = float(np.corrcoef(f, p)[0, 1]) if np.ptp(f) > 0 and np.ptp(p) > 0 else 0.0
-            mean = float(np.mean(f)) if abs(np.mean(f)) > 0.2 * np.std(f) else together
-            if "pressure 1" in by_role:
-                mean = together
-            side = "b" if mean >= 0 else "a"
-            why = f"chamber {side}: the force towards +x {'grows' if side == 'b' else 'falls'} with it"
-        if any(g.role == f"pressure_{side}" for g in named):
-            side = "a" if side == "b" else "b"
-        named.append(Guess(f"pressure_{side}", guess.column, guess.index, guess.unit, f"{guess.reason}; {why}"))
-    return named
-
-
-def _without_unit(name: str) -> str:
-    """Return the name of a pressure column in lower case, without the unit: the a of kPa is not a chamber."""
-    bare = UNIT_IN_NAME.sub("", name).strip()
-    head, _, tail = bare.replace(" ", "_").rpartition("_")
-    return (head if tail in KNOWN_UNITS["pressure"] else bare).lower()
-
-
-def force_levels(guesses: list[Guess], columns: list[NDArray[np.float64]]) -> tuple[str, float] | tuple[None, None]:
-    """Return the sign of the force (friction opposes motion) and half the sum of both levels towards +x, raw unit."""
-    by_role = {g.role: g for g in guesses}
-    if not {"time", "position", "force"} <= set(by_role):
-        return None, None
-    time, position, force = (columns[by_role[r].index] for r in ("time", "position", "force"))
-    good = np.isfinite(time) & np.isfinite(position) & np.isfinite(force)
-    good[1:] &= np.diff(time) > 0
-    if good.sum() < FEWEST:
-        return None, None  # a column with this name holds no numbers
-    velocity = local_slope(time[good], position[good])
-    fast = np.abs(velocity) > 0.5 * np.median(np.abs(velocity))
-    up, down = (force[good][fast & (velocity * d > 0)] for d in (1, -1))
-    if not up.size or not down.size:
-        return None, None
-    half_sum = float(np.median(up) + np.median(down)) / 2
-    return ("+x", half_sum) if np.median(up) >= np.median(down) else ("-x", -half_sum)
+        return "bar" if largest < 30 else "kPa" if largest < 3000 else "Pa", None, False
+    return "" if kind == "command" else "N", None, False

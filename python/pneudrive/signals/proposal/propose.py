@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ from pneudrive.signals.drive_recording import read_drive_recordings, read_volume
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import load_recording
 from pneudrive.signals.motion import find_strokes
-from pneudrive.signals.proposal.guesses import Guess, guess_columns
+from pneudrive.signals.proposal.guesses import Guess, Roles, guess_columns
 from pneudrive.signals.proposal.propose_text import layout_text
 from pneudrive.signals.tables.raw_table import read_raw_table
 from pneudrive.watch import UNWATCHED
@@ -49,6 +50,11 @@ class Proposal:
     problem: str
     kind: str = "rig"
 
+    @property
+    def asks(self) -> bool:
+        """Whether the problem is a question to the user."""
+        return self.problem.startswith("the file does not")
+
 
 def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     """Propose how to read a foreign recording.
@@ -77,14 +83,17 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     if max((column.size for column in columns), default=0) < 2:
         raise RecordingError("the file holds no samples", where=str(path), value=f"columns: {', '.join(reading.names)}")
     watch.tell(1, STAGES, "looking at the columns")
-    guesses = guess_columns(path, reading, columns)
-    kind = _kind(path, reading, guesses)
+    roles = guess_columns(reading, columns)
+    kind = _kind(path, reading, roles)
     if kind == "fixed-volume":
-        guesses = _one_pressure(guesses)
-    text = layout_text(path, reading, guesses, columns, kind)
+        roles.guesses = _one_pressure(roles.guesses)
+    text = layout_text(path, reading, roles, kind)
     watch.tell(2, STAGES, "reading the file by the proposed layout")
-    recording, strokes, problem = None, (), ""
+    recording, strokes = None, ()
+    problem = "; ".join(question.text for question in roles.questions)
     try:
+        if problem:
+            raise RecordingError(f"the file does not tell everything. {problem}")
         layout = Layout.loads(text, origin="proposed layout")
         if kind == "fixed-volume":
             read_volume_recordings([path], layout)
@@ -96,32 +105,36 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
             strokes = tuple(find_strokes(recording.name, recording.time_s, recording.position_m))
     except PneudriveError as error:
         problem = error.what
+    if not problem and roles.unsure:
+        shown = ", ".join(roles.unsure)
+        problem = f"the file does not state these units, which are guessed from the size of the numbers: {shown}"
     watch.tell(STAGES, STAGES, "reading the file by the proposed layout")
-    return Proposal(path, text, reading, tuple(guesses), tuple(columns), recording, strokes, problem, kind)
+    return Proposal(path, text, reading, tuple(roles.guesses), tuple(columns), recording, strokes, problem, kind)
 
 
-def _kind(path: Path, reading: FileForm, guesses: list[Guess]) -> str:
-    """Return the kind of recording.
+def _kind(path: Path, reading: FileForm, roles: Roles) -> str:
+    """Return the kind of recording, by the roles that are found or left open.
 
     Raises
     ------
     RecordingError
         If the kind is unknown: a layout would be meaningless.
     """
-    roles = {guess.role for guess in guesses}
-    pressures = [role for role in roles if role.startswith("pressure")]
-    if {"position", "command"} <= roles and pressures:
+    found = {guess.role for guess in roles.guesses}
+    found |= {role for question in roles.questions for role in re.findall(r"\w+", question.role)}
+    has_pressure = any("pressure" in role for role in found)
+    if {"position", "command"} <= found and has_pressure:
         return "drive"
-    if "position" in roles and ("force" in roles or pressures):
+    if "position" in found and ("force" in found or has_pressure or roles.questions):
         return "rig"
-    if "position" not in roles and "force" not in roles and pressures:
+    if "position" not in found and "force" not in found and has_pressure:
         return "fixed-volume"
-    found = ", ".join(f"{g.role}: column {g.column!r}" for g in guesses)
+    shown = ", ".join(f"{g.role}: column {g.column!r}" for g in roles.guesses)
     named = f"; columns: {', '.join(reading.names)}" if reading.names else ""
     raise RecordingError(
         "this table is not a recording, by its names and numbers",
         where=str(path),
-        value=f"{found}{named}"[:300],
+        value=f"{shown}{named}"[:300],
         rule="time, position and force of a rig; time, command, position and pressures of a drive; time and pressure "
         "of a fixed volume",
         remedy="if it is a recording, write the layout by hand: see the guide, Your own recordings",
@@ -130,10 +143,9 @@ def _kind(path: Path, reading: FileForm, guesses: list[Guess]) -> str:
 
 def _one_pressure(guesses: list[Guess]) -> list[Guess]:
     """Keep time, command and one pressure: that of a volume has no side."""
-    first = next(g for g in guesses if g.role.startswith("pressure"))
-    reason = first.reason.partition(";")[0]
+    first = next((g for g in guesses if g.role.startswith("pressure")), None)
     kept = [g for g in guesses if g.role in ("time", "command")]
-    return [*kept, Guess("pressure", first.column, first.index, first.unit, reason)]
+    return kept if first is None else [*kept, replace(first, role="pressure", reason=first.reason.partition(";")[0])]
 
 
 def _first_recording(path: Path, layout: Layout) -> Recording:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.describe.toml import value_text
-from pneudrive.signals.proposal.guesses import WORDS, force_levels
+from pneudrive.signals.tables.names import WORDS
 from pneudrive.units import converter
 
 if TYPE_CHECKING:
@@ -17,37 +17,40 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.signals.proposal.guesses import Guess
+    from pneudrive.signals.proposal.guesses import Guess, Roles
     from pneudrive.signals.tables.sniff import FileForm
 
 #: Names of absolute pressures: p_abs, psia, bara.
 ABSOLUTE = re.compile(r"abs|(?:psi|bar|pa)a\b", re.IGNORECASE)
+MOST_CHOICES = 8  # columns that are listed for a role that is left open
 #: Ranges of electrical signals that command a valve, in V or mA.
 SIGNALS = {"V": ((0.0, 5.0), (0.0, 10.0), (-5.0, 5.0), (-10.0, 10.0)), "mA": ((0.0, 20.0), (4.0, 20.0))}
 
 
-def layout_text(
-    path: Path, reading: FileForm, guesses: list[Guess], columns: list[NDArray[np.float64]], kind: str
-) -> str:
+def layout_text(path: Path, reading: FileForm, roles: Roles, kind: str) -> str:
     """Return the text of the layout file."""
     lines = _file_lines(path, reading, kind)
     lines += ["", "[columns]"]
-    sign, bore, why = _sign_and_bore(guesses, columns)
+    sign, bore, why = _sign_and_bore(roles)
+    columns, guesses = roles.signals.columns, roles.guesses
     lines += [
-        _column_line(guess, reading, columns[guess.index], sign)
-        for guess in guesses
-        if not (kind == "drive" and guess.role == "force")
+        _column_line(guess, columns, sign) for guess in guesses if not (kind == "drive" and guess.role == "force")
     ]
-    roles = {guess.role for guess in guesses}
+    for question in roles.questions:
+        lines.append(f"# open: {question.text}")
+        lines += [f"# {_column_line(choice, columns, sign)}" for choice in question.choices[:MOST_CHOICES]]
+    found = {guess.role for guess in guesses}
     cycle = [name for name in reading.names if re.search(WORDS["cycle"], name.strip().lower())]
     if cycle and reading.format == "parquet":
         lines.append(f"cycle = {{ column = {value_text(cycle[0])} }}  # guess: numbers the cycles of a campaign")
     if kind != "rig":
         return "\n".join([*lines, ""])
-    lines += [f"# not found: {needed}" for needed in ("time", "position", "force") if needed not in roles]
+    open_roles = " ".join(question.role for question in roles.questions)
+    missing = [role for role in ("time", "position", "force") if role not in found and role not in open_roles]
+    lines += [f"# not found: {role}" for role in missing]
     lines += ["", "[geometry]", 'kind = "rodless"  # guess', f'bore = "{bore * 1e3:.3g} mm"  # guess: {why}']
     for side in ("a", "b"):
-        if f"pressure_{side}" not in roles:
+        if f"pressure_{side}" not in found and "pressure" not in open_roles:
             lines += ["", f"[chamber_{side}]", "open_to_ambient = true  # guess: no pressure column for this chamber"]
     lines += ["", "# [window]", '# position = "5 mm .. 30 mm"  # absent: the middle 60 % of the stroke', ""]
     return "\n".join(lines)
@@ -63,6 +66,12 @@ def _file_lines(path: Path, reading: FileForm, kind: str) -> list[str]:
     if reading.format == "csv":
         names = {None: "whitespace", "\t": "tab"}
         lines.append(f'delimiter = "{names.get(form.delimiter, form.delimiter)}"')
+        if form.of_header != form.delimiter:
+            lines.append(f'header_delimiter = "{names.get(form.of_header, form.of_header)}"')
+        if form.comment != "#":
+            lines.append(f'comment = "{form.comment}"')
+        if form.delimiter == form.decimal:
+            lines.append("quoted = true  # numbers stand in quotation marks")
         lines.append(f"header = {'true' if form.header else 'false'}")
         lines.append(f'decimal = "{form.decimal}"')
         if form.thousands:
@@ -72,20 +81,22 @@ def _file_lines(path: Path, reading: FileForm, kind: str) -> list[str]:
     return lines
 
 
-def _column_line(guess: Guess, reading: FileForm, values: NDArray[np.float64], sign: str) -> str:
+def _column_line(guess: Guess, columns: list[NDArray[np.float64]], sign: str) -> str:
     """Return the line of a column."""
     place = value_text(guess.column)
+    if guess.index is None:
+        return f"{guess.role} = {{ {guess.keys} }}  # guess: {guess.reason}"
+    keys = f", {guess.keys}" if guess.keys else ""
     if guess.role == "command":
-        return f"command = {{ column = {place}{_signal(guess, values)} }}  # guess: {guess.reason}"
-    is_pressure = guess.role.startswith("pressure")
-    unit = guess.unit
-    if is_pressure:
-        unit += " abs" if unit == "Pa" or ABSOLUTE.search(str(guess.column)) else " gauge"
+        return f"command = {{ column = {place}{_signal(guess, columns[guess.index])}{keys} }}  # guess: {guess.reason}"
+    unit, note = guess.unit, ""
+    if guess.role.startswith("pressure"):
+        is_gauge = guess.gauge
+        if is_gauge is None:
+            is_gauge, note = not (unit == "Pa" or ABSOLUTE.search(str(guess.column))), "; gauge or abs is a guess"
+        unit += " gauge" if is_gauge else " abs"
     extra = f', positive = "{sign}"' if guess.role == "force" else ""
-    if reading.dates.get(guess.index):
-        extra += f', format = "{reading.dates[guess.index]}"'
-    line = f'{guess.role} = {{ column = {place}, unit = "{unit}"{extra} }}  # guess: {guess.reason}'
-    return line + ("; gauge or abs is a guess" if is_pressure else "")
+    return f'{guess.role} = {{ column = {place}, unit = "{unit}"{extra}{keys} }}  # guess: {guess.reason}{note}'
 
 
 def _signal(guess: Guess, values: NDArray[np.float64]) -> str:
@@ -103,17 +114,18 @@ def _signal(guess: Guess, values: NDArray[np.float64]) -> str:
     return f', unit = "{unit}", range = "{low:.4g} {unit} .. {high:.4g} {unit}"'
 
 
-def _sign_and_bore(guesses: list[Guess], columns: list[NDArray[np.float64]]) -> tuple[str, float, str]:
-    """Return the sign of the force and the bore that closes the balance on average."""
-    sign, half_sum = force_levels(guesses, columns)
-    if sign is None or half_sum is None:
-        return "+x", 0.025, "no force and position to estimate it from; write the real bore"
-    by_role = {g.role: g for g in guesses}
-    pressures = [g for g in guesses if g.role.startswith("pressure")]
-    if len(pressures) != 1:
+def _sign_and_bore(roles: Roles) -> tuple[str, float, str]:
+    """Return the sign of the force, by which friction opposes motion, and the bore that closes the balance."""
+    sign = "-x" if roles.sign < 0 else "+x"
+    force = next((guess for guess in roles.guesses if guess.role == "force"), None)
+    pressures = [guess for guess in roles.guesses if guess.role.startswith("pressure")]
+    if roles.directions is None or force is None or force.index is None or len(pressures) != 1:
         return sign, 0.025, "write the real bore"
-    mean = float(np.nanmean(columns[pressures[0].index])) * converter(pressures[0].unit, "Pa")[0]
-    area = abs(half_sum * converter(by_role["force"].unit, "N")[0] / mean) if mean else 0.0
+    levels = roles.directions.levels(roles.signals.columns[force.index])
+    if levels is None or pressures[0].index is None:
+        return sign, 0.025, "write the real bore"
+    mean = float(np.nanmean(roles.signals.columns[pressures[0].index])) * converter(pressures[0].unit, "Pa")[0]
+    area = abs(sum(levels) / 2 * converter(force.unit, "N")[0] / mean) if mean else 0.0
     if not 1e-6 < area < 1.0:
         return sign, 0.025, "write the real bore"
     return sign, math.sqrt(4 * area / math.pi), "force over pressure, mean of both directions; write the real bore"

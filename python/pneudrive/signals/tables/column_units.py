@@ -1,11 +1,34 @@
-"""Units of recorded columns: a factor to SI, and for pressures gauge or absolute."""
+"""Units of recorded columns: as a layout states them, and as headers of foreign files write them."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from functools import cache
 
 from pneudrive.errors import DescriptionError
 from pneudrive.units import converter, parse
+
+#: SI unit -> units of its quantity in headers, in lower case: spellings, separated by commas, then the layout's unit.
+_HEADER_UNITS = {
+    "s": "s,sec,secs,second,seconds,sek,sekunden:s ms,msec,millis,millisecond,milliseconds:ms min,mins,minutes:min "
+    "us,usec,micros,microsecond,microseconds:us ns,nsec,nanoseconds:ns h,hr,hours:h day,days:day",
+    "m": "m,meter,meters,metre,metres:m mm,millimeter,millimeters,millimetre:mm cm:cm um,micron,microns:um in,inch,"
+    'inches,":in ft,feet:ft',
+    "N": "n,newton,newtons:N kn:kN mn:mN dan:daN lbf,lb,lbs,lb-f,lb_f:lbf kgf,kp,kg-f,kg_f,kg:kgf",
+    "Pa": "pa,pascal:Pa kpa:kPa mpa:MPa hpa:hPa bar,bars:bar mbar,millibar:mbar psi,lbf/in2,lb/in2:psi ksi:ksi atm:atm "
+    "at:at torr:torr mmhg:mmHg inhg:inHg kgf/cm2,kg/cm2,kp/cm2:kgf/cm2 n/mm2:N/mm2 n/cm2:N/cm2 n/m2:Pa",
+    "V": "v,volt,volts:V mv:mV",
+    "A": "a,amp,amps,ampere:A ma:mA",
+    "m/s": "m/s:m/s mm/s,mm/sec:mm/s in/s,in/sec,ips:in/s cm/s:cm/s",
+    "K": "k:K degc,°c,c,celsius:degC degf,°f,f:degF",
+    "count": "count,counts,cts,cnt,ticks,tick,pulses,pulse,inc,incs,inkremente,lsb,digits,bit,bits:count",
+    "": "%,-,1,rpm,1/min,u/min,hz,khz,deg,°,rad,w,kw,nm,l/min,slpm,sccm,m/s2,mm/s2,g,raw,percent,date-time,hh:mm:ss:-",
+}
+#: How a pressure says that it counts from ambient, or from vacuum.
+_SUFFIX = re.compile(r"(.+?)[\s_.-]*\(?(g|gauge|gage|rel|ü|a|abs|absolute)\)?\.?")
+_BRACKETS = re.compile(r"[\[(<{]\s*([^\[\](){}<>]+?)\s*[\])>}]")
+_MICRO = str.maketrans({"µ": "u", "μ": "u", "²": "2", "^": ""})
 
 
 @dataclass(frozen=True)
@@ -21,13 +44,98 @@ class ColumnUnit:
     text: str = ""
 
 
+@dataclass(frozen=True)
+class HeaderUnit:
+    """Unit in the header of a foreign file.
+
+    ``si`` is the SI unit of its quantity, or ``count``; it is empty for other quantities. ``unit`` is that of layouts.
+    If a pressure does not say gauge or absolute, ``gauge`` is None.
+    """
+
+    si: str
+    unit: str
+    gauge: bool | None = None
+
+
+@cache
+def _known() -> dict[str, HeaderUnit]:
+    found = {}
+    for si, groups in _HEADER_UNITS.items():
+        for group in groups.split(" "):
+            spellings, _, unit = group.rpartition(":")
+            found |= {text: HeaderUnit(si, unit) for text in spellings.split(",")}
+    return found
+
+
+def header_unit(text: str) -> HeaderUnit | None:
+    """Return the unit that a field of a header is; None if it is not one.
+
+    Examples
+    --------
+    >>> header_unit("MPa(G)")
+    HeaderUnit(si='Pa', unit='MPa', gauge=True)
+    >>> header_unit("[psia]").gauge, header_unit("Reibung")
+    (False, None)
+    """
+    bare = text.strip()
+    while len(bare) > 1 and bare[0] in "[(<{" and bare[-1] in "])>}":
+        bare = bare[1:-1].strip()
+    bare = bare.translate(_MICRO)
+    if bare == "MN":
+        return HeaderUnit("N", "MN")
+    known = _known()
+    if bare.lower() in known:
+        return known[bare.lower()]
+    match = _SUFFIX.fullmatch(bare.lower().replace("[", "(").replace("]", ")"))
+    unit = known.get(match.group(1).strip()) if match else None
+    if match is None or unit is None or unit.si != "Pa":
+        return None
+    return HeaderUnit("Pa", unit.unit, not match.group(2).startswith("a"))
+
+
+def split_name(name: str) -> tuple[str, HeaderUnit | None]:
+    """Return the name of a column without its unit, and the unit; None if the name states none.
+
+    Examples
+    --------
+    >>> split_name("LowerSpringPressure(psia)")
+    ('LowerSpringPressure', HeaderUnit(si='Pa', unit='psi', gauge=False))
+    >>> split_name("pressure_A")
+    ('pressure_A', None)
+    """
+    for group in reversed(list(_BRACKETS.finditer(name))):
+        before = re.search(r"[^\s_,;:\[\](){}<>]*[\])>}]?\s*$", name[: group.start()])
+        word = before.group().strip() if before else ""
+        joined = header_unit(f"{word.strip('[](){}<>')}({group.group(1)})") if word else None
+        if joined is not None and before is not None:
+            return name[: before.start()].strip(" [({<"), joined
+        unit = header_unit(group.group(1))
+        if unit is not None and not (unit.si == "A" and _is_side(name, group)):
+            return (name[: group.start()] + name[group.end() :]).strip(), unit
+    for word in (r"[^\s_]+", r"[^\s_/,:]+"):
+        words = list(re.finditer(word, name))
+        for count in (2, 1):
+            last = [match.group().strip("[](){}<>") for match in words[-count:]]
+            unit = header_unit(" ".join(last)) if len(last) == count else None
+            is_letter = bool(last) and last[-1] in ("aA" if count == 2 else "aAcCfFgG")  # of a chamber, of a force
+            is_letter |= len(name.strip()) == 1  # the symbol of a quantity: s, m, N
+            if unit is not None and not is_letter:
+                return re.sub(r"\s+in$", "", name[: words[-count].start()].strip(" /,:_")), unit
+    return name, None
+
+
+def _is_side(name: str, group: re.Match[str]) -> bool:
+    """Return whether a letter in brackets is a chamber, as in Pressure (A), and not the ampere."""
+    return re.search(r"press|druck|\bp\b", name[: group.start()].lower()) is not None
+
+
 def column_unit(text: str, si_unit: str) -> ColumnUnit:
     """Read a column's unit.
 
     Parameters
     ----------
     text
-        Such as ``"mm"`` or ``"bar gauge"``.
+        Such as ``"mm"``, ``"bar gauge"`` or ``"psia"``.
     si_unit
         Unit of the column's quantity: ``"s"``, ``"m"``, ``"m/s"``, ``"N"``, ``"Pa"``, ``"K"``.
 
@@ -46,6 +154,9 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
     if si_unit != "Pa":
         factor, shift = converter(text, si_unit)
         return ColumnUnit(factor, shift=shift, text=text)
+    short = header_unit(text)
+    if short is not None and short.gauge is not None:
+        return ColumnUnit(converter(short.unit, "Pa")[0], short.gauge, text=text)
     words = text.split()
     if not words or words[-1] not in ("gauge", "abs"):
         converter(text, si_unit)  # a wrong dimension is the greater mistake: report it first

@@ -23,7 +23,8 @@ _LOOKS = re.compile(rf"\s*(?:(?:{_DATE})(?:[T\s]\s*(?:{_CLOCK}))?|{_CLOCK})\s*")
 # date, hour and minute, second, zone; each is optional; the rest counts from midnight UTC
 _ISO_PARTS = r"^(?:(\d{4}-\d\d?-\d\d?)(?:[T\s]\s*|$))?(?:(\d\d?:\d\d)(?::(\d\d(?:\.\d+)?))?\s*(Z|[+-]\d\d:?\d\d)?)?$"
 GUESSES = ("%d.%m.%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f", "%m/%d/%Y %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S.%f",
-           "%m/%d/%Y %I:%M:%S.%f %p", "%d.%m.%Y %H:%M")  # fmt: skip
+           "%m/%d/%Y %I:%M:%S.%f %p", "%d/%m/%Y %I:%M:%S.%f %p", "%d.%m.%Y %H:%M", "%I:%M:%S.%f %p",
+           "%d.%m.%Y", "%Y/%m/%d", "%m/%d/%Y", "%d/%m/%Y")  # fmt: skip
 NOT_A_TIME = np.iinfo(np.int64).min
 
 
@@ -46,10 +47,10 @@ def guess_form(texts: Sequence[str]) -> str | None:
     >>> guess_form(["31/12/2026 23:59:59"])
     '%d/%m/%Y %H:%M:%S.%f'
     """
-    for form in (ISO, *GUESSES):
-        if (_nanoseconds(texts, form) != NOT_A_TIME).all():
-            return form
-    return None
+    found = {form: _nanoseconds(texts, form) for form in (ISO, *GUESSES)}
+    fits = [form for form, count in found.items() if count.size and (count != NOT_A_TIME).all()]
+    # 03/02 and 04/02 are two days in a row, not two months: the shortest span, then the first format.
+    return min(fits, key=lambda form: int(np.ptp(found[form])), default=None)
 
 
 def seconds(values: NDArray | Sequence[str], form: str, path: Path) -> NDArray[np.float64]:
@@ -105,6 +106,8 @@ def _nanoseconds(texts: Sequence[str], form: str) -> NDArray[np.int64]:
         parts = form.replace(",", ".").replace(".%f", "%.f")
         if not re.search(r"%[djyYFxcs]", parts):
             column, parts = "1970-01-01 " + column, f"%Y-%m-%d {parts}"
+        elif not re.search(r"%[HIsTRc]", parts):
+            column, parts = column + " 00:00", f"{parts} %H:%M"
     try:
         found = column.str.to_datetime(parts, strict=False, time_unit="ns")
     except pl.exceptions.PolarsError:  # an invalid format

@@ -12,12 +12,14 @@ from pneudrive.files.formats import UNIT_OF
 from pneudrive.files.tables import open_table
 from pneudrive.signals.tables.date_times import ISO, UNIT, guess_form, seconds
 from pneudrive.signals.tables.text_table import NumberTable, column_number, measurable
+from pneudrive.signals.tables.timing import overlap
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
+WITH_CLOCKS = ("tdms", "mf4")  # formats in which each channel has its own times
 TEXT_KINDS = frozenset("OSTU")  # kinds of arrays of texts
 GUESSED_FROM = 400  # number of values for a guess of the format of dates
 
@@ -62,12 +64,19 @@ def read_columns(
         sizes = ", ".join(f"{n}: {c.size}" for n, c in zip(names, columns, strict=True))
         rule = "all channels must have one rate; resample others before"
         raise RecordingError("the columns differ in length", where=str(path), value=sizes, rule=rule)
+    if form in WITH_CLOCKS:  # channels that start later, or end earlier, than the others
+        part = overlap(columns, columns[0].size)
+        if part.start >= part.stop:
+            raise RecordingError("the channels have no time in common", where=str(path), value=", ".join(names))
+        columns, length = [column[part] for column in columns], columns[0].size
+    else:
+        part, length = slice(None), columns[0].size
     for name in more:
         with suppress(RecordingError):  # texts, tables
             column = as_numbers(np.asarray(values[name]), name, path)
-            if column.size == columns[0].size:
+            if column.size == length:
                 names.append(name)
-                columns.append(column)
+                columns.append(column[part])
     return NumberTable(names, columns, units=[opened.metadata.get(UNIT_OF + name, "") for name in names])
 
 

@@ -1,4 +1,4 @@
-"""Every column of numbers of a foreign file, as it stands there, before any layout."""
+"""Columns of numbers of a foreign file, before any layout."""
 
 from __future__ import annotations
 

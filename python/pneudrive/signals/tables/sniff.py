@@ -3,35 +3,56 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import RecordingError
 from pneudrive.files.content import check_file
 from pneudrive.files.packed import COMPRESSIONS
+from pneudrive.signals.tables.column_units import header_unit
 from pneudrive.signals.tables.date_times import guess_form, looks_like_date_time
-from pneudrive.signals.tables.text_table import TextForm, decode, is_words, read_bytes, split_row, to_number
-from pneudrive.units import is_unit
+from pneudrive.signals.tables.names import role_of
+from pneudrive.signals.tables.preamble import Preamble, read_preamble
+from pneudrive.signals.tables.text_table import (
+    HEADER_ROWS,
+    MISSING,
+    TextForm,
+    decode,
+    is_number,
+    is_row_of_numbers,
+    is_words,
+    read_bytes,
+    split_row,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
 SAMPLED_LINES = 400
+FEW_LINES = 40  # that reject most readings
+SAMPLED_FIELDS = 8000
 MOSTLY = 0.95  # least share of lines with numbers for a valid reading
+SEGMENTED = 0.5  # the same for a file whose header comes again and again
 # First bytes of formats that are not text.
 MAGIC = {b"PAR1": "parquet", b"\x89HDF": "netcdf", b"TDSm": "tdms", b"MDF ": "mf4", b"MATL": "mat"}
 DELIMITERS: tuple[str | None, ...] = ("\t", ";", ",", "|", None)
 TABLE_ROWS = 3  # successive rows of numbers that make a table
-NO_UNIT = ("-", "1", "%", "V", "mV", "A", "mA", "raw", "date-time")  # appear in rows of units beside known units
+COMMENTS = "#%"  # signs before a header
 _WORD = re.compile(r"[^\W\d_]")  # a text that nobody takes for a number begins with a letter
-_GROUPED = re.compile(r"[-+]?\d{1,3}([.,'])\d{3}(?:\1\d{3})+$")
+#: Groups of three digits behind a sign that is then one of thousands, not of decimals.
+_GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?:([.,'’\s\u00a0\u202f])\d{3})+(?:[.,]\d*)?$")
+#: Names of columns that white space separates, each with a unit in brackets behind more of it.
+_LOOSE = re.compile(r"[^\s\[(]+\s*(?:[\[(][^\])]*[\])])?")
+_BARE = re.compile(r"[-+]?\d{1,3}$")
 
 
 @dataclass(frozen=True)
 class FileForm:
     """Form of a file: ``form`` for text, names of the columns if any, their number.
 
-    ``dates`` holds the columns of dates and times, by number, with their formats, ``words`` those of texts.
+    ``dates`` holds the columns of dates and times, by number, with their formats. ``words`` holds columns of texts.
+    ``preamble`` holds statements of the lines above the table.
     """
 
     format: str
@@ -41,6 +62,22 @@ class FileForm:
     columns: int
     dates: dict[int, str] = field(default_factory=dict)
     words: frozenset[int] = frozenset()
+    preamble: Preamble = field(default_factory=Preamble)
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """One way to read the lines: how many are rows of numbers, how many columns, and which of them hold texts."""
+
+    form: TextForm
+    share: float
+    width: int
+    words: frozenset[int]
+
+    @property
+    def worth(self) -> float:
+        """More columns of numbers explain a line better than fewer."""
+        return (self.width - len(self.words)) * self.share
 
 
 def sniff_format(path: Path) -> str:
@@ -61,99 +98,135 @@ def sniff_text(path: Path) -> FileForm:
     Raises
     ------
     RecordingError
-        If the file is empty, binary, or has no table of numbers.
+        If the file is empty, binary, or has no table of numbers; if a sign can be that of decimals or of thousands.
     """
     lines = decode(read_bytes(path), path).splitlines()
     tail = [line for line in lines if line.strip() and not line.startswith("#")]
-    step = max(len(tail) // SAMPLED_LINES, 1)
-    sample = tail[len(tail) // 10 :: step][:SAMPLED_LINES] or tail
-    best: tuple[float, TextForm, int, frozenset[int]] | None = None
-    for form in _candidates(sample):
-        share, width, words = _score(sample, form)
-        numbers = width - len(words)
-        # More columns of numbers explain a line better than fewer; among equals the earlier candidate wins.
-        if share >= MOSTLY and numbers >= 2 and (best is None or numbers * share > best[0] + 1e-9):
-            best = (numbers * share, form, width, words)
-    if best is None:
-        raise RecordingError(
-            "no table of numbers was found",
-            where=str(path),
-            value=(sample[0].strip()[:120] if sample else "no lines"),
-            remedy="write the layout by hand: delimiter, decimal, header, skip_lines",
-        )
-    return _with_header(lines, *best[1:])
+    sample = _sample(tail)
+    readings = [_read(sample, form) for form in _candidates(sample)]
+    readings = [one for one in readings if one.width - len(one.words) >= 2]
+    for least in (MOSTLY, SEGMENTED):
+        fit = [one for one in readings if one.share >= least]
+        if fit:
+            worth = max(one.worth for one in fit)
+            # Among equals the earlier candidate wins: it has fewer separators.
+            fit = [one for one in fit if one.worth > worth - 1e-9]
+            return _with_header(lines, _told(fit, sample, path))
+    raise RecordingError(
+        "no table of numbers was found",
+        where=str(path),
+        value=(sample[0].strip()[:120] if sample else "no lines"),
+        remedy="write the layout by hand: delimiter, decimal, thousands, header, skip_lines",
+    )
+
+
+def _sample(tail: list[str]) -> list[str]:
+    """Return lines from all parts of a file, fewer of long ones."""
+    if not tail:
+        return []
+    width = max(len(line) for line in tail[len(tail) // 2 :][:9]) // 6 + 1
+    count = min(SAMPLED_LINES, max(SAMPLED_FIELDS // width, 60))
+    step = max(len(tail) // count, 1)
+    return tail[len(tail) // 10 :: step][:count] or tail
 
 
 def _candidates(sample: list[str]) -> list[TextForm]:
     forms = []
     for delimiter in DELIMITERS:
+        fields = [text for line in sample for text in split_row(line, delimiter)]
+        grouped = {m.group(1) for text in fields if (m := _GROUPED.match(text))}
+        marks = sorted({" " if mark.isspace() else mark for mark in grouped})
+        has_quotes = any('"' in line for line in sample)
         for decimal in (".", ","):
-            if decimal == delimiter:
+            if decimal == delimiter and not has_quotes:
                 continue
-            grouped = {m.group(1) for line in sample for f in split_row(line, delimiter) if (m := _GROUPED.match(f))}
-            separators = (None, *sorted(grouped - {delimiter}))
+            usual = [mark for mark in marks if mark not in (delimiter, decimal) or (mark == delimiter and has_quotes)]
+            own = [decimal] if decimal in marks and _has_several(fields, decimal) else []
+            separators = (None, *usual, *own)
             forms += [TextForm(delimiter=delimiter, decimal=decimal, thousands=mark) for mark in separators]
     return forms
 
 
-def _score(sample: list[str], form: TextForm) -> tuple[float, int, frozenset[int]]:
+def _has_several(fields: list[str], mark: str) -> bool:
+    return any(text.count(mark) > 1 for text in fields)
+
+
+def _read(sample: list[str], form: TextForm) -> _Reading:
     """Return the share of lines that are numbers in the usual number of columns, that number, and columns of texts."""
+    if len(sample) > 2 * FEW_LINES:
+        few = _read(sample[:: len(sample) // FEW_LINES], form)
+        if few.share < SEGMENTED:
+            return few
     rows = [split_row(line, form.delimiter) for line in sample]
     widths = [len(row) for row in rows]
     usual = max(set(widths), key=widths.count)
     right = [row for row in rows if len(row) == usual]
     words: frozenset[int] = frozenset()
     if form.delimiter is not None:  # white space stands in texts, too
-        words = frozenset(at for at in range(usual) if all(_is_word(row[at], form) for row in right))
-    good = sum(_is_numbers(row, form, words) for row in right)
-    return good / len(rows), usual, words
+        words = frozenset(at for at in range(usual) if _is_of_words([row[at] for row in right], form))
+    good = sum(is_row_of_numbers(row, form, words) for row in right)
+    return _Reading(form, good / len(rows), usual, words)
 
 
-def _is_number(text: str, form: TextForm) -> bool:
-    """Return whether a field is a number, a date, or empty."""
-    if not looks_like_date_time(text):
-        try:
-            to_number(text, form)
-        except ValueError:
-            return False
-    return True
+def _is_of_words(texts: list[str], form: TextForm) -> bool:
+    """Return whether a column holds texts."""
+    there = [text for text in texts if text.lower() not in MISSING]
+    return bool(there) and all(_WORD.match(text) and not is_number(text, form) for text in there)
 
 
-def _is_word(text: str, form: TextForm) -> bool:
-    return bool(_WORD.match(text)) and not _is_number(text, form)
+def _told(fit: list[_Reading], sample: list[str], path: Path) -> _Reading:
+    """Return the reading that holds; numbers such as 10,307 can be 10.307 and 10307.
 
-
-def _is_numbers(fields: list[str], form: TextForm, words: frozenset[int]) -> bool:
-    """Return whether a row holds numbers, dates and empty fields, and not only empty ones, but for columns of texts."""
-    own = [text for at, text in enumerate(fields) if at not in words]
-    return any(own) and all(_is_number(text, form) for text in own)
-
-
-def _with_header(lines: list[str], form: TextForm, width: int, words: frozenset[int]) -> FileForm:
-    """Find the first row of numbers and the header above it."""
-    first = _first_of_numbers(lines, form, width, words)
-    names, units, skip = _names_above(lines[:first], form, width)
-    delimiter = None if form.delimiter == "\t" and not names else form.delimiter
-    found = TextForm(
-        delimiter=delimiter,
-        header=bool(names),
-        decimal=form.decimal,
-        thousands=form.thousands,
-        skip_lines=skip if names else first,
+    Raises
+    ------
+    RecordingError
+        If nothing in the file tells whether a comma is that of decimals or of thousands.
+    """
+    best = fit[0]
+    decimals = [one for one in fit if one.form.decimal == "," and one.form.thousands is None]
+    thousands = [one for one in fit if one.form.thousands == "," and one.form.decimal == "."]
+    if not decimals or not thousands or thousands[0].form.delimiter != decimals[0].form.delimiter:
+        return best
+    rows = [split_row(line, best.form.delimiter) for line in sample]
+    columns = [[row[at] for row in rows if len(row) == best.width and row[at]] for at in range(best.width)]
+    marked = [texts for texts in columns if any("," in text for text in texts)]
+    # Small whole numbers beside groups of three: a sign of thousands. Decimals are written in every row.
+    if any(any(_BARE.match(text) for text in texts) for texts in marked):
+        return thousands[0]
+    raise RecordingError(
+        f"numbers such as {marked[0][0]} can have decimals, or groups of three digits",
+        where=str(path),
+        rule="nothing else in the file tells which",
+        remedy='write the layout by hand, with decimal = "," or with thousands = ","',
     )
+
+
+def _with_header(lines: list[str], reading: _Reading) -> FileForm:
+    """Find the first row of numbers and the header above it."""
+    form, width = replace(reading.form, header=True), reading.width
+    first = _first_of_numbers(lines, reading)
+    preamble = read_preamble(lines[:first], form, width)
+    names, units, skip, form = _names_above(lines[:first], form, width)
+    if (
+        form.delimiter == "\t"
+        and not names
+        and all(len(line.split()) == width for line in lines[first:] if line.strip())
+    ):
+        form = replace(form, delimiter=None)
+    form = replace(form, skip_lines=skip if form.header else first)
     dates = _dates([lines[first], *lines[-SAMPLED_LINES:]], form, width)
-    return FileForm("csv", found, names, units, width, dates, words)
+    return FileForm("csv", form, names, units or preamble.units, width, dates, reading.words, preamble)
 
 
-def _first_of_numbers(lines: list[str], form: TextForm, width: int, words: frozenset[int]) -> int:
+def _first_of_numbers(lines: list[str], reading: _Reading) -> int:
     """Return the first line of the table: a row of numbers followed by others, since a preamble may hold some, too."""
     first = length = 0
     longest = (0, 0)
     for i, line in enumerate(lines):
-        if not line.strip(" ") or line.startswith(form.comment):
+        if not line.strip(" ") or line.startswith(reading.form.comment):
             continue
-        fields = split_row(line, form.delimiter)
-        is_row = len(fields) == width and _is_numbers(fields, form, words)
+        fields = split_row(line, reading.form.delimiter)
+        is_row = len(fields) == reading.width and is_row_of_numbers(fields, reading.form, reading.words)
         first, length = (i if length == 0 else first, length + 1) if is_row else (first, 0)
         if length > longest[0]:
             longest = (length, first)
@@ -162,44 +235,55 @@ def _first_of_numbers(lines: list[str], form: TextForm, width: int, words: froze
     return longest[1]
 
 
-def _names_above(above: list[str], form: TextForm, width: int) -> tuple[list[str], list[str], int]:
-    """Return names and units of the columns, and the number of lines above the names; no names if no line fits.
+def _names_above(above: list[str], form: TextForm, width: int) -> tuple[list[str], list[str], int, TextForm]:
+    """Return names and units of the columns, the number of lines above the names, and the form with its header.
 
-    The names are in the line above the numbers, or above a row of units: any line further up is
-    a preamble, even if padded with delimiters. Every column has a name, except columns without
-    one; a line with names for fewer than half of them is not a header.
+    The rows next to the numbers are names, units and descriptions. The names are in the row that names most roles.
+    Among equals, they are in the row above the units. Names for fewer than half of the columns are a preamble.
     """
-    filled = [i for i, line in enumerate(above) if line.strip()]
-    rows = [(i, _header_row(above[i], form, width)) for i in reversed(filled[-2:])]
-    units: list[str] = []
-    if len(rows) == 2 and rows[0][1] and rows[1][1] and _are_units(rows[0][1]) and _names_most(rows[1][1]):
-        units = rows.pop(0)[1]
-    if rows and _names_most(rows[0][1]):
-        return rows[0][1], units, rows[0][0]
-    return [], [], 0
+    rows = list(_rows_above(above, form, width))
+    units = next((fields for _, fields, _ in rows if _are_units(fields)), [])
+    named = [row for row in rows if row[1] is not units and 2 * sum(map(bool, row[1])) > width]
+    if not named:
+        return [], [], 0, replace(form, header=False)
+    places = [row[0] for row in rows if row[1] is units]
+
+    def rank(row: tuple[int, list[str], TextForm]) -> tuple[int, bool, int]:
+        return sum(role_of(name) is not None for name in row[1]), bool(places) and row[0] < places[0], row[0]
+
+    place, names, form = max(named, key=rank)
+    return names, units, place, form
 
 
-def _header_row(line: str, form: TextForm, width: int) -> list[str]:
-    """Return the fields of a line that may name the columns, as many as there are; empty if it cannot.
-
-    Loggers put a column of comments after the last column of numbers.
-    """
-    fields = split_row(line.lstrip("# "), form.delimiter)
-    may_be_longer = form.delimiter is not None
-    if len(fields) < width or (len(fields) > width and not may_be_longer) or not is_words(fields, form):
-        return []
-    return fields[:width]
-
-
-def _names_most(fields: list[str]) -> bool:
-    return 2 * sum(map(bool, fields)) > len(fields)
+def _rows_above(above: list[str], form: TextForm, width: int) -> Iterator[tuple[int, list[str], TextForm]]:
+    """Yield the rows of words next to the numbers, from below, with their number and form."""
+    filled = [at for at, line in enumerate(above) if line.strip()]
+    for at in reversed(filled[-HEADER_ROWS:]):
+        sign = next((sign for sign in COMMENTS if above[at].lstrip().startswith(sign)), form.comment)
+        line = above[at].lstrip(f"{sign} ") if sign in above[at][:3] else above[at]
+        for delimiter in (form.delimiter, *DELIMITERS):
+            fields = split_row(line, delimiter)
+            # Loggers put a column of comments after the last column of numbers.
+            is_longer = len(fields) > width and delimiter is not None and delimiter == form.delimiter
+            if (len(fields) == width or is_longer) and is_words(fields[:width], form):
+                mark = "" if delimiter == form.delimiter else delimiter
+                yield at, fields[:width], replace(form, comment=sign, header_delimiter=mark)
+                break
+        else:
+            loose = _LOOSE.findall(line)
+            if len(loose) != width or not is_words(loose, form):
+                return
+            yield at, [text.strip() for text in loose], replace(form, header=False)
 
 
 def _are_units(fields: list[str]) -> bool:
-    """Return whether every non-empty field is a unit, and at least one is not dimensionless."""
-    bare = [text.strip("[]() ") for text in fields]
-    known = [text for text in bare if text and text not in NO_UNIT]
-    return bool(known) and all(is_unit(text) for text in known)
+    """Return whether most filled fields are units, and at least one is of a known quantity.
+
+    A unit that nobody knows makes one column a guess, not the whole row.
+    """
+    filled = [text for text in fields if text.strip("- ")]
+    known = [unit for text in filled if (unit := header_unit(text)) is not None]
+    return any(unit.si for unit in known) and 2 * len(known) > len(filled)
 
 
 def _dates(lines: list[str], form: TextForm, width: int) -> dict[int, str]:
@@ -208,6 +292,7 @@ def _dates(lines: list[str], form: TextForm, width: int) -> dict[int, str]:
     found = {}
     for column in range(width):
         texts = [row[column] for row in rows if row[column]]
-        if texts and all(map(looks_like_date_time, texts)) and (written := guess_form(texts)) is not None:
+        texts = [text for text in texts if looks_like_date_time(text)] if len(texts) else []
+        if texts and 2 * len(texts) > len(rows) and (written := guess_form(texts)) is not None:
             found[column] = written
     return found

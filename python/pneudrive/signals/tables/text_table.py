@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,22 +13,27 @@ import numpy as np
 from pneudrive.errors import RecordingError
 from pneudrive.files.bounds import bound, within
 from pneudrive.files.packed import pieces
-from pneudrive.signals.tables.date_times import seconds
+from pneudrive.signals.tables.date_times import looks_like_date_time, seconds
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+    from pathlib import Path
+
     import polars as pl
     from numpy.typing import NDArray
 
 NO_SENSOR = 1e100
 UNREADABLE_SHARE = 0.01  # largest share of rows that are not numbers
+MISSING = ("", "na", "n/a", "#n/a", "null", "none", "-", "--", "---")  # fields without a value, in lower case
+HEADER_ROWS = 4  # most rows of words below the names: units, descriptions
 
 
 @dataclass(frozen=True)
 class TextForm:
     """Format of a text table.
 
-    ``delimiter`` None means any white space; ``thousands`` is a separator inside numbers: all but
-    the last are removed if it equals ``decimal``.
+    ``delimiter`` None means any white space. ``thousands`` is a separator inside numbers. If it equals ``decimal``,
+    the last one is the decimal sign. ``header_delimiter`` is empty if it is that of the numbers.
     """
 
     delimiter: str | None = None
@@ -37,16 +42,26 @@ class TextForm:
     thousands: str | None = None
     skip_lines: int = 0
     comment: str = "#"
+    header_delimiter: str | None = ""
+
+    @property
+    def of_header(self) -> str | None:
+        """The delimiter of the header."""
+        return self.delimiter if self.header_delimiter == "" else self.header_delimiter
 
 
 @dataclass
 class NumberTable:
-    """Columns with their names, and units if the file states them; ``flags`` counts rows that could not be read."""
+    """Columns with their names, and units if the file states them; ``flags`` counts rows that could not be read.
+
+    ``segments`` holds the first row of each further segment of a file with repeated headers.
+    """
 
     names: list[str]
     columns: list[NDArray[np.float64]]
     flags: dict[str, int] = field(default_factory=dict)
     units: list[str] = field(default_factory=list)
+    segments: list[int] = field(default_factory=list)
 
 
 def read_bytes(path: Path) -> bytes:
@@ -73,6 +88,9 @@ def decode(data: bytes, path: Path) -> str:
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return data.decode("utf-16", errors="replace")
     head = data[:4096]
+    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+        what = "the file is a workbook or an archive, not text"
+        raise RecordingError(what, where=str(path), remedy="save the sheet with the recording as CSV")
     control = sum(byte < 9 or 13 < byte < 32 for byte in head)
     if b"\x00" in head or control > 0.05 * len(head):
         raise RecordingError(
@@ -90,21 +108,48 @@ def decode(data: bytes, path: Path) -> str:
 def split_row(line: str, delimiter: str | None) -> list[str]:
     """Return the fields of one line, without white space and quotes around them."""
     if delimiter is None:
-        return line.split()
-    quoted = csv.reader([line], delimiter=delimiter, skipinitialspace=True) if '"' in line else [line.split(delimiter)]
-    return [part.strip() for part in next(iter(quoted))]
+        return [part.strip('"') for part in line.split()]
+    if '"' not in line:
+        return [part.strip() for part in line.split(delimiter)]
+    try:
+        return [part.strip() for part in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+    except csv.Error:  # a field that never ends
+        return [part.strip(' "') for part in line.split(delimiter)]
+
+
+@lru_cache(maxsize=64)
+def _compiled(form: TextForm) -> re.Pattern[str]:
+    return re.compile(number_pattern(form), re.IGNORECASE)
+
+
+@lru_cache(maxsize=64)
+def number_pattern(form: TextForm) -> str:
+    """Return the expression of a number: groups of three digits only, and no other sign than those of the form."""
+    decimal = re.escape(form.decimal)
+    whole = r"\d*"
+    if form.thousands == form.decimal:
+        whole = rf"\d{{1,3}}(?:{decimal}\d{{3}})*|\d*"
+    elif form.thousands:
+        whole = rf"[1-9]\d{{0,2}}(?:{_thousands(form)}\d{{3}})+|\d*"
+    return rf"^[-+]?(?:(?:{whole})(?:{decimal}\d*)?(?:[eE][-+]?\d+)?|nan|inf(?:inity)?)$"
+
+
+def _thousands(form: TextForm) -> str:
+    """Return the expression of the separator of thousands; each blank stands for all."""
+    mark = form.thousands or ""
+    return r"[\s\u00a0\u202f]" if mark.isspace() else re.escape(mark)
 
 
 def to_number(text: str, form: TextForm) -> float:
-    """Read one field; an empty field is NaN; raise a ValueError for text."""
-    if not text:
+    """Read one field: NaN if it is empty. Text raises a ValueError."""
+    if text.lower() in MISSING:
         return float("nan")
+    if _compiled(form).match(text) is None:
+        raise ValueError(text)
     if form.thousands:
         whole, last, rest = text.rpartition(form.thousands) if form.thousands == form.decimal else (text, "", "")
-        text = whole.replace(form.thousands, "") + last + rest
-    if form.decimal != ".":
-        text = text.replace(form.decimal, ".")
-    return float(text)
+        text = re.sub(_thousands(form), "", whole) + last + rest
+    return float(text.replace(form.decimal, "."))
 
 
 def measurable(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -114,15 +159,26 @@ def measurable(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(np.abs(values) < NO_SENSOR, values, np.nan)
 
 
+def is_number(text: str, form: TextForm) -> bool:
+    """Return whether a field is a number, a date, or empty."""
+    if not looks_like_date_time(text):
+        try:
+            to_number(text, form)
+        except ValueError:
+            return False
+    return True
+
+
 def is_words(fields: list[str], form: TextForm) -> bool:
     """Return whether no field of a line is a number: a header or a row of units."""
-    for text in fields:
-        try:
-            to_number(text or "empty", form)
-        except ValueError:
-            continue
-        return False
-    return bool(fields)
+    there = [text for text in fields if text.lower() not in MISSING]
+    return any(fields) and not any(is_number(text, form) for text in there)
+
+
+def is_row_of_numbers(fields: list[str], form: TextForm, texts: Collection[int] = ()) -> bool:
+    """Return whether a row holds numbers, dates and empty fields, except in columns of texts."""
+    own = [text for at, text in enumerate(fields) if at not in texts]
+    return any(own) and all(is_number(text, form) for text in own)
 
 
 def read_text(
@@ -154,20 +210,8 @@ def read_text(
     RecordingError
         If a column is missing, or more than 1 % of the rows are not numbers.
     """
-    text = decode(data, path)
-    lines = text.splitlines()
-    start = form.skip_lines
-    names: list[str] = []
-    units: list[str] = []
-    if form.header:
-        while start < len(lines) and not lines[start].strip(form.comment + " \t"):
-            start += 1
-        if start >= len(lines):
-            raise RecordingError("there is no header line", where=str(path))
-        names = split_row(lines[start].lstrip(form.comment), form.delimiter)
-        start += 1
-        if start < len(lines) and is_words(words := split_row(lines[start], form.delimiter), form):
-            units, start = words, start + 1
+    lines = decode(data, path).splitlines()
+    start, names, units = _header(lines, form, path)
     first = next((line for line in lines[start:] if line.strip() and not line.startswith(form.comment)), None)
     if first is None:
         raise RecordingError(
@@ -180,15 +224,66 @@ def read_text(
     use = [column_number(column, names, width, path) for column in wanted]
     forms = {at: dates[column] for at, column in enumerate(wanted) if dates and column in dates}
     more = [at for at in range(width) if at not in use] if others else []
-    columns, flags = _parse(lines, start, form, (use, more), forms, path)
+    rows = [at for at, line in enumerate(lines[start:], start) if line.strip() and line[:1] != form.comment]
+    rows, segments = without_headers(lines, rows, form, lines[start - 1] if names else None)
+    columns, flags = _parse(lines, rows, form, (use, more), forms, path)
     known = names if len(names) >= width and len(set(names)) == len(names) else [f"column {at}" for at in range(width)]
-    found = [(at, one) for at, one in zip([*use, *more], columns, strict=True) if at in use or np.isfinite(one).any()]
+    found = [
+        (at, column)
+        for at, column in zip([*use, *more], columns, strict=True)
+        if at in use or np.isfinite(column).any()
+    ]
     return NumberTable(
         [known[at] for at, _ in found],
-        [one for _, one in found],
+        [column for _, column in found],
         flags,
         [units[at] if at < len(units) else "" for at, _ in found],
+        segments,
     )
+
+
+def _header(lines: list[str], form: TextForm, path: Path) -> tuple[int, list[str], list[str]]:
+    """Return the line below the header, the names and the units of the columns."""
+    start = form.skip_lines
+    if not form.header:
+        return start, [], []
+    while start < len(lines) and not lines[start].strip(form.comment + " \t"):
+        start += 1
+    if start >= len(lines):
+        raise RecordingError("there is no header line", where=str(path))
+    names = split_row(lines[start].lstrip(form.comment), form.of_header)
+    units: list[str] = []
+    for row in lines[start + 1 : start + 1 + HEADER_ROWS]:
+        line = row.lstrip(form.comment)
+        words = split_row(line, form.of_header)
+        if any(words) and not is_words(split_row(line, form.delimiter), form):
+            break
+        units, start = units or (words if any(words) else []), start + 1
+    return start + 1, names, units
+
+
+def without_headers(
+    lines: list[str], rows: list[int], form: TextForm, last_of_header: str | None
+) -> tuple[list[int], list[int]]:
+    """Return the rows of numbers without the headers of further segments, and the first row of each segment.
+
+    Programs that append to a file repeat the header: its last line marks each, and lines above it belong to it
+    up to the last row of numbers.
+    """
+    if last_of_header is None or not rows:
+        return rows, []
+    marks = [at for at in rows if lines[at] == last_of_header]
+    if not marks:
+        return rows, []
+    texts = {at for at, text in enumerate(split_row(lines[rows[0]], form.delimiter)) if is_words([text], form)}
+    dropped: set[int] = set()
+    for mark in marks:
+        at = mark
+        while at > rows[0] and not is_row_of_numbers(split_row(lines[at], form.delimiter), form, texts):
+            dropped.add(at)
+            at -= 1
+    kept = [at for at in rows if at not in dropped]
+    return kept, [kept.index(at) for mark in marks if (at := next((row for row in kept if row > mark), 0))]
 
 
 def column_number(column: int | str, names: list[str], width: int, path: Path) -> int:
@@ -228,7 +323,7 @@ def column_number(column: int | str, names: list[str], width: int, path: Path) -
 
 def _parse(
     lines: list[str],
-    start: int,
+    numbers: list[int],
     form: TextForm,
     places: tuple[list[int], list[int]],
     dates: dict[int, str],
@@ -236,20 +331,14 @@ def _parse(
 ) -> tuple[list[NDArray[np.float64]], dict[str, int]]:
     """Parse the used columns; count single broken rows, refuse many with the first one in the message.
 
-    `places` are the numbers of the used columns, and of others, which break no row. `dates` gives the format of columns
-    of dates and times, by their place among the used ones.
+    `numbers` are the places of the rows. `places` are the numbers of the used columns, and of others, which break no
+    row. `dates` gives the format of columns of dates and times, by their place among the used ones.
     """
-    import polars as pl
-
-    numbers = [at for at, line in enumerate(lines[start:], start) if line.strip() and line[:1] != form.comment]
-    rows = pl.Series([lines[at] for at in numbers], dtype=pl.String)
-    if form.delimiter is None:
-        rows = rows.str.strip_chars().str.replace_all(r"\s+", " ")
-    fields = rows.str.split(form.delimiter or " ")
-    use, more = (
-        [fields.list.get(i, null_on_oob=True).str.strip_chars().str.strip_chars('"') for i in part] for part in places
-    )
-    values = {at: _numbers(text, form) for at, text in enumerate(use) if at not in dates}
+    rows = [lines[at] for at in numbers]
+    use, more = _fields(rows, form, places)
+    wanted = [at for at in range(len(use)) if at not in dates]
+    found = _numbers([*(use[at] for at in wanted), *more], form)
+    values, rest = dict(zip(wanted, found, strict=False)), found[len(wanted) :]
     good = np.ones(len(rows), dtype=bool)
     for text in use:
         good &= text.is_not_null().to_numpy()
@@ -269,20 +358,55 @@ def _parse(
         else measurable(values[at].filter(good).to_numpy())
         for at, text in enumerate(use)
     ]
-    columns += [measurable(_numbers(text, form).filter(good).to_numpy()) for text in more]
+    columns += [measurable(column.filter(good).to_numpy()) for column in rest]
     return columns, ({"unreadable_row": bad.size} if bad.size else {})
 
 
-def _numbers(text: pl.Series, form: TextForm) -> pl.Series:
-    """Read fields like `to_number`, without a comment after a number; null if not a number."""
+def _fields(
+    rows: list[str], form: TextForm, places: tuple[list[int], list[int]]
+) -> tuple[list[pl.Series], list[pl.Series]]:
+    """Return the fields of some columns; null in rows that are too short."""
+    import polars as pl
+
+    if any('"' in row for row in rows):
+        split = [split_row(row, form.delimiter) for row in rows]
+        use, more = (
+            [pl.Series([row[at] if at < len(row) else None for row in split], dtype=pl.String) for at in part]
+            for part in places
+        )
+        return use, more
+    row = pl.col("row")
+    if form.delimiter is None:
+        row = row.str.strip_chars().str.replace_all(r"\s+", " ")
+    every = [
+        row.str.split(form.delimiter or " ").list.get(at, null_on_oob=True).str.strip_chars().alias(str(number))
+        for number, at in enumerate([*places[0], *places[1]])
+    ]
+    columns = pl.DataFrame({"row": pl.Series(rows, dtype=pl.String)}).select(every).get_columns()
+    return columns[: len(places[0])], columns[len(places[0]) :]
+
+
+def _numbers(texts: list[pl.Series], form: TextForm) -> list[pl.Series]:
+    """Read columns of fields like `to_number`, without a comment after a number; null if not a number."""
+    import polars as pl
+
+    frame = pl.DataFrame([text.alias(str(at)) for at, text in enumerate(texts)])
+    return frame.select([_number(pl.col(name), form).alias(name) for name in frame.columns]).get_columns()
+
+
+def _number(text: pl.Expr, form: TextForm) -> pl.Expr:
+    """Return the expression that reads fields of one column."""
     import polars as pl
 
     text = text.str.replace(rf"\s*{re.escape(form.comment)}.*$", "")
+    text = pl.when(text.str.to_lowercase().is_in(MISSING)).then(pl.lit("nan")).otherwise(text)
+    if form.thousands or form.decimal != ".":
+        text = pl.when(text.str.contains(f"(?i){number_pattern(form)}")).then(text)
     if form.thousands == form.decimal:
-        parts = text.str.extract_groups(rf"^(.*)({re.escape(form.decimal)}.*)$").struct.unnest()
-        whole, rest = (parts.to_series(i).fill_null("") for i in (0, 1))
-        text = (whole.str.replace_all(form.decimal, "", literal=True) + rest).set(rest == "", None).fill_null(text)
+        sign = re.escape(form.decimal)
+        whole, rest = (text.str.extract(rf"^(.*)({sign}.*)$", group).fill_null("") for group in (1, 2))
+        joined = whole.str.replace_all(form.decimal, "", literal=True) + rest
+        text = pl.when(rest != "").then(joined).otherwise(text)
     elif form.thousands:
-        text = text.str.replace_all(form.thousands, "", literal=True)
-    text = text.str.replace(form.decimal, ".", literal=True)
-    return text.set(text == "", "nan").cast(pl.Float64, strict=False)
+        text = text.str.replace_all(_thousands(form), "")
+    return text.str.replace(form.decimal, ".", literal=True).cast(pl.Float64, strict=False)

@@ -1,0 +1,237 @@
+"""The column of the time and its unit, or the rate of the samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.signals.proposal.evidence import FEWEST, NAME, PHYSICS, UNIT, Candidate
+from pneudrive.signals.tables.date_times import UNIT as DATE
+from pneudrive.signals.tables.names import INDEX, words_of
+from pneudrive.signals.tables.timing import CLOCKS_S, COUNTERS, rate_of_stamps, samples_of_a_stamp, unwrapped
+from pneudrive.units import converter
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.signals.proposal.evidence import TableSignals
+
+    Array = NDArray[np.float64]
+
+#: Units that a time without one may have, in s. What fits the bounds below in one of them only is that unit.
+UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "day": 86400.0}
+STEPS_S = (50e-6, 0.5)  # usual steps of samples of a motion (assumed)
+SLOWEST_S = 3600.0  # the same without a motion: the longest step
+SPEEDS_M_S = (5e-5, 5.0)  # usual speeds of pistons (assumed)
+RISING = 0.999  # least share of steps of a time that do not fall
+EVEN, EVEN_SHARE = 0.2, 0.9  # largest deviation of an even step; least share of even steps
+INDEX_SHARE = 0.99  # least share of steps of exactly 1 of an index
+
+
+@dataclass
+class Times:
+    """The time of a table.
+
+    Samples at a rate have no ``index`` of a column, but ``rate_hz``; their ``values`` are numbers of samples.
+    An unstated ``unit`` is empty. A time of day may have a ``date`` column. The keys of ``clocks`` are columns with
+    another time, its values the columns of that time. ``question`` asks the user.
+    """
+
+    index: int | None
+    values: Array
+    unit: str = ""
+    rate_hz: float | None = None
+    reason: str = ""
+    date: int | None = None
+    clocks: dict[int, int] = field(default_factory=dict)
+    question: str = ""
+
+
+def find_times(signals: TableSignals) -> Times:
+    """Find the time of a table, and take its columns from the others."""
+    count = signals.columns[0].size
+    candidates, dates, numbered = _candidates(signals)
+    signals.taken |= {one.index for one in candidates if one.score >= NAME} | set(dates) | set(numbered)
+    if not candidates:
+        return _without_column(signals, count, numbered)
+    best = candidates[0]
+    times = _time(signals, best, dates)
+    if best.score > PHYSICS:
+        times.clocks = _clocks_of(signals, best.index, [one.index for one in candidates if one.score >= best.score])
+    rank = f"next: column {signals.place(candidates[1].index)!r}" if len(candidates) > 1 else "no other candidate"
+    times.reason = "; ".join(filter(None, [", ".join(best.evidence), times.reason, rank]))
+    signals.taken.add(best.index)
+    return times
+
+
+def _candidates(signals: TableSignals) -> tuple[list[Candidate], list[int], list[int]]:
+    """Return the columns that may be the time, the best first; those of dates only, and those that count rows."""
+    found: list[Candidate] = []
+    dates: list[int] = []
+    numbered: list[int] = []
+    for at, header in enumerate(signals.headers):
+        values = signals.columns[at]
+        is_other = header.unit is not None and header.unit.si != "s"
+        if at in signals.taken or is_other or np.isfinite(values).sum() < FEWEST:
+            continue
+        is_date = at in signals.reading.dates
+        if is_date and len(signals.reading.dates) > 1 and (values[np.isfinite(values)] % 86400.0 == 0).all():
+            dates.append(at)
+            continue
+        is_named = header.role == "time"
+        score = NAME * is_named + UNIT * (is_date or header.unit is not None)
+        evidence = ["name"] * is_named + ["unit"] * (is_date or header.unit is not None)
+        if _rises(values, is_date=is_date):
+            if score == 0 and (_counts(values) or INDEX.match(words_of(header.name))):
+                numbered.append(at)
+                continue
+            if score == 0 and not _is_even(values):
+                continue
+            score += PHYSICS
+            evidence.append("even steps")
+        elif score == 0 or not is_named:
+            continue
+        if header.role not in (None, "time") and header.unit is None and not is_date:
+            continue
+        # Among equals the finer one: fewer samples share a stamp.
+        score -= 0.5 * (samples_of_a_stamp(values) > 1.0)
+        found.append(Candidate(at, score, tuple(evidence)))
+    # A column that only rises is the time if nothing has its name; without names the first one.
+    return sorted(found, key=lambda one: -one.score), dates, numbered
+
+
+def _rises(values: Array, *, is_date: bool) -> bool:
+    some = values[np.isfinite(values)]
+    some, _ = unwrapped(some, CLOCKS_S if is_date else COUNTERS, forward=True)
+    steps = np.diff(some)
+    if steps.size < 2 or not steps.any():
+        return False
+    is_coarse = samples_of_a_stamp(some) > 1.0
+    return bool((steps >= 0).mean() > RISING and (np.median(steps) > 0 or is_coarse))
+
+
+def _is_even(values: Array) -> bool:
+    """Return whether most steps are equal: a signal that drifts upwards is not a time."""
+    steps = np.diff(values[np.isfinite(values)])
+    usual = float(np.median(steps))
+    return bool((np.abs(steps - usual) <= EVEN * usual).mean() > EVEN_SHARE)
+
+
+def _counts(values: Array) -> bool:
+    """Return whether a column numbers the rows."""
+    steps = np.diff(values[np.isfinite(values)])
+    return steps.size > 1 and bool((steps == 1.0).mean() >= INDEX_SHARE)
+
+
+def _is_same_clock(signals: TableSignals, first: int, second: int) -> bool:
+    """Return whether two columns show one clock, perhaps in other units or more coarsely."""
+    a, b = signals.columns[first], signals.columns[second]
+    both = np.isfinite(a) & np.isfinite(b)
+    if both.sum() < FEWEST or both.sum() < 0.9 * min(np.isfinite(a).sum(), np.isfinite(b).sum()):
+        return False
+    a, b = a[both], b[both]
+    slope, start = np.polyfit(a - a[0], b - b[0], 1)
+    quanta = [float(np.min(s[s > 0], initial=np.inf)) for s in (np.diff(v) for v in (a, b))]
+    quantum = max(abs(slope) * quanta[0], quanta[1])
+    rest = float(np.abs(b - b[0] - slope * (a - a[0]) - start).max())
+    is_shifted = abs(slope - 1.0) < 0.01 and abs(b[0] - a[0]) > 1.01 * quantum
+    is_number = not {first, second} & set(signals.reading.dates)
+    return rest <= 1.01 * quantum and not (is_shifted and is_number)
+
+
+def _clocks_of(signals: TableSignals, best: int, all_clocks: list[int]) -> dict[int, int]:
+    """Return the clock of each column that has another one than the best: the nearest one to its left."""
+    other = {at for at in all_clocks if at != best and not _is_same_clock(signals, best, at)}
+    if not other:
+        return {}
+    nearest = {at: max((c for c in all_clocks if c < at), default=best) for at in range(len(signals.columns))}
+    return {at: clock for at, clock in nearest.items() if clock in other}
+
+
+def _time(signals: TableSignals, best: Candidate, dates: list[int]) -> Times:
+    """Return the time of a column."""
+    values, header = signals.columns[best.index], signals.headers[best.index]
+    is_date = best.index in signals.reading.dates
+    unit = DATE if is_date else header.unit.unit if header.unit is not None else ""
+    factor = converter(unit, "s")[0] if header.unit is not None and not is_date else 1.0
+    values, _ = unwrapped(values, [c / factor for c in CLOCKS_S] if is_date else COUNTERS, forward=True)
+    times = Times(best.index, values, unit)
+    if is_date and dates:
+        times.date = dates[0]
+        times.values = signals.columns[best.index] + signals.columns[dates[0]]
+    count = samples_of_a_stamp(times.values)
+    if count > 1.0:
+        _spread(signals, times, count, factor)
+    return times
+
+
+def _spread(signals: TableSignals, times: Times, count: float, factor: float) -> None:
+    """Replace stamps that many samples share by the rate of the samples, if it is even."""
+    place = signals.place(times.index or 0)
+    rate = rate_of_stamps(times.values)
+    if rate is None or not times.unit:
+        times.question = (
+            f"{count:g} samples share each stamp of column {place!r}: state the rate of the samples, "
+            'time = { rate = "50 Hz" }'
+        )
+    else:
+        times.rate_hz = rate / factor
+        times.reason = f"{count:g} samples share each stamp of column {place!r}"
+    times.index, times.date = None, None
+    times.values = np.arange(times.values.size, dtype=float)
+
+
+def _without_column(signals: TableSignals, count: int, numbered: list[int]) -> Times:
+    """Return the time of a table without a column of times: from the rate that the file states, else a question."""
+    preamble = signals.reading.preamble
+    times = Times(None, np.arange(count, dtype=float))
+    if len(set(preamble.steps_s)) > 1:
+        shown = ", ".join(f"{step:g} s" for step in sorted(set(preamble.steps_s)))
+        times.question = f"the channels have rates of their own ({shown}): resample them, or export one rate"
+    elif preamble.step_s:
+        times.rate_hz = 1.0 / preamble.step_s
+        times.reason = f"the file states it: {' '.join(preamble.source.split())[:40]}"
+    else:
+        only = f", column {signals.place(numbered[0])!r} numbers the rows" if numbered else ""
+        times.question = (
+            f'no column rises like a time{only}: state the rate of the samples, time = {{ rate = "50 Hz" }}'
+        )
+    return times
+
+
+def unit_by_size(times: Times, position_m: Array | None) -> tuple[str, str]:
+    """Return the unit of a time that states none, by the step of the samples and the speed of the piston.
+
+    Returns
+    -------
+    str, str
+        Unit and evidence; an empty unit, and a question.
+    """
+    steps = np.diff(times.values[np.isfinite(times.values)])
+    step = float(np.median(steps)) if steps.size else 0.0
+    speed = _usual_speed(times.values, position_m)
+    fits = []
+    longest = SLOWEST_S if speed is None else STEPS_S[1]
+    for unit, factor in UNITS_S.items():
+        is_speed = speed is None or SPEEDS_M_S[0] <= speed / factor <= SPEEDS_M_S[1]
+        if STEPS_S[0] <= step * factor <= longest and is_speed:
+            fits.append(unit)
+    if len(fits) == 1:
+        shown = "" if speed is None else f" and {speed / UNITS_S[fits[0]] * 1e3:.3g} mm/s"
+        return fits[0], f"unit by its size: steps of {step * UNITS_S[fits[0]]:.3g} s{shown}"
+    which = " or ".join(fits) if fits else "none of s, ms and us fits usual steps and speeds"
+    return "", f"the unit of the time is not stated ({which}): state it"
+
+
+def _usual_speed(time: Array, position_m: Array | None) -> float | None:
+    """Return the usual speed of the piston, m for each unit of the time."""
+    if position_m is None:
+        return None
+    good = np.isfinite(time) & np.isfinite(position_m)
+    path, span = np.abs(np.diff(position_m[good])), np.diff(time[good])
+    moving = path > 0.2 * (np.quantile(path, 0.9) if path.size else 0.0)
+    if not moving.any() or span[moving].sum() <= 0:
+        return None
+    return float(path[moving].sum() / span[moving].sum())

@@ -1,0 +1,60 @@
+"""Names of columns in foreign files: the role and the chamber that they state, in English and German."""
+
+from __future__ import annotations
+
+import re
+
+#: Role -> expression of its names, in words of small letters, without the unit.
+WORDS = {
+    "time": r"^(t\b|x value$)|\btime|zeit|temps|tijd|tiempo|stamp|stempel|elapsed|uhrzeit|clock|micros|millis",
+    "position": r"\b(x|s|pos)\b|posi|weg\b|displ|stroke|laser|travel|\bhub|encoder|\benc\b|lvdt",
+    "force": r"\b(f|fx)\b|force|kraft|\bload|fuerza",
+    "pressure": r"\bp\b|\bp[ab]\b|press|druck",
+    "command": r"\b(u|cmd)\b|command|valve|ventil|voltage|spannung",
+    "cycle": r"^cycle|zyklus",
+}
+#: Words that make another column of a role the likelier one: a set value, a limit, an error, another place.
+SECONDARY = re.compile(
+    r"set ?p|set\b|soll|target|\bref|demand|\bdes\b|limit|\bmin\b|\bmax\b|err|dev|filter|raw|peak|status|state|"
+    r"suppl|tank|source|ambient|\batm|versorg|netz|line|reserv|regul|inlet|speed|veloc|geschw|\bvel\b|rate|accel|temp\b"
+)
+INDEX = re.compile(
+    r"^(index|idx|samples?|no|nr|n|row|point|num|number|count|record|lfd|zeile|i|k|id)( (no|nr|number|index))?$"
+)
+#: Least number of columns that are called alike but for their number.
+FAMILY = 3
+
+
+def words_of(name: str) -> str:
+    """Return a name as words of small letters.
+
+    Examples
+    --------
+    >>> words_of("TestMachineForce"), words_of("pA_raw"), words_of("P-101")
+    ('test machine force', 'p a raw', 'p 101')
+    """
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[^\W\d_])(?=\d)|(?<=\d)(?=[^\W\d_])", " ", name)
+    return re.sub(r"[\W_]+", " ", apart).strip().lower()
+
+
+def role_of(name: str) -> str | None:
+    """Return the role that a name states, None for no role."""
+    words = words_of(name)
+    return next((role for role, pattern in WORDS.items() if re.search(pattern, words)), None)
+
+
+def side_of(name: str) -> str | None:
+    """Return the chamber that the name of a pressure states: a, b, 1 or 2."""
+    found = set(re.findall(r"(?<![^ ])p?([ab12])(?![^ ])", words_of(name)))
+    return found.pop() if len(found) == 1 else None
+
+
+def family_of(name: str) -> str:
+    """Return a name without its last number.
+
+    Examples
+    --------
+    >>> family_of("pa12")
+    'pa'
+    """
+    return re.sub(r"\d+(?=\D*$)", "", name, count=1)

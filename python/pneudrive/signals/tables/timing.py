@@ -1,0 +1,221 @@
+"""The time of each sample: rates, clocks of channels, counters that wrap, stamps of equal value, slow channels."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.errors import RecordingError
+from pneudrive.signals.tables.text_table import NumberTable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.signals.layout import Column
+
+    Array = NDArray[np.float64]
+
+COUNTERS = (2.0**16, 2.0**32)  # moduli of counters
+CLOCKS_S = (43200.0, 86400.0)  # moduli of times of day
+SAME_STEP = 0.25  # largest share of a modulus by which a jump may miss it
+EQUAL_SHARE = 0.4  # least share of stamps equal to the one before for stamps that many samples share
+EVEN_SHARE = 0.05  # largest deviation of the number of samples of one stamp, or of the steps of stamps
+SLOW = 2  # least usual distance of the values of a slow channel, in rows
+
+
+def unwrapped(values: Array, moduli: Iterable[float] = COUNTERS, *, forward: bool = False) -> tuple[Array, int]:
+    """Return a counter without its wraps, and their number; other columns are unchanged.
+
+    A counter of n bits holds whole numbers between ends that are less than 2^n apart, and jumps by nearly that.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        NaN where there is none.
+    moduli : iterable of float
+        Possible heights of a jump.
+    forward : bool
+        It only grows, like a time: a jump is one back.
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    some = values[there]
+    if some.size < 3:
+        return values, 0
+    steps = np.diff(some)
+    for modulus in moduli:
+        wraps = np.where(steps < 0, modulus, -modulus) * (np.abs(steps) > (1.0 - SAME_STEP) * modulus)
+        if forward:
+            wraps = np.maximum(wraps, 0.0)
+        if not wraps.any() or float(np.ptp(some)) >= modulus:
+            continue
+        if modulus in COUNTERS and not (some == np.floor(some)).all():
+            continue
+        out = values.copy()
+        out[there[1:]] += np.cumsum(wraps)
+        return out, int(np.count_nonzero(wraps))
+    return values, 0
+
+
+def filled(time: Array, values: Array, *, held: bool = False) -> Array:
+    """Return the values of a slow channel at all times, where it has one in every second row or fewer.
+
+    The values lie on straight lines, or are held. Before the first value and after the last one there is NaN.
+    A channel without single values is unchanged.
+    """
+    there = np.isfinite(values) & np.isfinite(time)
+    at = np.flatnonzero(there)
+    if at.size < 3 or at.size == values.size or np.median(np.diff(at)) < SLOW:
+        return values
+    if (np.diff(time[at]) <= 0).any():
+        return values
+    if held:
+        before = np.maximum(np.searchsorted(at, np.arange(values.size), side="right") - 1, 0)
+        out = values[at[before]]
+    else:
+        out = np.interp(time, time[at], values[at])
+    inside = (np.arange(values.size) >= at[0]) & (np.arange(values.size) <= at[-1])
+    return np.where(inside, out, np.nan)
+
+
+def samples_of_a_stamp(time: Array) -> float:
+    """Return how many samples share one stamp; 1 if most stamps are new.
+
+    Examples
+    --------
+    >>> samples_of_a_stamp(np.array([0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0]))
+    2.0
+    """
+    some = time[np.isfinite(time)]
+    if some.size < 3 or (np.diff(some) == 0).mean() < EQUAL_SHARE:
+        return 1.0
+    fresh = np.flatnonzero(np.diff(some) != 0)
+    return float(np.median(np.diff(fresh))) if fresh.size > 1 else 1.0  # a column that is constant is not a time
+
+
+def rate_of_stamps(time: Array) -> float | None:
+    """Return the rate of samples of which many share a stamp, 1/s for stamps in s; None if it is not even."""
+    some = time[np.isfinite(time)]
+    fresh = np.flatnonzero(np.diff(some) != 0) + 1
+    if fresh.size < 3:
+        return None
+    counts, steps = np.diff(fresh), np.diff(some[fresh])
+    usual, step = float(np.median(counts)), float(np.median(steps))
+    is_even = (np.abs(counts - usual) <= max(EVEN_SHARE * usual, 1.0)).all()
+    if step <= 0 or not is_even or (np.abs(steps - step) > EVEN_SHARE * step).any():
+        return None
+    return float(counts.sum() / (some[fresh[-1]] - some[fresh[0]]))
+
+
+def refuse_equal_stamps(time: Array, column: object, where: str) -> None:
+    """Refuse stamps that many samples share.
+
+    Raises
+    ------
+    RecordingError
+        If 40 % of the samples or more have the stamp of the one before.
+    """
+    count = samples_of_a_stamp(time)
+    if count > 1.0:
+        raise RecordingError(
+            f"{count:g} samples share each time stamp",
+            where=f"{where}, column {column!r}",
+            rule="each sample needs its own time",
+            remedy='if the samples are evenly spaced, give their rate instead: time = { rate = "50 Hz" }',
+        )
+
+
+def on_clock(time: Array, own: Array, values: Array) -> Array:
+    """Return the values of a channel with its own clock at other times; NaN before its first and behind its last."""
+    there = np.isfinite(own) & np.isfinite(values)
+    if there.sum() < 2 or (np.diff(own[there]) < 0).any():
+        return np.full(time.size, np.nan)
+    return np.interp(time, own[there], values[there], left=np.nan, right=np.nan)
+
+
+def overlap(columns: Iterable[Array], size: int) -> slice:
+    """Return the rows from the first to the last one in which all columns have values."""
+    first, last = 0, size
+    for column in columns:
+        there = np.flatnonzero(np.isfinite(column))
+        if there.size:
+            first, last = max(first, int(there[0])), min(last, int(there[-1]) + 1)
+    return slice(first, max(last, first))
+
+
+def timed(table: NumberTable, columns: Mapping[str, Column], places: Sequence[int | str], where: str) -> NumberTable:
+    """Return the columns of the channels, in their order, each with one value for each time.
+
+    Parameters
+    ----------
+    table : NumberTable
+        The columns of `places`, then others.
+    columns : mapping
+        Channel -> how its column is read.
+    places : sequence of int or str
+    where : str
+        File, for messages.
+
+    Raises
+    ------
+    RecordingError
+        If many samples share a stamp, or the time begins again in a segment.
+    """
+    read: dict[int | str | None, Array] = dict(zip(places, table.columns, strict=False))
+    flags = dict(table.flags)
+    size = table.columns[0].size
+    time, wraps = _time_of(columns["time"], read, size, table, where)
+    found: dict[str, Array] = {}
+    completed = []
+    for channel, column in columns.items():
+        if channel == "time":
+            found[channel] = time
+            continue
+        raw = read[column.column]
+        if column.wraps is not None or channel == "position":
+            raw, count = unwrapped(raw, COUNTERS if column.wraps is None else (column.wraps,))
+            wraps += count if column.wraps is None else 0
+        full = filled(time, raw, held=channel == "command")
+        if column.clock is not None:
+            full = on_clock(time, read[column.clock], raw)
+        if full is not raw:
+            completed.append(full)
+        found[channel] = full
+    part = overlap(completed, size)
+    others = slice(len(places), None)
+    known = dict(zip(places, zip(table.names, table.units or [""] * len(table.names), strict=True), strict=False))
+    own = [known.get(column.column, ("time at a rate", "")) for column in columns.values()]  # type: ignore[arg-type]
+    return NumberTable(
+        [*(name for name, _ in own), *table.names[others]],
+        [column[part] for column in (*found.values(), *table.columns[others])],
+        flags | ({"counter_wrap": wraps} if wraps else {}),
+        [*(unit for _, unit in own), *table.units[others]],
+    )
+
+
+def _time_of(
+    column: Column, read: Mapping[int | str | None, Array], size: int, table: NumberTable, where: str
+) -> tuple[Array, int]:
+    """Return the times in the unit of their column, and the number of wraps of a counter."""
+    if column.rate_hz is not None:
+        return np.arange(size) / column.rate_hz, 0
+    time = read[column.column]
+    if column.date is not None:
+        return time + read[column.date], 0
+    refuse_equal_stamps(time, column.column, where)
+    clocks = [modulus / column.unit.factor for modulus in CLOCKS_S]
+    time, midnights = unwrapped(time, clocks, forward=True)
+    counters = COUNTERS if column.wraps is None else (column.wraps,)
+    time, wraps = (time, 0) if midnights else unwrapped(time, counters, forward=True)
+    for number, row in enumerate(table.segments, 2):
+        if 0 < row < size and time[row] < time[row - 1]:
+            raise RecordingError(
+                f"the time begins again in segment {number}",
+                where=f"{where}, row {row + 1}",
+                value=f"{time[row]:g} after {time[row - 1]:g}",
+                remedy="read each segment as a file of its own; if they follow each other without a gap, "
+                'give the rate: time = { rate = "50 Hz" }',
+            )
+    return time, 0 if column.wraps is not None else wraps

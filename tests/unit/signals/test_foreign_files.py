@@ -1,0 +1,285 @@
+"""Files of other programs give the right friction and speed, or one sentence that names what the file does not tell."""
+
+import collections
+import datetime as dt
+
+import numpy as np
+import pytest
+
+from oracle.foreign_files import judge, make
+from pneudrive.characterise import Layout, characterise_recordings
+from pneudrive.errors import RecordingError
+from pneudrive.signals.proposal.propose import propose_layout
+
+FRICTION_N, SPEED_M_S, RATE = 12.0, 0.015, 50.0
+NAMES = ["Time", "Position", "Force", "Pressure A", "Pressure B"]
+BRACKETS = ["Time [s]", "Position [mm]", "Force [N]", "Pressure A [barg]", "Pressure B [barg]"]
+
+
+@pytest.fixture(scope="module")
+def table():
+    """Return 6 strokes of 40 mm at 15 mm/s, friction 12 N, 3 and 1 bar gauge: s, mm, N, bar gauge."""
+    time = np.arange(850) / RATE
+    x = 10 + 40 * (1 - np.abs(1 - (time / (2 * 40 / 15)) % 1 * 2))
+    direction = np.where((time / (2 * 40 / 15)) % 1 < 0.5, 1.0, -1.0)
+    rng = np.random.default_rng(5)
+    force = FRICTION_N * direction + 1.5 - 2e5 * np.pi / 4 * 0.025**2 + 0.2 * rng.normal(size=time.size)
+    noise = rng.normal(size=(3, time.size))
+    return np.column_stack([time, x + 0.002 * noise[0], force, 3 + 0.002 * noise[1], 1 + 0.002 * noise[2]])
+
+
+def text_of(head, rows, sign=","):
+    return "\n".join(sign.join(row) for row in [*head, *rows])
+
+
+def fields(table, decimals=(3, 5, 4, 4, 4)):
+    return [[f"{v:.{d}f}" for v, d in zip(row, decimals, strict=True)] for row in table]
+
+
+def check(path, text=None, samples=None):
+    text = text or propose_layout(path).text
+    found = characterise_recordings([path], Layout.loads(text)).friction_map
+    assert found.friction_n.to_numpy() == pytest.approx(FRICTION_N, abs=0.15)
+    assert np.abs(found.velocity_m_s.to_numpy()) == pytest.approx(SPEED_M_S, rel=0.01)
+    assert found.pressure_a_pa.to_numpy() == pytest.approx(401325, abs=500)
+    return found.flags.values.tolist()
+
+
+def proposed(path):
+    proposal = propose_layout(path)
+    assert proposal.problem == ""
+    check(path, proposal.text)
+    return proposal
+
+
+def test_waveforms_that_start_at_different_times(table, tmp_path):
+    from nptdms import ChannelObject, TdmsWriter
+
+    start = np.datetime64("2026-03-02T09:18:17", "us")
+    channels = []
+    for at, (name, unit) in enumerate(zip(NAMES[1:], ("mm", "N", "bar", "bar"), strict=True), 1):
+        late = 100 if name == "Force" else 0  # samples
+        step = 5 if name.startswith("Pressure") else 1
+        about = {"wf_start_time": start + np.timedelta64(20000 * late, "us"), "wf_increment": step / RATE}
+        values = table[late::step, at].copy()
+        channels.append(ChannelObject("rig", name, values, about | {"unit_string": unit, "wf_start_offset": 0.0}))
+    with TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment(channels)
+    proposed(tmp_path / "a.tdms")
+
+
+@pytest.mark.parametrize(("name", "factor"), [("micros", 1e6), ("millis", 1e3), ("Time (us)", 1e6), ("Time", 1e3)])
+def test_the_unit_of_the_time_by_its_name_or_by_the_speed(table, tmp_path, name, factor):
+    rows = [[f"{5e6 + factor * row[0]:.0f}", *texts[1:]] for row, texts in zip(table, fields(table), strict=True)]
+    (tmp_path / "a.csv").write_text(text_of([[name, *BRACKETS[1:]]], rows))
+    proposed(tmp_path / "a.csv")
+
+
+def test_a_time_that_may_be_in_seconds_or_milliseconds_is_asked_for(table, tmp_path):
+    rows = [
+        [f"{row[0] / RATE * 10:.4f}", *texts[1:]]
+        for row, texts in zip(table * [100, 1, 1, 1, 1], fields(table), strict=True)
+    ]
+    (tmp_path / "a.csv").write_text(text_of([["Time", *BRACKETS[1:]]], rows))
+    assert "the unit of the time is not stated (s or ms): state it" in propose_layout(tmp_path / "a.csv").problem
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_counter_that_wraps(table, tmp_path, whole):
+    counts = (30000 + np.round(1000 * (table[:, 1] - 10))) % 2**16
+    rows = [
+        [t[0], f"{c:.0f}" if whole else f"{c * 1e-3:.3f}", *t[2:]] for t, c in zip(fields(table), counts, strict=True)
+    ]
+    head = [BRACKETS[0], "Encoder counts" if whole else BRACKETS[1], *BRACKETS[2:]]
+    (tmp_path / "a.csv").write_text(text_of([head], rows))
+    layout = propose_layout(tmp_path / "a.csv").text
+    if whole:
+        assert "position: it holds counts: state the unit, and its scale" in propose_layout(tmp_path / "a.csv").problem
+        layout = layout.replace("# position = {", "position = {").replace("scale = 1.0", "scale = 0.001")
+        assert all("counter_wrap" in flags for flags in check(tmp_path / "a.csv", layout))
+    else:  # no whole numbers: nothing is changed, but the jumps are named
+        flags = characterise_recordings([tmp_path / "a.csv"], Layout.loads(layout)).friction_map.flags.values.tolist()
+        assert all("position_jump" in flag for flag in flags)
+        stated = layout.replace('"Position [mm]", unit', '"Position [mm]", wraps = 65.536, unit')
+        assert not any("counter_wrap" in flag or "position_jump" in flag for flag in check(tmp_path / "a.csv", stated))
+
+
+@pytest.mark.parametrize("bits", [16, 32])
+def test_a_clock_of_counts_that_wraps(table, tmp_path, bits):
+    factor, unit = (1e3, "ms") if bits == 16 else (1e6, "us")
+    clock = (2**bits - 4000 + np.round(factor * table[:, 0])) % 2**bits
+    rows = [[f"{c:.0f}", *texts[1:]] for c, texts in zip(clock, fields(table), strict=True)]
+    (tmp_path / "a.csv").write_text(text_of([[f"Time [{unit}]", *BRACKETS[1:]]], rows))
+    proposed(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "shift"),
+    [("barg", 1, 0), ("bar(a)", 1, 1.01325), ("psig", 14.503774, 0), ("[psia]", 14.503774, 1.01325), ("(kPag)", 100, 0),
+     ("MPa(G)", 0.1, 0), ("inHg", 29.52999, 0), ("torr", 750.0617, 0), ("kgf/cm2", 1.0197162, 0), ("mbar", 1000, 0)],
+)  # fmt: skip
+def test_rows_of_units_and_of_descriptions(table, tmp_path, unit, factor, shift):
+    numbers = table.copy()
+    numbers[:, 3:] = (numbers[:, 3:] + shift) * factor
+    head = [NAMES, ["s", "mm", "N", unit, unit], ["clock", "Linear enc", "Load cell", "P-101", "P-102"]]
+    (tmp_path / "a.csv").write_text(text_of(head, fields(numbers, (3, 5, 4, 6, 6))))
+    proposal = proposed(tmp_path / "a.csv")
+    assert {g.role: g.column for g in proposal.guesses}["pressure_a"] == "Pressure A"
+
+
+def test_a_unit_that_nobody_knows_is_asked_for(table, tmp_path):
+    (tmp_path / "a.csv").write_text(text_of([NAMES, ["s", "mm", "N", "psid", "barg"]], fields(table)))
+    assert "pressure_a: its unit 'psid' is not known: state the unit" in propose_layout(tmp_path / "a.csv").problem
+
+
+def lvm(table, times, segment=0):
+    head = [["LabVIEW Measurement", ""], ["X_Columns", times], ["***End_of_Header***", ""], [""]]
+    block = [["Channels", "4"], ["Y_Unit_Label", "mm", "N", "bar", "bar"], ["X0", *["0,000"] * 4],
+             ["Delta_X", *["0,020"] * 4], ["***End_of_Header***"], ["X_Value", *NAMES[1:], "Comment"]]  # fmt: skip
+    rows = [[text.replace(".", ",") for text in row] for row in fields(table)]
+    rows = [["" if times == "No" else row[0], *row[1:]] for row in rows]
+    step = segment or len(rows)
+    parts = [line for at in range(0, len(rows), step) for line in [*block, *rows[at : at + step], [""]]]
+    return text_of(head, parts, "\t")
+
+
+def test_measurement_files_without_a_column_of_times_and_in_segments(table, tmp_path):
+    (tmp_path / "a.lvm").write_text(lvm(table, "No"))
+    assert 'time = { rate = "50 Hz" }' in proposed(tmp_path / "a.lvm").text
+    (tmp_path / "b.lvm").write_text(lvm(table, "One", segment=200))
+    proposed(tmp_path / "b.lvm")
+    again = table.copy()
+    again[400:, 0] -= again[400, 0]
+    (tmp_path / "c.lvm").write_text(lvm(again, "One", segment=200))
+    text = propose_layout(tmp_path / "b.lvm").text
+    with pytest.raises(RecordingError, match="the time begins again in segment 3"):
+        check(tmp_path / "c.lvm", text)
+
+
+def test_a_file_without_times_asks_for_a_rate(table, tmp_path):
+    (tmp_path / "a.csv").write_text(text_of([BRACKETS[1:]], [row[1:] for row in fields(table)]))
+    proposal = propose_layout(tmp_path / "a.csv")
+    assert 'no column rises like a time: state the rate of the samples, time = { rate = "50 Hz" }' in proposal.problem
+    check(tmp_path / "a.csv", proposal.text.replace("[columns]", '[columns]\ntime = { rate = "50 Hz" }'))
+    rows = [[str(at), *row[1:]] for at, row in enumerate(fields(table))]
+    (tmp_path / "b.csv").write_text(text_of([["Sample", *BRACKETS[1:]]], rows))
+    assert "column 'Sample' numbers the rows: state the rate" in propose_layout(tmp_path / "b.csv").problem
+    (tmp_path / "c.csv").write_text("Sample rate: 50 Hz\n" + (tmp_path / "b.csv").read_text())
+    proposed(tmp_path / "c.csv")
+
+
+def dated(table, form, start=dt.datetime(2026, 3, 2, 9, 18, 17)):
+    return [(start + dt.timedelta(seconds=row[0])).strftime(form) for row in table]
+
+
+def test_stamps_that_many_samples_share(table, tmp_path):
+    stamps = dated(table, "%m/%d/%Y %I:%M:%S %p")
+    rows = [[stamp, *row[1:]] for stamp, row in zip(stamps, fields(table), strict=True)]
+    (tmp_path / "a.csv").write_text(text_of([["Timestamp", *BRACKETS[1:]]], rows))
+    text = proposed(tmp_path / "a.csv").text
+    assert 'time = { rate = "50 Hz" }' in text
+    stamped = 'time = { column = "Timestamp", unit = "date-time", format = "%m/%d/%Y %I:%M:%S %p" }'
+    with pytest.raises(RecordingError, match=r"50 samples share each time stamp(?s:.*)give their rate instead"):
+        check(tmp_path / "a.csv", text.replace('time = { rate = "50 Hz" }', stamped))
+    (tmp_path / "b.csv").write_text(text_of([["Timestamp", *BRACKETS[1:]]], rows[:200] + rows[225:]))  # a gap
+    assert "50 samples share each stamp" in propose_layout(tmp_path / "b.csv").problem
+
+
+@pytest.mark.parametrize("form", ["%H:%M:%S.%f", "%I:%M:%S.%f", "%Y-%m-%d|%H:%M:%S.%f", "%d.%m.%Y|%H:%M:%S.%f"])
+def test_times_of_day_across_midnight_and_noon_with_a_date_beside_them(table, tmp_path, form):
+    start = dt.datetime(2026, 3, 2, 12, 59, 52) if "%I" in form else dt.datetime(2026, 3, 2, 23, 59, 52)
+    stamps = [stamp.split("|") for stamp in dated(table, form, start)]
+    head = [["Date", "Clock"][2 - len(stamps[0]) :] + BRACKETS[1:]]
+    (tmp_path / "a.csv").write_text(
+        text_of(head, [[*stamp, *row[1:]] for stamp, row in zip(stamps, fields(table), strict=True)])
+    )
+    text = proposed(tmp_path / "a.csv").text
+    assert ("date = " in text) == ("|" in form)
+
+
+@pytest.mark.parametrize("style", ["german", "english", "quoted decimals", "blanks"])
+def test_signs_of_thousands_and_quoted_decimals(table, tmp_path, style):
+    numbers = table * [1000, 1000, 1, 1000, 1000]
+    head = [NAMES, ["ms", "um", "N", "mbar", "mbar"]]
+    marks = {"german": ".,", "english": ",.", "quoted decimals": " ,", "blanks": "\u00a0,"}[style]
+    grouped = str.maketrans({",": "" if style == "quoted decimals" else marks[0], ".": marks[1]})
+    rows = [[f"{v:,.{d}f}".translate(grouped) for v, d in zip(row, (1, 1, 3, 1, 1), strict=True)] for row in numbers]
+    if style in ("english", "quoted decimals"):
+        rows = [[f'"{text}"' for text in row] for row in rows]
+    (tmp_path / "a.csv").write_text(text_of(head, rows, "," if '"' in rows[0][0] else ";"), encoding="utf-8")
+    proposed(tmp_path / "a.csv")
+
+
+def test_numbers_that_can_be_read_in_two_ways_are_refused(table, tmp_path):
+    numbers = np.column_stack([np.arange(850) * 20 + 1000, 10000 + 1000 * (table[:, 1] - 10)])
+    rows = [[f"{v:,.0f}" for v in row] for row in numbers]
+    (tmp_path / "a.csv").write_text(text_of([["Time [ms]", "Position"]], rows, ";"))
+    with pytest.raises(RecordingError, match=r"numbers such as \d+,\d+ can have decimals, or groups of three digits"):
+        propose_layout(tmp_path / "a.csv")
+
+
+def test_empty_fields_of_slow_channels(table, tmp_path):
+    rows = [row if at % 10 == 0 else [*row[:3], "", ""] for at, row in enumerate(fields(table))]
+    (tmp_path / "a.csv").write_text(text_of([BRACKETS], rows))
+    proposed(tmp_path / "a.csv")
+    assert not any("non_finite" in flags for flags in check(tmp_path / "a.csv"))
+    recording = propose_layout(tmp_path / "a.csv").recording
+    assert recording is not None
+    assert len(recording) == 841  # to the last value of the slow channels
+
+
+def test_channels_with_columns_of_times_of_their_own(table, tmp_path):
+    late = 40
+    rows = [
+        [row[0], row[1], row[0], row[3], row[4], f"{t[0] + late / RATE:.3f}" if f else "", f]
+        for row, t, f in zip(fields(table), table, [r[2] for r in fields(table)[late:]] + [""] * late, strict=True)
+    ]
+    head = [["Time [s]", BRACKETS[1], "Time [s]", BRACKETS[3], BRACKETS[4], "Time [s]", BRACKETS[2]]]
+    (tmp_path / "a.csv").write_text(text_of(head, rows))
+    assert "clock = 5" in proposed(tmp_path / "a.csv").text
+
+
+def test_a_header_behind_a_comment_sign_with_another_delimiter(table, tmp_path):
+    head = "#time(s),Pos(in),Spd(in/s),LoadCurr(A),MachineForce(lbs),LowerPressure(psia),UpperPressure(psia)"
+    psi = 14.503774 * (table[:, 3:] + 1.01325)
+    speed = np.gradient(table[:, 1])
+    numbers = np.column_stack([table[:, 0], table[:, 1] / 25.4, speed, 0.1 + 0 * speed, table[:, 2] / 4.4482216, psi])
+    rows = [" ".join(row) for row in fields(numbers, (3, 5, 3, 1, 4, 4, 4))]
+    (tmp_path / "a.exp").write_text("\n".join([head, *rows]))
+    proposal = proposed(tmp_path / "a.exp")
+    assert {g.role: g.column for g in proposal.guesses}["force"] == "MachineForce(lbs)"
+    assert 'header_delimiter = ","' in proposal.text
+    assert all("no other candidate" in g.reason or "next: " in g.reason for g in proposal.guesses)
+
+
+def test_candidates_of_equal_evidence_are_left_open_and_listed(table, tmp_path):
+    two = np.column_stack([table, table[:, 2] * 0.5 + np.random.default_rng(1).normal(size=len(table))])
+    rows = fields(two, (3, 5, 4, 4, 4, 4))
+    (tmp_path / "a.csv").write_text(text_of([[*BRACKETS, "Load [N]"]], rows))
+    assert "force: more than one column may be it (Force [N], Load [N])" in propose_layout(tmp_path / "a.csv").problem
+    head = [[*BRACKETS[:3], "P upper [barg]", "P lower [barg]", "P supply [barg]"]]
+    three = np.column_stack([table, 1 + table[:, 4]])
+    (tmp_path / "b.csv").write_text(text_of(head, fields(three, (3, 5, 4, 4, 4, 4))))
+    proposal = propose_layout(tmp_path / "b.csv")  # the balance of forces tells the chambers; the supply is another one
+    assert {g.role: g.column for g in proposal.guesses}["pressure_a"] == "P upper [barg]"
+    assert Layout.loads(proposal.text).for_file(tmp_path / "b.csv").columns["pressure_b"].column == "P lower [barg]"
+
+
+def test_a_workbook_is_named(tmp_path):
+    import zipfile
+
+    with zipfile.ZipFile(tmp_path / "a.xlsx", "w") as file:
+        file.writestr("xl/workbook.xml", "<workbook/>")
+    with pytest.raises(RecordingError, match=r"workbook(?s:.*)as CSV"):
+        propose_layout(tmp_path / "a.xlsx")
+
+
+def test_files_of_random_kinds_together(tmp_path):
+    """Of 10,000 such files none was wrong without a flag; the benchmark is in docs/guide/recordings.md."""
+    verdicts = collections.Counter()
+    for seed in range(120):
+        path, truth = make(seed, tmp_path)
+        verdict, how = judge(path, truth)
+        assert verdict in ("right", "refused", "flagged"), (seed, how, truth)
+        verdicts[verdict] += 1
+    assert verdicts["refused"] < 0.2 * sum(verdicts.values()), verdicts
