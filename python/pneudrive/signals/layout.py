@@ -36,6 +36,7 @@ class Column:
     ``curve`` the calibration of the force sensor, before the sign;
     ``date_form`` the format of dates and times, if the column of the time has them.
     ``clock`` is the column of the channel's own times. ``wraps`` is the number of counts until a counter restarts.
+    ``guessed`` marks a unit that was guessed from the size of the numbers.
     A time has a column or ``rate_hz``. A time of day may have a column of dates, ``date``.
     """
 
@@ -52,6 +53,7 @@ class Column:
     date_form: str | None = None
     clock: int | str | None = None
     wraps: float | None = None
+    guessed: bool = False
     rate_hz: float | None = None
     date: int | str | None = None
     date_format: str = ""

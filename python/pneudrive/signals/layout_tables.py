@@ -84,6 +84,7 @@ class ColumnTable(Described):
     column: Annotated[int | str, Reads(_place)]
     clock: Annotated[int | str | None, Reads(_place)] = None
     wraps: Annotated[float | None, Quantity("", bounds=Bounds(above=0.0))] = None
+    guessed: StrictBool = False
     scale: Annotated[float, Reads(_scale)] = 1.0
     offset: Annotated[float, Quantity("")] = 0.0
     delay_s: Annotated[float, Quantity("s", "s")] = 0.0
@@ -353,5 +354,6 @@ class LayoutTables(Described):
             "date_form": given.format if given.is_date else None,
             "clock": given.clock,
             "wraps": given.wraps,
+            "guessed": given.guessed,
             **({"rate_hz": given.rate_hz, "date": given.date, "date_format": given.date_format} if is_time else {}),
         }

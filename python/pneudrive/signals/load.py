@@ -260,7 +260,8 @@ def read_raw(
             value=f"{table.columns[0].size} rows, skip_samples = {said.skip_samples}",
             remedy="lower skip_samples in the layout",
         )
-    return raw, table.flags, hashlib.sha256(data).hexdigest()
+    guessed = sum(column.guessed for column in said.columns.values())
+    return raw, table.flags | ({"unit_guessed": guessed} if guessed else {}), hashlib.sha256(data).hexdigest()
 
 
 def read_table(

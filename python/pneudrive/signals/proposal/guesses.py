@@ -72,13 +72,12 @@ class Question:
 
 @dataclass
 class Roles:
-    """The guesses and the questions of one table; ``unsure`` names the roles whose unit is guessed from its size."""
+    """The guesses and the questions of one table."""
 
     signals: TableSignals
     times: Times
     guesses: list[Guess] = field(default_factory=list)
     questions: list[Question] = field(default_factory=list)
-    unsure: list[str] = field(default_factory=list)
     directions: Directions | None = None
     sign: int = 0
 
@@ -400,10 +399,6 @@ def _accept(roles: Roles, role: str, one: Candidate, rank: str) -> None:
     """Add a guess with its unit; a unit that is not known, and the size of a count, are left open."""
     signals = roles.signals
     guess = _guess(roles, role, one, rank)
-    if "guessed from its size" in guess.reason and (
-        role != "command" or np.nanmax(np.abs(signals.columns[one.index])) > 1
-    ):
-        roles.unsure.append(f"{role} in {guess.unit or 'V'}")
     header, values = signals.headers[one.index], signals.columns[one.index]
     signals.taken |= {at for at in signals.without_role() if same_signal(values, signals.columns[at])} | {one.index}
     if header.unknown and not header.unit:
@@ -422,7 +417,7 @@ def _accept(roles: Roles, role: str, one: Candidate, rank: str) -> None:
 def _guess(roles: Roles, role: str, one: Candidate, rank: str) -> Guess:
     signals = roles.signals
     unit, gauge, is_named = _unit(signals, one.index, role)
-    keys = []
+    keys = [] if is_named or role == "command" else ["guessed = true"]
     if (clock := roles.times.clocks.get(one.index)) is not None:
         keys.append(f"clock = {_toml(signals.place(clock))}")
     if late := _late(signals, roles.times).get(one.index, 0.0):

@@ -105,9 +105,6 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
             strokes = tuple(find_strokes(recording.name, recording.time_s, recording.position_m))
     except PneudriveError as error:
         problem = error.what
-    if not problem and roles.unsure:
-        shown = ", ".join(roles.unsure)
-        problem = f"the file does not state these units, which are guessed from the size of the numbers: {shown}"
     watch.tell(STAGES, STAGES, "reading the file by the proposed layout")
     return Proposal(path, text, reading, tuple(roles.guesses), tuple(columns), recording, strokes, problem, kind)
 
