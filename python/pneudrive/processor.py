@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-# Instruction sets of x86-64-v3, for which the core is built (ARCHITECTURE.md); older processors lack some.
+# Instruction sets of x86-64-v3, for which the core is built (docs/architecture/core.md); older processors lack some.
 NEEDED = ("avx2", "fma", "bmi1", "bmi2", "f16c", "movbe")
 
 

@@ -19,8 +19,13 @@ ARCHITECTURE = (ROOT / "ARCHITECTURE.md").read_text("utf-8")
 BEGIN = (ROOT, ROOT / "crates", PACKAGE)
 
 
+def test_the_architecture_is_one_page():
+    assert len(ARCHITECTURE.encode()) <= 9_000
+
+
 def test_paths_of_the_architecture_exist():
-    said = set(re.findall(r"`([\w./]+(?:/|\.rs|\.py|\.toml|\.md)[\w./]*)`", ARCHITECTURE))
+    pages = [ARCHITECTURE, *(page.read_text("utf-8") for page in (ROOT / "docs/architecture").glob("*.md"))]
+    said = set(re.findall(r"`([\w./]+(?:/|\.rs|\.py|\.toml|\.md)[\w./]*)`", "\n".join(pages)))
     assert len(said) > 30
     assert not {path for path in said if not any((begin / path).exists() for begin in BEGIN)}
 
