@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.errors import FitError, warn
 from pneudrive.estimate.estimates import student
 from pneudrive.identify.dependences import Dependences
-from pneudrive.identify.friction_curve import TABLES, CurveEntry, SlidingCurve, middle_of, speeds_over
+from pneudrive.identify.friction_curve import TABLES, CurveEntry, SlidingCurve, curve_of_drive, middle_of, speeds_over
 from pneudrive.identify.identified import Identified, apply_identified
 from pneudrive.identify.model import PRESSURE_NAMES, FrictionModel, at_conditions, unit_of
 from pneudrive.identify.sliding_fit import SlidingFit
@@ -28,6 +28,10 @@ LAWS = ("coulomb", "stribeck")
 STATISTICS = ("values", "degrees_of_freedom", "scale", "variance", "rms_n")
 
 
+#: Share of friction by which kept values may move the curve of a drive from that of the fit without a warning.
+KEPT_SHARE = 0.01
+#: Parameters of the steady curve over speed.
+STEADY = ("coulomb", "breakaway", "stribeck_velocity", "viscous")
 #: Correlation above which two parameters are reported to change together.
 TOGETHER = 0.9
 #: Range of candidate speeds for a remedy, as a factor beyond the measured ones.
@@ -187,8 +191,8 @@ class FrictionFit(SlidingFit):
         -----
         PneudriveWarning
             An undetermined breakaway force lies below the fitted Coulomb force, or the other way round, and is set to
-            that limit; or it lies above the Coulomb force and stays. Measured effects of a campaign that cannot be
-            applied, and assumptions.
+            that limit; or it lies above the Coulomb force and stays. Kept values move the curve of the drive. Measured
+            effects of a campaign that cannot be applied, and assumptions.
         """
         known = {p["key"] for p in drive.friction.entry["parameters"]}
         forces = {n for n in self.determined if n not in PRESSURE_NAMES}
@@ -216,7 +220,26 @@ class FrictionFit(SlidingFit):
         for note in self.dependences.notes:
             warn(note)
         law = str(changes.get("friction.law", drive.friction.law))
-        return apply_identified(found, drive, changes, self.dependences.for_law(law))
+        after = apply_identified(found, drive, changes, self.dependences.for_law(law))
+        self._warn_of_kept(after)
+        return after
+
+    def _warn_of_kept(self, after: Drive) -> None:
+        """Warn if undetermined values, which the drive keeps, take its friction away from that of the fit."""
+        kept = [n for n in STEADY if n not in self.determined and n in after.friction.parameters]
+        speeds = self.provenance.get("speed_m_s")
+        if not kept or not isinstance(speeds, (list, tuple)) or not speeds[0] < speeds[1]:
+            return
+        fitted = self.curve()
+        ends = (float(fitted.speed_m_s[0]), float(fitted.speed_m_s[-1]))
+        friction_n = curve_of_drive(after, ends, fitted.gauge_a_pa, fitted.gauge_b_pa).friction_n
+        k = int(np.argmax(np.abs(friction_n - fitted.friction_n)))
+        if abs(friction_n[k] - fitted.friction_n[k]) > KEPT_SHARE * abs(fitted.friction_n[k]):
+            warn(
+                f"the fit does not determine {', '.join(kept)}, and the drive keeps its own: at "
+                f"{1e3 * fitted.speed_m_s[k]:.4g} mm/s its friction is {friction_n[k]:.4g} N, that of the fit "
+                f"{fitted.friction_n[k]:.4g} N"
+            )
 
     def identified(self, *, curve: bool = False) -> Identified:
         """Return the determined parameters under their names in the drive file; with `curve` the exponent too.

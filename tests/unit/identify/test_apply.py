@@ -26,6 +26,25 @@ def good(make_map, friction_of):
     return fit_friction(make_map(SPEED, friction_of(SPEED) + noise, 0.3))
 
 
+def test_kept_values_that_move_the_curve_are_told_with_both_forces(drive, make_map, friction_of):
+    """Speeds above the fall of friction: breakaway and Stribeck speed stay those of the drive."""
+    speed = np.geomspace(0.05, 0.45, 20)
+    noise = 0.3 * np.random.default_rng(31).standard_normal(20)
+    fit = fit_friction(make_map(speed, friction_of(speed) + noise, 0.3))
+    assert "breakaway" not in fit.determined
+    slow = drive.replace({"friction.stribeck_velocity": "200 mm/s", "friction.breakaway": "60 N"})
+    with pytest.warns(PneudriveWarning, match=r"does not determine .*breakaway.*the drive keeps its own") as said:
+        after = fit.apply(slow)
+    (text,) = [str(w.message) for w in said if "keeps its own: at" in str(w.message)]
+    at, drives, fits = map(
+        float, re.findall(r"at ([0-9.]+) mm/s its friction is ([0-9.]+) N, that of the fit ([0-9.]+)", text)[0]
+    )
+    p, v = after.friction.parameters, 1e-3 * at
+    fall = np.exp(-((v / p["stribeck_velocity"]) ** p["stribeck_exponent"]))
+    assert drives == pytest.approx(p["coulomb"] + (p["breakaway"] - p["coulomb"]) * fall + p["viscous"] * v, rel=1e-3)
+    assert fits == pytest.approx(float(fit.predict(v).friction_n), rel=2e-2)
+
+
 def test_determined_parameters_go_over_with_the_digits_that_their_intervals_carry(drive, good):
     changed = good.apply(drive)
     for name, (low, high) in good.intervals.items():
