@@ -9,7 +9,7 @@ import json
 from pathlib import Path
 
 RESULTS = Path(__file__).parent / "results.json"
-#: Values inside their profile intervals, of all values, for 40 hidden tubes and 40 hidden drives.
+#: Counts inside their intervals, and all: profile intervals of hidden tubes and drives, predictions for seals.
 COVERAGE = Path(__file__).parent / "coverage.json"
 #: Rows of README's table, by case, and its columns, by solver.
 CASES = {
@@ -37,7 +37,7 @@ def quoted() -> dict[str, str]:
         "fit_error_loose": loose[3],
         "ensemble_member_us": f"{float(rows['pneudrive'][1]):.0f}",
         "simulate_ms": f"{1e3 * results['doors_s']['pn.simulate of case A, to a labelled data set']:.2f}",
-    } | {f"profile_{kind}": f"{inside} of {total}" for kind, (inside, total) in counts.items()}
+    } | {f"inside_{kind}": f"{inside} of {total}" for kind, (inside, total) in counts.items()}
 
 
 def speed_table() -> list[str]:
