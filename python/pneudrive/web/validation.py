@@ -17,7 +17,7 @@ from pneudrive.describe.all_values import DescribedValue, values_of
 from pneudrive.describe.catalogue import entries
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import CommandError
-from pneudrive.free.parameters import find
+from pneudrive.free.parameters import Parameter, numbers_of, with_shape
 from pneudrive.identify.differences import differences
 from pneudrive.identify.files import read_fit
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
@@ -205,6 +205,10 @@ def _of_hash(workspace: Workspace, wanted: str) -> tuple[str, Drive | None]:
     return "", None
 
 
+def _written(one: Parameter) -> str | float:
+    return one.value if one.unit in ("", "1") else units.write(one.value, one.unit, readable(one.unit)[1])
+
+
 def _suspects(drive: Drive | None, diagnosis: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the values that the causes name and the file does not give, as fields: they follow from others in it."""
     if drive is None:
@@ -212,9 +216,10 @@ def _suspects(drive: Drive | None, diagnosis: Mapping[str, Any]) -> list[dict[st
     given = {one.key for one in values_of(drive)}
     keys = [key for cause in diagnosis.get("culprit", []) for key in cause["free"] if key not in given]
     said = "follows from other values of the file"
+    known = numbers_of(with_shape(drive, keys))
     return [
-        field_of(DescribedValue(one.name, units.write(one.value, one.unit, readable(one.unit)[1]), said, "given"))
-        for one in find(drive, keys)
+        field_of(DescribedValue(one.name, _written(one), said, "given"))
+        for one in (known[key] for key in dict.fromkeys(keys) if key in known)
     ]
 
 
