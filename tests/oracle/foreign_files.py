@@ -317,7 +317,7 @@ def _lvm(
     data = [1e3 * channels["x"], channels["f"], channels["a"] / 1e5, channels["b"] / 1e5]
     starts = [0.0] * 4
     if times in ("late", "Multi"):
-        rows = int(rng.integers(20, int(rate)))
+        rows = int(rng.integers(5, int(max(rate, 10))))
         starts[1] = rows * step
         data[1] = np.r_[data[1][rows:], np.full(rows, np.nan)]
     count = data[0].size
@@ -372,7 +372,7 @@ def _tdms(
     for key, label in zip("xfab", ("Position", "Force", "Pressure A", "Pressure B"), strict=True):
         values, step, begin = numbers[key], 1.0 / rate, start
         if kind == "late" and key == "f":
-            rows = int(rng.integers(10, int(2 * rate)))
+            rows = int(rng.integers(5, int(max(2 * rate, 10))))
             values, begin = values[rows:], start + np.timedelta64(round(1e6 * rows / rate), "us")
         if kind == "slow" and key in "ab":
             values, step = values[::5], 5.0 / rate

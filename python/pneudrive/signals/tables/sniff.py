@@ -107,6 +107,8 @@ def sniff_text(path: Path) -> FileForm:
     readings = [one for one in readings if one.width - len(one.words) >= 2]
     for least in (MOSTLY, SEGMENTED):
         fit = [one for one in readings if one.share >= least]
+        # White space also stands inside dates: it is the delimiter only if no sign is.
+        fit = [one for one in fit if one.form.delimiter is not None] or fit
         if fit:
             worth = max(one.worth for one in fit)
             # Among equals the earlier candidate wins: it has fewer separators.
