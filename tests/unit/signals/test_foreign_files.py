@@ -275,7 +275,7 @@ def test_a_workbook_is_named(tmp_path):
 
 
 def test_files_of_random_kinds_together(tmp_path):
-    """Of 10,000 such files none was wrong without a flag; the benchmark is in docs/guide/recordings.md."""
+    """Files of random kinds are read right, refused, or wrong with a flag (`make` and `judge` take any seed)."""
     verdicts = collections.Counter()
     for seed in range(120):
         path, truth = make(seed, tmp_path)
