@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from pneudrive import __version__, humidity, units
+from pneudrive import __version__, humidity, run_limits, units
 from pneudrive import command as commands
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, warn
 from pneudrive.lazy import upper
@@ -241,6 +241,7 @@ def run(
     if meanings and not is_circuit(drive):
         _in_short(result)
     result["warnings"] += _open_ledger(result["ledger"], rtol) + humidity.warnings(drive, result["columns"])
+    result["warnings"] += run_limits.warnings(drive, result["columns"])
     for message in result["warnings"]:
         warn(message)
     by_numbers = None

@@ -2,10 +2,13 @@
 
 ``python tests/oracle/random_runs.py [--count 20000] [--seed 1] [--first 0]`` runs them through `pneudrive.simulate`,
 prints what broke a rule and a table by law. A run is given by (seed, number): the odd numbers are corners.
+``--lines`` gives a third of the drives tubes or flow controls. ``--compared 20`` runs every 20th sensible drive at a
+hundredth of its tolerance too; the runs differ by at most `MOST_APART`.
 
 Rules: a sensible drive runs to its end; a corner may stop, with a reason; nothing but a `SimulationError` is raised;
-every sample is finite and inside the physics; at the run's own tolerance mass closes to 1e-9 and energy to 1e-3 or 300
-times the tolerance, whichever is more; no run takes more than 2 s of processor.
+every sample is finite and inside the physics; friction at rest is at most the breakaway force; at the run's own
+tolerance mass closes to 1e-9 and energy to 1e-3 or 300 times the tolerance, whichever is more; no run takes more than
+2 s of processor.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ import sys
 import time
 import warnings
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +37,10 @@ AMBIENT_PA, ROOM_K, AIR = 1.013e5, 293.15, 287.05
 SPEED_FACTOR = 1.185 * AIR * ROOM_K
 MASS_CLOSES, ENERGY_CLOSES, ENERGY_RTOL = 1e-9, 1e-3, 300.0
 MOST_SECONDS, MOST_STOPPED = 2.0, 0.01
+#: Largest mean distance of two runs that differ in tolerance: of the stroke, and of the highest pressure.
+MOST_APART = 2e-3
+#: Rounding of a sum of forces, relative to the breakaway force.
+ROUNDED = 1e-9
 
 LAWS = ("coulomb", "stribeck", "karnopp", "dahl", "bouc-wen", "lugre", "elasto-plastic")
 LAWS += ("armstrong", "gms", "rate-and-state", "film-lugre", "own")
@@ -182,6 +189,39 @@ def case(seed: int, number: int) -> Case:
     )
 
 
+def with_lines(drawn: Case, seed: int, number: int) -> Case:
+    """Give a third of the cases tubes or flow controls; random numbers of their own keep the drive as it is."""
+    draw, tables = Draw(seed, 10**9 + number), {}
+    conductance = float(drawn.drive["valve"]["conductance"].split()[0])
+    if draw.chance(1 / 3):
+        bore = draw.linear(1.0, 4.0) * math.sqrt(conductance / 1e-8) * 1e-3
+        tables["tubing"] = {
+            side: {
+                "length": q(draw.log(0.1, 5.0), "m"),
+                "diameter": q(bore, "m"),
+                "model": draw.one("steady", "lumped", "auto"),
+            }
+            for side in draw.one("a", "b", "ab")
+        }
+    if draw.chance(0.1):
+        needle = q(conductance * draw.log(0.05, 1.0), "m^3/(s Pa)")
+        tables["flow_control"] = {
+            side: {"conductance": needle, "throttles": "out"} for side in draw.one("a", "b", "ab")
+        }
+    initial = {key: value for key, value in drawn.initial.items() if not tables or key != "contact_age"}
+    return replace(drawn, drive=drawn.drive | tables, initial=initial)
+
+
+def apart(drawn: Case) -> float:
+    """Return the mean distance from a run at a hundredth of the tolerance, over stroke and highest pressure."""
+    far, near = (replace(drawn, rtol=rtol).run(ledger=False).columns for rtol in (drawn.rtol, 0.01 * drawn.rtol))
+    stroke = Drive.model_validate(drawn.drive).cylinder.stroke_m
+    return max(
+        float(np.mean(np.abs(far[name] - near[name]))) / (stroke if name == "position_m" else float(near[name].max()))
+        for name in ("position_m", "pressure_a_pa", "pressure_b_pa")
+    )
+
+
 def _stop(draw: Draw, push: float, mass: float, room: float) -> dict[str, str]:
     stiffness = 10.0 * push / room * draw.log(0.5, 1e4)
     return {
@@ -324,8 +364,8 @@ class Outcome:
     attempts: int = 0
 
 
-def outcome(drawn: Case) -> Outcome:
-    """Run a case and hold it to the rules."""
+def outcome(drawn: Case, *, compared: bool = False) -> Outcome:
+    """Run a case and hold it to the rules; `compared` runs it at a tighter tolerance too."""
     law = drawn.drive["friction"]["law"]
     out = Outcome(drawn.sensible, law if isinstance(law, str) else "own")
     started = time.process_time()
@@ -340,6 +380,8 @@ def outcome(drawn: Case) -> Outcome:
     else:
         out.attempts = done.provenance["statistics"]["factorisations"]
         out.broken += broken(drawn, done)
+        if compared and (far := apart(drawn)) > MOST_APART:
+            out.broken.append(f"{far:.1e} from the run at a hundredth of rtol = {drawn.rtol:.0e}")
     out.seconds = time.process_time() - started
     if out.seconds > MOST_SECONDS:
         out.broken.append(f"{out.seconds:.1f} s of processor")
@@ -357,21 +399,37 @@ def broken(drawn: Case, done: Run) -> list[str]:
     for name in ("pressure_a_pa", "pressure_b_pa", "temperature_a_k", "temperature_b_k"):
         if not columns[name].min() > 0.0:
             out.append(f"{name} = {columns[name].min():g}")
-    if not x.min() > -cylinder.dead_volume_m3.a / cylinder.area_a_m2:
+    told = "tubing" in drawn.drive and any(
+        "pressed the end stop through" in line for line in done.provenance["warnings"]
+    )
+    if not told and not x.min() > -cylinder.dead_volume_m3.a / cylinder.area_a_m2:
         out.append(f"the piston is behind cover a: {x.min():g} m")
-    if not x.max() < cylinder.stroke_m + cylinder.dead_volume_m3.b / cylinder.area_b_m2:
+    if not told and not x.max() < cylinder.stroke_m + cylinder.dead_volume_m3.b / cylinder.area_b_m2:
         out.append(f"the piston is behind cover b: {x.max():g} m")
     if (
         drawn.drive["friction"]["law"] in ("coulomb", "stribeck")
         and (columns["friction_force_n"] * columns["velocity_m_s"] < 0.0).any()
     ):
         out.append("friction pushes")
+    if (over := beyond_breakaway(drawn, columns)) > 1.0 + ROUNDED:
+        out.append(f"friction at rest is {over:.6f} of the breakaway force")
     ledger = done.provenance["ledger"]
     if not abs(ledger["mass_error"]) <= MASS_CLOSES:
         out.append(f"mass closes to {ledger['mass_error']:.1e}")
     if not abs(ledger["energy_error"]) <= max(ENERGY_CLOSES, ENERGY_RTOL * drawn.rtol):
         out.append(f"energy closes to {ledger['energy_error']:.1e} at rtol {drawn.rtol:.1e}")
     return out
+
+
+def beyond_breakaway(drawn: Case, columns: Any) -> float:
+    """Return the largest friction at rest over the breakaway force, of laws that stick at one level."""
+    friction = drawn.drive["friction"]
+    acting = ("pressure", "dwell", "position", "direction", "side_load")
+    if friction["law"] not in ("coulomb", "stribeck", "karnopp") or any(key in friction for key in acting):
+        return 0.0
+    level = float(friction.get("breakaway", friction["coulomb"]).split()[0])
+    resting = columns["velocity_m_s"] == 0.0
+    return float(np.abs(columns["friction_force_n"][resting]).max(initial=0.0)) / level
 
 
 #: Laws that the independent model has.
@@ -442,6 +500,8 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=2000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--lines", action="store_true", help="give a third of the drives tubes or flow controls")
+    parser.add_argument("--compared", type=int, default=0, help="compare every Nth sensible one with a tighter run")
     parser.add_argument("--show", action="store_true", help="print the drive of each case that breaks a rule")
     parser.add_argument(
         "--oracle", type=int, default=0, help="compare so many sensible ones with the independent solver"
@@ -453,7 +513,9 @@ def main() -> None:
     outcomes: list[Outcome] = []
     for number in range(arguments.first, arguments.first + arguments.count):
         drawn = case(arguments.seed, number)
-        one = outcome(drawn)
+        drawn = with_lines(drawn, arguments.seed, number) if arguments.lines else drawn
+        compared = drawn.sensible and arguments.compared and number % (2 * arguments.compared) == 0
+        one = outcome(drawn, compared=bool(compared))
         outcomes.append(one)
         for what in one.broken:
             sys.stdout.write(f"{number} {'sensible' if one.sensible else 'corner'} {one.law}: {what[:400]}\n")

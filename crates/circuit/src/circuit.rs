@@ -744,6 +744,15 @@ impl<R: Lane> System<R> for Circuit<R> {
         self.evaluate(y, net);
         let id = self.topology.events[event];
         let (common, n_states) = (self.common, self.n_states());
+        let before: Vec<f64> = y[..n_states].iter().map(|state| state.get(lane)).collect();
         self.parts.switch(id, lane, y, net, (&common, n_states));
+        // A mass that is brought to rest loses the forces that depend on its velocity, such as the damping of an end
+        // stop. It stays at rest only if the remaining forces allow it.
+        if y[..n_states].iter().zip(&before).any(|(state, before)| state.get(lane) != *before) {
+            self.evaluate(y, net);
+            if self.parts.event(id, y, net).get(lane) < -self.parts.event_tolerance(id) {
+                self.parts.switch(id, lane, y, net, (&common, n_states));
+            }
+        }
     }
 }

@@ -18,4 +18,4 @@ pub mod mechanics;
 pub mod written;
 
 pub use gas::{Gas, IdealGas, Virial};
-pub use parameter::{Bounds, Parameter, above, any, at_least, between, within};
+pub use parameter::{Bounds, LARGEST, Parameter, above, any, at_least, between, is_huge, within};

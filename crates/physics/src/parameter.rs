@@ -14,11 +14,24 @@ pub struct Bounds {
     pub open_above: bool,
 }
 
+/// Largest size of a finite number of a description, SI: squares and products of such numbers stay finite.
+pub const LARGEST: f64 = 1e30;
+
+/// Whether a number is finite, but too large for a description.
+pub fn is_huge(x: f64) -> bool {
+    x.is_finite() && x.abs() > LARGEST
+}
+
 impl Bounds {
     /// Whether a value lies within the bounds.
     pub fn contain(&self, x: f64) -> bool {
         let above = if self.open { x > self.lower } else { x >= self.lower };
-        above && if self.open_above { x < self.upper } else { x <= self.upper }
+        above && !is_huge(x) && if self.open_above { x < self.upper } else { x <= self.upper }
+    }
+
+    /// The rule that a value breaks, in words.
+    pub fn rule(&self, x: f64) -> String {
+        if is_huge(x) { format!("at most {LARGEST:e} in size") } else { self.to_string() }
     }
 }
 

@@ -31,6 +31,18 @@ impl PyColumn {
         self.0.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
+    /// The row of the least value.
+    fn argmin(&self) -> usize {
+        let least = self.min();
+        self.0.iter().position(|value| *value == least).unwrap_or(0)
+    }
+
+    /// The row of the greatest value.
+    fn argmax(&self) -> usize {
+        let greatest = self.max();
+        self.0.iter().position(|value| *value == greatest).unwrap_or(0)
+    }
+
     /// The greatest value.
     fn max(&self) -> f64 {
         self.0.iter().copied().fold(f64::NEG_INFINITY, f64::max)

@@ -274,7 +274,9 @@ fn within(table: &str, parameter: &Parameter, value: f64) -> Result<(), Error> {
     }
     refuse(format!(
         "{table}.{} = {value} {} is out of bounds: it must be {}",
-        parameter.key, parameter.unit, parameter.bounds
+        parameter.key,
+        parameter.unit,
+        parameter.bounds.rule(value)
     ))
 }
 

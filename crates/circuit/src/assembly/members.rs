@@ -223,9 +223,10 @@ impl Members {
             return Ok(());
         }
         refuse(format!(
-            "{} = {} is out of bounds: it must be {bounds}",
+            "{} = {} is out of bounds: it must be {}",
             self.names[place],
-            with_unit(value, unit)
+            with_unit(value, unit),
+            bounds.rule(value)
         ))
     }
 

@@ -15,8 +15,8 @@ use crate::part::Given;
 use crate::run::{Error, Look, Recorder, Run, sample_times, with_unit};
 use crate::specification;
 use ode::Options;
-use physics::above;
 use physics::mechanics::EndStop;
+use physics::{above, is_huge};
 use std::collections::BTreeMap;
 
 /// A circuit of components.
@@ -84,7 +84,7 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
                 "{name}.{} = {} is out of bounds: it must be {}",
                 parameter.key,
                 with_unit(value, parameter.unit),
-                parameter.bounds
+                parameter.bounds.rule(value)
             )),
             None if parameter.follows.is_empty() && !spared(parameter.unless) => {
                 refuse(format!("{name}.{} is missing", parameter.key))
@@ -175,7 +175,7 @@ fn ambient(spec: &specification::GasState) -> Result<[f64; 2], Error> {
         Some((name, value, unit)) => refuse(format!(
             "ambient.{name} = {} is out of bounds: it must be {}",
             with_unit(*value, unit),
-            above(0.0)
+            above(0.0).rule(*value)
         )),
         None => Ok([spec.pressure_pa, spec.temperature_k]),
     }
@@ -410,8 +410,14 @@ impl Assembly {
         }
         let number = |name: &String, above_zero: bool| match start.get(name) {
             None => refuse(format!("the start {name} is missing")),
-            Some(value) if !value.is_finite() || (above_zero && *value <= 0.0) => {
-                let rule = if above_zero { "above zero" } else { "finite" };
+            Some(value) if !value.is_finite() || is_huge(*value) || (above_zero && *value <= 0.0) => {
+                let rule = if is_huge(*value) {
+                    "at most 1e30 in size"
+                } else if above_zero {
+                    "above zero"
+                } else {
+                    "finite"
+                };
                 refuse(format!("the start {name} = {value} must be {rule}"))
             }
             Some(value) => Ok(*value),

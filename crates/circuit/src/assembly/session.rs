@@ -333,7 +333,8 @@ impl Session {
             }
             return Ok(());
         }
-        refuse(format!("{name} = {} is out of bounds: it must be {bounds}", with_unit(value, unit)))
+        let (value, rule) = (with_unit(value, unit), bounds.rule(value));
+        refuse(format!("{name} = {value} is out of bounds: it must be {rule}"))
     }
 
     /// Sets an input from now on.

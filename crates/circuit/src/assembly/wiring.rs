@@ -202,7 +202,9 @@ where
             }
             if moves && !name.is_empty() {
                 return refuse(format!(
-                    "{name} and {one} each have their own axis: put a coupling between them"
+                    "{name} and {one} each have their own axis: put a coupling between them if they move together. \
+                     The body of a cylinder is fixed, so a cylinder that rides on another one (a stack whose strokes \
+                     add) cannot be expressed"
                 ));
             }
             if moves {

@@ -309,7 +309,7 @@ where
         let (states, channels) = self.parts.lay_out(&std::mem::take(&mut self.called));
         let n_states = states.len();
         let (names, mut scale): (Vec<_>, Vec<_>) =
-            states.into_iter().map(|(name, state)| ((name, state.unit), state.scale)).unzip();
+            states.into_iter().map(|(name, state)| ((name, state.unit), state.scale.min(f64::MAX))).unzip();
         let channels = if ledger { channels } else { Vec::new() };
         scale.extend(channels.iter().map(|_| f64::INFINITY));
         let events = self.parts.events();

@@ -111,7 +111,8 @@ fn examined(columns: &[Parameter], points: &[Vec<f64>]) -> Result<(), String> {
             each.find(|(value, own)| !value.is_finite() || !own.bounds.contain(**value))
         {
             let Parameter { key, unit, bounds, .. } = own;
-            return Err(format!(": {key} = {value} {unit} is out of bounds: it must be {bounds}"));
+            let rule = bounds.rule(*value);
+            return Err(format!(": {key} = {value} {unit} is out of bounds: it must be {rule}"));
         }
     }
     if let Some(pair) = points.windows(2).find(|pair| pair[1][0] <= pair[0][0]) {

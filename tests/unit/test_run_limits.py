@@ -1,0 +1,86 @@
+"""A run that leaves the range of the model warns with time, place and limit; a run inside it does not."""
+
+import pytest
+
+import pneudrive as pn
+from pneudrive.cli.main import run
+from pneudrive.errors import PneudriveWarning
+
+REFERENCE = pn.Drive.load("catalogue:reference")
+START = {"position": "50 mm", "pressure_a": "7 bar abs", "pressure_b": "7 bar abs"}
+
+
+def limits(described, command, duration, **more):
+    found = pn.simulate(described, command, duration, **more).attrs["warnings"]
+    return [line for line in found if "stated for" in line or "far from its law" in line or "leaves its stroke" in line]
+
+
+def test_a_slow_run_has_no_warning():
+    assert limits(REFERENCE, 0.02, "0.2 s", initial=START) == []
+
+
+def test_gas_that_expands_is_colder_than_the_limit():
+    """Air that expands from 7 to 1 bar without heat reaches T = 293 K (1/7)^(0.4/1.4) = 168 K."""
+    with pytest.warns(PneudriveWarning, match=r"cools to -\d+\.\d degC in chamber b at 0\.\d+ s.*-40 to 200 degC"):
+        (line,) = limits(REFERENCE, 1.0, "0.3 s", initial=START)
+    assert float(line.split("cools to ")[1].split(" ")[0]) > 168.0 - 273.15
+
+
+def test_pressure_above_20_bar():
+    high = REFERENCE.replace({"supply.pressure": "30 bar abs"})
+    found = limits(high, 0.5, "1 s", initial=START)
+    assert sum("chamber a reaches 30 bar abs at" in line and "up to 20 bar abs" in line for line in found) == 1
+
+
+@pytest.mark.parametrize(
+    ("model", "supply", "expected"),
+    [("ideal", "19 bar abs", 1), ("ideal", "4 bar abs", 0), ("virial", "14 bar abs", 0), ("virial", "30 bar abs", 1)],
+)
+def test_carbon_dioxide_far_from_its_law(model, supply, expected):
+    """B = -123 cm3/mol at 20 degC: 5 % of the pressure at 10 bar, 10 % at 20 bar."""
+    tables = REFERENCE.to_dict() | {"gas": {"name": "carbon-dioxide", "model": model}, "supply": {"pressure": supply}}
+    found = limits(pn.Drive.model_validate(tables), 0.3, "1 s")
+    assert sum("far from its law" in line for line in found) == expected
+
+
+def test_a_piston_that_leaves_its_stroke():
+    body = {"area_a": "1 cm2", "area_b": "1 cm2", "moving_mass": "1 kg"}
+    for stroke, start, expected in (("20 m", "10 m", 0), ("11 m", "10 m", 1)):
+        circuit = pn.Circuit(
+            components={
+                "body": {"kind": "piston", **body, "stroke": stroke, "friction": {"law": "coulomb", "coulomb": "10 N"}},
+                "spring": {"kind": "spring", "stiffness": "1 N/m", "rest_position": "10 m"},
+            },
+            connections=["ambient -> body.a", "ambient -> body.b", "body.rod -> spring"],
+            initial={"body": {"position": start, "velocity": "5 m/s"}},
+        )
+        found = limits(circuit, {}, "1 s")
+        assert sum("body leaves its stroke" in line and "0 to 11000 mm" in line for line in found) == expected
+
+
+def test_a_mass_that_is_as_good_as_zero():
+    light = REFERENCE.replace({"cylinder.moving_mass": "1e-6 kg"})
+    found = limits(light, 0.02, "0.05 s", initial=START)
+    assert sum("cylinder.moving_mass" in line and "as good as zero" in line for line in found) == 1
+    loaded = light.replace({"load.mass": "1 kg"})
+    assert not any("as good as zero" in line for line in limits(loaded, 0.02, "0.05 s", initial=START))
+
+
+def test_the_terminal_says_it_without_arrays(tmp_path, capsys):
+    out = tmp_path / "run.parquet"
+    assert (
+        run(
+            [
+                "simulate",
+                "catalogue:reference",
+                "--command",
+                "0 s: 1, 0.3 s: -1",
+                "--duration",
+                "0.8 s",
+                "--out",
+                str(out),
+            ]
+        )
+        == 0
+    )
+    assert "the gas cools to" in capsys.readouterr().err
