@@ -1,10 +1,13 @@
 #!/usr/bin/env bash
-# On macOS only: the library of FMUs and C programs, built and put into the package, in the place of an older one in one
-# move. On Linux the core itself is that library (python/pneudrive/fmu/binary.py).
+# Copy the library of FMUs and C programs into the package, in one move. The build of the core has made it, because
+# crates/python depends on crates/fmu.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-[ "$(uname -s)" = Darwin ] || exit 0
-cargo rustc --release --locked --quiet -p pneudrive-fmu --lib --crate-type cdylib
-target=python/pneudrive/fmu/libpneudrive.dylib
-cp "${CARGO_TARGET_DIR:-target}/release/libpneudrive.dylib" "$target.new"
+case "$(uname -s)" in
+    Darwin) name=libpneudrive.dylib ;;
+    Linux) name=libpneudrive.so ;;
+    *) name=pneudrive.dll ;;
+esac
+target=python/pneudrive/fmu/libpneudrive.${name##*.}
+cp "${CARGO_TARGET_DIR:-target}/release/deps/$name" "$target.new"
 mv "$target.new" "$target"

@@ -15,7 +15,6 @@ __all__ = [
     "Drive",
     "Ensemble",
     "Members",
-    "PlainFile",
     "Session",
     "Tank",
     "bin_means",
@@ -398,12 +397,6 @@ class Members:
     def analysed(self) -> int: ...
     def __len__(self) -> int: ...
     def start(self, member: int, start: Mapping[str, float], rtol: float) -> Session: ...
-
-@final
-class PlainFile:
-    @staticmethod
-    def open(path: str | PathLike[str]) -> PlainFile | None: ...
-    def read(self, names: Sequence[str], begin: int, end: int) -> list[NDArray[float64]] | None: ...
 
 @final
 class Column:

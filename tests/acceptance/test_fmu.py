@@ -21,6 +21,7 @@ from fmpy.validation import validate_fmu
 
 import pneudrive as pn
 from oracle import fmu_calls, random_circuits
+from pneudrive import _core
 from pneudrive.cli.main import run as command_line
 from pneudrive.describe.circuit import compiled
 from pneudrive.errors import CommandError, DescriptionError
@@ -501,8 +502,7 @@ def test_the_library_has_every_function_of_the_standards():
 
 
 def test_the_library_loads_where_there_is_no_python(tmp_path, monkeypatch):
-    file = tmp_path / binary.binary_name()
-    file.write_bytes(binary.binary_bytes())
+    file = binary.binary_path()
     source = """#include <dlfcn.h>
     #include <stdio.h>
     int main(int count, char **files) {
@@ -514,11 +514,11 @@ def test_the_library_loads_where_there_is_no_python(tmp_path, monkeypatch):
     }"""
     program = tmp_path / "program"
     subprocess.run(["gcc", "-x", "c", "-", "-o", program], input=source, text=True, check=True)
-    found = subprocess.run([program, binary._core.__file__, file], capture_output=True, text=True, check=True)
+    found = subprocess.run([program, _core.__file__, file], capture_output=True, text=True, check=True)
     assert found.stdout.split() == ["none", "3.0"], "the core needs Python, the library of FMUs does not"
-    monkeypatch.setattr(binary._core, "__file__", __file__)
-    with pytest.raises(CommandError, match=r"no library for FMUs[\s\S]*Export on Linux"):
-        binary.binary_bytes.__wrapped__()
+    monkeypatch.setattr(binary, "__file__", __file__)
+    with pytest.raises(CommandError, match=r"no library for FMUs[\s\S]*Install a wheel"):
+        binary.binary_path.__wrapped__()
 
 
 def test_a_name_that_xml_cannot_hold_gives_an_fmu_that_tools_read(tmp_path):

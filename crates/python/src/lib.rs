@@ -1,7 +1,4 @@
-//! The seam to Python: conversion and error mapping, nothing else. The library carries the functions for FMUs and C
-//! programs, too, so that there is one file of code for all.
-
-extern crate pneudrive as _;
+//! The seam to Python: conversion and error mapping, nothing else.
 
 mod control;
 mod convert;
@@ -9,6 +6,7 @@ mod drive;
 mod ensemble;
 mod friction;
 mod network;
+mod parquet;
 mod session;
 mod shooting;
 mod signals;
@@ -68,7 +66,6 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<session::PySession>()?;
     m.add_class::<tank::PyTank>()?;
     m.add_class::<table::PyColumn>()?;
-    m.add_class::<table::PyPlain>()?;
     m.add_function(wrap_pyfunction!(table::write_parquet, m)?)?;
     m.add_function(wrap_pyfunction!(signals::turning_points, m)?)?;
     m.add_function(wrap_pyfunction!(signals::bin_means, m)?)?;

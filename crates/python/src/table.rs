@@ -1,14 +1,13 @@
 //! Columns of a run without NumPy, and columns as a Parquet file.
 
-use numpy::{PyArray1, PyReadonlyArray1, PyUntypedArrayMethods};
-use parquet::Plain;
+use crate::parquet;
+use numpy::{PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyOSError, PyValueError};
 use pyo3::prelude::*;
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
-use std::sync::Mutex;
 
 /// Samples of one column, as the core holds them.
 #[pyclass(name = "Column", frozen)]
@@ -100,32 +99,4 @@ pub fn write_parquet(
         Some(number) => PyOSError::new_err((number, error.to_string())),
         None => PyOSError::new_err(error.to_string()),
     })
-}
-
-/// A Parquet file whose columns may lie there plainly.
-#[pyclass(name = "PlainFile", frozen)]
-pub struct PyPlain(Mutex<Plain>);
-
-#[pymethods]
-impl PyPlain {
-    /// Opens a file; none where it is not understood, or cannot be read.
-    #[staticmethod]
-    fn open(path: PathBuf) -> Option<Self> {
-        Some(PyPlain(Mutex::new(Plain::open(&path).ok()??)))
-    }
-
-    /// Columns from row `begin` to before row `end`, or to the last one; none where one of them is not plain.
-    fn read<'py>(
-        &self,
-        py: Python<'py>,
-        names: Vec<String>,
-        begin: usize,
-        end: usize,
-    ) -> Option<Vec<Bound<'py, PyArray1<f64>>>> {
-        let columns = py.detach(|| {
-            let mut file = self.0.lock().ok()?;
-            names.iter().map(|name| file.read(name, begin, end).ok()?).collect::<Option<Vec<_>>>()
-        })?;
-        Some(columns.into_iter().map(|column| PyArray1::from_vec(py, column)).collect())
-    }
 }

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import ctypes
-import struct
 import sys
 import tempfile
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pneudrive import _core
 from pneudrive.errors import CommandError, DescriptionError
 
 #: Platform -> suffix of a library, folder of FMI 2.0, folder of FMI 3.0.
@@ -20,8 +18,6 @@ PLATFORMS = {
     "win32": (".dll", "win64", "x86_64-windows"),
 }
 _OK = 0
-# Of the format ELF: kind of a section, place of a symbol, bindings (System V Application Binary Interface, chapter 4).
-_DYNAMIC_SYMBOLS, _UNDEFINED, _GLOBAL, _WEAK = 11, 0, 1, 2
 
 
 def binary_name() -> str:
@@ -30,62 +26,28 @@ def binary_name() -> str:
 
 
 @lru_cache(maxsize=1)
-def binary_bytes() -> bytes:
-    """Return the library: the core, as another tool than Python can load it.
+def binary_path() -> Path:
+    """Return the library of this installation.
 
     Raises
     ------
     CommandError
-        The core of this platform is no library for other tools.
+        This installation has no library for this platform.
     """
-    try:
-        return weakened(Path(_core.__file__).read_bytes())
-    except ValueError:
-        built = Path(__file__).with_name(binary_name())
-        if built.is_file():
-            return built.read_bytes()
+    path = Path(__file__).with_name(binary_name())
+    if not path.is_file():
         raise CommandError(
             f"this installation of pneudrive has no library for FMUs and C on {sys.platform}",
-            where=str(built),
-            remedy="Export on Linux; or, in a copy of the source, run `make setup`.",
-        ) from None
-
-
-def weakened(library: bytes) -> bytes:
-    """Return an extension module that loads where there is no Python: its references to Python may be empty.
-
-    Parameters
-    ----------
-    library : bytes
-        A library in the format ELF, 64 bits, little endian.
-
-    Raises
-    ------
-    ValueError
-        It is no such library.
-    """
-    if library[:6] != b"\x7fELF\x02\x01":
-        raise ValueError("no ELF of 64 bits")
-    changed = bytearray(library)
-    (sections,) = struct.unpack_from("<Q", library, 0x28)
-    size, count = struct.unpack_from("<HH", library, 0x3A)
-    heads = [struct.unpack_from("<IIQQQQIIQQ", library, sections + size * i) for i in range(count)]
-    for _, kind, _, _, offset, length, link, _, _, entry in heads:
-        if kind != _DYNAMIC_SYMBOLS:
-            continue
-        names = heads[link][4]
-        for at in range(offset, offset + length, entry):
-            name, info, _, section = struct.unpack_from("<IBBH", library, at)
-            of_python = library.startswith((b"Py", b"_Py"), names + name)
-            if section == _UNDEFINED and info >> 4 == _GLOBAL and of_python:
-                changed[at + 4] = _WEAK << 4 | info & 0xF
-    return bytes(changed)
+            where=str(path),
+            remedy="Install a wheel; or, in a copy of the source, run `make setup`.",
+        )
+    return path
 
 
 @lru_cache(maxsize=1)
 def load_library() -> ctypes.CDLL:
-    """Return the core of this process as a library of C functions."""
-    library = ctypes.CDLL(_core.__file__)
+    """Return the library in this process, as C functions."""
+    library = ctypes.CDLL(str(binary_path()))
     library.fmi3InstantiateModelExchange.restype = ctypes.c_void_p
     return library
 

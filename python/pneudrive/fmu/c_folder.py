@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
-from pneudrive.fmu.binary import binary_bytes, binary_name
+from pneudrive.fmu.binary import binary_name, binary_path
 from pneudrive.fmu.package import complete_plan
 from pneudrive.fmu.variables import RTOL
 from pneudrive.trajectory import whole
@@ -54,7 +54,7 @@ def export_c(
     """
     plan = complete_plan(drive, initial, rtol)
     target, own = Path(folder), Path(__file__).parent
-    library = binary_bytes()
+    library = binary_path().read_bytes()
     try:
         target.mkdir(parents=True, exist_ok=True)
         texts = {PLAN: plan.json().encode(), **{name: (own / name).read_bytes() for name in (HEADER, EXAMPLE)}}

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError, DescriptionError, nearest
-from pneudrive.fmu.binary import PLATFORMS, binary_bytes, try_plan
+from pneudrive.fmu.binary import PLATFORMS, binary_path, try_plan
 from pneudrive.fmu.description import IDENTIFIER, description
 from pneudrive.fmu.variables import RTOL, FmuVariable, plan_of
 from pneudrive.show import Shown
@@ -142,7 +142,7 @@ def write_fmu(plan: FmuPlan, target: Path, version: str) -> FmuFile:
         for name, content, rights in (
             ("modelDescription.xml", description(plan, version), 0o644 << 16),
             ("resources/drive.json", plan.json().encode(), 0o644 << 16),
-            (place, binary_bytes(), _EXECUTABLE),
+            (place, binary_path().read_bytes(), _EXECUTABLE),
         ):
             entry = zipfile.ZipInfo(name, _DATE)
             entry.external_attr, entry.compress_type = rights, zipfile.ZIP_DEFLATED

@@ -1,18 +1,12 @@
-//! Columns of numbers as a Parquet file: 64-bit floats that are all there, plain and uncompressed, in groups of rows.
+//! Writer of Parquet files of 64-bit floats, plain and uncompressed, in groups of rows.
 //!
-//! Format: <https://parquet.apache.org/docs/file-format/>. A trajectory hardly compresses (its last bits are noise),
-//! and plain values are written and read at the speed of memory.
-#![warn(missing_docs)]
+//! Format: <https://parquet.apache.org/docs/file-format/>. The import of polars takes longer than a short command, so
+//! that a command writes its trajectory without it. polars reads the file.
 
-mod read;
-mod thrift;
-
-pub use read::Plain;
 use std::io::{self, Write};
-use thrift::Struct;
 
-/// Rows of a group: who reads a file in parts holds that many of each column.
-pub const ROWS_OF_A_GROUP: usize = 1 << 18;
+/// Rows of a group.
+const ROWS_OF_A_GROUP: usize = 1 << 18;
 
 const MARK: &[u8; 4] = b"PAR1";
 const DOUBLE: i32 = 5;
@@ -24,9 +18,9 @@ const DATA_PAGE: i32 = 0;
 const BLOCK: usize = 1 << 13; // values that are turned into bytes at a time
 
 /// A column with its name.
-pub type Column<'a> = (&'a str, &'a [f64]);
+type Column<'a> = (&'a str, &'a [f64]);
 
-/// One column of a group as it lies in the file.
+/// One column of a group in the file.
 struct Chunk<'a> {
     name: &'a str,
     begin: usize,
@@ -36,12 +30,6 @@ struct Chunk<'a> {
 }
 
 /// Writes columns of one length, and texts by key, as a Parquet file.
-///
-/// # Errors
-/// What `to` says.
-///
-/// # Panics
-/// The columns differ in length.
 pub fn write(to: &mut impl Write, columns: &[Column<'_>], texts: &[(&str, &str)]) -> io::Result<()> {
     let rows = columns.first().map_or(0, |(_, values)| values.len());
     assert!(columns.iter().all(|(_, values)| values.len() == rows), "columns of a table have one length");
@@ -159,4 +147,106 @@ fn chunk_fields(column: &mut Struct<'_>, chunk: &Chunk<'_>) {
             }
         });
     });
+}
+
+/// Types of fields and of items of a list in the compact protocol of Thrift.
+const TRUE: u8 = 1;
+const I32: u8 = 5;
+const I64: u8 = 6;
+const BINARY: u8 = 8;
+const LIST: u8 = 9;
+const STRUCT: u8 = 12;
+
+/// A struct that is being written; its fields come in the order of their numbers.
+struct Struct<'a> {
+    out: &'a mut Vec<u8>,
+    last: u8,
+}
+
+impl<'a> Struct<'a> {
+    /// Writes a struct and its end.
+    fn write(out: &'a mut Vec<u8>, fields: impl FnOnce(&mut Struct<'_>)) {
+        let mut own = Struct { out, last: 0 };
+        fields(&mut own);
+        own.out.push(0);
+    }
+
+    fn field(&mut self, number: u8, kind: u8) {
+        debug_assert!(number > self.last && number - self.last < 16, "fields come in order");
+        self.out.push((number - self.last) << 4 | kind);
+        self.last = number;
+    }
+
+    fn int(&mut self, number: u8, value: i32) {
+        self.field(number, I32);
+        varint(self.out, zigzag(value.into()));
+    }
+
+    fn long(&mut self, number: u8, value: usize) {
+        self.field(number, I64);
+        varint(self.out, zigzag(value as i64));
+    }
+
+    fn yes(&mut self, number: u8) {
+        self.field(number, TRUE);
+    }
+
+    fn binary(&mut self, number: u8, value: &[u8]) {
+        self.field(number, BINARY);
+        bytes(self.out, value);
+    }
+
+    fn inner(&mut self, number: u8, fields: impl FnOnce(&mut Struct<'_>)) {
+        self.field(number, STRUCT);
+        Struct::write(self.out, fields);
+    }
+
+    fn ints(&mut self, number: u8, values: &[i32]) {
+        self.list(number, I32, values.len());
+        for value in values {
+            varint(self.out, zigzag((*value).into()));
+        }
+    }
+
+    fn texts(&mut self, number: u8, values: &[&str]) {
+        self.list(number, BINARY, values.len());
+        for value in values {
+            bytes(self.out, value.as_bytes());
+        }
+    }
+
+    fn structs<T>(&mut self, number: u8, items: &[T], mut fields: impl FnMut(&mut Struct<'_>, &T)) {
+        self.list(number, STRUCT, items.len());
+        for item in items {
+            Struct::write(self.out, |one| fields(one, item));
+        }
+    }
+
+    fn list(&mut self, number: u8, kind: u8, length: usize) {
+        self.field(number, LIST);
+        if length < 15 {
+            self.out.push((length as u8) << 4 | kind);
+        } else {
+            self.out.push(0xF0 | kind);
+            varint(self.out, length as u64);
+        }
+    }
+}
+
+fn bytes(out: &mut Vec<u8>, value: &[u8]) {
+    varint(out, value.len() as u64);
+    out.extend_from_slice(value);
+}
+
+fn zigzag(value: i64) -> u64 {
+    (value << 1 ^ value >> 63) as u64
+}
+
+/// Seven bits in each byte, the lowest first.
+fn varint(out: &mut Vec<u8>, mut value: u64) {
+    while value >= 0x80 {
+        out.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    out.push(value as u8);
 }
