@@ -66,10 +66,19 @@ def draw_curves(found: CampaignCharacteristics, shown: Sequence[Curve]) -> Figur
     figure = style.new_figure(3.8)
     axis = figure.subplots()
     named = condition_names(found)
+    assemblies = list(dict.fromkeys(c.condition.levels for c in shown))
     for index, c in enumerate(shown):
         look, speed = style.look(index), MM * c.speed_m_s
-        draw.band(axis, speed, c.friction_n, (c.low_n, c.high_n), look, 0.13, lw=1.0, label=named(c.condition))
-        draw.marks(axis, speed[c.measured], c.friction_n[c.measured], look, 3.6)
+        if len(assemblies) > 1:  # a colour for each mounting, seal and drive
+            look = look._replace(color=style.look(assemblies.index(c.condition.levels)).color)
+        label = named(c.condition)
+        if speed.size == 1:
+            draw.bars(
+                axis, speed, c.friction_n, draw.spread(c.friction_n, c.low_n, c.high_n), look, ms=3.6, label=label
+            )
+        else:
+            draw.band(axis, speed, c.friction_n, (c.low_n, c.high_n), look, 0.13, lw=1.0, label=label)
+            draw.marks(axis, speed[c.measured], c.friction_n[c.measured], look, 3.6)
         if c.excluded:
             where = [MM * p.speed_m_s for p in c.excluded]
             axis.plot(where, [p.friction_n for p in c.excluded], "x", color=look.color, ms=4)
