@@ -97,7 +97,7 @@ def trajectory() -> xr.Dataset:
 
 
 def friction_map() -> pl.DataFrame:
-    words, whole = {"recording": "run", "flags": ""}, {"direction", "samples", "strokes"}
+    words, whole = {"recording": "run", "flags": ""}, {"direction", "samples", "strokes", "strokes_recorded"}
     return pl.DataFrame(
         {name: [words.get(name, 1 + i if name in whole else 0.5 + i) for i in range(4)] for name in COLUMNS}
     )

@@ -14,7 +14,7 @@ from pneudrive.campaign.cycle import KINDS, Cycle
 from pneudrive.campaign.folder import COLUMNS, Campaign
 from pneudrive.campaign.head import Head
 from pneudrive.campaign.status import status_of
-from pneudrive.friction.campaign.reading import read_part
+from pneudrive.friction.campaign.reading import _plans, read_part
 from pneudrive.friction.reduction.settling import Settled
 from pneudrive.rig.interface import Identity
 
@@ -79,5 +79,5 @@ def test_steps_are_derived_only_where_a_result_needs_them(folder, monkeypatch):
         assert np.array_equal(one.force_n, other.force_n)
     edges = np.linspace(0.0, 0.2, 61)
     derived.clear()
-    read_part(files, Campaign.open(folder).identity, Settled(), edges)
+    read_part(files, _plans(files), Campaign.open(folder).identity, Settled(), edges, frozenset())
     assert derived == []

@@ -411,7 +411,8 @@ def broken(drawn: Case, done: Run) -> list[str]:
         and (columns["friction_force_n"] * columns["velocity_m_s"] < 0.0).any()
     ):
         out.append("friction pushes")
-    if (over := beyond_breakaway(drawn, columns)) > 1.0 + ROUNDED:
+    # A sample between the ends of a step has the error of the step.
+    if (over := beyond_breakaway(drawn, columns)) > 1.0 + ROUNDED + drawn.rtol:
         out.append(f"friction at rest is {over:.6f} of the breakaway force")
     ledger = done.provenance["ledger"]
     if not abs(ledger["mass_error"]) <= MASS_CLOSES:

@@ -10,6 +10,7 @@ import numpy as np
 
 from pneudrive.estimate.groups import levels
 from pneudrive.friction.reduction.motion import balance_of
+from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,8 +35,8 @@ SAME_SPEED = 0.05  # set speeds closer than this are one level
 CANDIDATES = 3  # cycles of each shown condition and speed, as one may be unreadable
 
 
-@dataclass(frozen=True, eq=False)
-class Loop:
+@dataclass(frozen=True, eq=False, repr=False)
+class Loop(Shown):
     """Friction around one reversal, raw samples (thinned).
 
     Attributes
@@ -62,6 +63,14 @@ class Loop:
     friction_n: Array
     presliding_m: float
     width_n: float
+
+    def _card(self) -> Card:
+        rows = [
+            ("speed", f"{1e3 * self.speed_m_s:.3g} mm/s"),
+            ("presliding", f"{1e3 * self.presliding_m:.3g} mm"),
+            ("width", f"{self.width_n:.3g} N"),
+        ]
+        return Card(f"loop of cycle {self.key}", ("quantity", "value"), rows)
 
 
 def chosen_loops(plans: Sequence[CyclePlan]) -> frozenset[str]:

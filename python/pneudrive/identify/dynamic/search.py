@@ -425,7 +425,8 @@ def join_segments(
         information, gradient = equations(problem, point, at)
         step = bounded_step(information, gradient, LONGEST)
         gain = float(step @ information @ step) + _start_gain(at.blocks, problem.size)
-        length = float(np.sqrt(max(gain, 0.0) / problem.size))
+        unknowns = problem.size + sum(block.gradient.size - problem.size for block in at.blocks)
+        length = float(np.sqrt(max(gain, 0.0) / unknowns))
         short = length < SHORT_STEP and at.standing.gap < SMALL_GAP
         if short or (at.exact and at.standing.gap < SOLVER_GAP):
             return point, at, True

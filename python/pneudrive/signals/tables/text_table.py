@@ -382,7 +382,7 @@ def _fields(
         row.str.split(form.delimiter or " ").list.get(at, null_on_oob=True).str.strip_chars().alias(str(number))
         for number, at in enumerate([*places[0], *places[1]])
     ]
-    columns = pl.DataFrame({"row": pl.Series(rows, dtype=pl.String)}).select(every).get_columns()
+    columns = pl.Series("row", rows, dtype=pl.String).to_frame().select(every).get_columns()
     return columns[: len(places[0])], columns[len(places[0]) :]
 
 
