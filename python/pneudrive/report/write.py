@@ -92,7 +92,8 @@ def sections(
     """Return all sections with data, in the report's order."""
     parts: dict[str, Section] = {}
     own = (*(_of_recordings(found, fits) if found is not None else ()), *(study.sections if study else ()))
-    for part in (*own, *(section(curves) for section in (CURVES if curves is not None else ()))):
+    of_curves = () if curves is None else tuple(section(curves) for section in CURVES)
+    for part in (*own, *of_curves):
         if part is not None:
             before = parts.pop(part.key, None)
             parts[part.key] = part if before is None else replace(before, blocks=before.blocks + part.blocks)
