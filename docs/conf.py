@@ -14,6 +14,7 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ex
 exclude_patterns = ["_build"]
 html_theme = "pydata_sphinx_theme"
 html_title = "pneudrive"
+html_favicon = "../page/public/icon.svg"  # without it a browser asks for one that is not there
 html_context = {"default_mode": "auto"}  # of light and dark; left out, the theme complains in the browser
 # Formulas are drawn by what the page's lock names, so that no page asks another machine for anything.
 html_static_path = [str(Path(__file__).parents[1] / "page/node_modules/mathjax/es5/tex-svg.js")]
