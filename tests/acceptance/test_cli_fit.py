@@ -79,6 +79,16 @@ def test_several_seals_are_fitted_each_and_surveyed(tmp_path, capsys):
     assert "no seal was run twice" in said
 
 
+def test_a_seal_with_too_few_pressures_stops_no_other(tmp_path, capsys):
+    """The O-ring was measured at two pressures: none can be held out."""
+    files = [str(path) for name in ("O-ring", "PK") for path in sorted(DATA.glob(f"{name}_*.csv.xz"))]
+    command = ["fit", *files, "--laws", "coulomb", "--hold-out", "pressure", "--by", "seal"]
+    assert run([*command, "--out", str(tmp_path / "fit.toml")]) == 0
+    assert "O-ring is not fitted: there are fewer than three conditions" in capsys.readouterr().out
+    assert {path.name for path in tmp_path.glob("*.toml")} == {"fit-PK.toml"}
+    assert run([*command[:2], *command[-6:], "--out", str(tmp_path / "alone.toml")]) == 2
+
+
 def test_a_campaign_is_fitted_seal_by_seal(tmp_path, capsys):
     campaign = write_campaign(tmp_path / "campaign", World(samples=200, repeats=1), 1)
     assert run(["fit", str(campaign), "--laws", "coulomb", "--by", "seal", "--out", str(tmp_path / "fit.toml")]) == 0

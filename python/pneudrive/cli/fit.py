@@ -13,6 +13,8 @@ from pneudrive.cli.output import file_name, tell_fit
 from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import xarray as xr
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics
@@ -78,10 +80,7 @@ def fit(
     options["exclude_flags"] = () if campaign is None else NO_POINTS  # as characterise does
     for note in _averaged(curves, by):
         typer.echo(f"! {note}")
-    for group, part in _groups(curves, by):
-        if group:
-            typer.echo(f"{by} {group}")
-        found, comparison = _fitted(part, names, pressure, hold_out, options)
+    for group, part, found, comparison in _each_fitted(curves, by, names, pressure, hold_out, options):
         if campaign is not None:
             found = with_dependences(found, campaign, part)
         if comparison is not None:
@@ -200,6 +199,29 @@ def _groups(curves: xr.Dataset, by: str) -> list[tuple[str, xr.Dataset]]:
         return [("", curves)]
     labels = row_labels(curves, by)
     return [(name, curves.isel(row=np.flatnonzero(labels == name))) for name in dict.fromkeys(labels.tolist())]
+
+
+def _each_fitted(
+    curves: xr.Dataset, by: str, names: list[str], pressure: str, hold_out: str, options: dict
+) -> Iterator[tuple[str, xr.Dataset, FrictionFit, LawComparison | None]]:
+    """Yield each group with its rows, fit and comparison; name the groups that cannot be fitted, unless all fail."""
+    from pneudrive.errors import FitError
+
+    groups = _groups(curves, by)
+    unfitted = 0
+    for group, part in groups:
+        if group:
+            typer.echo(f"{by} {group}")
+        try:
+            fitted = _fitted(part, names, pressure, hold_out, options)
+        except FitError as problem:
+            unfitted += 1
+            if unfitted == len(groups):
+                raise
+            value = "" if problem.value is None else f" ({problem.value})"
+            typer.echo(f"! {group} is not fitted: {problem.what}{value}. {problem.remedy or ''}")
+        else:
+            yield group, part, *fitted
 
 
 def _fitted(
