@@ -80,14 +80,13 @@ def fit(
     options["exclude_flags"] = () if campaign is None else NO_POINTS  # as characterise does
     for note in _averaged(curves, by):
         typer.echo(f"! {note}")
-    for group, part, found, comparison in _each_fitted(curves, by, names, pressure, hold_out, options):
-        if campaign is not None:
-            found = with_dependences(found, campaign, part)
+    for group, part, curve_fit, comparison in _each_fitted(curves, by, names, pressure, hold_out, options):
+        fitted = curve_fit if campaign is None else with_dependences(curve_fit, campaign, part)
         if comparison is not None:
             typer.echo(str(comparison))
         slug = file_name(group)
         target = out.with_stem(f"{out.stem}-{slug}") if group else out
-        tell_fit(found, target, report and report / slug, profile=profile)
+        tell_fit(fitted, target, report and report / slug, profile=profile)
     for statement in _seals(curves, by, options["ambient_pressure_pa"], turn[direction]):
         typer.echo(f"- {statement}")
 
