@@ -98,6 +98,7 @@ def test_a_recording_that_goes_on_growing_is_drawn_and_stays_where_it_is_looked_
     try:
         tab = open_tab(server.address)
         page = tab.page
+        page.set_default_timeout(90_000)  # a busy machine reads in seconds, and rests five times as long between reads
         page.evaluate("location.hash = '#/recording/log.csv'")
         page.wait_for_selector("[data-plots] canvas")
         whole = [page.get_attribute("[role=status][data-to]", "data-to")]
