@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.describe import toml
 from pneudrive.describe.base import wrong
 from pneudrive.errors import LayoutError, Problems, nearest
 from pneudrive.files.packed import COMPRESSIONS
 from pneudrive.show import Shown
-from pneudrive.signals.layout_tables import CHANNELS, GeometryTable, LayoutTables
+from pneudrive.signals.layout_tables import CHANNELS, SIGNS, GeometryTable, LayoutTables
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -110,6 +110,17 @@ class SampledLayout:
         return all(value is None for value in special)
 
 
+class Parallel(NamedTuple):
+    """A parallel force of a layout: its pressures are the channels `plus` and, if given, `minus`."""
+
+    name: str
+    area_m2: float
+    uncertainty: float
+    sign: int
+    plus: str
+    minus: str | None
+
+
 @dataclass(frozen=True)
 class FileLayout(SampledLayout):
     """A layout for one file of a rig, with the geometry of the drive under test."""
@@ -123,6 +134,7 @@ class FileLayout(SampledLayout):
     stiffness_n_m: float | None
     geometry_accuracy: dict[str, float]
     window_m: tuple[float, float] | None
+    parallel: tuple[Parallel, ...] = ()
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -178,6 +190,13 @@ class Layout(Shown):
         """
         said, common = self._common("rig", path, "friction needs time, position and force")
         area_a, area_b = said.geometry.areas()
+        parallel = []
+        for number, force in enumerate(said.force):
+            names = {key: f"force {number + 1}: {key}" for key in force.columns()}
+            for key, column in force.columns().items():
+                common["columns"][names[key]] = Column(**said.column("pressure", "rig", column))
+            sign, ends = SIGNS[force.positive], (names["pressure"], names.get("against"))
+            parallel.append(Parallel(force.name, force.area_m2, force.area_accuracy, sign, *ends))
         return FileLayout(
             **common,
             cycle=said.columns.cycle,
@@ -189,6 +208,7 @@ class Layout(Shown):
             stiffness_n_m=said.rig.stiffness_n_m,
             geometry_accuracy=said.geometry_accuracy(),
             window_m=said.window.position,
+            parallel=tuple(parallel),
         )
 
     def for_volume_file(self, path: Path) -> SampledLayout:

@@ -183,6 +183,9 @@ ColumnsTable = create_model(
     "ColumnsTable", __base__=Described, cycle=(Annotated[int | str | None, Reads(_cycle)], None), **_COLUMNS
 )
 ColumnsTable.table_name = "columns"
+_PRESSURE: Any = _column_class("pressure")
+#: Relative standard uncertainty of the area of a parallel force that the layout does not state (assumed).
+ASSUMED_PARALLEL_AREA = 0.05
 
 
 class GeometryTable(PistonTable):
@@ -220,6 +223,26 @@ class WindowTable(Described):
     position: Annotated[tuple[float, float] | None, Between("m", "mm")] = None
 
 
+class ParallelTable(Described):
+    """``[[force]]``: a force in parallel with the rig's, such as that of a hydraulic ram, from measured pressures.
+
+    The force is ``area (pressure - against)``; without `against` the ambient pressure acts on the other side.
+    """
+
+    table_name: ClassVar[str] = "force"
+    name: Annotated[str, Reads(str)] = "parallel force"
+    area_m2: Annotated[float, Quantity("m2", "cm2", Bounds(above=0.0))]
+    area_accuracy: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=100.0))] = ASSUMED_PARALLEL_AREA
+    positive: Literal["+x", "-x"] = "+x"
+    pressure: _PRESSURE  # type: ignore[valid-type]
+    against: _PRESSURE | None = None  # type: ignore[valid-type]
+
+    def columns(self) -> dict[str, ColumnTable]:
+        """Return its columns, by key."""
+        found = {"pressure": self.pressure, "against": self.against}
+        return {key: column for key, column in found.items() if column is not None}
+
+
 class LayoutTables(Described):
     """A layout, or the layout of one file with the overrides that match its name."""
 
@@ -240,6 +263,7 @@ class LayoutTables(Described):
     chamber_a: ChamberTable = ChamberTable()
     chamber_b: ChamberTable = ChamberTable()
     rig: RigTable = RigTable()
+    force: tuple[ParallelTable, ...] = ()
     window: WindowTable = WindowTable()
     force_calibration: Annotated[ForceCalibration | None, Reads(of_quantities)] = None
     labels: Annotated[dict[str, str], Reads(_labels)] = Field(default_factory=dict)
@@ -327,9 +351,9 @@ class LayoutTables(Described):
         said["alignment_rad"] = self.rig.alignment_rad
         return {name: value for name, value in said.items() if value is not None}
 
-    def column(self, channel: str, kind: str) -> dict[str, Any]:
-        """Return a column as a `Column`."""
-        given: ColumnTable = getattr(self.columns, channel)
+    def column(self, channel: str, kind: str, column: ColumnTable | None = None) -> dict[str, Any]:
+        """Return a column as a `Column`; `column` is that of a parallel force."""
+        given: ColumnTable = column or getattr(self.columns, channel)
         is_time = isinstance(given, TimeTable)
         scale, offset, ends = given.scale, given.offset, given.range
         if channel == "command" and ends is not None:

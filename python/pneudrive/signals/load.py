@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.errors import RecordingError
+from pneudrive.errors import DescriptionError, RecordingError, warn
 from pneudrive.files.tables import open_table
 from pneudrive.signals.layout import FileLayout, Layout, SampledLayout, stem
-from pneudrive.signals.layout_tables import CHANNEL_UNITS
-from pneudrive.signals.recording import Recording
+from pneudrive.signals.layout_tables import CHANNEL_UNITS, UNITS
+from pneudrive.signals.recording import ParallelForce, Recording
+from pneudrive.signals.tables import date_times
+from pneudrive.signals.tables.column_units import split_name
 from pneudrive.signals.tables.formats import read_columns
 from pneudrive.signals.tables.text_table import read_bytes, read_text
 from pneudrive.signals.tables.timing import overlap, timed
@@ -27,6 +30,7 @@ from pneudrive.signals.trajectories import (
     recording_of,
 )
 from pneudrive.trajectory import read_columns as read_trajectory_columns
+from pneudrive.units import converter
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -35,6 +39,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.files.tables import Table
+    from pneudrive.signals.layout import Parallel
     from pneudrive.signals.tables.text_table import NumberTable
 
 SIGNAL_NOISE = 0.02  # of full opening: largest excess of a measured signal over its range (assumed)
@@ -251,6 +256,8 @@ def read_raw(
         If the file cannot be read so, or no sample is left.
     """
     data = read_bytes(path)
+    for doubt in unit_doubts(said):
+        warn(f"{path.name}: {doubt}")
     table = read_table(path, said, data)
     raw = {channel: values[said.skip_samples :] for channel, values in zip(said.columns, table.columns, strict=True)}
     if raw["time"].size == 0:
@@ -262,6 +269,27 @@ def read_raw(
         )
     guessed = sum(column.guessed for column in said.columns.values())
     return raw, table.flags | ({"unit_guessed": guessed} if guessed else {}), hashlib.sha256(data).hexdigest()
+
+
+def unit_doubts(said: FileLayout | SampledLayout) -> list[str]:
+    """Return where the name of a column states another unit than the layout: sizes, and gauge or absolute."""
+    doubts = []
+    for channel, column in said.columns.items():
+        _, named = split_name(column.column) if isinstance(column.column, str) else ("", None)
+        if named is None or not named.si or column.unit.text in ("", date_times.UNIT):
+            continue
+        where = f'the column "{column.column}" of {channel}'
+        try:
+            factor = converter(named.unit, UNITS.get(channel, "Pa"))[0]
+        except DescriptionError:
+            doubts.append(f"{where} is in {named.unit} by its name, which is not a unit of {channel}: check the column")
+            continue
+        is_other = not math.isclose(factor, column.unit.factor, rel_tol=1e-3) and column.scale == 1.0
+        turned = None not in (named.gauge, column.unit.gauge) and named.gauge is not column.unit.gauge
+        if is_other or turned:
+            sort = "" if named.gauge is None else " gauge" if named.gauge else " abs"
+            doubts.append(f"{where} is in {named.unit}{sort} by its name, but in {column.unit.text} by the layout")
+    return doubts
 
 
 def read_table(
@@ -347,7 +375,13 @@ def to_recording(
         limits=limits,
         calibration=calibration,
         force_calibration=curve.applied() if curve is not None else None,
+        parallel=tuple(_parallel_force(force, values, said.ambient_pressure_pa) for force in said.parallel),
     )
+
+
+def _parallel_force(force: Parallel, values: dict[str, NDArray[np.float64]], ambient_pa: float) -> ParallelForce:
+    across = values[force.plus] - (ambient_pa if force.minus is None else values[force.minus])
+    return ParallelForce(force.name, force.area_m2, force.uncertainty, force.sign * force.area_m2 * across)
 
 
 def convert(said: FileLayout | SampledLayout, channel: str, raw: NDArray[np.float64]) -> NDArray[np.float64]:

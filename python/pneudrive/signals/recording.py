@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,26 @@ if TYPE_CHECKING:
     from pneudrive.signals.force_calibration import ForceCalibration
 
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
+
+
+class ParallelForce(NamedTuple):
+    """A force in parallel with the rig's, computed from measured pressures.
+
+    Attributes
+    ----------
+    name : str
+    area_m2 : float
+        Area that the pressures act on.
+    uncertainty : float
+        Relative standard uncertainty of the area.
+    force_n : ndarray
+        Force on the piston at each sample, positive in +x, shape (n,).
+    """
+
+    name: str
+    area_m2: float
+    uncertainty: float
+    force_n: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
@@ -62,6 +82,8 @@ class Recording(Shown):
         Channel -> free text; one that starts with "assumed" marks the accuracy as assumed in the budget.
     force_calibration
         Calibration of the force sensor, already applied to ``force_n``: its uncertainties go into the budget.
+    parallel
+        Forces in parallel with the rig's, such as that of a hydraulic ram; `balance_n` contains them.
     """
 
     name: str
@@ -87,6 +109,7 @@ class Recording(Shown):
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)
     calibration: dict[str, str] = field(default_factory=dict)
     force_calibration: ForceCalibration | None = None
+    parallel: tuple[ParallelForce, ...] = ()
 
     def __post_init__(self) -> None:
         """Convert the channels to float64 and refuse an invalid recording."""
@@ -121,6 +144,12 @@ class Recording(Shown):
         """Return the number of samples."""
         return self.time_s.size
 
+    def at(self, keep: NDArray[np.bool_]) -> Recording:
+        """Return the recording at some of its samples."""
+        channels = {name: getattr(self, name)[keep] for name in ("time_s", *CHANNELS)}
+        forces = tuple(force._replace(force_n=force.force_n[keep]) for force in self.parallel)
+        return replace(self, **channels, parallel=forces)
+
     @property
     def weight_n(self) -> float:
         """Weight of the mass beyond the sensor along the axis, positive if it pulls towards -x."""
@@ -129,7 +158,7 @@ class Recording(Shown):
     def balance_n(self, acceleration_m_s2: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
         """Return the force that is left for friction and for errors, positive where it opposes motion in +x.
 
-          balance = F + p_a A_a - p_b A_b - p_ambient (A_a - A_b) - m a - m g sin(incline)
+          balance = F + F_parallel + p_a A_a - p_b A_b - p_ambient (A_a - A_b) - m a - m g sin(incline)
 
         Parameters
         ----------
@@ -146,6 +175,8 @@ class Recording(Shown):
         balance = self.pressure_a_pa - ambient
         balance *= self.area_a_m2
         balance += self.force_n
+        for force in self.parallel:
+            balance += force.force_n
         side_b = self.pressure_b_pa - ambient
         side_b *= self.area_b_m2
         balance -= side_b

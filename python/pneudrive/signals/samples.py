@@ -96,6 +96,8 @@ def clean(
     finite = np.isfinite(recording.time_s)
     for channel in CHANNELS:
         finite &= np.isfinite(getattr(recording, channel))
+    for force in recording.parallel:
+        finite &= np.isfinite(force.force_n)
     _count(counts, "non_finite", int((~finite).sum()))
     found("non_finite", recording.time_s, ~finite)
     if not finite.any():
@@ -271,7 +273,7 @@ def stuck_position(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], 
 def _take(recording: Recording, mask: NDArray[np.bool_]) -> Recording:
     if mask.all():
         return recording
-    return replace(recording, **{c: getattr(recording, c)[mask] for c in ("time_s", *CHANNELS)})
+    return recording.at(mask)
 
 
 def _count(counts: dict[str, int], kind: str, number: int) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +34,9 @@ CLEAR = 1.0  # least difference of the weights of two candidates
 CLEAR_STROKES = 0.5  # the same of two signals, in unevenness
 CLEAR_SWING = 2.0  # least ratio of the swings of a force and of the next signal
 CLEAR_PRESSURES = 1.6  # least ratio of two pressures, beyond that of the areas of a piston with a rod
+FOLLOWS = 0.8  # least correlation of a closed chamber's pressure with the position
+#: Chamber -> how its pressure follows the position if it is closed.
+CLOSED = {"a": "falls as the position grows", "b": "rises as the position grows"}
 CLEAR_SHARE = 0.5  # least correlation of force and pressure within one direction
 WHOLE_SPAN = 500  # whole numbers over more than this are counts
 
@@ -287,6 +290,12 @@ def _without_names(roles: Roles, free: list[Candidate]) -> None:
     """Tell the chambers of pressures apart by the balance of forces, else ask."""
     signals = roles.signals
     if len(free) > 2:
+        free = [replace(one, evidence=(*one.evidence, *_trend(roles, one))) for one in free]
+        closed = {side: [one for one in free if words in one.evidence] for side, words in CLOSED.items()}
+        if all(len(some) == 1 for some in closed.values()):
+            for side, (one,) in closed.items():
+                _accept(roles, f"pressure_{side}", one, f"chamber {side} closed, by its pressure over the position")
+            return
         _leave_open(roles, "pressure_a and pressure_b", "more than two columns may be pressures of chambers", free)
         return
     if roles.index("position") is None:
@@ -299,6 +308,19 @@ def _without_names(roles: Roles, free: list[Candidate]) -> None:
         return
     for one, chamber in zip(free, (side, "b" if side == "a" else "a"), strict=False):
         _accept(roles, f"pressure_{chamber}", one, f"chamber {chamber}: {why}; no other candidate")
+
+
+def _trend(roles: Roles, one: Candidate) -> tuple[str, ...]:
+    """Return how the pressure follows the position, as in a closed chamber; nothing if it does not."""
+    position = roles.index("position")
+    if position is None:
+        return ()
+    x, p = (roles.signals.columns[at] for at in (position, one.index))
+    there = np.isfinite(x) & np.isfinite(p)
+    if there.sum() < FEWEST or np.ptp(x[there]) == 0.0 or np.ptp(p[there]) == 0.0:
+        return ()
+    together = float(np.corrcoef(x[there], p[there])[0, 1])
+    return () if abs(together) < FOLLOWS else (CLOSED["a" if together < 0 else "b"],)
 
 
 def _chamber(roles: Roles, pressures: list[Array]) -> tuple[str, str]:

@@ -52,8 +52,24 @@ def layout_text(path: Path, reading: FileForm, roles: Roles, kind: str) -> str:
     for side in ("a", "b"):
         if f"pressure_{side}" not in found and "pressure" not in open_roles:
             lines += ["", f"[chamber_{side}]", "open_to_ambient = true  # guess: no pressure column for this chamber"]
+    if "pressure_a" in found:
+        lines += _parallel_lines(roles)
     lines += ["", "# [window]", '# position = "5 mm .. 30 mm"  # absent: the middle 60 % of the stroke', ""]
     return "\n".join(lines)
+
+
+def _parallel_lines(roles: Roles) -> list[str]:
+    """Return a force in parallel as a comment, if two more columns are pressures: those of a ram, perhaps."""
+    signals = roles.signals
+    spare = [(one.index, unit) for one in signals.candidates("pressure") if (unit := signals.headers[one.index].unit)]
+    if len(spare) != 2:
+        return []
+    lines = ["", "# Two more pressures: if they drive a ram in parallel with the force, state its area and direction."]
+    lines += ["# [[force]]", '# name = "ram"', '# area = "10 cm2"', '# area_accuracy = "5 %"', '# positive = "+x"']
+    for key, (index, unit) in zip(("pressure", "against"), spare, strict=True):
+        form = f"{unit.unit} {'abs' if unit.gauge is False else 'gauge'}"
+        lines.append(f'# {key} = {{ column = {value_text(signals.place(index))}, unit = "{form}" }}')
+    return lines
 
 
 def _file_lines(path: Path, reading: FileForm, kind: str) -> list[str]:

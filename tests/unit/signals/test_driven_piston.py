@@ -1,0 +1,104 @@
+"""A test machine drags a gas spring: a ram in parallel, set speeds one way, and units that contradict the header."""
+
+import numpy as np
+import pytest
+
+from pneudrive.characterise import Layout, load_recordings
+from pneudrive.errors import PneudriveWarning
+from pneudrive.signals.levels import speed_levels
+from pneudrive.signals.motion import Stroke
+from pneudrive.signals.proposal.propose import propose_layout
+
+HEAD = "#t(s),Pos(in),LowerHyd(psig),UpperHyd(psig),LowerPressure(psia),UpperPressure(psia),Force(lbs)"
+LAYOUT = """
+format = "csv"
+delimiter = "whitespace"
+header_delimiter = ","
+header = true
+[columns]
+time = { column = "t(s)", unit = "s" }
+position = { column = "Pos(in)", unit = "in" }
+force = { column = "Force(lbs)", unit = "lbf" }
+pressure_a = { column = "UpperPressure(psia)", unit = "psi abs" }
+pressure_b = { column = "LowerPressure(psia)", unit = "psi abs" }
+[geometry]
+area_a = "127 cm2"
+area_b = "115 cm2"
+[[force]]
+name = "ram"
+area = "9 cm2"
+area_accuracy = "4 %"
+positive = "-x"
+pressure = { column = "LowerHyd(psig)", unit = "psi gauge" }
+against = { column = "UpperHyd(psig)", unit = "psi gauge" }
+"""
+PSI, INCH, LBF, AREA_M2 = 6894.757293168361, 0.0254, 4.4482216152605, 9e-4
+
+
+@pytest.fixture
+def spring(tmp_path):
+    """Write closed chambers at constant temperature, 300 N of friction, and a ram that carries part of the force."""
+    t = np.arange(0.0, 120.0, 0.05)
+    x = 0.3 + 1.2 * np.abs((t / 15.0) % 2.0 - 1.0)
+    way = np.sign(np.gradient(x))
+    pressure_a, pressure_b = (2.0e5 / (0.03 + 0.0127 * x), 9.0e3 / (0.04 + 0.0115 * (2.0 - x)))
+    p1, p2 = (2e6 + 1e6 * way) / PSI, 1e6 * (1 + 0.1 * np.sin(t)) / PSI
+    gas = 0.0115 * (pressure_b - 101325.0) - 0.0127 * (pressure_a - 101325.0)
+    force = gas + 300.0 * way + AREA_M2 * (p1 - p2) * PSI
+    rows = np.column_stack([t, x / INCH, p1, p2, pressure_b / PSI, pressure_a / PSI, force / LBF])
+    path = tmp_path / "spring.exp"
+    path.write_text("\n".join([HEAD, *(" ".join(f"{v:.8f}" for v in row) for row in rows)]) + "\n", encoding="utf-8")
+    return path, way
+
+
+def test_the_balance_contains_the_ram(spring):
+    path, way = spring
+    recording = load_recordings([path], Layout.loads(LAYOUT))[0]
+    assert recording.balance_n() == pytest.approx(300.0 * way, abs=0.1)
+    (ram,) = recording.parallel
+    assert (ram.name, ram.area_m2, ram.uncertainty) == ("ram", pytest.approx(AREA_M2), 0.04)
+    half = recording.at(np.arange(len(recording)) % 2 == 0)
+    assert half.balance_n() == pytest.approx(recording.balance_n()[::2])
+
+
+def test_a_layout_is_proposed_with_both_chambers_and_the_ram_as_a_comment(spring):
+    path, _ = spring
+    proposal = propose_layout(path)
+    assert proposal.problem == ""
+    for line in (
+        'position = { column = "Pos(in)", unit = "in" }',
+        'pressure_a = { column = "UpperPressure(psia)", unit = "psi abs" }',
+        'pressure_b = { column = "LowerPressure(psia)", unit = "psi abs" }',
+        'unit = "lbf", positive = "+x" }',
+        '# pressure = { column = "LowerHyd(psig)", unit = "psi gauge" }',
+    ):
+        assert line in proposal.text
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "words"),
+    [
+        ('(psia)", unit = "psi abs"', '(psia)", unit = "psi gauge"', "psi abs by its name, but in psi gauge"),
+        ('(in)", unit = "in"', '(in)", unit = "mm"', "in by its name, but in mm"),
+        ('(lbs)", unit = "lbf"', '(lbs)", unit = "N"', "lbf by its name, but in N"),
+        ('position = { column = "Pos(in)"', 'position = { column = "LowerHyd(psig)"', "psi by its name"),
+    ],
+)
+def test_a_unit_that_contradicts_the_header_is_flagged(spring, right, wrong, words):
+    with pytest.warns(PneudriveWarning, match="by its name") as found:
+        load_recordings([spring[0]], Layout.loads(LAYOUT.replace(right, wrong)))
+    assert any(words in str(one.message) for one in found)
+
+
+def test_speeds_that_are_set_one_way_only_are_levels_of_that_way():
+    out, back = np.linspace(0.05, 0.6, 12), -0.16 + 0.11 * np.exp(-np.arange(12.0))
+    speeds = np.column_stack([out, back]).ravel()
+    strokes = [Stroke(i, 1 if v > 0 else -1, 0, 9, 0.0, 2.0, v, 0.0) for i, v in enumerate(speeds)]
+    levels = speed_levels(strokes)
+    assert [[s.index for s in level] for level in levels[:12]] == [[2 * i] for i in range(12)]
+    assert all(s.direction == -1 for level in levels[12:] for s in level)
+    # The same speeds in random order are scatter, not steps.
+    order = np.random.default_rng(3).permutation(12)
+    speeds = np.column_stack([out[order] / out[order].mean(), back[order]]).ravel() * 0.1
+    shuffled = [Stroke(i, 1 if v > 0 else -1, 0, 9, 0.0, 2.0, v, 0.0) for i, v in enumerate(speeds)]
+    assert len(speed_levels(shuffled)) == 1
