@@ -3,7 +3,7 @@ import { readdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import { defineConfig } from "vite";
 
-/** SHA-256 of everything that the page is built from: page and server compare it, and an old tab is told to reload. */
+/** SHA-256 of everything that the page is built from: page and server compare it, and an old tab asks for a reload. */
 function build(): string {
   const hash = createHash("sha256");
   const folders = [join(import.meta.dirname, "src"), import.meta.dirname];

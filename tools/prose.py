@@ -33,7 +33,7 @@ SENTENCE_END = re.compile(r"(?<=[.!?:])\s+(?=[A-Z*])")
 NOT_PROSE = re.compile(r"^\s*(>>>|\.\. |\||[-=]{3,})", re.MULTILINE)
 LIST_ITEM = re.compile(r"\s*([-*]|\d+\.) ")
 MARKDOWN_CODE = re.compile(r"\s*(\||#|:|\$\$|>>>|<|!\[|---)|    ")
-TYPESCRIPT_COMMENT = re.compile(r"/\*\*(.*?)\*/|^\s*//(.*)$", re.DOTALL | re.MULTILINE)
+TYPESCRIPT_COMMENT = re.compile(r"/\*\*(.*?)\*/|^\s*//([^\n]*)$", re.DOTALL | re.MULTILINE)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-/** What Simulate shows beside a run: other drives and runs, a band of many members, p-V loops, the piston as it moves. */
+/** Comparisons with a run in Simulate: other drives and runs, a band of many members, p-V loops, the moving piston. */
 import { computed, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Circuit, type Drawing } from "./circuit";
@@ -25,7 +25,7 @@ const energy = signal(false);
 const band = signal(false);
 const width = signal(10); // of the spreads, per cent
 
-/** What is asked for beside the run; a spread lies about each value that has a slider. */
+/** Selected comparisons of the run. A spread is centred on each value that has a slider. */
 export function besides(fields: Map<string, Field>, sliders: string[], numbers: Record<string, number>): Record<string, unknown> {
   const spreads: [string, [number, number, string]][] = [];
   if (band.value)
@@ -38,7 +38,7 @@ export function besides(fields: Map<string, Field>, sliders: string[], numbers: 
   return { others: others.value, loops: loops.value, motion: motion.value, energy: energy.value, spreads: Object.fromEntries(spreads) };
 }
 
-/** A file that is opened begins without the others of the one before it. */
+/** A newly opened file starts without the comparisons of the previous file. */
 export function forget(): void {
   others.value = [];
   band.value = energy.value = isPlaying.value = false;
@@ -91,7 +91,7 @@ export function BesideChoices() {
   );
 }
 
-/** The name of a file without its folder, unless another one beside it has that name too. */
+/** Return the name of a file without its folder, unless another selected file has the same name. */
 export function short(path: string, all: string[]): string {
   const name = (one: string): string => one.replace("catalogue:", "").replace(/^.*\//, "");
   return all.filter((one) => name(one) === name(path)).length > 1 ? path : name(path);
@@ -99,7 +99,7 @@ export function short(path: string, all: string[]): string {
 
 const named = (path: string): string => short(path, [...others.value, opened.value?.path ?? ""]);
 
-/** Curves of a column from the other runs. */
+/** Return the curves of one column from the other runs. */
 export function otherCurves(now: Frame<BesideHead>, column: string, label: string): Curve[] {
   const out: Curve[] = [];
   now.head.others?.forEach((one, index) => {
@@ -109,7 +109,7 @@ export function otherCurves(now: Frame<BesideHead>, column: string, label: strin
   return out;
 }
 
-/** Where the members of the band lie, for a column. */
+/** Return the band of the members for one column. */
 export function bandOf(now: Frame<BesideHead>, column: string): { x: Numbers; low: Numbers; high: Numbers } | undefined {
   const [x, low, high] = [`time_s`, `${column}/low`, `${column}/high`].map((name) => now.arrays.get(`band/${name}`));
   return x && low && high ? { x, low, high } : undefined;
@@ -121,7 +121,7 @@ interface Panel {
   curves: { column: string; label: string }[];
 }
 
-/** Last values of the other runs with their differences, and the ends of the band. */
+/** Table of the last values of the other runs, their differences, and the ends of the band. */
 export function Differences({ head, panels, ends }: { head: BesideHead; panels: Panel[]; ends: Record<string, number> }) {
   const compared = head.others ?? [];
   if (!compared.length && !head.band) return null;
@@ -129,7 +129,7 @@ export function Differences({ head, panels, ends }: { head: BesideHead; panels: 
     <section aria-label="Beside the run" class="differences">
       {head.band && (
         <p class="note">
-          Band: from 5 to 95 % of {head.band.members} members, which lie evenly in the spreads{head.band.failed > 0 && `; ${head.band.failed} of them could not be simulated, as in ${head.band.why}${head.band.refused ? ". The command and Python refuse such a member: narrow the spreads" : ""}`}.
+          Band: from 5 to 95 % of {head.band.members} members, which lie evenly in the spreads{head.band.failed > 0 && `; ${head.band.failed} of them could not be simulated, for example ${head.band.why}${head.band.refused ? ". The command and Python reject such a member: narrow the spreads" : ""}`}.
         </p>
       )}
       {compared.filter((one) => !Object.keys(one.ends).length).map((one) => (
@@ -171,16 +171,16 @@ export function Differences({ head, panels, ends }: { head: BesideHead; panels: 
 const LITRE = 1e-3;
 const BAR = 1e5;
 
-/** Pressure over volume of each chamber. */
+/** Plot of pressure over volume for each chamber. */
 export function Loops({ now }: { now: Frame<BesideHead> }) {
   const names = now.head.loops ?? [];
-  if (!names.length) return <p class="note" data-without="loops">No p-V loop: loops are those of double-acting cylinders, and there is none.</p>;
+  if (!names.length) return <p class="note" data-without="loops">No p-V loop: only double-acting cylinders have loops, and this circuit does not contain one.</p>;
   const of = (name: string, axis: string, unit: number) => Array.from(now.arrays.get(`loop/${name}/${axis}`)!, (one) => one / unit);
   const curves = names.map((name) => ({ label: name.replace(/\.([ab])$/, ", chamber $1"), x: of(name, "volume_m3", LITRE), y: of(name, "pressure_pa", BAR) }));
   return <Strip title="Pressure over volume of the chambers, bar absolute over l" x="volume, l" y="pressure, bar" curves={curves} />;
 }
 
-/** Accounts of energy, the exergy that is lost, and the air of the run. */
+/** Energy, lost exergy and air of the run. */
 export function Energy({ found }: { found: NonNullable<BesideHead["energy"]> }) {
   const lost = Object.entries(found.lost_j);
   const groups: [string, [string, number][], string][] = [
@@ -215,18 +215,21 @@ const CALM = typeof matchMedia === "undefined" ? null : matchMedia("(prefers-red
 const FASTEST_MS = 5000; // a longer run is shown in this time, a shorter one as long as it lasts, but at least:
 const SHORTEST_MS = 1500;
 
-/** The time at which the pistons are shown: of the slider, or where a plot is pointed at. */
+/** Time at which the pistons are drawn: the slider's, or that of the pointer on a plot. */
 const timeAt = signal(0);
 const isPlaying = signal(false);
 
-/** The time line of the plots, while pistons are shown. */
+/** Time line of the plots, shown with the pistons. */
 export const timeCursor = computed(() => (motion.value ? [timeAt.value] : undefined));
 
 export function pointAt(time: number): void {
   if (motion.value && !isPlaying.value) timeAt.value = time;
 }
 
-/** The circuit with its pistons and pressures at a time that is chosen or runs; who asks for calm moves them by hand alone. */
+/**
+ * The circuit with its pistons and pressures at a chosen or running time. With "reduced motion", only the slider
+ * moves them.
+ */
 export function MovingCircuit({ now, drawing }: { now: Frame<BesideHead>; drawing: Drawing }) {
   const cylinders = now.head.cylinders ?? [];
   const time = now.arrays.get("time_s")!;
@@ -249,7 +252,7 @@ export function MovingCircuit({ now, drawing }: { now: Frame<BesideHead>; drawin
     return (
       <div>
         <Circuit drawing={drawing} />
-        <p class="note" data-without="motion">No piston moves in the drawing: those of double-acting cylinders do, and there is none.</p>
+        <p class="note" data-without="motion">No piston moves in the drawing: only double-acting cylinders are animated, and this circuit does not contain one.</p>
       </div>
     );
   const row = indexAt(time, at);

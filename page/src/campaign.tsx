@@ -1,4 +1,4 @@
-/** A campaign as it runs: state, cycles, map so far, journal; requests where the server allows them. */
+/** View of a running campaign: state, cycles, map so far, journal, and requests if the server allows them. */
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { word } from "./command";
@@ -64,12 +64,12 @@ function duration(seconds: number): string {
   return seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${digits(seconds / 3600, 3)} h`;
 }
 
-/** Look at a campaign once; what comes after `isGone` counts no more. */
+/** Read the campaign once. Answers that arrive after `isGone` are dropped. */
 export async function look(path: string, isGone: () => boolean): Promise<void> {
   try {
     const now = await read<Campaign>("/api/campaign", { path });
     if (isGone()) return;
-    // The map is drawn again only where it grew.
+    /* The map is drawn again only if it grew. */
     const grew = JSON.stringify(now.groups) !== JSON.stringify(found.value?.groups);
     found.value = grew || !found.value ? now : { ...now, groups: found.value.groups };
     unread.value = [];
@@ -109,7 +109,7 @@ export function CampaignView() {
           const of = (name: string) => Array.from(arrays.get(name) ?? []);
           if (!gone && head.cycle) cycle.value = { ...head, position: of("position_m").map((one) => MM * one), force: of("force_n") };
         } catch {
-          // the other look says what is wrong
+          /* the other reader reports the error */
         }
         await new Promise((resolve) => setTimeout(resolve, CYCLE_MS));
       }
@@ -232,7 +232,7 @@ function Start() {
       void follow();
       const isHere = () => route.peek().view === "campaign" && !route.peek().path;
       const isOver = () => jobs.value.some((one) => one.number === job.number && one.state !== "running");
-      // The folder is there once the first file of it is.
+      /* The folder exists as soon as its first file exists. */
       for (let look = 0; look < 100 && isHere(); look++) {
         try {
           await read("/api/campaign", { path: job.out });

@@ -1,4 +1,4 @@
-/** The drawing of a circuit: shapes of the server as SVG, made element by element, never from text. */
+/** Drawing of a circuit: shapes from the server become SVG elements one by one, never parsed text. */
 import type { JSX } from "preact";
 
 export interface Shape {
@@ -17,14 +17,20 @@ export interface Drawing {
   pistons: Record<string, PistonShapes>;
 }
 
-/** Where a cylinder is drawn: corners of its barrel, faces of its piston, and the points of shapes that move with it. */
+/**
+ * Places of a cylinder in the drawing: corners of the barrel, faces of the piston, and points that move with the
+ * piston.
+ */
 export interface PistonShapes {
   barrel: [number, number, number, number];
   piston: [number, number];
   moves: Record<number, boolean[]>;
 }
 
-/** What a cylinder does at a moment: share of its stroke, and of each chamber the pressure in words and as a share of the largest. */
+/**
+ * State of a cylinder at a moment: fraction of its stroke, and for each chamber the pressure as text and relative
+ * to the largest.
+ */
 export interface Moved {
   share: number;
   pressures: [string, string];
@@ -33,7 +39,10 @@ export interface Moved {
   position: number;
 }
 
-/** A shape with its points that move at the place that a piston has; a share beyond the ends stays in the barrel. */
+/**
+ * Return a shape with its moving points at the position of the piston. A fraction beyond 0 to 1 stays in the
+ * barrel.
+ */
 export function movedShape(shape: Shape, number: number, at: PistonShapes, share: number): Shape {
   const moves = at.moves[number];
   if (!moves) return shape;
@@ -41,7 +50,7 @@ export function movedShape(shape: Shape, number: number, at: PistonShapes, share
   return { ...shape, points: shape.points.map(([x, y], i) => [moves[i] ? x + by : x, y]) };
 }
 
-/** The left face of the piston. */
+/** Return the left face of the piston. */
 export function pistonAt({ barrel, piston }: PistonShapes, share: number): number {
   const free = barrel[2] - barrel[0] - (piston[1] - piston[0]);
   return barrel[0] + Math.min(Math.max(share, 0), 1) * free;
@@ -92,7 +101,7 @@ function arc(x: number, y: number, r: number, [low, high]: [number, number]): st
   return `M ${at(low)} A ${r} ${r} 0 0 0 ${at(middle)} A ${r} ${r} 0 0 0 ${at(high)}`;
 }
 
-/** The chambers of a cylinder, tinted the fuller the higher the pressure, with it in words. */
+/** The chambers of a cylinder: a higher pressure has a stronger tint, and its value is written in the chamber. */
 function Chambers({ at, moved, name }: { at: PistonShapes; moved: Moved; name: string }) {
   const [left, low, right, high] = at.barrel;
   const face = pistonAt(at, moved.share);
@@ -148,7 +157,7 @@ export function Circuit(props: { drawing: Drawing; chosen?: string; onChoose?: (
   );
 }
 
-/** The rectangle about a symbol: where a click counts. */
+/** Clickable rectangle around a symbol. */
 function Area({ shapes }: { shapes: Shape[] }) {
   const points = shapes.filter((one) => one.word !== "text").flatMap((one) => one.points);
   if (!points.length) return null;

@@ -1,4 +1,4 @@
-/** Laws of control: a run with sliders for its gains, a comparison begun, and those that the folder holds. */
+/** View of the controllers: a run with sliders for the gains, a new benchmark, and the benchmarks of the folder. */
 import { effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Frame } from "./frame";
@@ -66,12 +66,12 @@ const seed = signal(1);
 const duration = signal("");
 const choices = signal<Choices | null>(null);
 const answer = signal<Frame<Head> | null>(null);
-/** Gains as they follow from the drive: what the sliders begin with. */
+/** Gains that follow from the drive: the initial values of the sliders. */
 const tuned = signal<Gain[]>([]);
 const wrong = signal<Problem[]>([]);
 const isRunning = signal(false);
 
-/** Drives and circuits of the folder, then those of the catalogue. */
+/** Return the drives and circuits of the folder, then those of the catalogue. */
 function described(): string[] {
   const files = studies.value?.files.filter((one) => one.kind === "drive" || one.kind === "circuit") ?? [];
   return [...files.map((one) => one.path), ...(studies.value?.catalogue ?? []).map((one) => one.path)];
@@ -213,7 +213,7 @@ function ReferenceField() {
 const STEPS = 400;
 
 function GainSliders() {
-  if (isToml(law.value)) return <p class="note">The gains are those of the file.</p>;
+  if (isToml(law.value)) return <p class="note">The gains come from the file.</p>;
   return (
     <>
       {tuned.value.map((gain) => {
@@ -240,7 +240,7 @@ function GainSliders() {
         );
       })}
       {Object.keys(gains.value).length > 0 && (
-        <p><button type="button" class="link" onClick={() => (gains.value = {})}>All gains as they follow from the drive</button></p>
+        <p><button type="button" class="link" onClick={() => (gains.value = {})}>Reset all gains to the values that follow from the drive</button></p>
       )}
     </>
   );
@@ -253,7 +253,7 @@ function Shown() {
   const time = arrays.get("time_s")!;
   return (
     <section aria-label="The run">
-      {wrong.value.length > 0 && <p class="banner">Curves and numbers below are those of the last run.</p>}
+      {wrong.value.length > 0 && <p class="banner">Curves and numbers below belong to the last run.</p>}
       {head.warnings.map((one) => <p class="note" key={one}>{one}.</p>)}
       {head.lost && <p class="banner">Lost: the error exceeded 20 mm.</p>}
       <section class="plots" aria-label="Curves" data-samples={head.samples}>
@@ -263,12 +263,12 @@ function Shown() {
       </section>
       <div class="below">
         <div>
-          <h2>What the law was told</h2>
+          <h2>Assumed drive</h2>
           <p>{head.law} for {head.believes}, every {digits(1e3 * head.period_s)} ms, in the setup {head.setup[0]}. {head.setup[1]}</p>
           <Gains gains={head.gains.map((one) => ({ ...one, written: `${digits(one.number)} ${one.unit}` }))} />
           <Table heads={["The drive to its law", ""]} rows={head.plant} label="The drive to its law" />
           <ul>{head.limits.map((one) => <li key={one}>{one}</li>)}</ul>
-          <h2>What was true</h2>
+          <h2>True drive</h2>
           <p>The drive {head.drive}, {head.mismatch[0] ? `changed by ${head.mismatch[0]}. ${head.mismatch[1]}` : "as described."}</p>
           {head.true.length > 0 && <Table heads={["Deviation of the true drive", "factor, or SI"]} rows={head.true.map((one) => [one.name, one.value])} label="Deviations" />}
           <p class="note">{head.assumed} values are assumed: Drive lists those of the drive.</p>
@@ -320,7 +320,7 @@ function Checks(props: { legend: string; of: string[]; chosen: string[]; put: (c
   );
 }
 
-/** A comparison as a job, of the drive, the setup and the deviation that are chosen above. */
+/** Start a benchmark as a job, with the chosen drive, instrumentation and deviation. */
 function Compare() {
   const found = choices.value;
   if (!found) return null;

@@ -1,4 +1,4 @@
-/** What differs between two drives, or two fits of one kind. */
+/** Differences between two drives, or between two fits of one kind. */
 import { digits } from "./looks";
 
 export interface Compared {
@@ -11,7 +11,7 @@ export interface Compared {
 export function Differences({ values, lines }: Compared) {
   if (!values.length) return <p role="status">No value differs.</p>;
   return (
-    <section aria-label="What differs">
+    <section aria-label="Differences">
       <table>
         <thead>
           <tr>{["Value", "Before", "95 % before", "After", "95 % after", "Change, %"].map((head) => <th scope="col" key={head}>{head}</th>)}</tr>

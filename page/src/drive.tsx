@@ -1,4 +1,4 @@
-/** A description: circuit, fields and text side by side; the text is the truth. */
+/** View of a description: circuit, fields and text side by side. The text is the truth. */
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Circuit } from "./circuit";
@@ -58,7 +58,7 @@ export function DriveView() {
         </p>
         {onDisk.value && (
           <p class="row">
-            <span role="status">Another text stands on disk than the one that this began with.</span>
+            <span role="status">The file has changed on disk since you opened it.</span>
             <button type="button" onClick={takeFromDisk}>Drop these changes and show the file</button>
           </p>
         )}
@@ -69,7 +69,7 @@ export function DriveView() {
   );
 }
 
-/** The unit of a field; another one converts the value in the text. */
+/** Menu of the units of a field. A new unit converts the value in the text. */
 function Units({ field }: { field: Field }) {
   return (
     <select aria-label={`Unit of ${field.key}`} value={field.unit} onChange={(event) => void set(field.key, field.text, event.currentTarget.value)}>

@@ -1,4 +1,4 @@
-/** The text editor, loaded when it is opened. It lives in a shadow root: its styles are sheets, not elements. */
+/** Text editor, loaded when it is opened. Its styles are sheets of a shadow root, not elements. */
 import { defaultKeymap, history, historyKeymap } from "@codemirror/commands";
 import { HighlightStyle, StreamLanguage, syntaxHighlighting } from "@codemirror/language";
 import { toml } from "@codemirror/legacy-modes/mode/toml";

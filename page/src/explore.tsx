@@ -34,7 +34,7 @@ interface Head {
 
 type Heard = (content: unknown, buffers: DataView[]) => void;
 
-/** What a notebook gives a widget (anywidget.dev). */
+/** Interface that a notebook offers to a widget (anywidget.dev). */
 interface Model {
   get(name: "begin"): Begin;
   get(name: "changes"): Changes;
@@ -55,7 +55,7 @@ function Explore({ model }: { model: Model }) {
   const place = useRef<HTMLDivElement>(null);
   const link = useRef({ view: String(Math.random()), sent: 0, onTheWay: 0, most: 0, waiting: null as Changes | null });
 
-  /** At most one request is on its way, the newest waits. */
+  /** At most one request is in flight, and the newest one waits. */
   const pump = () => {
     const at = link.current;
     if (at.waiting === null || at.onTheWay > 0) return;

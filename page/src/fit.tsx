@@ -1,4 +1,4 @@
-/** A fit: its values, what lies behind them, and what to measure next. */
+/** View of a fit: its values, their origin, and the next measurements. */
 import { signal } from "@preact/signals";
 import { follow, JobList } from "./jobs";
 import { digits } from "./looks";
@@ -58,13 +58,16 @@ const attempt = attempting(wrong);
 const MM = 1000; // mm in a metre
 const BAR = 1e5; // Pa
 
-/** Another fit is shown. */
+/** Clear the details when another fit is shown. */
 export function forget(): void {
   behind.value = next.value = null;
   wrong.value = [];
 }
 
-/** The outline of a profile: from the lower end of the widest interval down to the value and up to its upper end; open ends are left out. */
+/**
+ * Return the outline of a profile: from the lower end of the widest interval to the value, and to the upper end.
+ * Open ends are left out.
+ */
 export function outline({ value, low, high, probability }: Profile): { x: number[]; y: number[] } {
   const ends = [...low.map((x, k) => [x, probability[k]!] as const).reverse(), [value, 0] as const, ...high.map((x, k) => [x, probability[k]!] as const)];
   const known = ends.filter((one): one is readonly [number, number] => one[0] !== null);
@@ -73,9 +76,9 @@ export function outline({ value, low, high, probability }: Profile): { x: number
 
 const titled = ({ name: of, unit }: Axis) => (unit && unit !== "1" ? `${of}, ${unit}` : of);
 
-/** Residuals, profiles, ellipses and next points of a fit, asked for when they are opened. */
+/** Residuals, profiles, ellipses and next points of a fit, read when they are opened. */
 export function Behind({ path }: { path: string }) {
-  const found = behind.value?.of === path ? behind.value : null; // another fit may be shown by now
+  const found = behind.value?.of === path ? behind.value : null; // another fit may be shown meanwhile
   const load = () => attempt(async () => void (behind.value = { ...(await read<BehindFit>("/api/behind", { path })), of: path }));
   return (
     <section aria-label="Behind the fit">
@@ -92,7 +95,7 @@ export function Behind({ path }: { path: string }) {
             <Scatter
               title="Residuals over speed"
               x="speed, mm/s"
-              y="measured less fitted friction, N"
+              y="measured minus fitted friction, N"
               log
               groups={[{ label: "values of the map", points: found.residuals.map(([speed, rest]) => ({ x: MM * speed, y: rest, spread: null })) }]}
             />
@@ -100,7 +103,7 @@ export function Behind({ path }: { path: string }) {
           {found.profiles.length > 0 && (
             <>
               <h2>Profiles: the interval of each value at every probability</h2>
-              <p class="note">By profile likelihood: all other values are fitted anew. A side that ends below 95 % is open: the data do not bound the value there.</p>
+              <p class="note">By profile likelihood: all other values are fitted again at each point. If a side ends below 95 %, the data do not limit the value there.</p>
               <div class="plots">
                 {found.profiles.map((one) => <Strip key={one.name} title={`Profile of ${one.name}`} x={titled(one)} y="probability of the interval, %" curves={[{ label: one.name, ...outline(one) }]} />)}
               </div>
@@ -222,7 +225,7 @@ export function FitTable({ found }: { found: Fit }) {
           ))}
         </tbody>
       </table></div>
-      {found.statements.length > 0 && <h2>What the data do not determine</h2>}
+      {found.statements.length > 0 && <h2>Values that the data do not determine</h2>}
       <ul>{found.statements.map((one) => <li key={one}>{one}</li>)}</ul>
       <ul>{found.notes.map((one) => <li key={one}>{one}</li>)}</ul>
     </section>

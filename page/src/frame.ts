@@ -1,4 +1,7 @@
-/** Frames of the server: length of the head (4 bytes, little-endian), a head of JSON, arrays on multiples of 8 bytes. */
+/**
+ * Frames of the server: length of the head (4 bytes, little-endian), a head in JSON, arrays at multiples of 8
+ * bytes.
+ */
 
 export type Numbers = Float32Array | Float64Array;
 
@@ -7,10 +10,10 @@ export interface Frame<Head> {
   arrays: Map<string, Numbers>;
 }
 
-/** The last one: about what the numbers lie, where they are sent in 32 bits. */
+/** Entry of an array. Numbers sent in 32 bits are differences from `middle`. */
 type Listed = [name: string, kind: "f4" | "f8", at: number, length: number, middle?: number];
 
-/** Read a frame; the arrays are views of its bytes, but for those that lie about a number. */
+/** Read a frame. The arrays are views of its bytes, except arrays with a `middle`. */
 export function unpack<Head>(bytes: ArrayBuffer): Frame<Head> {
   const start = 4 + new DataView(bytes).getUint32(0, true);
   const { arrays, ...head } = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, start - 4))) as {

@@ -1,4 +1,4 @@
-/** Friction maps with the curves of their fit, and fits of every kind. */
+/** View of friction maps with the curves of their fit, and of fits of every kind. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits } from "./looks";
@@ -49,7 +49,7 @@ const pressure = signal("none");
 const name = signal("fit-2");
 const drawn = signal("");
 
-/** Draw the curves of another fit beside the map. */
+/** Draw the curves of another fit over the map. */
 const choose = (path: string, of: string): Promise<void> =>
   attempt(async () => {
     forget();
@@ -62,7 +62,7 @@ const choose = (path: string, of: string): Promise<void> =>
     drawn.value = of;
   });
 
-/** Fit a law to the map as a job, then draw it. */
+/** Fit a law to the map as a job, then draw the fit. */
 const refit = (path: string): Promise<void> =>
   attempt(async () => {
     const job = await ask<{ out: string; number: number }>("/api/jobs", { kind: "fit", map: path, law: law.value, pressure: pressure.value, name: name.value });
@@ -105,10 +105,10 @@ function Refit({ path, found }: { path: string; found: FrictionMap }) {
 
 const besideOf = (path: string): string => `${path.slice(0, path.lastIndexOf("/") + 1)}fit.toml`;
 
-/** The fit whose curves are drawn: the one that was chosen, or the one beside the map; empty where that is none. */
+/** Fit whose curves are drawn: the chosen fit, or else the fit next to the map. Empty without either. */
 const drawnFit = (path: string): string => drawn.value || (map.value?.fit ? "" : besideOf(path));
 
-/** The fit that is shown: the file itself, or the one that is drawn. */
+/** Fit that is shown: the open file, or else the drawn fit. */
 const pathOfFit = (path: string): string => (isToml(path) ? path : drawnFit(path));
 
 let generation = 0;
@@ -167,12 +167,12 @@ const slice = signal<(Slice & { speed: number; of: string }) | null>(null);
 const difference = signal<(Difference & { other: string; of: string }) | null>(null);
 const NEAR = 0.05; // speeds that differ by less, relatively, are one level
 
-/** The speeds of a map, each level once. */
+/** Return the different speeds of a map. */
 export function levels(speeds: number[]): number[] {
   return [...speeds].sort((a, b) => a - b).filter((one, k, all) => k === 0 || one > all[k - 1]! * (1 + NEAR));
 }
 
-/** Groups of a plot over an axis of size `size`, from points and curves whose abscissa is named `key`. */
+/** Return the groups of a plot over an axis of size `size`, from points and curves whose abscissa is named `key`. */
 function drawnGroups<Key extends "speed" | "gauge">(key: Key, size: number, groups: { label: string; points: ({ friction: number; spread: number | null } & Record<Key, number>)[]; curve?: Curve & Record<Key, number[]> }[]): Group[] {
   return groups.map(({ label, points, curve }) => ({
     label,
@@ -183,7 +183,7 @@ function drawnGroups<Key extends "speed" | "gauge">(key: Key, size: number, grou
   }));
 }
 
-/** A part of the map: one pressure, one speed; or what another map lies above it. */
+/** Plot of a part of the map: one pressure, one speed, or the difference from another map. */
 function Cuts({ path, found }: { path: string; found: FrictionMap }) {
   const fit = (drawn.value || besideOf(path)).replace(/^.*\//, "");
   const of = `${path} ${fit}`; // another map may be shown by the time of an answer

@@ -1,4 +1,4 @@
-/** A drive for other tools: the export as a job, and what an FMU of the folder says of itself. */
+/** View that exports a drive for other tools, and shows the description of an FMU of the folder. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { follow, JobList } from "./jobs";
@@ -29,7 +29,7 @@ interface Fmu {
   fmpy: string;
 }
 
-/** What a drive can become: the words of the command, and how it is called. */
+/** Forms of an export: arguments of the command, and title. */
 const FORMS: Record<string, [to: string, fmi: string, title: string]> = {
   "2.0": ["fmu", "2.0", "FMU by FMI 2.0"],
   "3.0": ["fmu", "3.0", "FMU by FMI 3.0"],
@@ -66,7 +66,7 @@ export function HandoverView() {
   return (
     <div class="handover">
       <h2>{at}</h2>
-      <p><a href={link("handover")}>Another export, and all of them</a></p>
+      <p><a href={link("handover")}>A new export, and all exports</a></p>
       <Problems of={wrong.value} />
       {found.value && <Seen now={found.value} />}
     </div>
@@ -117,7 +117,7 @@ function Start() {
   );
 }
 
-const TITLES: Record<Variable["causality"], string> = { input: "Inputs", output: "Outputs", parameter: "Parameters, which can be set before a run" };
+const TITLES: Record<Variable["causality"], string> = { input: "Inputs", output: "Outputs", parameter: "Parameters, set before a run" };
 
 function Seen({ now }: { now: Fmu }) {
   return (

@@ -1,4 +1,7 @@
-/** Friction over speed and pressure as cells: measured, of the fit, or hatched where the fit is extrapolated. */
+/**
+ * Heat map of friction over speed and pressure. Cells are measured or from the fit, and hatched where the fit is
+ * extrapolated.
+ */
 import { digits, isDark } from "./looks";
 
 interface Heated {
@@ -10,9 +13,9 @@ const LEFT = 190;
 const CELL = { width: 26, height: 20 };
 const BELOW = 62;
 const MM = 1000;
-const KINDS: Record<string, string> = { measured: "mean of the measured points", fit: "of the fit, between measured speeds", extrapolated: "of the fit, beyond the measured speeds" };
+const KINDS: Record<string, string> = { measured: "mean of the measured points", fit: "from the fit, between measured speeds", extrapolated: "from the fit, beyond the measured speeds" };
 
-/** A colour between the paper and a dark (or, on dark paper, a light) blue. */
+/** Return a colour between the paper and dark blue, or light blue on dark paper. */
 export function colour(share: number): string {
   const [from, to] = isDark() ? [[30, 45, 62], [150, 205, 255]] : [[236, 243, 250], [14, 60, 112]];
   return `rgb(${from!.map((one, k) => Math.round(one + share * (to![k]! - one))).join(" ")})`;
@@ -57,7 +60,7 @@ export function Heat({ of }: { of: Heated }) {
         <text x={LEFT - 8} y={height + 55} text-anchor="end">{digits(low, 3)} N</text>
         <text x={LEFT + 168} y={height + 55}>{digits(high, 3)} N</text>
       </svg>
-      <p class="note">Framed: mean of the measured points. Without a frame: of the fit. Hatched: the fit beyond the measured speeds.</p>
+      <p class="note">Framed: mean of the measured points. Without a frame: from the fit. Hatched: from the fit, beyond the measured speeds.</p>
     </figure>
   );
 }

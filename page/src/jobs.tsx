@@ -1,4 +1,4 @@
-/** The jobs of the server: how they stand, their output, an end by Ctrl-C. */
+/** Jobs of the server: their state, their output, and a cancel button. */
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { link, type View } from "./routes";
@@ -11,14 +11,14 @@ interface Job {
   kind: string;
   out: string;
   state: "running" | "done" | "failed" | "cancelled";
-  ends: boolean; // it was cancelled, and goes on to where it can stop
+  ends: boolean; // it was cancelled, and runs until it can stop
   tail: string;
   progress: { done: number; total: number; task: string } | null;
 }
 
 export const jobs = signal<Job[]>([]);
 const LOOK_MS = 300;
-/** What a finished job of a kind is shown by: view, what follows the folder's name, words. */
+/** Result of a finished job by kind: view, path inside the folder, text of the link. */
 const RESULTS: Record<string, [View, string, string]> = {
   characterise: ["friction", "/map.parquet", "Show the friction map of"],
   control: ["control", "", "Show the score card of"],
@@ -30,7 +30,7 @@ const RESULTS: Record<string, [View, string, string]> = {
   size: ["sizing", "", "Show the candidates of"],
 };
 
-/** Jobs whose results are shown while they are made. */
+/** Jobs whose results are shown while they run. */
 const WATCHED = ["control", "size"];
 
 const pause = () => new Promise((resolve) => setTimeout(resolve, LOOK_MS));
@@ -46,7 +46,7 @@ async function look(): Promise<void> {
 
 let isLooking = false;
 
-/** Look at the jobs until none runs, once for all views; return when the job of a number has ended, whatever else runs. */
+/** Poll the jobs until none runs, once for all views. Return when the job with this number has ended. */
 export async function follow(job = 0): Promise<void> {
   await look();
   if (!isLooking) void lookOn();
@@ -64,7 +64,7 @@ async function lookOn(): Promise<void> {
   isLooking = false;
 }
 
-/** Cancels a job, which may have a run to finish first. */
+/** Cancel a job, which may finish its current run first. */
 export function Cancel({ job, children }: { job: Job; children: ComponentChildren }) {
   return (
     <button type="button" disabled={job.ends} onClick={() => void ask("/api/cancel", { number: job.number }).then(() => follow())}>
@@ -73,7 +73,10 @@ export function Cancel({ job, children }: { job: Job; children: ComponentChildre
   );
 }
 
-/** All jobs, or those of one folder; `output` alone where the view has progress and an end of its own. */
+/**
+ * List of all jobs, or of one folder's jobs. With `output`, show only the output: the view shows progress and end
+ * itself.
+ */
 export function JobList({ of, output }: { of?: string; output?: boolean }) {
   const shown = jobs.value.filter((one) => of === undefined || one.out === of);
   return (

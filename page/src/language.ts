@@ -1,5 +1,7 @@
-/** uPlot asks the browser for its language as it loads. Where the system has none (LANG=C), Chromium says "en-US@posix", which is
- * no language, and nothing of the page would load. */
+/**
+ * uPlot asks the browser for its language when it loads. Without a system language (LANG=C), Chromium answers
+ * "en-US@posix". This is not a valid language, and the page would not load.
+ */
 try {
   Intl.getCanonicalLocales(navigator.language);
 } catch {

@@ -1,4 +1,4 @@
-/** What a file was made from, by the hashes that it carries, and what was made from it. */
+/** Lineage of a file: its inputs by the hashes that the file carries, and the files made from it. */
 import { signal } from "@preact/signals";
 import { follow, JobList } from "./jobs";
 import { Problems, useCopied } from "./parts";
@@ -28,14 +28,14 @@ interface Stale {
   unchecked: number;
 }
 
-/** The words of each state of an input. */
+/** Text of each state of an input. */
 const STATES: Record<Made["state"], string> = {
   same: "unchanged",
-  changed: "is no longer what it was made from",
-  differs: "has other values now, or values were set for this run",
-  missing: "not in the folder any more, or changed under another name",
-  named: "known by its name alone: the result holds no hash of it",
-  unread: "not checked: too long, or not readable as it was then",
+  changed: "changed since the file was made",
+  differs: "its values changed, or values were set for this run",
+  missing: "no longer in the folder, or changed under another name",
+  named: "known only by name: the result does not contain its hash",
+  unread: "not checked: too long, or no longer readable",
 };
 
 export const stale = signal<Stale>({ stale: {}, unchecked: 0 });
@@ -46,7 +46,7 @@ const attempt = attempting(wrong);
 const QUIET_MS = 1000; // after the list: what is opened at once does not wait for the hashes
 let waiting = 0;
 
-/** Ask soon which results are older than their inputs, while the list is looked at. */
+/** Check, while the list is shown, which results are older than their inputs. */
 export function lookForStale(): void {
   clearTimeout(waiting);
   waiting = setTimeout(() => void (route.value.view === "studies" && checkAll()), QUIET_MS);
@@ -96,7 +96,7 @@ function Inputs({ of, files }: { of: Made[]; files: Listed[] }) {
   );
 }
 
-/** The chain of the file that was asked for. */
+/** Lineage of the requested file. */
 export function Chain({ files }: { files: Listed[] }) {
   const now = shown.value;
   const [copy, copied] = useCopied(now?.again ?? null, attempt, "making it again");
@@ -111,14 +111,14 @@ export function Chain({ files }: { files: Listed[] }) {
         <>
           <h2>Where {now.path} comes from</h2>
           {now.stale.length > 0 && <p class="banner" role="status">Out of date: {now.stale.join(", ")} {now.stale.length > 1 ? "are" : "is"} no longer what it was made from.</p>}
-          {!now.inputs.length && <p>It holds no hash of anything that it was made from.</p>}
+          {!now.inputs.length && <p>It does not contain a hash of any input.</p>}
           <Inputs of={now.inputs} files={files} />
           {now.made.length > 0 && <h3>Made from it</h3>}
           <ul class="lineage">{now.made.map((one) => <li key={one} data-made={one}>{where(files, one)}</li>)}</ul>
           <p class="row">
             {now.again && (
               <>
-                <button type="button" onClick={() => void attempt(again)}>Make it again, under a new name</button>
+                <button type="button" onClick={() => void attempt(again)}>Make it again under a new name</button>
                 {copy}
               </>
             )}

@@ -1,4 +1,4 @@
-/** Looks of curves: line style differs beside colour, as in the product's figures. */
+/** Looks of curves: colour and line style differ, as in the figures of pneudrive's reports. */
 
 import { signal } from "@preact/signals";
 
@@ -24,10 +24,13 @@ const DARK = typeof matchMedia === "undefined" ? null : matchMedia("(prefers-col
 const dark = signal(DARK?.matches ?? false);
 DARK?.addEventListener("change", ({ matches }) => (dark.value = matches));
 
-/** Whether the paper is dark; what is drawn by it is drawn again when that changes. */
+/** Return whether the paper is dark. Drawings that read this are drawn again when it changes. */
 export const isDark = (): boolean => dark.value;
 
-/** In a notebook the paper is the notebook's: dark where the text around an element is light. Ends with what it returns. */
+/**
+ * Follow the notebook's paper: it counts as dark if the text around an element is light. Return a function that
+ * ends this.
+ */
 export function followInk(at: Element): () => void {
   const ink = document.createElement("canvas").getContext("2d", { willReadFrequently: true })!;
   const follow = () => {
@@ -53,14 +56,17 @@ export function look(index: number): { color: string; dash: number[] } {
   return { color: isDark() ? found.dark : found.light, dash: found.dash };
 }
 
-/** A time with the digits that tell it from one a hundredth of a step away: a recording of clock times has ten before the point. */
+/**
+ * Return a time with enough digits to tell it from a time one hundredth of a step away. A clock time in a recording
+ * has ten digits before the point.
+ */
 export function instant(time: number | undefined, step: number): string {
   if (time === undefined || Number.isNaN(time)) return "–";
   const count = time && step > 0 ? Math.ceil(Math.log10(Math.abs(time) / step)) + 3 : 15;
   return digits(time, Math.min(Math.max(count, 4), 15));
 }
 
-/** A number for people: four digits, no trailing zeros. */
+/** Return a number for people: four digits, no trailing zeros. */
 export function digits(value: number | null | undefined, count = 4): string {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   return String(Number(value.toPrecision(count)));

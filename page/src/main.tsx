@@ -31,16 +31,16 @@ const VIEWS: [View, string][] = [
 ];
 const OF_A_DESCRIPTION: View[] = ["drive", "simulate"];
 
-/** The file that each view had last. */
+/** Last open file of each view. */
 const last = signal<Partial<Record<View, string>>>({});
 
-/** The address belongs to the view: a jump within it would lead to another one. */
+/** The address belongs to the view. A link within the page would therefore open another view. */
 function toContent(event: Event): void {
   event.preventDefault();
   document.getElementById("main")!.focus();
 }
 
-/** A view that nobody foresaw to fail: it says so, in place of one that stands still. */
+/** Show the message of an unexpected error in place of a frozen view. */
 class Guarded extends Component<{ at: string; children: ComponentChildren }, { fault: string; at: string }> {
   override componentDidCatch(error: unknown): void {
     console.error(error);
@@ -58,7 +58,7 @@ class Guarded extends Component<{ at: string; children: ComponentChildren }, { f
   }
 }
 
-/** Where a link leads to another view and is gone with its own, the focus is in the new one. */
+/** Move the focus to the new view if the link that led to it has disappeared. */
 function useFocus({ view, path }: { view: View; path: string }): void {
   const before = useRef("");
   useEffect(() => {
@@ -104,7 +104,7 @@ function Page() {
           </Guarded>
         )}
       </main>
-      <footer>This page shows and simulates. It is no safety function.</footer>
+      <footer>This page shows and simulates. It is not a safety function.</footer>
     </>
   );
 }

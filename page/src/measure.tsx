@@ -1,4 +1,4 @@
-/** What a recording is measured with: two cursors, another recording aligned on a stroke, the faults that were found. */
+/** Measuring tools of a recording: two cursors, another recording aligned on a stroke, and the faults. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits, instant } from "./looks";
@@ -23,22 +23,22 @@ interface Beside {
   shift: number;
 }
 
-/** The other recording that is drawn over this one. */
+/** Recording that is drawn over this one. */
 export const beside = signal<Beside | null>(null);
-/** Times of the two cursors; null: nothing is measured. */
+/** Times of the two cursors. Null: nothing is measured. */
 export const cursors = signal<[number, number] | null>(null);
 
 const reading = signal("");
 const wrong = signal<Problem[]>([]);
 
-/** Another recording begins without what belonged to the one before. */
+/** Forget everything that belonged to the previous recording. */
 export function forgetBeside(): void {
   beside.value = cursors.value = null;
   reading.value = "";
   wrong.value = [];
 }
 
-/** The strokes of the recording are found anew: it has grown, or is another one. */
+/** Find the strokes again, because the recording grew or was replaced. */
 export function realign(own: Stroke[]): void {
   const now = beside.value;
   if (!now?.strokes.length) return;
@@ -46,19 +46,19 @@ export function realign(own: Stroke[]): void {
   beside.value = isThere ? { ...now, shift: shiftOf(own, now.strokes, now.numbers) } : null;
 }
 
-/** What a view asks for beside its own recording. */
+/** Return the part of a request that concerns the other recording. */
 export function besideAsked(): Record<string, string> {
   const now = beside.value;
   return now ? { beside: now.path, shift: String(now.shift) } : {};
 }
 
-/** The first strokes of two recordings that go the same way, by their numbers. */
+/** Return the numbers of the first strokes of two recordings that move in the same direction. */
 export function alike(own: Stroke[], other: Stroke[]): [number, number] {
   const there = other.findIndex((one) => one.direction === own[0]!.direction);
   return [1, Math.max(there, 0) + 1];
 }
 
-/** What is added to the times of the other recording. */
+/** Return the time shift of the other recording. */
 export const shiftOf = (own: Stroke[], other: Stroke[], [first, second]: [number, number]): number => own[first - 1]!.from - other[second - 1]!.from;
 
 const WORDS: Record<string, string> = {
@@ -74,12 +74,12 @@ const WORDS: Record<string, string> = {
 
 export const marksOf = (faults: Faults): Mark[] => Object.values(faults).flatMap((one) => one.places.map(([from, to]) => ({ from, to })));
 
-/** The place of a fault behind the middle of a view; behind the last one the first one. */
+/** Return the next fault after the middle of the view. The first fault follows the last. */
 export function nextPlace(places: [number, number][], middle: number): [number, number] {
   return places.find(([from, to]) => 0.5 * (from + to) > middle + 1e-9 * Math.abs(middle)) ?? places[0]!;
 }
 
-/** The faults of the recording by kind; a button goes from place to place. */
+/** Table of the recording's faults by kind. A button moves from one place to the next. */
 export function FaultsLine({ faults, span, whole, onShow }: { faults: Faults; span: [number, number]; whole: [number, number]; onShow: (span: [number, number]) => void }) {
   const kinds = Object.entries(faults);
   if (!kinds.length) return null;
@@ -109,7 +109,7 @@ export function FaultsLine({ faults, span, whole, onShow }: { faults: Faults; sp
 
 const pause = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
 
-/** A choice of another recording, and of the strokes of both that begin together. */
+/** Form for another recording, and for the strokes of both that are aligned. */
 export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow: (span: [number, number]) => void }) {
   const { path, strokes, onShow } = props;
   const now = beside.value;
@@ -167,7 +167,7 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow
         )}
         {now && (
           <span role="status" data-shift={now.shift}>
-            {now.strokes.length && strokes.length ? `moved by ${digits(now.shift, 12)} s` : "not aligned: strokes are known where a layout says what moves"}
+            {now.strokes.length && strokes.length ? `moved by ${digits(now.shift, 12)} s` : "not aligned: strokes need a layout that names the position"}
           </span>
         )}
       </p>
@@ -196,11 +196,11 @@ const fetchMeasured = newest(async () => {
     wrong.value = [];
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
-    if (of === asked) wrong.value = error.problems; // else another recording is opened by now
+    if (of === asked) wrong.value = error.problems; // else another recording was opened meanwhile
   }
 });
 
-/** Put the nearer cursor where a plot was clicked. */
+/** Move the nearer cursor to the clicked time. */
 export function pick(time: number): void {
   const now = cursors.value;
   if (now) cursors.value = Math.abs(time - now[0]) < Math.abs(time - now[1]) ? [time, now[1]] : [now[0], time];
@@ -208,10 +208,10 @@ export function pick(time: number): void {
 
 const STEPS = 1000;
 
-/** A time as it is read and typed: to a millionth of the view. */
+/** Field of a time, with a resolution of a millionth of the view. */
 export const told = (time: number, [from, to]: [number, number]): string => instant(time, (to - from) / 1e6);
 
-/** Two cursors, and between them time, difference and slope of each channel that is shown. */
+/** Two cursors, with the time, difference and slope between them for each shown channel. */
 export function Measuring({ path, version, columns, span, isTimed }: { path: string; version: string; columns: string[]; span: [number, number]; isTimed: boolean }) {
   const now = cursors.value;
   const other = beside.value;
@@ -252,7 +252,10 @@ export function Measuring({ path, version, columns, span, isTimed }: { path: str
   );
 }
 
-/** What was measured; apart from the cursors, whose fields would else lose what is being typed when an answer comes. */
+/**
+ * Table of the measured values. It is separate from the cursors, so that an answer does not overwrite a field in
+ * use.
+ */
 function MeasuredTable({ path, wanted, span, isTimed }: { path: string; wanted: string; span: [number, number]; isTimed: boolean }) {
   const found = measured.value;
   const of = (value: number | null, of: string) => (value === null ? "–" : `${digits(value, 6)}${of && ` ${of}`}`);

@@ -1,4 +1,4 @@
-/** The description that is open: its text is the truth, and what the server says of it. */
+/** The open description: its text is the truth, and the server's answer about the text is kept with it. */
 import { effect, signal, untracked } from "@preact/signals";
 import { answering, ask, isAnswering, newest, read, Refused, typed, write, type Problem } from "./server";
 import type { Drawing } from "./circuit";
@@ -37,11 +37,11 @@ export interface Opened {
 
 export const opened = signal<Opened | null>(null);
 export const problems = signal<Problem[]>([]);
-/** What was last valid: it stays while the text is wrong. */
+/** Last valid answer, kept while the text is wrong. */
 export const valid = signal<Checked | null>(null);
 export const drawing = signal<Drawing | null>(null);
 export const said = signal("");
-/** What stands on disk, where that is another text than the page began with and the page's own is not saved. */
+/** Text on disk, if it differs from the text that the page started from and the page has unsaved changes. */
 export const onDisk = signal<Found | null>(null);
 
 interface Found {
@@ -50,11 +50,11 @@ interface Found {
   checked: Checked;
 }
 
-/** Descriptions that were left with a text that is not saved. */
+/** Descriptions that were left with unsaved text. */
 const drafts = new Map<string, Opened>();
 const isSaved = (one: Opened | null): boolean => !one || one.text === one.saved;
 
-/** Whether the page has a text of a description that no file holds: what runs from the file does not see it. */
+/** Return whether the page has unsaved text of a description. Runs that read the file do not see this text. */
 export const isUnsaved = (path: string): boolean => (opened.value?.path === path ? !isSaved(opened.value) : drafts.has(path));
 
 addEventListener("beforeunload", (event) => {
@@ -63,7 +63,7 @@ addEventListener("beforeunload", (event) => {
 
 let asked = 0;
 
-/** Open a description, or look whether the one that is open is still what stands on disk. */
+/** Open a description, or check whether the open description still equals the file on disk. */
 export async function open(path: string): Promise<void> {
   const before = opened.value;
   const isOpen = before?.path === path;
@@ -98,7 +98,7 @@ export async function open(path: string): Promise<void> {
   }
 }
 
-/** Take the text that stands on disk in place of the page's own. */
+/** Replace the page's text by the text on disk. */
 export function takeFromDisk(): void {
   if (opened.value && onDisk.value) show(opened.value.path, onDisk.value, ++asked);
 }
@@ -110,7 +110,7 @@ function show(path: string, found: Found, mine: number): void {
   take(found.checked, mine, opened.value);
 }
 
-/** Take another text for the open file and have it checked; only the newest answer counts. */
+/** Replace the text of the open file and check it. Only the newest answer counts. */
 export async function change(text: string): Promise<void> {
   if (!opened.value || opened.value.text === text) return;
   opened.value = { ...opened.value, text };
@@ -118,7 +118,7 @@ export async function change(text: string): Promise<void> {
   await check();
 }
 
-/** Show what the server says of a text, and its drawing behind that; only the newest answer counts. */
+/** Show the server's answer to a text, and then its drawing. Only the newest answer counts. */
 function take(found: Checked, mine: number, { path, text }: { path: string; text: string }): void {
   if (mine !== asked) return;
   problems.value = found.problems;
@@ -133,7 +133,7 @@ function refused(error: unknown, mine: number): void {
   if (mine === asked) problems.value = error.problems;
 }
 
-/** One text is checked at a time: problems show as soon as the server answers, however fast keys follow each other. */
+/** Only one check is in flight. Problems therefore appear as soon as the server answers, even during fast typing. */
 const check = newest(async () => {
   const [mine, now] = [asked, opened.value];
   if (!now) return; // it was left meanwhile
@@ -162,8 +162,10 @@ const draw = newest(async () => {
 
 let edits = Promise.resolve();
 
-/** Set one value in the text, written in a unit if one is given; the server keeps comments and order. One edit goes after
- * the other, each into the text that stands there by then. */
+/**
+ * Set one value in the text, with an optional unit. The server keeps comments and order. Edits are applied one
+ * after the other, each to the current text.
+ */
 export function set(key: string, value: string | number, unit?: string): Promise<void> {
   const into = opened.value?.path;
   return (edits = edits.then(() => edit(into, { key, value, unit })));
@@ -186,7 +188,7 @@ async function edit(into: string | undefined, what: { key: string; value: string
   }
 }
 
-/** Set a value that has no unit. */
+/** Set a value that is not in a unit. */
 export function setNumber(key: string, text: string): Promise<void> {
   try {
     return set(key, typed(key, text));
@@ -196,7 +198,7 @@ export function setNumber(key: string, text: string): Promise<void> {
   }
 }
 
-/** A description was left while it was saved: what was typed behind that is still not saved. */
+/** The description was left during the save. Text typed since then is still unsaved. */
 function leave({ path, text }: Opened, now: Pick<Opened, "saved" | "sha256">): void {
   const left = drafts.get(path);
   if (left?.text === text) drafts.delete(path);
@@ -205,7 +207,7 @@ function leave({ path, text }: Opened, now: Pick<Opened, "saved" | "sha256">): v
 
 export const wasSaved = (path: string): string => `Saved ${path}.`;
 
-/** Save; a file that changed on disk meanwhile is not overwritten. */
+/** Save the text. A file that changed on disk since then is not overwritten. */
 export async function save(path: string): Promise<void> {
   const now = opened.value;
   if (!now) return;

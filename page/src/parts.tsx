@@ -6,10 +6,10 @@ import { ask, type attempting, connection, read, Refused, type Listed, type Prob
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
 
-/** Whether a problem lies in a text of that name, not in a file that the text names. */
+/** Return whether a problem is in the text of that name, not in a file that the text names. */
 export const isIn = ({ file }: Problem, name: string): boolean => !file || file === name;
 
-/** Problems in words; a line of the text `own` is a button that leads there. */
+/** List of problems. For the text `own`, each line number is a button that leads to the line. */
 export function Problems({ of, onLine, own = "" }: { of: Problem[]; onLine?: (line: number) => void; own?: string }) {
   return (
     <div class="problems" role="status" aria-live="polite">
@@ -35,9 +35,9 @@ export function Problems({ of, onLine, own = "" }: { of: Problem[]; onLine?: (li
 }
 
 const WORDS: Record<string, string> = {
-  lost: "The server does not answer. The page tries again; nothing is lost. If the server was ended, start it again and open the address that it prints.",
-  full: "The server draws curves in as many tabs as it can: close one of the others, and this one goes on.",
-  locked: "This tab has no token of the server. Open the address that pneudrive web printed; then this tab goes on.",
+  lost: "The server does not answer. The page tries again; nothing is lost. If the server was stopped, start it again and open the address that it prints.",
+  full: "The server already draws curves in as many tabs as it can. Close another tab, and this tab continues.",
+  locked: "This tab has no token of the server. Open the address that pneudrive web printed, and this tab continues.",
 };
 
 export function ConnectionLine() {
@@ -49,7 +49,7 @@ export function ConnectionLine() {
   );
 }
 
-/** Lines to copy; `of` says of what, where a view has several. What no command does has Python alone. */
+/** Lines to copy. `of` names their subject if a view has several. Work without a command is shown in Python only. */
 export function Copied({ command, python, of = "" }: { command?: string; python: string; of?: string }) {
   const [done, setDone] = useState("");
   useEffect(() => setDone(""), [command, python]);
@@ -58,7 +58,7 @@ export function Copied({ command, python, of = "" }: { command?: string; python:
       await navigator.clipboard.writeText(text);
       setDone(`Copied the ${what}.`);
     } catch {
-      setDone("Not copied: the browser does not let the page. Mark the lines and copy them.");
+      setDone("Not copied: the browser does not allow it. Select the lines and copy them.");
     }
   };
   return (
@@ -74,7 +74,7 @@ export function Copied({ command, python, of = "" }: { command?: string; python:
   );
 }
 
-/** What shows a job as lines to copy, and those lines: none once it is another job that is asked for. */
+/** Return a button that shows a job as lines to copy, and these lines. They disappear when the job changes. */
 export function useCopied(job: object | null, attempt: ReturnType<typeof attempting>, of = "") {
   const [held, hold] = useState({ asked: "", command: "", python: "" });
   const asked = JSON.stringify(job);
@@ -83,7 +83,7 @@ export function useCopied(job: object | null, attempt: ReturnType<typeof attempt
   return [button, held.asked === asked && <Copied of={of} command={held.command} python={held.python} />] as const;
 }
 
-/** What saves a text: it stays reachable where there is nothing to save, as a button that is disabled drops the focus. */
+/** Button that saves a text. It is never disabled in HTML, because a disabled button loses the focus. */
 export function SaveButton({ isSaved, save }: { isSaved: boolean; save: () => Promise<void> }) {
   return <button type="button" aria-disabled={isSaved} onClick={() => void (isSaved || save())}>Save</button>;
 }
@@ -97,7 +97,10 @@ interface NumberProps {
   whole?: boolean;
 }
 
-/** A number. What is none, or beyond the ends, is answered in words and changes nothing: a field of the type "number" drops a comma without a word. */
+/**
+ * Field of a number. A text that is not a number within its limits is answered with a message and changes nothing.
+ * A field of type "number" would drop a comma silently.
+ */
 export function NumberField({ label, value, put, low = -Infinity, high = Infinity, whole = false }: NumberProps) {
   const [wrong, setWrong] = useState("");
   useEffect(() => setWrong(""), [value]);
@@ -106,7 +109,7 @@ export function NumberField({ label, value, put, low = -Infinity, high = Infinit
     const isRight = Number.isFinite(given) && given >= low && given <= high && (!whole || Number.isInteger(given));
     if (isRight) put(given);
     const ends = [low > -Infinity ? ` from ${low}` : "", high < Infinity ? ` up to ${high}` : ""].join("");
-    setWrong(isRight ? "" : `"${text}" is not taken: a ${whole ? "whole number" : "number with a point before decimals"}${ends}`);
+    setWrong(isRight ? "" : `"${text}" is rejected: enter a ${whole ? "whole number" : "number with a point before decimals"}${ends}`);
   };
   return (
     <>
@@ -124,7 +127,7 @@ export const KINDS: Record<string, string> = {
   default: "default",
 };
 
-/** A choice of one drive, by its path. */
+/** Menu of all drives, by path. */
 export function DriveChoice({ label, drives, chosen }: { label: string; drives: string[]; chosen: Signal<string> }) {
   return (
     <label>
@@ -157,7 +160,7 @@ export function InFolder({ files, title, view }: { files: Listed[]; title: strin
 
 export const folderOf = (path: string): string => path.slice(0, Math.max(path.lastIndexOf("/"), 0));
 
-/** The report of a folder: opened as a page of its own, or saved; nothing where there is none. */
+/** Links that open or save the report of a folder. Nothing is shown without a folder. */
 export function ReportOf({ folder, changed }: { folder: string; changed?: unknown }) {
   const [address, setAddress] = useState("");
   useEffect(() => {

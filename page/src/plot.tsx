@@ -1,4 +1,4 @@
-/** One plot over time: the only file that touches uPlot. */
+/** One plot over time. Only this file uses uPlot. */
 import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import "./language"; // before uPlot, which reads it
 import uPlot from "uplot";
@@ -14,12 +14,12 @@ export interface Curve {
   look?: number; // its look; absent: its place
 }
 
-/** A column of an answer as a curve. */
+/** Return a column of an answer as a curve. */
 export function curveOf(arrays: Map<string, Numbers>, x: Numbers, column: string, label: string): Curve {
   return { label, x, y: arrays.get(column)!, at: arrays.get(`${column}/at`) };
 }
 
-/** The last place at or before a time; before the first one that. */
+/** Return the last index at or before a time, or the first index if the time is before it. */
 export function indexAt(times: ArrayLike<number>, at: number): number {
   let [low, high] = [0, times.length - 1];
   while (low < high) {
@@ -30,7 +30,7 @@ export function indexAt(times: ArrayLike<number>, at: number): number {
   return low;
 }
 
-/** The value of a curve at a time, between two samples on the line that joins them; beyond its ends no number. */
+/** Return the value of a curve at a time by linear interpolation, and NaN beyond its ends. */
 export function valueAt({ x, y, at = y }: Curve, time: number): number {
   const below = indexAt(x, time);
   if (x[below] === time) return at[below]!;
@@ -38,17 +38,17 @@ export function valueAt({ x, y, at = y }: Curve, time: number): number {
   return share > 0 ? at[below]! + share * (at[below + 1]! - at[below]!) : Number.NaN;
 }
 
-/** The time between two samples of a curve, on average. */
+/** Return the mean time between two samples of a curve. */
 const stepOf = (x: ArrayLike<number> | undefined): number => (x ? (x[x.length - 1]! - x[0]!) / (x.length - 1) : 0);
 
-/** A part of the time that is shaded: a stroke. */
+/** Shaded time span: a stroke. */
 export interface Shade {
   from: number;
   to: number;
   strong: boolean;
 }
 
-/** A place below the curves that is marked: a fault of a recording. */
+/** Marked place below the curves: a fault of a recording. */
 export interface Mark {
   from: number;
   to: number;
@@ -74,7 +74,7 @@ export interface PlotProps {
   extreme?: boolean; // values are the lowest and the highest of each pixel, in turn
 }
 
-/** Where many runs lie, shaded behind the curves. */
+/** Band of many runs, shaded behind the curves. */
 export interface Band {
   x: ArrayLike<number>;
   low: ArrayLike<number>;
@@ -91,16 +91,16 @@ function scaled(values: ArrayLike<number>, size: number): ArrayLike<number> {
   return out;
 }
 
-/** Numbers of an axis as the page writes all others, whatever the language of the browser. */
+/** Return numbers of an axis as the page writes all others, independent of the browser's language. */
 const written = (_: uPlot, splits: (number | null)[]): string[] => splits.map((one) => (one === null ? "" : digits(one, 12)));
 
-/** Room of a number of an axis, pixels: those of a short span far from zero are long. */
+/** Return the room for numbers of an axis, pixels. Numbers of a short span far from zero are long. */
 function space(_: uPlot, _axis: number, low: number, high: number): number {
   const decimals = Math.max(0, Math.ceil(-Math.log10((high - low) / 10)));
   return Math.max(70, 20 + 7 * Math.max(Math.abs(low), Math.abs(high)).toFixed(Math.min(decimals, 12)).length);
 }
 
-/** Values with null for what is no number: over NaN uPlot draws a line. */
+/** Return the values with null instead of NaN, because uPlot draws a line across NaN. */
 function withGaps(values: ArrayLike<number>): ArrayLike<number | null> {
   for (let i = 0; i < values.length; i++) if (Number.isNaN(values[i])) return Array.from(values, (one) => (Number.isNaN(one) ? null : one));
   return values;
@@ -114,13 +114,16 @@ function aligned(curves: Curve[], size: number): uPlot.AlignedData {
   return uPlot.join(tables);
 }
 
-/** Columns of pixels that the plots of the page have: each gets its own lowest and highest value. Without plots as told. */
+/**
+ * Return the number of pixel columns of the page's plots. Each column receives its own lowest and highest value.
+ * Without a plot, return `otherwise`.
+ */
 export function pixelsOfPlots(otherwise = 1000): number {
   const width = document.querySelector("main .u-over")?.clientWidth;
   return width ? Math.min(Math.max(Math.round(width * devicePixelRatio), 200), 4000) : otherwise;
 }
 
-/** The line of a look as the background of a mark in the legend. */
+/** Return the line of a look as the background of its mark in the legend. */
 function marker(index: number): string {
   const { color, dash } = look(index);
   let at = 0;
@@ -128,7 +131,7 @@ function marker(index: number): string {
   return `repeating-linear-gradient(90deg, ${stops.join(", ") || `${color}, ${color}`})`;
 }
 
-/** Whether curves are the same numbers under the same names: then nothing is drawn again. */
+/** Return whether the curves have the same numbers and names. Then nothing is drawn again. */
 function alike(some: Curve[], others: Curve[]): boolean {
   return some.length === others.length && some.every((one, i) => one.x === others[i]!.x && one.y === others[i]!.y && one.label === others[i]!.label);
 }
@@ -145,7 +148,7 @@ export function Plot(props: PlotProps) {
     held.current = { curves: props.curves, size: props.size, data: aligned(props.curves, props.size) };
   const { data } = held.current;
 
-  // Layout effects: an effect would run behind the next frame, and the curves would come a frame later.
+  /* Layout effects: an effect would run after the next frame, and the curves would come one frame late. */
   useLayoutEffect(() => {
     const at = place.current!;
     const ink = isDark() ? "#d8d8d8" : "#333333";
@@ -220,13 +223,19 @@ export function Plot(props: PlotProps) {
   );
 }
 
-/** The value of a curve at the time that is pointed at, where what is drawn there is the lowest or the highest of a pixel. */
+/**
+ * Return the value of a curve at the time under the pointer. The drawn value is the lowest or highest of its pixel
+ * column.
+ */
 function read({ curves, size }: PlotProps, u: uPlot, index: number, row: number | null): number | undefined {
   const one = curves[index];
   return one?.at && row !== null ? valueAt(one, u.data[0][row]!) / size : undefined;
 }
 
-/** Whether a curve turns up and down more often than every fourth pixel, and is drawn as `columns`: a stroke is smoother, but slow there. */
+/**
+ * Return whether a curve reverses more often than every fourth pixel. Such a curve is drawn as `columns`: a stroke
+ * is smoother but slow.
+ */
 function isDense(u: uPlot, series: number): boolean {
   const [from, to] = [u.valToIdx(u.scales["x"]!.min!), u.valToIdx(u.scales["x"]!.max!)];
   if (to - from < u.bbox.width) return false;
@@ -243,16 +252,19 @@ function isDense(u: uPlot, series: number): boolean {
   return turns > u.bbox.width / 4;
 }
 
-/** Whether a column lies on a stroke of a dash, not in a gap. */
+/** Return whether a pixel column is on a stroke of a dash, not in a gap. */
 export function isInDash(column: number, dash: number[]): boolean {
   let at = column % dash.reduce((sum, one) => sum + one, 0);
   return !dash.length || dash.findIndex((one) => (at -= one) < 0) % 2 === 0;
 }
 
-/** Paths of uPlot for logarithmic axes alone: a path kept behind each drawing would be swept up for ms while a slider is dragged. */
+/**
+ * Paths of uPlot, only for logarithmic axes. Paths kept after each drawing would cost some ms of garbage collection
+ * while a slider moves.
+ */
 const path: uPlot.Series.PathBuilder = (u, series, from, to) => (u.scales["x"]!.distr === 3 ? uPlot.paths.linear!()(u, series, from, to) : null);
 
-/** Values of a curve, and what puts them into pixels of linear axes. */
+/** Return the values of a curve and its scale in pixels of linear axes. */
 function placed(u: uPlot, series: number) {
   const { min: first, max: last } = u.scales["x"]!;
   const { min: least, max: most } = u.scales["y"]!;
@@ -268,7 +280,7 @@ function curve(u: uPlot, series: number): void {
 
 const DOT = 1.5; // radius of a value between two gaps, pixels
 
-/** Draw straight lines between values; of those in one column of pixels only the first, the lowest, the highest and the last. */
+/** Draw straight lines between values. A column of pixels keeps only its first, lowest, highest and last value. */
 export function lines(u: uPlot, series: number): void {
   const { x, y, left, top, width, height, first, most, perX, perY } = placed(u, series);
   const { ctx } = u;
@@ -293,7 +305,7 @@ export function lines(u: uPlot, series: number): void {
     [column, isOne] = [Number.NaN, true];
   };
   let [isDown, isAlone] = [false, false];
-  /** End a line before a gap: a value alone in its column of pixels, between two gaps, becomes a dot, as it has no line. */
+  /** End a line before a gap. A single value between two gaps becomes a dot, because it has no line. */
   const end = () => {
     leave();
     if (isDown && isAlone && low === high) ctx.arc(endX, endY, DOT * devicePixelRatio, 0, 2 * Math.PI);
@@ -332,8 +344,8 @@ export function lines(u: uPlot, series: number): void {
 }
 
 /**
- * Draw a curve of many values as a bar in each column of pixels, from the lowest to the highest point of its line there:
- * what a stroke shows of it, in a fiftieth of the time. NaN is a gap.
+ * Draw a curve of many values as one bar in each column of pixels, from the lowest to the highest point of its line.
+ * This looks like a stroke and takes 1/50 of its time. NaN is a gap.
  */
 function columns(u: uPlot, series: number): void {
   const { x, y, left, top, width, height, first, most, perX, perY } = placed(u, series);
@@ -350,7 +362,7 @@ function columns(u: uPlot, series: number): void {
     if (y[i] === undefined) continue; // a time of another curve
     const [next, to] = [Math.floor((x[i]! - first) * perX), (most - (y[i] ?? Number.NaN)) * perY];
     if (to === to) put(next, to);
-    // The line from the value before: half a step belongs to the column it leaves, half to the one it enters.
+    /* Half of the line from the previous value belongs to the previous column, half to this column. */
     if (to === to && at === at && next !== column) {
       const step = (to - at) / (next - column);
       for (let k = Math.max(column, -1); k < Math.min(next, width); k++) {
@@ -372,7 +384,7 @@ function columns(u: uPlot, series: number): void {
   u.ctx.restore();
 }
 
-/** Draw the shaded parts below the curves; of many that are too thin to see, none. */
+/** Shade the time spans below the curves. If they are many and too thin to see, draw no shading. */
 function shade(u: uPlot, parts: Shade[]): void {
   const { left, top, width, height } = u.bbox;
   const [low, high] = [u.scales["x"]!.min!, u.scales["x"]!.max!];
@@ -404,7 +416,7 @@ function mark(u: uPlot, places: Mark[]): void {
   u.ctx.restore();
 }
 
-/** Draw upright lines with their numbers. */
+/** Draw vertical lines with their numbers. */
 function upright(u: uPlot, times: number[]): void {
   const { left, top, width, height } = u.bbox;
   u.ctx.save();
@@ -424,7 +436,7 @@ function upright(u: uPlot, times: number[]): void {
   u.ctx.restore();
 }
 
-/** The ends of the values and of the bands. */
+/** Return the limits of the values and bands. */
 function within({ bands, size }: PlotProps, low: number, high: number): [number, number] {
   let [least, most] = [low, high];
   for (const one of bands ?? [])
@@ -484,7 +496,7 @@ function Values({ curves, size, unit, xUnit, title, extreme }: PlotProps) {
   );
 }
 
-/** Points with their spread, and the curve with its band that belongs to them. */
+/** Points with their spread, and the curve and band that belong to them. */
 export interface Group {
   label: string;
   points: { x: number; y: number; spread: number | null }[];
@@ -493,7 +505,10 @@ export interface Group {
 
 const MOST_BARS = 400; // spreads beyond which bars would cover the points
 
-/** Friction over speed: groups of points, and curves with bands; beyond the measured speeds a curve is dotted. */
+/**
+ * Plot of friction over speed: groups of points, and curves with bands. A curve is dotted beyond the measured
+ * speeds.
+ */
 export function Scatter(props: { title: string; x: string; y: string; groups: Group[]; log: boolean }) {
   const place = useRef<HTMLDivElement>(null);
   const latest = useRef(props);
@@ -565,7 +580,7 @@ export function Scatter(props: { title: string; x: string; y: string; groups: Gr
   );
 }
 
-/** The axis from zero, or from the lowest bar below it, to above the highest bar. */
+/** Return the limits of the axis: from zero, or from below the lowest bar, to above the highest bar. */
 export function reached(groups: Group[], low: number, high: number): [number, number] {
   const ends = groups.flatMap((group) => group.points.flatMap((one) => [one.y - (one.spread ?? 0), one.y + (one.spread ?? 0)]));
   const [least, most] = [Math.min(low, 0, ...ends), Math.max(high, 0, ...ends)];

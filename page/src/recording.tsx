@@ -1,4 +1,4 @@
-/** Recordings: any view of any length, strokes shaded, and the wizard for a layout. */
+/** View of recordings: any part at any length, shaded strokes, and a wizard for the layout. */
 import { batch, computed, effect, signal } from "@preact/signals";
 import { useEffect, useLayoutEffect } from "preact/hooks";
 import type { Frame, Numbers } from "./frame";
@@ -38,7 +38,7 @@ interface Head {
   number: number;
   problems?: Problem[];
   path: string;
-  key: string | null; // none: the file is another one by now
+  key: string | null; // none: the file was replaced
   missing: number;
   samples: number;
   raw: boolean;
@@ -57,7 +57,7 @@ interface Proposal {
 const MOST_PLOTS = 4; // to begin with
 const READ_MS = 150; // between two looks at a file that is being read
 const LOOK_MS = 1000; // at one that is shown
-const MOST_LOAD = 0.2; // of the time a file that goes on changing may be read
+const MOST_LOAD = 0.2; // fraction of the time for reading a file that keeps changing
 
 const about = signal<Opened | null>(null);
 const shown = signal<string[]>([]);
@@ -87,7 +87,7 @@ let generation = 0;
 let wake = () => {};
 const pause = (ms: number) => new Promise<void>((resolve) => setTimeout((wake = resolve), ms));
 
-/** Open a recording, and look at its file again as long as it is shown: it may grow, be replaced, or be half written. */
+/** Open a recording, and check its file again while it is shown. The file may grow, be replaced, or be half written. */
 async function open(path: string): Promise<void> {
   const mine = ++generation;
   const isGone = () => mine !== generation;
@@ -118,7 +118,7 @@ async function open(path: string): Promise<void> {
 
 const keyShown = () => about.value?.key;
 
-/** Go on with the recording that is shown, if there is one, and say how it stands with the file. */
+/** Keep the recording that is shown, and report the state of its file. */
 function stay(found: Opened): void {
   unread.value = found.problems ?? [];
   if (keyShown()) again.value = found.share ?? null;
@@ -126,7 +126,7 @@ function stay(found: Opened): void {
   if (found.channels && (wrong.value.length || isOwed)) turn.value += 1;
 }
 
-/** Put a recording on the page with what moves in it: at once where none is shown yet, else both together. */
+/** Show a recording with its strokes and faults. The first recording appears at once, later ones together with both. */
 async function put(found: Opened, path: string, isGone: () => boolean): Promise<void> {
   const before = keyShown() ? about.value! : undefined;
   if (!before) show(found);
@@ -146,7 +146,7 @@ async function put(found: Opened, path: string, isGone: () => boolean): Promise<
   });
 }
 
-/** Show a recording whole; one that has grown where it was looked at. */
+/** Show a new recording whole. A recording that has grown keeps its view. */
 function show(found: Opened, before?: Opened): void {
   const [from, to] = span.value;
   const names = (of?: Opened) => JSON.stringify([of?.time, of?.channels]);
@@ -176,7 +176,7 @@ function look(next: [number, number]): void {
   });
 }
 
-/** What the server is asked for: by the socket, as an answer comes some ms later by a request of its own. */
+/** Request for the server. It uses the socket, because a separate HTTP request costs some ms more. */
 const asked = computed(() => {
   if (!about.value?.channels) return null;
   const [from, to] = span.value;
@@ -188,7 +188,7 @@ let isOwed = false; // a view that was asked for
 function take({ head, arrays }: Frame<Head>): void {
   isOwed = head.key === null;
   if (head.problems) wrong.value = head.problems;
-  else if (isOwed) wake(); // another file has its name by now
+  else if (isOwed) wake(); // another file has its name now
   else if (head.path === asked.value?.path && head.key === asked.value.key) {
     wrong.value = [];
     const time = arrays.get("time")!;
@@ -199,7 +199,7 @@ function take({ head, arrays }: Frame<Head>): void {
   }
 }
 
-/** Digits that tell the ends of a span apart. */
+/** Return the digits that tell the ends of a span apart. */
 export const enough = (from: number, to: number): number =>
   Math.min(Math.max(Math.ceil(Math.log10(Math.max(Math.abs(from), Math.abs(to)) / (to - from || 1))) + 4, 7), 16);
 
@@ -272,8 +272,8 @@ function Controls({ found }: { found: Opened }) {
           {found.time ? `${digits(from, enough(from, to))} s to ${digits(to, enough(from, to))} s` : `sample ${Math.round(from)} to ${Math.round(to)}`}
           {head && `, ${head.samples.toLocaleString("en")} of ${found.samples!.toLocaleString("en")} samples`}
           {head && !head.raw && ", lowest and highest of each pixel"}
-          {head && head.missing > 0 && `, ${head.missing} values are no number, or beyond 3e38`}
-          {again.value !== null && `, the file is another one by now: ${Math.round(100 * again.value)} % read`}
+          {head && head.missing > 0 && `, ${head.missing} values are not numbers, or beyond 3e38`}
+          {again.value !== null && `, the file was replaced: ${Math.round(100 * again.value)} % read`}
           {strokes.value.length > 0 && `, ${strokes.value.length} strokes (darker: towards +x)`}
         </span>
       </p>
@@ -302,7 +302,7 @@ const isSpectral = signal(false);
 const spectra = signal<{ of: string; arrays: Map<string, Numbers> } | null>(null);
 const notSpectral = signal<Problem[]>([]);
 
-/** Spectra of the channels that are shown, within the view; a view that goes on moving is not asked about. */
+/** Spectra of the shown channels within the view. They are not requested while the view moves. */
 function Spectrum({ found, path }: { found: Opened; path: string }) {
   const [from, to] = span.value;
   const columns = shown.value.join("\n");
@@ -378,7 +378,7 @@ function Plots({ found }: { found: Opened }) {
   );
 }
 
-/** Propose a layout, let it be corrected, and write it beside the recording. */
+/** Form that proposes a layout, lets the user correct it, and writes it next to the recording. */
 function Wizard({ path }: { path: string }) {
   const place = path.includes("/") ? `${path.slice(0, path.lastIndexOf("/"))}/layout.toml` : "layout.toml";
   const now = proposal.value;
@@ -395,7 +395,7 @@ function Wizard({ path }: { path: string }) {
         await write(place, now!.text, "");
       } catch (error) {
         if (!(error instanceof Refused) || error.status !== 412) throw error;
-        said.value = `${place} is there already; nothing was written.`;
+        said.value = `${place} already exists; nothing was written.`;
         return;
       }
       proposals.delete(path);
@@ -406,7 +406,7 @@ function Wizard({ path }: { path: string }) {
     <section aria-label="Layout">
       <p class="row">
         <button type="button" onClick={() => void propose()}>Propose a layout</button>
-        <span role="status">{said.value || "A layout says which column is what, with unit and sign; then strokes are found and friction can be characterised."}</span>
+        <span role="status">{said.value || "A layout gives the meaning, unit and sign of each column. With a layout, strokes are found and friction can be characterised."}</span>
       </p>
       <Problems of={refused.value} />
       {now && (
@@ -454,7 +454,7 @@ function Wizard({ path }: { path: string }) {
 
 const folder = signal("");
 
-/** The friction of a recording, by the same command as in a terminal. */
+/** Friction of a recording, by the same command as in a terminal. */
 function Characterise({ path }: { path: string }) {
   useLayoutEffect(() => {
     folder.value = path.replace(/^.*\//, "").replace(/\..*$/, "");

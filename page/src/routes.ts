@@ -1,4 +1,4 @@
-/** The address of a view: `#/simulate/<file>`. */
+/** Address of a view: `#/simulate/<file>`. */
 import { signal } from "@preact/signals";
 
 export type View = "studies" | "drive" | "simulate" | "recording" | "friction" | "campaign" | "validation" | "sizing" | "control" | "handover";
@@ -7,7 +7,7 @@ export const route = signal<{ view: View; path: string }>({ view: "studies", pat
 
 export const link = (view: View, path = ""): string => `#/${view}/${encodeURIComponent(path)}`;
 
-/** Whether a name is that of a TOML file, whoever wrote its ending. */
+/** Return whether a name is that of a TOML file, in upper or lower case. */
 export const isToml = (path: string): boolean => path.toLowerCase().endsWith(".toml");
 
 export function follow(): void {
@@ -16,7 +16,7 @@ export function follow(): void {
   route.value = { view: known.find((one) => one === view) ?? "studies", path: decoded(path ?? "") };
 }
 
-/** A part of an address; one that was cut off stays as it is. */
+/** Decode a part of an address. A truncated part stays unchanged. */
 function decoded(part: string): string {
   try {
     return decodeURIComponent(part);
@@ -25,5 +25,5 @@ function decoded(part: string): string {
   }
 }
 
-/** The view that shows a file of a kind. */
+/** Return the view that shows files of this kind. */
 export const VIEW_OF: Record<string, View> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction", campaign: "campaign", comparison: "control", validation: "validation", task: "sizing", sizing: "sizing", fmu: "handover", other: "drive" };

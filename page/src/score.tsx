@@ -1,4 +1,4 @@
-/** The score card of a comparison: laws beside references, all runs, tracks over each other, what was told and true. */
+/** Score card of a benchmark: controllers and reference tracks, all runs, overlaid tracks, measured and true values. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Frame } from "./frame";
@@ -60,7 +60,7 @@ const STILL_MS = 10_000; // without a run of another process: it has ended, or i
 
 let asked = 0;
 
-/** Read a card; only the newest answer counts. */
+/** Read a card. Only the newest answer counts. */
 async function openCard(path: string, one: string): Promise<void> {
   const mine = ++asked;
   try {
@@ -104,7 +104,8 @@ export function ScoreCard({ path }: { path: string }) {
       gone = true;
     };
   }, [path, job?.state, isUnfinished]);
-  // While runs are done, the tracks of each law appear with its first run along the reference; those that are drawn stay.
+  /* During a benchmark, the tracks of a controller appear after its first run along the reference. Tracks already
+     drawn stay. */
   const ready = new Set(found?.each.filter((one) => one.reference === along.value).map((one) => one.law)).size;
   useEffect(() => {
     tracks.value = null;
@@ -127,7 +128,7 @@ export function ScoreCard({ path }: { path: string }) {
   return (
     <div class="score">
       <h2>{path}</h2>
-      <p><a href={link("control")}>A run, a new comparison, and all comparisons</a></p>
+      <p><a href={link("control")}>A run, a new benchmark, and all benchmarks</a></p>
       <Problems of={[...wrong.value, ...notResumed.value]} />
       {found && <About found={found} />}
       <ReportOf folder={path} changed={found?.finished} />
@@ -140,7 +141,7 @@ export function ScoreCard({ path }: { path: string }) {
       {found && (
         <details>
           <summary>The same as a command and as Python</summary>
-          <Copied command={found.command || "This comparison was not begun by a command in this folder."} python={found.python} />
+          <Copied command={found.command || "This benchmark was not started by a command in this folder."} python={found.python} />
         </details>
       )}
     </div>
@@ -151,7 +152,7 @@ function About({ found }: { found: Card }) {
   const each = found.spread ? `${found.count} members of the spread ${found.spread}` : `${found.count} seeds of noise`;
   return (
     <>
-      <p class="banner">Synthetic: laws and drive share the equations of the simulation, so that only what the laws were told can be wrong.</p>
+      <p class="banner">Synthetic: controllers and drive share the equations of the simulation. Only the controllers' parameters can be wrong.</p>
       <p>
         <b>{found.drive}</b>, setup {found.setup[0]}, {each} for each law and reference
         {found.mismatch && `, the true drive deviates by ${found.mismatch}`}. {found.setup[1]}
@@ -170,7 +171,7 @@ function Unfinished({ path, isRunning }: { path: string; isRunning: boolean }) {
   return (
     <p class="row" role="status">
       Not finished: runs that are done are kept.{" "}
-      {!isRunning && isElsewhere && "A process that this server did not start goes on with them."}
+      {!isRunning && isElsewhere && "A process that this server did not start continues them."}
       {!isRunning && !isElsewhere && <button type="button" onClick={() => void resume()}>Resume</button>}
     </p>
   );
@@ -178,7 +179,7 @@ function Unfinished({ path, isRunning }: { path: string; isRunning: boolean }) {
 
 function Matrix({ found }: { found: Card }) {
   const now = found.measures.find((one) => one.name === found.measure)!;
-  const middle = found.spread ? "median, then what 95 % and all of the members stay below" : "median of the seeds, then least and largest";
+  const middle = found.spread ? "median, then the limit for 95 % and for all of the members" : "median of the seeds, then least and largest";
   return (
     <section aria-label="Score card">
       <p class="row">
@@ -190,7 +191,7 @@ function Matrix({ found }: { found: Card }) {
         </label>
         <span class="note">{middle}; simulated. ★ smallest of a column.</span>
       </p>
-      <div class="scroll" tabIndex={0} role="region" aria-label={`${now.title} of laws and references`}>
+      <div class="scroll" tabIndex={0} role="region" aria-label={`${now.title} of controllers and references`}>
         <table class="card">
           <thead>
             <tr>
@@ -229,7 +230,7 @@ function Cell({ of }: { of: Card["cells"][number] | undefined }) {
   );
 }
 
-/** The look of a law: a piece of its line. */
+/** Look of a controller: a piece of its line. */
 function Mark({ index }: { index: number }) {
   const { color, dash } = look(index);
   return (
@@ -262,7 +263,7 @@ function Along({ found }: { found: Card }) {
           <Plot title="Errors" unit={now.head.error.unit} size={now.head.error.size} height={260} curves={now.head.laws.map((law) => ({ ...curve(now, law, "error_m", law), look: found.laws.indexOf(law) }))} />
         </div>
       )}
-      {now && <p class="note">Of each law its first run. Error: reference less true position.</p>}
+      {now && <p class="note">First run of each controller. Error: reference minus true position.</p>}
       {table && <Table heads={table.heads} rows={table.rows} label={`Medians along ${along.value}`} />}
     </section>
   );
@@ -274,7 +275,7 @@ const WIDTH = 700;
 const ROW = 26;
 const LEFT = 120;
 
-/** Each run as a tick on the line of its law, over a logarithmic axis. */
+/** Each run as a tick on its controller's line, over a logarithmic axis. */
 function Strip({ found }: { found: Card }) {
   const now = found.measures.find((one) => one.name === found.measure)!;
   const runs = found.each.filter((one) => one.reference === along.value);
@@ -285,7 +286,7 @@ function Strip({ found }: { found: Card }) {
   const at = (value: number) => LEFT + ((Math.log10(value / now.size) - low) / (high - low)) * (WIDTH - LEFT - 20);
   const height = ROW * found.laws.length + 36;
   const decades = Array.from({ length: high - low + 1 }, (_, index) => 10 ** (low + index));
-  const said = `${now.title} of each run, ${now.unit}, one row for each law: ${found.laws.map((law) => `${law} ${known.filter((one) => one.law === law).length} runs`).join(", ")}`;
+  const said = `${now.title} of each run, ${now.unit}, one row for each controller: ${found.laws.map((law) => `${law} ${known.filter((one) => one.law === law).length} runs`).join(", ")}`;
   return (
     <figure class="plot strip">
       <figcaption>{now.title} of each run, {now.unit}</figcaption>
@@ -339,7 +340,7 @@ function Told({ found }: { found: Card }) {
   return (
     <section aria-label="Told and true">
       <h2>What the laws were told</h2>
-      <Table heads={["The drive to its laws, about mid stroke", ""]} rows={found.plant} label="The drive to its laws" />
+      <Table heads={["Drive as assumed by the controllers, near mid-stroke", ""]} rows={found.plant} label="The drive to its laws" />
       {Object.entries(found.told).map(([law, one]) => (
         <details key={law}>
           <summary>
@@ -349,11 +350,11 @@ function Told({ found }: { found: Card }) {
           <ul>{one.limits.map((it) => <li key={it}>{it}</li>)}</ul>
         </details>
       ))}
-      <h2>What was true</h2>
+      <h2>True drive</h2>
       {found.true.length ? (
-        <Table heads={["Deviation of the true drive: factor, or SI", "least", "largest"]} rows={found.true.map((one) => [one.name, one.least, one.largest])} label="What was true" />
+        <Table heads={["Deviation of the true drive: factor, or SI", "least", "largest"]} rows={found.true.map((one) => [one.name, one.least, one.largest])} label="True drive" />
       ) : (
-        <p>{found.finished ? `The drive ${found.drive}, ${found.mismatch ? `changed by ${found.mismatch}` : "as described"}; sensors and converters as the setup has them.` : "Not known before the runs are done."}</p>
+        <p>{found.finished ? `The drive ${found.drive}, ${found.mismatch ? `changed by ${found.mismatch}` : "as described"}; sensors and converters as in the instrumentation.` : "Not known before the runs are done."}</p>
       )}
     </section>
   );

@@ -1,4 +1,4 @@
-/** Everything that goes between the page and its server: token, requests, the socket behind the sliders. */
+/** Traffic between the page and its server: token, requests, and the socket of the sliders. */
 import { effect, signal, type Signal } from "@preact/signals";
 import { unpack, type Frame } from "./frame";
 
@@ -33,7 +33,7 @@ export interface Studies {
 
 export type Connection = "open" | "full" | "lost" | "locked" | "starting";
 
-/** What the page knows of the server; every view shows it. */
+/** State of the connection to the server, shown in every view. */
 export const connection = signal<Connection>("starting");
 
 const KEY = "pneudrive-token";
@@ -53,7 +53,7 @@ export async function unlock(): Promise<boolean> {
     if (event.data !== "ask") goOn(event.data.token);
     else if (token && isAnswering()) channel.postMessage({ token });
   };
-  if (found && token) channel.postMessage({ token }); // a tab of a server that was started again goes on
+  if (found && token) channel.postMessage({ token }); // a tab of a restarted server continues
   if (token) keep(token);
   else connection.value = "locked";
   return token !== "";
@@ -64,7 +64,7 @@ function keep(given: string): void {
   sessionStorage.setItem(KEY, given);
 }
 
-/** Go on with the token of a server that was started again, or begin with the first one. */
+/** Use the token of a restarted server, or the first token. */
 function goOn(given: string): void {
   const isFirst = !token;
   keep(given);
@@ -75,10 +75,10 @@ function goOn(given: string): void {
   }
 }
 
-/** Ask for anything: the answer, or its absence, is the connection. */
+/** Send any request. The answer, or its absence, sets the state of the connection. */
 const look = (): Promise<unknown> => fetched("/api/jobs", {}, false).catch(() => undefined);
 
-/** Whether requests are answered; a socket may find no room all the same. */
+/** Whether the server answers requests. It may still refuse another socket. */
 export const isAnswering = (): boolean => connection.value === "open" || connection.value === "full";
 
 /** Wait until the server answers. */
@@ -116,7 +116,7 @@ function askTabs(): Promise<string> {
   });
 }
 
-/** What asks once at a time: while one is on its way, the newest waits. */
+/** Return a function that runs once at a time. While one call is in flight, the newest waits. */
 export function newest(what: () => Promise<void>): () => Promise<void> {
   let [isAsking, isWaiting] = [false, false];
   return async function next() {
@@ -132,7 +132,7 @@ export function newest(what: () => Promise<void>): () => Promise<void> {
   };
 }
 
-/** An answer that says what is wrong, in the product's own words. */
+/** Answer that reports problems, in the server's words. */
 export class Refused extends Error {
   constructor(
     readonly status: number,
@@ -143,7 +143,7 @@ export class Refused extends Error {
   }
 }
 
-/** What does something and puts the problems of a refusal where a view shows them. */
+/** Return a function that runs an action and shows the problems of a refusal in the view. */
 export const attempting =
   (wrong: Signal<Problem[]>) =>
   async (what: () => Promise<unknown>): Promise<void> => {
@@ -156,7 +156,7 @@ export const attempting =
     }
   };
 
-/** What a request is answered; one that only reads waits for a server that does not answer, and asks again. */
+/** Send a request and return its answer. A read-only request waits until the server answers, and is sent again. */
 async function fetched(path: string, options: RequestInit = {}, waits = !options.method): Promise<Response> {
   let answer: Response;
   const used = token;
@@ -185,7 +185,7 @@ export function plain(what: string): Problem {
   return { line: null, key: null, what, value: null, rule: null, remedy: null };
 }
 
-/** The number that a field has; a text that is no number is refused, never taken for an empty field. */
+/** Return the number in a field. A text that is not a number is rejected, and not treated as an empty field. */
 export function typed(name: string, text: string): number {
   const value = text.trim() === "" ? Number.NaN : Number(text);
   if (Number.isFinite(value)) return value;
@@ -198,7 +198,7 @@ export const read = <T>(path: string, given: Record<string, string> = {}): Promi
 export const ask = <T>(path: string, body: unknown): Promise<T> =>
   answered<T>(path, { method: "POST", body: JSON.stringify(body) });
 
-/** Write a file that is still what the page read; `known` is its hash, empty for a new file. */
+/** Write a file that has not changed since the page read it. `known` is its hash, empty for a new file. */
 export const write = (path: string, text: string, known: string): Promise<{ sha256: string }> =>
   answered(`/api/file?${new URLSearchParams({ path })}`, {
     method: "PUT",
@@ -206,11 +206,11 @@ export const write = (path: string, text: string, known: string): Promise<{ sha2
     headers: known ? { "If-Match": `"${known}"` } : {},
   });
 
-/** Copy a file into the folder; one that is there is never written over. */
+/** Copy a file into the folder. An existing file is never overwritten. */
 export const drop = (file: File): Promise<{ size: number }> =>
   answered(`/api/drop?${new URLSearchParams({ path: file.name })}`, { method: "PUT", body: file });
 
-/** The bytes of a frame behind an address. */
+/** Return the bytes of a frame behind an address. */
 export async function frame<Head>(path: string, given: Record<string, string>): Promise<Frame<Head>> {
   return unpack<Head>(await (await fetched(`${path}?${new URLSearchParams(given)}`)).arrayBuffer());
 }
@@ -218,7 +218,7 @@ export async function frame<Head>(path: string, given: Record<string, string>): 
 const OF_ANOTHER = ["path", "record", "law"];
 const ROOM_MS = 11; // of a frame of 60 Hz in which a drawing may begin
 
-/** The socket: at most one request is on its way, the newest waits, older ones are dropped, only the newest is drawn. */
+/** The socket: at most one request is in flight and only the newest waits. Only the newest answer is drawn. */
 export class Live<Head extends { number: number }> {
   sent = 0;
   mostOnTheWay = 0;
@@ -250,7 +250,7 @@ export class Live<Head extends { number: number }> {
       const isOfAnother = OF_ANOTHER.some((key) => this.asked?.[key] !== this.last?.[key]);
       const frame = unpack<Head>(event.data);
       this.pump();
-      if (isOfAnother) return; // its curves would stand under the name of the file that is shown by now
+      if (isOfAnother) return; // its curves would appear under the name of the file that is now shown
       if (frame.head.number <= this.newest) return;
       this.newest = frame.head.number;
       document.documentElement.dataset["answered"] = String(this.newest);
@@ -269,24 +269,24 @@ export class Live<Head extends { number: number }> {
     this.socket = socket;
   }
 
-  /** At once, or as the next frame begins if a drawing would run into it: that frame would come late. */
+  /** Draw at once, or in the next frame if the drawing would make this frame late. */
   private drawNewest(): void {
     const frame = this.toDraw;
     this.toDraw = null;
     if (frame && !this.closed) this.draw(frame);
   }
 
-  /** Whether a request waits for the one that is on its way. */
+  /** Whether another request waits. */
   get isWaiting(): boolean {
     return this.waiting !== null;
   }
 
-  /** Whether an answer is still to come. */
+  /** Whether an answer is still expected. */
   get isRunning(): boolean {
     return this.isWaiting || this.onTheWay > 0;
   }
 
-  /** Ask for a run; a request that waits is dropped. */
+  /** Request a run. A waiting request is dropped. */
   request(asked: Record<string, unknown>): void {
     this.waiting = asked;
     this.last = asked;

@@ -52,7 +52,10 @@ const wrong = signal<Problem[]>([]);
 
 const fields = computed(() => new Map((valid.value?.values ?? []).map((one) => [one.key, one])));
 
-/** A slider's number holds for its value in its unit: in another one, as absolute in place of gauge, it is another pressure. */
+/**
+ * The number of a slider belongs to its unit. The same number in another unit, such as absolute instead of gauge,
+ * is another pressure.
+ */
 const placeOf = ({ key, unit = "" }: Field): string => `${key} ${unit}`;
 
 /** Numbers of the sliders that were moved, by the keys of their values. */
@@ -83,7 +86,7 @@ function request(pixels = 1000): Record<string, unknown> | null {
   };
 }
 
-/** What a new file begins with. */
+/** Template of a new file. */
 let begun = "";
 effect(() => {
   const now = valid.value;
@@ -102,7 +105,7 @@ effect(() => {
 });
 
 const copied = signal<{ command: string; python: string } | null>(null);
-/** What was copied holds for these values alone. */
+/** The copied lines hold for these values only. */
 effect(() => {
   request();
   copied.value = null;
@@ -129,7 +132,7 @@ function freeze(): void {
   frozen.value = [...frozen.value.slice(-6), { run, label, time: now.arrays.get("time_s")!, columns: now.arrays }];
 }
 
-/** The frame of the view: it knows nothing of answers, so that an answer redraws curves and numbers alone. */
+/** Frame of the view. It does not depend on answers, so that an answer redraws only curves and numbers. */
 export function SimulateView() {
   useEffect(() => {
     const live = new Live<Head>((frame) => {
@@ -190,13 +193,13 @@ function Buttons() {
   );
 }
 
-/** Why the newest values give no run: beside the curves, which are those of other values then. */
+/** Reason why the newest values give no run. The curves shown next to it belong to earlier values. */
 function Refusal() {
   if (!wrong.value.length) return null;
   return (
     <>
       <Problems of={wrong.value} />
-      {answer.value && <p class="banner">Curves and numbers below are those of the last run.</p>}
+      {answer.value && <p class="banner">Curves and numbers below belong to the last run.</p>}
     </>
   );
 }
@@ -243,7 +246,7 @@ function Beside() {
 
 const isMoving = computed(() => answer.value?.head.cylinders !== undefined);
 
-/** The circuit, which is drawn once, unless its pistons move. */
+/** Circuit, drawn once unless its pistons move. */
 function Drawn() {
   if (!drawing.value) return <div />;
   return isMoving.value ? <MovingCircuit now={answer.value!} drawing={drawing.value} /> : <Circuit drawing={drawing.value} />;
@@ -263,7 +266,7 @@ function PanelPlot({ panel }: { panel: Panel }) {
   return <Plot title={panel.title} unit={panel.unit} size={panel.size} curves={curves} bands={bands} cursors={timeCursor.value} onHover={pointAt} />;
 }
 
-/** The last value of each curve, as numbers: what a reader of the screen hears, and a test compares. */
+/** Last value of each curve as a number, for screen readers and tests. */
 function Ends() {
   const head = answer.value?.head;
   if (!head?.ends) return null;
@@ -380,7 +383,7 @@ function Slider({ field }: { field: Field }) {
   );
 }
 
-/** A choice of a CSV file of the folder as the command of a valve. */
+/** Menu that selects a CSV file of the folder as the command of a valve. */
 function FileCommand({ valve }: { valve: string }) {
   const files = (studies.value?.files ?? []).filter((one) => /\.csv$/i.test(one.path));
   if (!files.length) return null;

@@ -1,4 +1,4 @@
-/** From a task to drives: its text and what it says, the search as a job, candidates over time and air. */
+/** View of sizing: text and check of the task, the search as a job, and candidates over time and air. */
 import { computed, signal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import type { Editor } from "./editor";
@@ -20,7 +20,7 @@ interface Limit {
   interval: Ends;
 }
 
-/** Values that 99 % and 1 % of the draws pass; none in folders of earlier versions. */
+/** Values that 99 % and 1 % of the samples exceed. Folders of earlier versions do not have them. */
 type Ends = [number | null, number | null] | null;
 
 interface Candidate {
@@ -74,7 +74,7 @@ const text = signal("");
 const saved = signal("");
 const sha256 = signal("");
 const task = signal<Task | null>(null);
-/** What was last valid: it stays while the text is wrong. */
+/** Last valid answer, kept while the text is wrong. */
 const meant = signal<Task | null>(null);
 const said = signal("");
 const wrong = signal<Problem[]>([]);
@@ -93,18 +93,18 @@ const isFile = computed(() => isToml(path.value));
 
 let asked = 0;
 
-/** Texts of tasks that are not saved, by their path, with the hash of the file that they began with. */
+/** Unsaved texts of tasks by path, with the hash of the file that they started from. */
 const drafts = new Map<string, { text: string; sha256: string }>();
 addEventListener("beforeunload", (event) => void (drafts.size && event.preventDefault()));
 
-/** Take what is typed; it is kept until it is saved or dropped. */
+/** Keep the typed text until it is saved or dropped. */
 function type(next: string): Promise<void> {
   if (next === saved.value) drafts.delete(path.value);
   else drafts.set(path.value, { text: next, sha256: sha256.value });
   return change(next);
 }
 
-/** Take another text for the task and have it checked; only the newest answer counts. */
+/** Replace the text of the task and check it. Only the newest answer counts. */
 async function change(next: string): Promise<void> {
   text.value = next;
   const mine = ++asked;
@@ -125,12 +125,12 @@ async function load(at: string): Promise<void> {
     if (path.value !== at) return;
     const draft = drafts.get(at);
     [saved.value, sha256.value] = [one.text, draft?.sha256 ?? one.sha256];
-    if (draft && draft.sha256 !== one.sha256) said.value = `Another text stands in ${at} by now than the one that this began with.`;
+    if (draft && draft.sha256 !== one.sha256) said.value = `${at} has changed on disk since you opened it.`;
     await change(draft?.text ?? one.text);
   });
 }
 
-/** Show the file in place of what was typed. */
+/** Show the file instead of the typed text. */
 function dropChanges(): void {
   drafts.delete(path.value);
   void load(path.value);
@@ -151,7 +151,7 @@ async function save(): Promise<void> {
       await list();
     } catch (error) {
       if (!(error instanceof Refused) || error.status !== 412) throw error;
-      said.value = at ? `${into} changed on disk: nothing was written.` : `${into} is there already: nothing was written. Choose another name.`;
+      said.value = at ? `${into} changed on disk: nothing was written.` : `${into} already exists: nothing was written. Choose another name.`;
     }
   });
 }
@@ -197,7 +197,7 @@ export function SizingView() {
         <h2>{now?.name ?? path.value}</h2>
         <All />
         <Problems of={wrong.value} />
-        {now ? <Result now={now} folder={path.value} /> : <p>{state === "running" ? "There is no candidate yet." : wrong.value.length ? "" : "No search has begun in this folder."}</p>}
+        {now ? <Result now={now} folder={path.value} /> : <p>{state === "running" ? "There is no candidate yet." : wrong.value.length ? "" : "No search was started in this folder."}</p>}
         <JobList of={path.value} output />
       </div>
     );
@@ -314,7 +314,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
       <p class="banner">Simulated drives. Values that no sheet gives are assumed; each file says which.</p>
       <p data-state={running || now.searched ? "running" : now.done ? "done" : "stopped"} data-simulated={now.candidates.length}>
         {now.candidates.length} candidates simulated, {meets} meet the task; {now.short} choices are short of it even in the nominal case.{" "}
-        {now.task ? <a href={link("sizing", now.task)}>{now.task}</a> : "No task of this folder is this one any more."}
+        {now.task ? <a href={link("sizing", now.task)}>{now.task}</a> : "The folder does not contain this task any more."}
       </p>
       <ReportOf folder={folder} changed={now.done && !running} />
       {running && (
@@ -334,7 +334,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
               <button type="button" onClick={() => void ((draws.value = now.draws), run(folder))}>Resume</button>
             </>
           ) : (
-            `It goes on once the folder has its task again: ${folder}/sizing.json has its values.`
+            `It continues once the folder has its task again: ${folder}/sizing.json has the values.`
           )}
         </p>
       )}
@@ -413,7 +413,7 @@ function Candidates({ now, way }: { now: Sizing; way: "out" | "back" }) {
 const PERCENT = 100;
 const FULL = 100; // %: a load ratio above it does not move
 
-/** What lies between both ends. */
+/** Text of an interval. */
 const between = (ends: Ends | undefined, unit = "") => ends && <small>{ends.map((one) => (one === null ? "does not end" : digits(one, 3))).join(" … ")} {unit}</small>;
 
 type Column = [title: string, by: string, value: (one: Candidate) => number | null, limits: string[]];
@@ -430,7 +430,7 @@ const COLUMNS: Column[] = [
 ];
 const MOST_ROWS = 200;
 
-/** The candidates in the order of a column, pinned ones first; what misses its limit says so. */
+/** Candidates in the order of a column, pinned ones first. Values that miss their limit are marked. */
 function Table({ now }: { now: Sizing }) {
   const { by, down } = order.value;
   const value = COLUMNS.find((one) => one[1] === by)![2];

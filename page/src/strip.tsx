@@ -1,4 +1,4 @@
-/** Curves of any shape over each other, such as loops: both axes are free, and a curve may run back. */
+/** Figure of curves of any shape, such as loops. Both axes are free, and a curve may run back. */
 import { useState } from "preact/hooks";
 import { digits, look } from "./looks";
 
@@ -10,7 +10,7 @@ export interface Strand {
 
 const SIZE = { width: 520, height: 300, left: 58, bottom: 40, top: 8, right: 10 };
 
-/** Round steps for about so many ticks between two ends. */
+/** Return about this many round ticks between two ends. */
 export function ticks(low: number, high: number, count = 5): number[] {
   const rough = (high - low) / count;
   const power = 10 ** Math.floor(Math.log10(rough));
@@ -20,7 +20,7 @@ export function ticks(low: number, high: number, count = 5): number[] {
   return out;
 }
 
-/** The ends of all numbers; a range around a single one. */
+/** Return the range of all numbers. A single number gets a range around it. */
 function span(each: number[][]): [number, number] {
   let [low, high] = [Infinity, -Infinity];
   for (const some of each)
@@ -28,7 +28,7 @@ function span(each: number[][]): [number, number] {
   return high > low ? [low, high] : [low - 1, high + 1];
 }
 
-/** A figure of curves; `x` and `y` name the axes with their units. */
+/** Figure of curves. `x` and `y` name the axes with their units. */
 export function Strip({ title, x, y, curves }: { title: string; x: string; y: string; curves: Strand[] }) {
   const [x0, x1] = span(curves.map((one) => one.x));
   const [y0, y1] = span(curves.map((one) => one.y));
@@ -74,7 +74,7 @@ export function Strip({ title, x, y, curves }: { title: string; x: string; y: st
 
 const ROWS = 41; // of a curve in its table
 
-/** The numbers behind a figure, as many of each curve as people read. */
+/** Table of the numbers of a figure, with as many rows per curve as people read. */
 export function Behind({ title, x, y, curves }: { title: string; x: string; y: string; curves: Strand[] }) {
   const [open, setOpen] = useState(false);
   return (

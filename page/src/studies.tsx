@@ -1,4 +1,4 @@
-/** The start: what is in the folder, by kind, and the drives of the catalogue. */
+/** Start page: content of the folder by kind, and the drives of the catalogue. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Differences, type Compared } from "./differences";
@@ -38,13 +38,13 @@ const refused = signal<Problem[]>([]);
 
 let copying = Promise.resolve();
 
-/** Copy files into the folder, one after the other, also those that come while others are copied. */
+/** Copy files into the folder one after the other, including files that arrive meanwhile. */
 export function take(files: File[]): Promise<void> {
   if (!taking.value) refused.value = [];
   return (copying = copying.then(() => copyIn(files)));
 }
 
-/** Copy files into the folder; a single recording is opened. */
+/** Copy files into the folder. A single recording is opened. */
 async function copyIn(files: File[]): Promise<void> {
   if (!files.length) return;
   for (const [index, file] of files.entries()) {
@@ -63,7 +63,7 @@ async function copyIn(files: File[]): Promise<void> {
   else location.hash = link("studies");
 }
 
-/** Take files that are dropped anywhere on the page. */
+/** Accept files that are dropped anywhere on the page. */
 export function takeDrops(): void {
   const isFiles = (event: DragEvent) => event.dataTransfer?.types.includes("Files") ?? false;
   addEventListener("dragover", (event) => isFiles(event) && event.preventDefault());
@@ -150,26 +150,26 @@ export function StudiesView() {
   );
 }
 
-/** Kinds of which two are compared, and kinds that carry hashes of their inputs or are such inputs. */
+/** Kinds that can be compared in pairs, and kinds that carry or supply hashes of inputs. */
 const ALIKE = ["drive", "fit"];
 const TRACED = ["drive", "circuit", "recording", "friction map", "fit", "validation", "comparison", "campaign", "rig"];
 const pair = signal<string[]>([]);
 const compared = signal<Compared | null>(null);
 const apart = signal<Problem[]>([]);
 
-/** Choose a file to be compared; the newest two count. */
+/** Select a file for the comparison. The newest two count. */
 const tick = (path: string): void => {
   pair.value = pair.value.includes(path) ? pair.value.filter((one) => one !== path) : [...pair.value, path].slice(-2);
   compared.value = null;
   compare();
 };
 
-/** Compare the two that are ticked as they stand by now. */
+/** Compare the two selected files in their current state. */
 function compare(): void {
   const [before, after] = pair.value;
   apart.value = [];
   if (!before || !after) return;
-  const isSame = () => pair.value[0] === before && pair.value[1] === after; // others may be ticked by now
+  const isSame = () => pair.value[0] === before && pair.value[1] === after; // other files may be selected meanwhile
   void ask<Compared>("/api/compare", { before, after }).then(
     (found) => void (isSame() && (compared.value = found)),
     (error: unknown) => {

@@ -1,4 +1,7 @@
-/** A drive against its recordings: free runs beside them, verdicts, why the model is off, where each value comes from. */
+/**
+ * View that checks a drive against its recordings: free runs, verdicts, causes of the difference, and origin of
+ * each value.
+ */
 import { computed, effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Differences, type Compared } from "./differences";
@@ -88,13 +91,13 @@ const span = signal<[number, number]>([0, 1]);
 const key = signal("");
 const number = signal<number | null>(null);
 
-/** What a new validation is made of. */
+/** Inputs of a new validation. */
 const drive = signal("");
 const chosen = signal<string[]>([]);
 const name = signal("validation");
 
 const path = computed(() => (route.value.view === "validation" ? route.value.path : ""));
-/** What can have a slider: values of the file, and those that a cause names and the file does not give. */
+/** Values that can have a slider: those of the file, and those that a cause names but the file lacks. */
 const fields = computed(() => [...(found.value?.suspects ?? []), ...(valid.value?.values ?? [])].filter((one) => one.number !== undefined));
 const field = computed(() => fields.value.find((one) => one.key === key.value));
 const changes = computed<Record<string, string | number>>(() => {
@@ -172,7 +175,7 @@ function Start() {
   const drives = [...files.filter((one) => one.kind === "drive" || one.kind === "fit").map((one) => one.path), ...(studies.value?.catalogue ?? []).map((one) => one.path)];
   const recordings = files.filter((one) => one.kind === "recording");
   const results = files.filter((one) => one.kind === "validation");
-  const there = chosen.value.filter((one) => recordings.some((other) => other.path === one)); // without what is gone by now
+  const there = chosen.value.filter((one) => recordings.some((other) => other.path === one)); // without deleted recordings
   const given = { kind: "validate", drive: drive.value, recordings: there, name: name.value };
   const [copy, copied] = useCopied(given, attempt);
   return (
@@ -372,7 +375,7 @@ function Stops({ one }: { one: Recorded }) {
 
 const STEPS = 400;
 
-/** A slider that moves one value of the drive towards the record, then the fit that does it for good. */
+/** Slider that moves one value of the drive towards the recording, followed by the fit that identifies it. */
 function Suspect({ now }: { now: Validation }) {
   const one = field.value;
   if (!now.editable || !fields.value.length) return null;
@@ -419,7 +422,7 @@ const free = signal("");
 const after = signal("");
 const difference = signal<Compared | null>(null);
 
-/** Identify the suspect from these recordings, put it into a new drive file, and show what differs. */
+/** Identify the suspect value from these recordings, write it into a new drive file, and show the differences. */
 function Refit({ now, folder }: { now: Validation; folder: string }) {
   const wanted = free.value || key.value;
   const fit = `${folder}fit-${wanted.replace(/[^\w]+/g, "-")}.toml`;

@@ -190,7 +190,7 @@ def test_members_of_a_spread_are_the_same_for_any_number_of_threads(axis, tmp_pa
     assert truths.is_between(1.0, 1.6).all()
     assert "50 / 95 / 100 %" in capsys.readouterr().out
     page = (tmp_path / "one" / "report.html").read_text("utf-8")
-    assert "What was true" in page
+    assert "True drive" in page
     assert "whiskers from 5 to 95 %" in page
     # A line that a kill has cut is run again, all others are not.
     kept = tmp_path / "one" / "scores.jsonl"

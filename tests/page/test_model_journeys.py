@@ -126,7 +126,7 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
     assert set(differ) == {"valve.conductance", "valve.nominal_flow"}  # the one takes the other's place
     assert "+conductance" in page.inner_text("pre[aria-label='Lines that differ']")
     assert violations(tab) == []
-    page.locator("section[aria-label='What differs']").scroll_into_view_if_needed()
+    page.locator("section[aria-label='Differences']").scroll_into_view_if_needed()
     tab.picture("validation-identified")
 
     page.click("nav >> text=Studies")

@@ -1,5 +1,5 @@
-//! Members side by side in the lanes of one register. Each has its own time, step and commands; one that is done makes
-//! room for the next. No member sees its neighbours.
+//! Members side by side in the lanes of one register. Each has its own time, step and commands. A finished
+//! member makes room for the next. No member sees its neighbours.
 
 use crate::reduction::Follower;
 use crate::run::{Came, Status, Worker};
@@ -10,27 +10,27 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Attempts between two looks at whether to stop.
+/// Step attempts between two checks of the stop flag.
 const LOOK: u64 = 5000;
 
 /// A member in a lane.
 struct Seat {
     member: usize,
-    /// Its equations with the inputs and modes that it has by now.
+    /// Equations of the member, with the current inputs and modes.
     circuit: Circuit<f64>,
-    /// What is commanded yet, in order; the first comes last.
+    /// Pending commands in reverse order: the first one is last.
     due: Vec<(f64, usize, f64)>,
     duration: f64,
 }
 
 impl Seat {
-    /// Where it goes next, s.
+    /// Returns the next time to reach, s.
     fn target(&self) -> f64 {
         self.due.last().map_or(self.duration, |due| due.0)
     }
 }
 
-/// Members that wait, and what those gave that were here.
+/// Waiting members, and the results of finished ones.
 struct Queue<'w, 'a, R: Lane> {
     worker: &'w mut Worker<'a, R>,
     waiting: Range<usize>,
@@ -43,7 +43,8 @@ impl<R: Lane> Queue<'_, '_, R> {
         self.came[member - self.first] = Some(came);
     }
 
-    /// The next member whose circuit is of one topology with the others, with its start. Others run alone at once.
+    /// Returns the next member whose circuit has the topology of the others, with its start. Members of
+    /// another topology run alone at once.
     fn next(&mut self, stop: &AtomicBool) -> Option<(Seat, Vec<f64>)> {
         loop {
             let member = self.waiting.next()?;
@@ -74,7 +75,7 @@ impl<R: Lane> Queue<'_, '_, R> {
     }
 }
 
-/// Runs members, and what each gave, in their order; fewer where it is told to stop.
+/// Runs members and returns their results in order. The list is shorter after a stop.
 pub(crate) fn run<R: Lane>(
     worker: &mut Worker<'_, R>,
     follower: &mut Follower<'_, R>,
@@ -93,7 +94,7 @@ pub(crate) fn run<R: Lane>(
     queue.came.into_iter().map_while(|came| came).collect()
 }
 
-/// Members that run now.
+/// Running members.
 struct Group<'g, 'w, 'a, 'f, R: Lane> {
     queue: &'g mut Queue<'w, 'a, R>,
     follower: &'g mut Follower<'f, R>,
@@ -101,7 +102,7 @@ struct Group<'g, 'w, 'a, 'f, R: Lane> {
     seats: Vec<Option<Seat>>,
 }
 
-/// The circuit of the lanes; one without a member takes the numbers of another.
+/// Circuit of the lanes. A lane without a member has the numbers of another lane.
 fn gathered<R: Lane>(seats: &[Option<Seat>]) -> Circuit<R> {
     let any = seats.iter().flatten().next().expect("a member");
     let each: Vec<_> = seats.iter().map(|seat| &seat.as_ref().unwrap_or(any).circuit).collect();
@@ -128,7 +129,7 @@ impl<'g, 'w, 'a, 'f, R: Lane> Group<'g, 'w, 'a, 'f, R> {
         Group { queue, follower, stepper, seats }
     }
 
-    /// Runs until no member is left, or it is told to stop.
+    /// Runs until no member is left or a stop is requested.
     fn run(mut self, stop: &AtomicBool) {
         while !stop.load(Ordering::Relaxed) {
             let target = |seat: &Option<Seat>| seat.as_ref().map_or(f64::NEG_INFINITY, Seat::target);
@@ -140,14 +141,14 @@ impl<'g, 'w, 'a, 'f, R: Lane> Group<'g, 'w, 'a, 'f, R> {
             for lane in 0..R::L {
                 self.attend(lane);
             }
-            // What was met is known for all lanes together: they come to their end first.
+            // Which surfaces are met is stored for all lanes together, so running members finish first.
             if self.seats.iter().any(Option::is_none) && !self.stepper.system().has_met() {
                 self.refill(stop);
             }
         }
     }
 
-    /// Commands a lane that has come where it was to go, or takes what it gave.
+    /// Applies the next command of a lane that reached its time, or stores its result.
     fn attend(&mut self, lane: usize) {
         let Some(seat) = &mut self.seats[lane] else { return };
         let failure = failure_of(&self.stepper, lane);
@@ -179,7 +180,7 @@ impl<'g, 'w, 'a, 'f, R: Lane> Group<'g, 'w, 'a, 'f, R> {
         self.seats[lane] = None;
     }
 
-    /// Puts the next members into lanes that have none.
+    /// Puts the next members into empty lanes.
     fn refill(&mut self, stop: &AtomicBool) {
         let mut starts = Vec::new();
         for lane in 0..R::L {

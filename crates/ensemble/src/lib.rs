@@ -1,7 +1,8 @@
-//! Many members of one circuit that differ in numbers, commands or starts: run side by side, reduced while they run.
+//! Many members of one circuit that differ in numbers, commands or starts. They run side by side and are
+//! reduced while they run.
 //!
-//! What a member gives is a pure function of the description and of its own row of numbers: it depends on no neighbour,
-//! no chunk, no thread.
+//! The result of a member is a pure function of the description and its own row of numbers. It does not
+//! depend on neighbours, chunks or threads.
 
 #![warn(missing_docs)]
 

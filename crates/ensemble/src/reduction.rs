@@ -1,22 +1,23 @@
-//! What is kept of a member: numbers that follow from its run step by step.
+//! Results kept of a member: numbers that are computed from its run step by step.
 
 use circuit::{Assembly, Circuit, Net, Quantity, sample_times};
 use math::{Lane, Work};
 use ode::{Accepted, Course, Output, System, locate};
 
-/// Points of a step at which a column is looked at: its ends and the quarters between them.
+/// Points of a step at which a column is evaluated: its ends and the quarters between them.
 const POINTS: usize = 5;
-/// Weights of the integral over a step from the values there, after Boole: exact to the fifth power of time.
+/// Weights of the integral over a step, from the values at the points, after Boole: exact to the fifth power
+/// of time.
 const WEIGHTS: [f64; POINTS] = [7.0 / 90.0, 32.0 / 90.0, 12.0 / 90.0, 32.0 / 90.0, 7.0 / 90.0];
-/// Where the points are, as fractions of a step.
+/// Positions of the points, as fractions of a step.
 fn theta(k: usize) -> f64 {
     k as f64 / (POINTS - 1) as f64
 }
 
-/// Parabolas that come nearer to an extreme between the points.
+/// Number of parabolas that refine an extreme between the points.
 const PARABOLAS: usize = 2;
 
-/// What becomes of a column.
+/// Reduction of a column to numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum What {
     /// Its value at the end.
@@ -29,42 +30,42 @@ pub enum What {
     Mean,
     /// Its integral over time.
     Integral,
-    /// When it is above (or below) a value for the first time, s; not a number where it never is.
+    /// First time at which it is above (or below) a value, s. NaN if this does not happen.
     When {
         /// The value, in the column's unit.
         value: f64,
-        /// Above it, else below.
+        /// Whether the column must rise above the value. Otherwise it must fall below.
         above: bool,
     },
-    /// Its values at a rate, 1/s, from the start to the end.
+    /// Samples at a fixed rate, 1/s, from the start to the end.
     Samples {
         /// 1/s.
         rate: f64,
     },
 }
 
-/// Samples of a lane whose columns are found together.
+/// Samples of a lane whose columns are computed together.
 const MOST_WAITING: usize = 1024;
 
-/// A column and what becomes of it.
+/// A column and its reduction.
 #[derive(Clone, Copy, Debug)]
 pub struct Reduction {
-    /// The place of the column among those of the circuit.
+    /// Index of the column among those of the circuit.
     pub column: usize,
-    /// What becomes of it.
+    /// Reduction of the column.
     pub what: What,
 }
 
-/// Where a column is read.
+/// Source of a column.
 #[derive(Clone, Copy, Debug)]
 enum Source {
-    /// It is this state.
+    /// This state.
     State(usize),
-    /// It follows from all states.
+    /// A value that follows from all states.
     Row,
 }
 
-/// What one reduction of one member has come to.
+/// Intermediate result of one reduction of one member.
 #[derive(Clone, Debug, Default)]
 struct Fold {
     value: f64,
@@ -76,26 +77,27 @@ pub struct Follower<'a, R: Lane> {
     assembly: &'a Assembly,
     asked: &'a [Reduction],
     sources: Vec<Source>,
-    /// One for each lane and reduction.
+    /// Intermediate results, one for each lane and reduction.
     folds: Vec<Fold>,
-    /// When samples are due, and which is the next one of each lane.
+    /// Sample times, and the next sample of each lane.
     times: Vec<f64>,
     next: Vec<usize>,
-    /// Time and states of the samples of each lane whose columns are not known yet: one row has those of all lanes.
+    /// Time and states of the samples whose columns are not computed yet. One row has the samples of all
+    /// lanes.
     waiting: Vec<Vec<f64>>,
-    /// The same of one sample of each lane.
+    /// Time and states of one sample of each lane.
     at: Vec<R>,
     needs_rows: bool,
     net: Net<R>,
-    /// The attempt that the following are of: all lanes that it is accepted in share them.
+    /// Current attempt of a step. All lanes that accept it share the fields below.
     attempt: u64,
-    /// The course of each reduction's state.
+    /// Course of each reduction's state over the step.
     courses: Vec<Option<Course<R>>>,
-    /// By reduction, in which lanes its state comes nowhere near the value that it is to pass in this attempt; and in
-    /// which it has passed it before.
+    /// Lanes in which the state of a reduction stays far from its threshold in this attempt, one bit mask for
+    /// each reduction. `found` has the lanes that have passed it before.
     far: Vec<u64>,
     found: Vec<u64>,
-    /// The lanes in which anything has to be looked at in this attempt; and those that have taken a step.
+    /// Lanes with work to do in this attempt. A second mask has the lanes that have taken a step.
     busy: u64,
     begun: u64,
     /// All columns at the points of the step.
@@ -104,7 +106,7 @@ pub struct Follower<'a, R: Lane> {
 }
 
 impl<'a, R: Lane> Follower<'a, R> {
-    /// For members that are like `assembly`, over `duration` s where samples are asked for.
+    /// Creates a follower for members that are like `assembly`, over `duration` s if samples are requested.
     pub fn new(assembly: &'a Assembly, asked: &'a [Reduction], duration: f64) -> Self {
         let quantity = |asked: &Reduction| assembly.variables.quantities[asked.column];
         let source = |asked: &Reduction| match quantity(asked) {
@@ -146,7 +148,7 @@ impl<'a, R: Lane> Follower<'a, R> {
         }
     }
 
-    /// A new member begins in a lane.
+    /// Starts a new member in a lane.
     pub fn init(&mut self, lane: usize) {
         self.next[lane] = 0;
         self.waiting[lane].clear();
@@ -162,7 +164,7 @@ impl<'a, R: Lane> Follower<'a, R> {
         }
     }
 
-    /// The member of a lane has come to its end at `y`, settled: its numbers, one after the other.
+    /// Ends the member of a lane in the settled state `y`, and returns its numbers one after the other.
     pub fn finish(&mut self, lane: usize, (t, y): (f64, &[R]), circuit: &Circuit<R>, out: &mut [f64]) {
         while self.next[lane] < self.times.len() {
             self.sample(lane, self.times[self.next[lane]], y, circuit);
@@ -184,7 +186,7 @@ impl<'a, R: Lane> Follower<'a, R> {
         }
     }
 
-    /// A column at a fraction of a step.
+    /// Returns a column at a fraction of a step.
     fn value(
         &mut self,
         r: usize,
@@ -201,7 +203,7 @@ impl<'a, R: Lane> Follower<'a, R> {
         self.row[self.asked[r].column].get(lane)
     }
 
-    /// A column at the points of a step.
+    /// Returns a column at the points of a step.
     fn points(&self, r: usize, lane: usize, states: &mut Accepted<'_, R>) -> [f64; POINTS] {
         std::array::from_fn(|k| match (self.sources[r], self.courses[r]) {
             (Source::State(i), _) if k == 0 => states.before()[i].get(lane),
@@ -211,7 +213,7 @@ impl<'a, R: Lane> Follower<'a, R> {
         })
     }
 
-    /// What all lanes share of an attempt.
+    /// Prepares the data of an attempt that all lanes share.
     #[inline(always)]
     fn look(&mut self, (t, h): (f64, f64), states: &mut Accepted<'_, R>, circuit: &Circuit<R>) {
         self.attempt = states.attempt();
@@ -248,8 +250,8 @@ impl<'a, R: Lane> Follower<'a, R> {
         }
     }
 
-    /// The greatest value of a step, of which the values at the points are given; with `sign` minus one the least one.
-    /// One that cannot surpass the value so far is not sought between the points.
+    /// Returns the greatest value of a step from the values at its points, or the least value if `sign` is
+    /// minus one. If it cannot exceed the previous extreme, the interval between the points is not searched.
     fn extreme(
         &mut self,
         r: usize,
@@ -267,7 +269,7 @@ impl<'a, R: Lane> Follower<'a, R> {
         let middle = best.clamp(1, POINTS - 2);
         let mut three = [middle - 1, middle, middle + 1].map(|k| (theta(k), points[k]));
         if best != middle {
-            // It may lie near an end of the step.
+            // It may be near an end of the step.
             let between = 0.5 * (theta(best) + theta(middle));
             let new = (between, self.value(r, at, between, states, circuit));
             let (first, last) = (best.min(middle), best.max(middle));
@@ -298,7 +300,7 @@ impl<'a, R: Lane> Follower<'a, R> {
         greatest
     }
 
-    /// When a column first passes a value in a step.
+    /// Returns the first time in a step at which a column passes a value.
     fn passing(
         &mut self,
         r: usize,
@@ -323,7 +325,7 @@ impl<'a, R: Lane> Follower<'a, R> {
     }
 }
 
-/// What all lanes share of an attempt.
+/// Data of an attempt that all lanes share.
 struct Look<'l, 'a, 's, R: Lane> {
     follower: &'l mut Follower<'a, R>,
     at: (f64, f64),
@@ -339,12 +341,12 @@ impl<R: Lane> Work for Look<'_, '_, '_, R> {
     }
 }
 
-/// Whether it looks at no step.
+/// Returns whether no step has to be evaluated.
 fn is_whole(what: What) -> bool {
     matches!(what, What::Final | What::Samples { .. })
 }
 
-/// A circuit of lanes that are all alike.
+/// Returns a circuit of lanes that are all alike.
 fn gathered<R: Lane>(circuit: &Circuit<f64>) -> Circuit<R> {
     Circuit::gather(&vec![circuit; R::L])
 }
@@ -384,7 +386,7 @@ impl<R: Lane> Output<R, Circuit<R>> for Follower<'_, R> {
 }
 
 impl<R: Lane> Follower<'_, R> {
-    /// The columns of all samples of a lane that wait, and of as many of each other lane.
+    /// Computes the columns of all waiting samples of a lane, and of as many samples of each other lane.
     fn put_samples(&mut self, lane: usize, circuit: &Circuit<R>) {
         let (width, end) = (self.at.len(), self.waiting[lane].len());
         for from in (0..end).step_by(width) {
@@ -408,7 +410,7 @@ impl<R: Lane> Follower<'_, R> {
         }
     }
 
-    /// An accepted step of a lane in which something has to be looked at.
+    /// Evaluates an accepted step in a lane that has work to do.
     fn attend(
         &mut self,
         at @ (lane, t, h): (usize, f64, f64),
@@ -423,7 +425,7 @@ impl<R: Lane> Follower<'_, R> {
             let value = match what {
                 What::Final | What::Samples { .. } => continue,
                 What::When { .. } if !so_far.is_nan() => continue,
-                // Far from the value nothing needs to be looked at.
+                // Far from the threshold, the step is not evaluated.
                 What::When { .. } if t > 0.0 && self.far[r] >> lane & 1 == 1 => {
                     continue;
                 }

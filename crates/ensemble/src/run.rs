@@ -13,25 +13,25 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The most members that one thread takes at once.
+/// Largest number of members that a thread takes at once.
 const MOST: usize = 256;
 
 /// Numbers of members: one row for all, or one for each.
 #[derive(Clone, Debug)]
 pub struct Column<'a> {
-    /// Row by row.
+    /// Values, row by row.
     pub values: Cow<'a, [f64]>,
-    /// Numbers of a row.
+    /// Numbers in a row.
     pub width: usize,
 }
 
 impl<'a> Column<'a> {
-    /// Rows of this width.
+    /// Creates rows of this width.
     pub fn new(values: impl Into<Cow<'a, [f64]>>, width: usize) -> Self {
         Column { values: values.into(), width }
     }
 
-    /// That of a member.
+    /// Returns the row of a member.
     pub fn row(&self, member: usize) -> &[f64] {
         let all = &self.values[..];
         if all.len() == self.width { all } else { &all[member * self.width..][..self.width] }
@@ -49,96 +49,97 @@ impl<'a> Column<'a> {
     }
 }
 
-/// An input, the times from which on its values hold, s, and the values: a row for all members or one for each.
+/// An input with its times, s, and its values from each time on. The values are one row for all members, or
+/// one row for each.
 #[derive(Clone, Debug)]
 pub struct Plan<'a> {
-    /// The name of the input.
+    /// Name of the input.
     pub input: String,
-    /// s, increasing.
+    /// Times, s, increasing.
     pub times: Vec<f64>,
-    /// As many in a row as times.
+    /// Values, one row with as many numbers as times.
     pub values: Column<'a>,
 }
 
-/// What is asked of an ensemble.
+/// Request for the run of an ensemble.
 #[derive(Clone, Debug)]
 pub struct Asked<'a> {
-    /// How many members.
+    /// Number of members.
     pub members: usize,
-    /// The numbers in which they differ, a row for each member.
+    /// Numbers in which the members differ, one row for each member.
     pub values: &'a [f64],
-    /// What is commanded.
+    /// Commands of the inputs.
     pub plans: Vec<Plan<'a>>,
-    /// How long each runs, s: one number for all, or one for each.
+    /// Duration of the runs, s: one number for all, or one for each.
     pub duration: Column<'a>,
-    /// Where it starts, in the order of [`Ensemble::start_names`]: a row for all, or one for each.
+    /// Start values in the order of [`Ensemble::start_names`]: one row for all, or one for each.
     pub initial: Column<'a>,
-    /// How long contacts have rested at the start, s.
+    /// Rest time of all contacts before the start, s.
     pub contact_age: f64,
-    /// What is kept of each.
+    /// Reductions of each member.
     pub outputs: Vec<Reduction>,
     /// Relative tolerance.
     pub rtol: f64,
-    /// Attempts at a step that each may take; the usual number where none is given.
+    /// Limit on the step attempts of each member. `None` uses the default.
     pub budget: Option<u64>,
-    /// The most threads.
+    /// Largest number of threads.
     pub threads: usize,
-    /// What runs them, with the same bits; the fastest where none is named.
+    /// Kernel that runs the members, with the same bits for each choice. `None` uses the fastest.
     pub kernel: Option<Kernel>,
 }
 
-/// What runs members: one, or several side by side in the registers of a processor.
+/// Kernel that runs members: one by one, or several side by side in the registers of a processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kernel {
     /// One after the other.
     Scalar,
-    /// As many as a register has that every processor of the build has: four numbers of AVX2.
+    /// Four numbers of AVX2: the register width of every supported processor.
     Base,
-    /// Eight, in the registers of AVX-512. Circuits that are not evaluated without nodes, and those with events, run
-    /// four at a time all the same.
+    /// Eight numbers in the registers of AVX-512. Circuits with events, and circuits that need nodes for
+    /// their evaluation, still run four at a time.
     Eight,
 }
 
 impl Kernel {
-    /// The fastest of this processor.
+    /// Returns the fastest kernel of this processor.
     pub fn best() -> Self {
         if has_eight() { Kernel::Eight } else { Kernel::Base }
     }
 
-    /// Whether this processor has it.
+    /// Returns whether this processor supports the kernel.
     pub fn is_there(self) -> bool {
         self != Kernel::Eight || has_eight()
     }
 }
 
-/// As many numbers as a register of every processor of this build has.
+/// Number of values in a register of every processor that this build supports.
 #[cfg(target_feature = "avx2")]
 type Base = math::V4;
 #[cfg(not(target_feature = "avx2"))]
 type Base = math::Lanes<2>;
 
-/// How a member came out.
+/// Outcome of a member.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Status {
-    /// It has run to its end.
+    /// The run reached its end.
     Done = 0,
-    /// Its run could not go on; its numbers are not finite.
+    /// The run failed, and its numbers are not finite.
     Stopped = 1,
-    /// Its numbers do not go together; it was not run.
+    /// The numbers of the member are inconsistent. It did not run.
     Refused = 2,
 }
 
-/// What an ensemble gave.
+/// Results of an ensemble.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// For each output the numbers of all members, one member after the other.
     pub columns: Vec<Vec<f64>>,
-    /// How each member came out: see [`Status`].
+    /// Outcome of each member: see [`Status`].
     pub status: Vec<u8>,
-    /// Why members have no numbers, by member.
+    /// Reasons why members have no numbers, by member.
     pub reasons: Vec<(usize, String)>,
-    /// Attempts at a step, of all members together.
+    /// Step attempts of all members together.
     pub attempts: u64,
 }
 
@@ -158,34 +159,36 @@ fn read<T: FromJson>(json: &str) -> Result<T, Error> {
 }
 
 impl Ensemble {
-    /// Of a drive, from its description (JSON) and the paths there of the numbers in which members differ.
+    /// Creates an ensemble of a drive, from its description (JSON). `paths` are the places in the description
+    /// of the numbers that differ.
     pub fn of_drive(json: &str, names: &[String]) -> Result<Self, Error> {
         let spec: specification::Drive = read(json)?;
         Ok(Ensemble { members: Drive::assemble(&spec, false)?.members(json, names)? })
     }
 
-    /// Of a circuit, the same way; names as "left.bore".
+    /// Creates an ensemble of a circuit in the same way. Names have the form "left.bore".
     pub fn of_circuit(json: &str, names: &[String]) -> Result<Self, Error> {
         let spec: specification::Circuit = read(json)?;
         Ok(Ensemble { members: Network::assemble(&spec, false)?.members(json, names)?.general()? })
     }
 
-    /// The circuit that all members are like.
+    /// Circuit that all members share.
     pub fn template(&self) -> &Assembly {
         self.members.template()
     }
 
-    /// In what members differ.
+    /// Names of the numbers in which members differ.
     pub fn names(&self) -> &[String] {
         self.members.names()
     }
 
-    /// Names of the numbers of a start.
+    /// Returns the names of the start values.
     pub fn start_names(&self) -> Vec<&str> {
         self.template().given_names()
     }
 
-    /// Runs all members. `interrupted` is told now and then how many are done, and says whether to stop.
+    /// Runs all members. `interrupted` receives the number of finished members from time to time, and returns
+    /// whether to stop.
     pub fn run(&self, asked: &Asked, interrupted: &mut dyn FnMut(f64) -> bool) -> Result<Outcome, Error> {
         let plan = Planned::of(self, asked)?;
         let widths: Vec<usize> = asked.outputs.iter().map(|output| plan.width(output)).collect();
@@ -205,7 +208,7 @@ impl Ensemble {
     }
 }
 
-/// Runs the members of a plan into an outcome. Its numbers: those of a member, and of each of its outputs.
+/// Runs the members of a plan into an outcome. Counts are per member and per output.
 struct Run<'r, 'a> {
     plan: &'r Planned<'a>,
     total: usize,
@@ -221,7 +224,7 @@ impl Task for Run<'_, '_> {
         let Run { plan, total, widths, outcome, interrupted } = self;
         let asked = plan.asked;
         let done = std::cell::Cell::new(0);
-        // Few members are shared by all threads.
+        // A small number of members is divided among all threads.
         let chunk = asked.members.div_ceil(asked.threads.max(1)).clamp(1, MOST);
         let take = |at: usize, came: Vec<Came>| {
             let first = at * chunk;
@@ -253,7 +256,7 @@ impl Task for Run<'_, '_> {
     }
 }
 
-/// What a member gave.
+/// Result of a member.
 pub(crate) struct Came {
     pub row: Vec<f64>,
     pub failure: Option<(Status, String)>,
@@ -266,11 +269,11 @@ impl Came {
     }
 }
 
-/// What is asked, checked.
+/// Checked request.
 pub(crate) struct Planned<'a> {
     pub ensemble: &'a Ensemble,
     pub asked: &'a Asked<'a>,
-    /// The input of each plan.
+    /// Index of the input of each plan.
     pub inputs: Vec<usize>,
     pub options: Options,
     kernel: Kernel,
@@ -322,7 +325,7 @@ impl<'a> Planned<'a> {
         Ok(Planned { inputs: inputs.collect::<Result<_, _>>()?, ensemble, asked, options, kernel })
     }
 
-    /// Attempts that a member may take, whatever its neighbours do.
+    /// Limit on the step attempts of a member, independent of its neighbours.
     pub fn budget(&self, member: usize) -> u64 {
         let commands = self.asked.plans.iter().map(|plan| plan.times.len()).sum();
         let states = self.ensemble.template().circuit.n_states();
@@ -330,7 +333,7 @@ impl<'a> Planned<'a> {
         self.asked.budget.unwrap_or_else(|| budget(duration, commands, states))
     }
 
-    /// How many numbers an output has for each member.
+    /// Returns the numbers that an output has for each member.
     fn width(&self, output: &Reduction) -> usize {
         match output.what {
             What::Samples { rate } => sample_times(self.asked.duration.row(0)[0], rate).len(),
@@ -338,7 +341,7 @@ impl<'a> Planned<'a> {
         }
     }
 
-    /// Runs all members; whether it came to the end.
+    /// Runs all members and returns whether the run reached its end.
     fn run(
         &self,
         (total, widths): (usize, &[usize]),
@@ -355,7 +358,7 @@ impl<'a> Planned<'a> {
 
     fn worker<R: Lane>(&self, width: usize) -> Worker<'_, R> {
         let (template, duration) = (self.ensemble.template(), self.asked.duration.row(0)[0]);
-        // What follows from a command later on needs a schedule of its own.
+        // Timings that start with a command need a separate schedule for each member.
         let beside = self.kernel != Kernel::Scalar && template.timings.is_empty();
         Worker {
             planned: self,
@@ -366,7 +369,7 @@ impl<'a> Planned<'a> {
         }
     }
 
-    /// What is commanded of a member, and when: in the order in which it is set.
+    /// Returns the commands of a member in the order of their times.
     pub fn due(&self, member: usize) -> Vec<(f64, usize, f64)> {
         let duration = self.asked.duration.row(member)[0];
         let each = self.inputs.iter().zip(&self.asked.plans).flat_map(|(&input, plan)| {
@@ -410,7 +413,7 @@ fn check_start(template: &Assembly, initial: &Column) -> Result<(), Error> {
     Ok(())
 }
 
-/// The input of a plan, where it is in order.
+/// Checks a plan and returns the index of its input.
 fn check_plan(template: &Assembly, plan: &Plan, members: usize) -> Result<usize, Error> {
     let inputs = &template.variables.inputs;
     let Some(input) = inputs.iter().position(|own| own.name == plan.input) else {
@@ -439,7 +442,7 @@ pub(crate) struct Worker<'a, R: Lane> {
     pub planned: &'a Planned<'a>,
     members: Members,
     follower: Follower<'a, f64>,
-    /// Of several members at once, where that can be.
+    /// Follower of several members side by side, if the circuit allows it.
     side_by_side: Option<Follower<'a, R>>,
     pub width: usize,
 }
@@ -461,13 +464,13 @@ impl<R: Lane> Worker<'_, R> {
         }
     }
 
-    /// A member with its numbers.
+    /// Returns the assembly of a member with its numbers.
     pub fn member(&mut self, member: usize) -> Result<Assembly, Error> {
         let k = self.planned.ensemble.names().len();
         self.members.member(&self.planned.asked.values[member * k..][..k])
     }
 
-    /// The start of a member with these equations.
+    /// Returns the start of a member with these equations.
     pub fn start(
         &self,
         circuit: Circuit<f64>,

@@ -1,4 +1,4 @@
-//! Pointers of a caller in C: checked, and turned into slices, texts and instances.
+//! Checks the pointers of a C caller, and turns them into slices, texts and instances.
 #![allow(unsafe_code)]
 
 use crate::instance::{Instance, Kept, Listener, Logger, Phase, Status, c_text};
@@ -19,45 +19,45 @@ pub const ANY: &[Phase] = &[
     Phase::Terminated,
 ];
 
-/// Does something with an instance in one of some phases.
+/// Runs an operation on an instance in one of the allowed phases.
 ///
 /// # Safety
-/// `instance` is null, or comes from one of our functions that make one and was not freed.
+/// `instance` is null, or was made by one of our functions and not freed.
 pub unsafe fn with(
     instance: *mut Instance,
     what: &str,
     phases: &[Phase],
     work: impl FnOnce(&mut Instance) -> Result<(), Refusal>,
 ) -> Status {
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     match unsafe { instance.as_mut() } {
         Some(instance) => instance.call(what, phases, work),
         None => Status::Error,
     }
 }
 
-/// `n` values to read.
+/// Returns `n` values to read.
 ///
 /// # Safety
-/// `values` is null, or `n` of them are there for as long as they are used.
+/// `values` is null, or points to `n` values that live as long as the slice.
 pub unsafe fn given<'a, T>(values: *const T, n: usize) -> Result<&'a [T], Refusal> {
     match (n, values.is_null()) {
         (0, _) => Ok(&[]),
         (_, true) => refuse("a null pointer was given for an array"),
-        // SAFETY: as the caller says.
+        // SAFETY: guaranteed by the caller.
         _ => Ok(unsafe { slice::from_raw_parts(values, n) }),
     }
 }
 
-/// Room for `n` values.
+/// Returns room for `n` values.
 ///
 /// # Safety
-/// As for [`given`], and nobody else uses them.
+/// As for [`given`], and the caller has exclusive access.
 pub unsafe fn room<'a, T>(values: *mut T, n: usize) -> Result<&'a mut [T], Refusal> {
     match (n, values.is_null()) {
         (0, _) => Ok(&mut []),
         (_, true) => refuse("a null pointer was given for an array"),
-        // SAFETY: as the caller says.
+        // SAFETY: guaranteed by the caller.
         _ => Ok(unsafe { slice::from_raw_parts_mut(values, n) }),
     }
 }
@@ -68,32 +68,32 @@ pub unsafe fn room<'a, T>(values: *mut T, n: usize) -> Result<&'a mut [T], Refus
 /// As for [`room`].
 pub unsafe fn fill<T: Copy>(what: &str, target: *mut T, n: usize, values: &[T]) -> Result<(), Refusal> {
     crate::model::check_length(what, n, values.len())?;
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     unsafe { room(target, n)? }.copy_from_slice(values);
     Ok(())
 }
 
-/// Writes one value where somebody wants it.
+/// Writes one value unless the target is null.
 ///
 /// # Safety
-/// `target` is null or has room for it.
+/// `target` is null or has room for the value.
 pub unsafe fn put<T>(target: *mut T, value: T) {
     if !target.is_null() {
-        // SAFETY: as the caller says.
+        // SAFETY: guaranteed by the caller.
         unsafe { target.write(value) }
     }
 }
 
-/// A text; none for null and for what is not UTF-8.
+/// Returns a text, or `None` for a null pointer and for invalid UTF-8.
 ///
 /// # Safety
 /// `text` is null or ends with a zero.
 pub unsafe fn text<'a>(text: *const c_char) -> Option<&'a str> {
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) }.to_str().ok())?
 }
 
-/// The folder of a resource location: a path, or a `file:` URI.
+/// Returns the folder of a resource location: a path, or a `file:` URI.
 fn folder(location: &str) -> PathBuf {
     let Some(rest) = location.strip_prefix("file:") else { return PathBuf::from(location) };
     let path = rest.strip_prefix("//").map_or(rest, |rest| rest.find('/').map_or("", |start| &rest[start..]));
@@ -115,7 +115,7 @@ fn folder(location: &str) -> PathBuf {
     PathBuf::from(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// What a tool gives to make an instance.
+/// Arguments of a tool for a new instance.
 pub struct Order<'a> {
     pub name: Option<&'a str>,
     pub token: Option<&'a str>,
@@ -125,7 +125,7 @@ pub struct Order<'a> {
     pub environment: *mut c_void,
 }
 
-/// Makes an instance; null, with a message, where that does not go.
+/// Makes an instance. On failure, it sends a message and returns null.
 pub fn instantiate(order: Order<'_>) -> *mut Instance {
     let Order { name, token, resources, outside, logger, environment } = order;
     let made = catch_unwind(AssertUnwindSafe(|| {
@@ -149,7 +149,7 @@ pub fn instantiate(order: Order<'_>) -> *mut Instance {
     }
 }
 
-/// Whether the processor can run what follows; else the tool is told why not.
+/// Returns whether the processor can run the library. Otherwise it sends the reason to the tool.
 pub fn is_able(tell: impl FnOnce(*const c_char)) -> bool {
     let lacks = processor::lacking().is_some();
     if lacks {
@@ -161,25 +161,25 @@ pub fn is_able(tell: impl FnOnce(*const c_char)) -> bool {
 /// Frees an instance.
 ///
 /// # Safety
-/// As for [`with`]; it is not used again.
+/// As for [`with`]. The instance is not used again.
 pub unsafe fn free(instance: *mut Instance) {
     if !instance.is_null() {
-        // SAFETY: as the caller says.
+        // SAFETY: guaranteed by the caller.
         let instance = unsafe { Box::from_raw(instance) };
         let _ = catch_unwind(AssertUnwindSafe(|| drop(instance)));
     }
 }
 
-/// Keeps the state of an instance, in the place of one that was kept before.
+/// Keeps the state of an instance, in place of an earlier state.
 ///
 /// # Safety
-/// `target` is null or points to null or to a state of ours.
+/// `target` is null, or points to null or to one of our states.
 pub unsafe fn keep(instance: &Instance, target: *mut *mut Kept) -> Result<(), Refusal> {
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     let Some(place) = (unsafe { target.as_mut() }) else {
         return refuse("a null pointer was given for the state");
     };
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     match unsafe { place.as_mut() } {
         Some(kept) => kept.clone_from(&instance.kept),
         None => *place = Box::into_raw(Box::new(instance.kept.clone())),
@@ -187,34 +187,34 @@ pub unsafe fn keep(instance: &Instance, target: *mut *mut Kept) -> Result<(), Re
     Ok(())
 }
 
-/// A state that was kept.
+/// Returns a kept state.
 ///
 /// # Safety
-/// `kept` is null or a state of ours that was not freed.
+/// `kept` is null, or one of our states that was not freed.
 pub unsafe fn state<'a>(kept: *const Kept) -> Result<&'a Kept, Refusal> {
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     match unsafe { kept.as_ref() } {
         Some(kept) => Ok(kept),
         None => refuse("a null pointer was given for the state"),
     }
 }
 
-/// Frees a state that was kept; the pointer to it becomes null.
+/// Frees a kept state and sets the pointer to null.
 ///
 /// # Safety
 /// As for [`keep`].
 pub unsafe fn free_state(target: *mut *mut Kept) {
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     if let Some(place) = unsafe { target.as_mut() }
         && !place.is_null()
     {
-        // SAFETY: as the caller says.
+        // SAFETY: guaranteed by the caller.
         drop(unsafe { Box::from_raw(*place) });
         *place = ptr::null_mut();
     }
 }
 
-/// A state from bytes into the place of a pointer.
+/// Restores a state from bytes into a pointer.
 ///
 /// # Safety
 /// As for [`keep`] and [`given`].
@@ -224,7 +224,7 @@ pub unsafe fn revive(
     size: usize,
     target: *mut *mut Kept,
 ) -> Result<(), Refusal> {
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     let (kept, place) = unsafe { (instance.kept(given(bytes, size)?)?, target.as_mut()) };
     let Some(place) = place else { return refuse("a null pointer was given for the state") };
     *place = Box::into_raw(Box::new(kept));

@@ -10,23 +10,23 @@ use std::ptr;
 
 type Drive = *mut Instance;
 
-/// 0 for success, else 1: the message says why.
+/// 0 for success, otherwise 1 with a message.
 fn flag(status: Status) -> c_int {
     c_int::from(status != Status::Ok)
 }
 
-/// Does something with a drive.
+/// Runs an operation on a drive.
 unsafe fn act(drive: Drive, work: impl FnOnce(&mut Instance) -> Result<(), Refusal>) -> c_int {
-    // SAFETY: the header says what pointers are.
+    // SAFETY: the header states the rules for pointers.
     flag(unsafe { with(drive, "", ANY, work) })
 }
 
-/// A text as far as there is room, with its zero.
+/// Copies a text as far as there is room, with its final zero.
 unsafe fn write_text(text: &CString, target: *mut c_char, size: usize) {
     let bytes = text.as_bytes();
     let n = bytes.len().min(size.saturating_sub(1));
     if !target.is_null() && size > 0 {
-        // SAFETY: the header says that there is room for `size` characters.
+        // SAFETY: the header requires room for `size` characters.
         unsafe {
             ptr::copy_nonoverlapping(bytes.as_ptr(), target.cast(), n);
             target.add(n).write(0);
@@ -36,7 +36,7 @@ unsafe fn write_text(text: &CString, target: *mut c_char, size: usize) {
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pneudrive_create(json: *const c_char, message: *mut c_char, size: usize) -> Drive {
-    // SAFETY: the header says what pointers are.
+    // SAFETY: the header states the rules for pointers.
     unsafe {
         if !is_able(|why| write_text(&std::ffi::CStr::from_ptr(why).to_owned(), message, size)) {
             return ptr::null_mut();
@@ -61,25 +61,25 @@ pub unsafe extern "C" fn pneudrive_create(json: *const c_char, message: *mut c_c
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pneudrive_free(drive: Drive) {
-    // SAFETY: the header says what pointers are.
+    // SAFETY: the header states the rules for pointers.
     unsafe { free(drive) }
 }
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pneudrive_command(drive: Drive, command: f64) -> c_int {
-    // SAFETY: the header says what pointers are.
+    // SAFETY: the header states the rules for pointers.
     unsafe { act(drive, |own| own.kept.model.set(own.kept.model.named("command")?, command)) }
 }
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pneudrive_force(drive: Drive, force_n: f64) -> c_int {
-    // SAFETY: the header says what pointers are.
+    // SAFETY: the header states the rules for pointers.
     unsafe { act(drive, |own| own.kept.model.set(own.kept.model.named("force")?, force_n)) }
 }
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pneudrive_set(drive: Drive, name: *const c_char, value: f64) -> c_int {
-    // SAFETY: the header says what pointers are.
+    // SAFETY: the header states the rules for pointers.
     unsafe {
         act(drive, |own| own.kept.model.set(own.kept.model.named(text(name).unwrap_or_default())?, value))
     }
@@ -87,7 +87,7 @@ pub unsafe extern "C" fn pneudrive_set(drive: Drive, name: *const c_char, value:
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pneudrive_step(drive: Drive, by_s: f64) -> c_int {
-    // SAFETY: the header says what pointers are.
+    // SAFETY: the header states the rules for pointers.
     unsafe {
         act(drive, |own| {
             own.kept.model.begin()?;
@@ -98,7 +98,7 @@ pub unsafe extern "C" fn pneudrive_step(drive: Drive, by_s: f64) -> c_int {
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pneudrive_read(drive: Drive, name: *const c_char, value: *mut f64) -> c_int {
-    // SAFETY: the header says what pointers are.
+    // SAFETY: the header states the rules for pointers.
     unsafe {
         act(drive, |own| {
             let read = own.kept.model.get(own.kept.model.named(text(name).unwrap_or_default())?)?;
@@ -110,7 +110,7 @@ pub unsafe extern "C" fn pneudrive_read(drive: Drive, name: *const c_char, value
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pneudrive_saved_size(drive: Drive, size: *mut usize) -> c_int {
-    // SAFETY: the header says what pointers are.
+    // SAFETY: the header states the rules for pointers.
     unsafe {
         act(drive, |own| {
             put(size, Instance::bytes(&own.kept)?.len());
@@ -121,13 +121,13 @@ pub unsafe extern "C" fn pneudrive_saved_size(drive: Drive, size: *mut usize) ->
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pneudrive_save(drive: Drive, bytes: *mut u8, size: usize) -> c_int {
-    // SAFETY: the header says what pointers are.
+    // SAFETY: the header states the rules for pointers.
     unsafe { act(drive, |own| fill("bytes", bytes, size, &Instance::bytes(&own.kept)?)) }
 }
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pneudrive_restore(drive: Drive, bytes: *const u8, size: usize) -> c_int {
-    // SAFETY: the header says what pointers are.
+    // SAFETY: the header states the rules for pointers.
     unsafe {
         act(drive, |own| {
             own.kept = own.kept(given(bytes, size)?)?;
@@ -138,7 +138,7 @@ pub unsafe extern "C" fn pneudrive_restore(drive: Drive, bytes: *const u8, size:
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pneudrive_message(drive: Drive) -> *const c_char {
-    // SAFETY: the header says what pointers are.
+    // SAFETY: the header states the rules for pointers.
     unsafe { drive.as_ref() }.map_or(c"there is no drive".as_ptr(), |own| own.message.as_ptr())
 }
 

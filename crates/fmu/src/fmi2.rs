@@ -1,4 +1,4 @@
-//! FMI 2.0: co-simulation and model exchange. Functions as the standard names them.
+//! FMI 2.0: co-simulation and model exchange. Functions have the names of the standard.
 #![allow(unsafe_code, non_snake_case, clippy::missing_safety_doc)]
 
 use crate::abi::{
@@ -14,7 +14,7 @@ type Component = *mut Instance;
 type Reference = c_uint;
 type Log = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
 
-/// Functions of the tool.
+/// Callbacks of the tool.
 #[repr(C)]
 pub struct Callbacks {
     logger: Option<Log>,
@@ -24,7 +24,7 @@ pub struct Callbacks {
     environment: *mut c_void,
 }
 
-/// What an event brought.
+/// Result of an event.
 #[repr(C)]
 pub struct EventInfo {
     new_discrete_states_needed: c_int,
@@ -35,13 +35,13 @@ pub struct EventInfo {
     next_event_time: f64,
 }
 
-/// Functions of an instance: its phases, and what is done in them.
+/// Defines functions of an instance, with their allowed phases and their bodies.
 macro_rules! functions {
     ($($name:ident($instance:ident $(, $argument:ident: $kind:ty)*) in $phases:expr => $work:expr;)*) => {
         $(
             #[unsafe(no_mangle)]
             pub unsafe extern "C" fn $name(component: Component $(, $argument: $kind)*) -> Status {
-                // SAFETY: pointers are as the standard demands of a tool.
+                // SAFETY: the standard requires valid pointers of the tool.
                 unsafe { with(component, stringify!($name), $phases, |$instance| $work) }
             }
         )*
@@ -69,7 +69,7 @@ pub unsafe extern "C" fn fmi2Instantiate(
     _visible: c_int,
     _logging: c_int,
 ) -> Component {
-    // SAFETY: pointers are as the standard demands of a tool.
+    // SAFETY: the standard requires valid pointers of the tool.
     unsafe {
         let (log, environment) =
             functions.as_ref().map_or((None, ptr::null_mut()), |own| (own.logger, own.environment));
@@ -94,7 +94,7 @@ pub unsafe extern "C" fn fmi2Instantiate(
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2FreeInstance(component: Component) {
-    // SAFETY: as the standard demands of a tool.
+    // SAFETY: guaranteed by the standard.
     unsafe { free(component) }
 }
 

@@ -1,4 +1,4 @@
-//! FMI 3.0: co-simulation and model exchange. Functions as the standard names them.
+//! FMI 3.0: co-simulation and model exchange. Functions have the names of the standard.
 #![allow(unsafe_code, non_snake_case, clippy::missing_safety_doc)]
 
 use crate::abi::{
@@ -27,7 +27,7 @@ unsafe fn made(
     log: Option<Log>,
     outside: bool,
 ) -> Component {
-    // SAFETY: pointers are as the standard demands of a tool.
+    // SAFETY: the standard requires valid pointers of the tool.
     unsafe {
         let tell = |message| {
             if let Some(log) = log {
@@ -58,7 +58,7 @@ pub unsafe extern "C" fn fmi3InstantiateModelExchange(
     environment: *mut c_void,
     log: Option<Log>,
 ) -> Component {
-    // SAFETY: pointers are as the standard demands of a tool.
+    // SAFETY: the standard requires valid pointers of the tool.
     unsafe { made([name, token, resources], environment, log, true) }
 }
 
@@ -78,7 +78,7 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     log: Option<Log>,
     _update: *const c_void,
 ) -> Component {
-    // SAFETY: pointers are as the standard demands of a tool.
+    // SAFETY: the standard requires valid pointers of the tool.
     unsafe { made([name, token, resources], environment, log, false) }
 }
 
@@ -98,7 +98,7 @@ pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
 ) -> Component {
     if let Some(log) = log {
         let message = c"scheduled execution is not possible: use co-simulation or model exchange".as_ptr();
-        // SAFETY: the tool's own function, with what the standard says of it.
+        // SAFETY: the tool's callback, used as the standard requires.
         unsafe { log(environment, Status::Error as c_int, c"logStatusError".as_ptr(), message) }
     }
     ptr::null_mut()
@@ -106,7 +106,7 @@ pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeInstance(instance: Component) {
-    // SAFETY: as the standard demands of a tool.
+    // SAFETY: guaranteed by the standard.
     unsafe { free(instance) }
 }
 
@@ -246,7 +246,7 @@ functions! {
     fmi3ActivateModelPartition(_instance, _clock: u32, _t: f64) in ANY => refuse("there are no model partitions");
 }
 
-/// Variables of other types: there are none.
+/// Functions for variables of other types, which the model does not have.
 macro_rules! absent {
     ($($get:ident $set:ident $kind:ident: $value:ty;)*) => {
         functions! {
@@ -274,5 +274,5 @@ absent! {
     fmi3GetString fmi3SetString String: *const c_char;
 }
 
-/// Phases in which there are derivatives.
+/// Phases in which derivatives exist.
 const DIFFERENTIABLE: &[Phase] = &[Phase::Initialisation, Phase::Event, Phase::Continuous, Phase::Step];

@@ -1,4 +1,4 @@
-//! An instance of an FMU: which calls are allowed when, what is told to the tool.
+//! An instance of an FMU: which calls are allowed in which phase, and which messages the tool receives.
 
 use crate::model::{Model, Refusal, refuse};
 use crate::plan::Plan;
@@ -17,7 +17,7 @@ pub enum Status {
     Fatal,
 }
 
-/// What an instance is waiting for.
+/// Phase of an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     Instantiated,
@@ -28,43 +28,43 @@ pub enum Phase {
     Terminated,
 }
 
-/// Phases in which the run goes on.
+/// Phases in which the run continues.
 pub const RUNNING: &[Phase] = &[Phase::Event, Phase::Continuous, Phase::Step];
-/// All but the last one.
+/// All phases except the last.
 pub const ALIVE: &[Phase] =
     &[Phase::Instantiated, Phase::Initialisation, Phase::Event, Phase::Continuous, Phase::Step];
 
-/// The tool's function for messages.
+/// Callback of the tool for messages.
 #[derive(Clone, Copy)]
 pub enum Logger {
-    /// A caller that asks for the last message.
+    /// The caller asks for the last message instead.
     None,
     Two(unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...)),
     Three(unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char)),
 }
 
-/// Who is told of errors.
+/// Receiver of error messages.
 pub struct Listener {
     pub logger: Logger,
     pub environment: *mut c_void,
     pub name: CString,
 }
 
-/// Text as C has it; what comes after a zero is left out.
+/// Returns a text for C, cut at the first zero.
 pub fn c_text(text: &str) -> CString {
     CString::new(text.split('\0').next().unwrap_or_default()).expect("there is no zero in it")
 }
 
 impl Listener {
-    /// Tells the tool.
+    /// Sends a message to the tool.
     pub fn tell(&self, status: Status, message: &str) {
         let (category, status) = (c"logStatusError", status as c_int);
         match self.logger {
             Logger::None => {}
-            // The message is a format there.
+            // FMI 2.0 expects a format string, not a plain message.
             Logger::Two(log) => {
                 let message = c_text(&message.replace('%', "%%"));
-                // SAFETY: the tool's own function with what FMI 2.0 says of it; all texts live until it returns.
+                // SAFETY: the tool's callback, used as FMI 2.0 requires. All texts live until it returns.
                 #[allow(unsafe_code)]
                 unsafe {
                     log(self.environment, self.name.as_ptr(), status, category.as_ptr(), message.as_ptr());
@@ -72,7 +72,7 @@ impl Listener {
             }
             Logger::Three(log) => {
                 let message = c_text(message);
-                // SAFETY: as above, with what FMI 3.0 says of it.
+                // SAFETY: as above, for FMI 3.0.
                 #[allow(unsafe_code)]
                 unsafe {
                     log(self.environment, status, category.as_ptr(), message.as_ptr());
@@ -82,7 +82,7 @@ impl Listener {
     }
 }
 
-/// The state of an instance that a tool keeps.
+/// State of an instance that a tool keeps.
 #[derive(Clone)]
 pub struct Kept {
     pub model: Model,
@@ -92,15 +92,15 @@ pub struct Kept {
 /// An instance.
 pub struct Instance {
     pub kept: Kept,
-    /// Whether the tool integrates: model exchange.
+    /// Whether the tool integrates (model exchange).
     pub outside: bool,
     pub listener: Listener,
-    /// The last message.
+    /// Last message.
     pub message: CString,
 }
 
 impl Instance {
-    /// Of the text of a plan.
+    /// Creates an instance from the text of a plan.
     pub fn new(text: &str, token: Option<&str>, outside: bool, listener: Listener) -> Result<Self, Refusal> {
         let plan: Plan = serde_json::from_str(text)
             .or_else(|error| refuse(format!("the description cannot be read: {error}")))?;
@@ -123,7 +123,7 @@ impl Instance {
         Ok(Instance { kept, outside, listener, message: CString::default() })
     }
 
-    /// Does something in one of some phases; what goes wrong is told and becomes a status.
+    /// Runs an operation in one of the allowed phases. An error is reported and becomes a status.
     pub fn call(
         &mut self,
         what: &str,
@@ -139,7 +139,8 @@ impl Instance {
         self.conclude(what, done)
     }
 
-    /// What was done, told. Apart from [`Instance::call`], which is compiled for each function of the standards.
+    /// Reports the result of an operation. It is separate from [`Instance::call`], which is compiled for each
+    /// function of the standards.
     fn conclude(&mut self, what: &str, done: std::thread::Result<Result<(), Refusal>>) -> Status {
         let (status, message) = match done {
             Ok(Ok(())) => return Status::Ok,
@@ -157,40 +158,40 @@ impl Instance {
         status
     }
 
-    /// Before the run, with a time and where asked for a tolerance.
+    /// Sets the start time and the optional tolerance before the run.
     pub fn initialise(&mut self, t0: f64, stop: Option<f64>, rtol: Option<f64>) -> Result<(), Refusal> {
         self.kept.model.set_up(t0, stop, rtol)?;
         self.kept.phase = Phase::Initialisation;
         Ok(())
     }
 
-    /// The run begins.
+    /// Starts the run.
     pub fn begin(&mut self) -> Result<(), Refusal> {
         self.kept.model.begin()?;
         self.kept.phase = if self.outside { Phase::Event } else { Phase::Step };
         Ok(())
     }
 
-    /// The tool goes on in another mode of model exchange.
+    /// Changes to another mode of model exchange.
     pub fn pass_to(&mut self, phase: Phase) -> Result<(), Refusal> {
         self.kept.phase = phase;
         Ok(())
     }
 
-    /// As when it was made.
+    /// Resets the instance to its original state.
     pub fn reset(&mut self) -> Result<(), Refusal> {
         self.kept.model.reset();
         self.kept.phase = Phase::Instantiated;
         Ok(())
     }
 
-    /// What the tool has kept.
+    /// Restores a state that the tool has kept.
     pub fn restore(&mut self, kept: &Kept) -> Result<(), Refusal> {
         self.kept.clone_from(kept);
         Ok(())
     }
 
-    /// Sets variables; one with a history only where an event is handled.
+    /// Sets variables. Variables with a history change only while an event is handled.
     pub fn set(&mut self, references: &[u32], values: &[f64]) -> Result<(), Refusal> {
         for (&reference, &value) in references.iter().zip(values) {
             let known = self.kept.model.get(reference);
@@ -213,14 +214,14 @@ impl Instance {
         Ok(())
     }
 
-    /// What a tool keeps, as bytes.
+    /// Returns a kept state as bytes.
     pub fn bytes(kept: &Kept) -> Result<Vec<u8>, Refusal> {
         let mut bytes = kept.model.save()?;
         bytes.push(ALIVE.iter().position(|phase| *phase == kept.phase).unwrap_or(ALIVE.len()) as u8);
         Ok(bytes)
     }
 
-    /// What a tool has kept as bytes.
+    /// Returns a kept state from bytes.
     pub fn kept(&self, bytes: &[u8]) -> Result<Kept, Refusal> {
         let Some((phase, bytes)) = bytes.split_last() else { return refuse("there are no bytes of a state") };
         let phase = ALIVE.get(usize::from(*phase)).copied().unwrap_or(Phase::Terminated);

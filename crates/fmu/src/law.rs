@@ -1,4 +1,4 @@
-//! A controller as a tool runs it: samples in and a command out at each multiple of its period.
+//! A controller as a tool runs it: samples in, and a command out at each multiple of the period.
 
 use crate::model::{Refusal, SAME_INSTANT, refuse};
 use crate::plan::{Role, Variable};
@@ -6,7 +6,7 @@ use control::{Answer, Controller, Inputs, Reference, Sample};
 use serde::Deserialize;
 use servo::{Encoder, specification};
 
-/// A controller with what it follows.
+/// A controller with its references.
 #[derive(Debug, Deserialize)]
 pub struct LawPlan {
     pub controller: specification::Controller,
@@ -18,22 +18,22 @@ pub struct LawPlan {
 /// Inputs by the names of their variables.
 const INPUTS: [&str; 5] = ["position", "pressure_a", "pressure_b", "enabled", "emergency_stop"];
 
-/// A controller that runs.
+/// A running controller.
 #[derive(Clone)]
 pub struct Law {
     controller: Controller,
     reference: Reference,
-    /// Places of the [`INPUTS`] among the variables; a law without pressure sensors has none for them.
+    /// Indices of the [`INPUTS`] among the variables. Without pressure sensors, these indices are absent.
     inputs: [Option<usize>; INPUTS.len()],
     t0: f64,
     time: f64,
-    /// The next sample.
+    /// Index of the next sample.
     tick: u64,
     answer: Option<Answer>,
 }
 
 impl Law {
-    /// Of a plan, from a time, s.
+    /// Creates a controller from a plan, at a start time, s.
     pub fn new(plan: &LawPlan, variables: &[Variable], t0: f64) -> Result<Self, Refusal> {
         let (controller, _) = servo::controller(&plan.controller, Encoder::from(plan.position).deviation())?;
         let place =
@@ -47,7 +47,7 @@ impl Law {
         self.time
     }
 
-    /// Goes on to a time, s: the samples from now on, and before then, are those of the present inputs.
+    /// Continues to a time, s. All samples before that time use the present inputs.
     pub fn go_on(&mut self, until: f64, values: &[f64]) -> Result<(), Refusal> {
         let [x, a, b, enabled, stop] = self.inputs.map(|place| place.map(|place| values[place]));
         let Some(position) = x else { return refuse("the description has no input \"position\"") };
@@ -73,7 +73,7 @@ impl Law {
         Ok(())
     }
 
-    /// A number of the last answer; before the first one the valve is at rest.
+    /// Returns a number of the last answer. Before the first answer, the valve is at rest.
     pub fn output(&self, name: &str) -> Option<f64> {
         let wanted = self.answer.map_or_else(|| self.reference.at(0.0), |own| own.wanted);
         let of = |number: fn(&Answer) -> f64| self.answer.as_ref().map_or(0.0, number);

@@ -1,7 +1,8 @@
-//! A drive as a library for other tools: the C interfaces of FMI 2.0 and 3.0, and one of our own for C programs.
+//! A drive as a library for other tools: the C interfaces of FMI 2.0 and 3.0, and a separate interface for C
+//! programs.
 //!
-//! Every function checks its pointers and the phase of its instance, and lets no panic out. What it means for the drive
-//! stands in [`model`], without `unsafe`.
+//! Every function checks its pointers and the phase of its instance, and catches all panics. The effect on
+//! the drive is defined in [`model`], without `unsafe`.
 
 pub mod abi;
 mod c;

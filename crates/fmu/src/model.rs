@@ -7,25 +7,27 @@ use circuit::{AxisId, Error, Look, Network, Session};
 use ode::Options;
 use std::sync::Arc;
 
-/// Tolerances that the solver keeps.
+/// Relative tolerances that the solver accepts.
 const TOLERANCES: std::ops::RangeInclusive<f64> = 1e-13..=1e-1;
-/// Share of the time by which two tools may round one instant differently.
+/// Relative difference by which two tools may round the same instant.
 pub const SAME_INSTANT: f64 = 1e-9;
-/// Share of the sizes of states that a tool is told: its tolerance is a share of state and size together, and sizes as
-/// large as the states would hide how small their changes are (assumed; measured in `docs/guide/fmu.md`).
+/// Fraction of the nominal values of states that the tool receives (assumed; measured in
+/// `docs/guide/fmu.md`). A tool's tolerance refers to state and nominal value together. Nominal values as
+/// large as the states would hide small changes.
 const SHARE_OF_SIZES: f64 = 0.02;
-/// Change of a state, in sizes of the solver, from which on the next ones are counted anew (assumed; likewise).
+/// Change of a state, in solver scales, from which on later changes are counted from a new origin (assumed;
+/// likewise).
 const MOST_CHANGE: f64 = 10.0;
-/// Halvings of the way back to a state that the circuit can have.
+/// Halvings on the way back to a state that the circuit can have.
 const HALVINGS: i32 = 50;
-/// Bytes of a state begin with this.
+/// First bytes of a stored state.
 const MAGIC: &[u8; 8] = b"pnd-fmu\x02";
 
-/// Why something was not done, and how bad that is.
+/// Reason why an operation failed, and its severity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refusal {
     pub message: String,
-    /// Whether a shorter step or other values may go.
+    /// Whether a shorter step or other values may succeed.
     pub discard: bool,
 }
 
@@ -35,12 +37,12 @@ impl From<Error> for Refusal {
     }
 }
 
-/// Refuses for a reason.
+/// Refuses with a reason.
 pub fn refuse<T>(message: impl Into<String>) -> Result<T, Refusal> {
     Err(Refusal { message: message.into(), discard: false })
 }
 
-/// Where the session has a variable.
+/// Place of a variable in the session.
 #[derive(Clone, Copy, Debug)]
 enum Place {
     Time,
@@ -51,28 +53,28 @@ enum Place {
     Rate(usize),
     Event(usize),
     Force,
-    /// Nowhere: the model keeps its value.
+    /// Not in the session: the model keeps its value.
     Kept,
 }
 
-/// A session and where it has the variables.
+/// A session and the places of the variables in it.
 #[derive(Clone)]
 struct Running {
     session: Session,
     places: Arc<[Place]>,
-    /// The axis of an actuator, and the place of its position among the states; its velocity comes next.
+    /// Axis of an actuator, and the index of its position among the states. Its velocity follows.
     motion: Option<(AxisId, usize)>,
-    /// The state at the start or the last event: a tool integrates the changes since then, and keeps its tolerance of
-    /// these, not of a position that happens to be far from 0.
+    /// State at the start or the last event. A tool integrates the changes since then. Its tolerance then
+    /// refers to these changes, not to a position that may be far from 0.
     origin: Vec<f64>,
-    /// The last state whose rates were finite.
+    /// Last state with finite rates.
     good: Vec<f64>,
 }
 
 impl Running {
-    /// Rates of the present state. Where a trial of the tool lies outside of what the circuit can be, such as a chamber
-    /// without room, they are those of the last state inside on the way to it: most tools take no refusal for an answer,
-    /// and none keeps a step on which its rates do not agree.
+    /// Rates of the present state. A trial of the tool may be outside the physical range, such as a chamber
+    /// without volume. Then these are the rates of the last valid state on the way. Most tools do not accept a
+    /// refusal, and all reject a step whose rates do not agree.
     fn rates(&mut self) -> Vec<f64> {
         let rates = self.session.rates();
         let (t, y) = (self.session.time(), self.session.state().to_vec());
@@ -96,11 +98,11 @@ fn is_finite(values: &[f64]) -> bool {
     values.iter().all(|value| value.is_finite())
 }
 
-/// What a change of modes brought.
+/// Result of a change of modes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Update {
     pub states_changed: bool,
-    /// The next instant at which modes have to be changed, s.
+    /// Next instant at which modes must change, s.
     pub next: Option<f64>,
 }
 
@@ -108,15 +110,15 @@ pub struct Update {
 #[derive(Clone)]
 pub struct Model {
     plan: Arc<Plan>,
-    /// Of what can be set.
+    /// Values of all settable variables.
     values: Vec<f64>,
     t0: f64,
     rtol: f64,
-    /// Whether the integrator is the tool's.
+    /// Whether the tool integrates.
     outside: bool,
     begun: bool,
     running: Option<Running>,
-    /// In place of a session.
+    /// Controller, instead of a session.
     law: Option<Law>,
 }
 
@@ -126,12 +128,12 @@ impl Model {
         Model { values, t0: 0.0, rtol: plan.rtol, plan, outside, begun: false, running: None, law: None }
     }
 
-    /// As when it was made.
+    /// Resets the model to its original state.
     pub fn reset(&mut self) {
         *self = Model::new(self.plan.clone(), self.outside);
     }
 
-    /// The time and, where one is asked for, the tolerance with which it begins.
+    /// Sets the start time and the optional tolerance.
     pub fn set_up(&mut self, t0: f64, stop: Option<f64>, rtol: Option<f64>) -> Result<(), Refusal> {
         if !t0.is_finite() {
             return refuse(format!("start time = {t0} s is not a time"));
@@ -155,7 +157,7 @@ impl Model {
         Ok(())
     }
 
-    /// Values before the run are final from now on.
+    /// Makes the values set before the run final.
     pub fn begin(&mut self) -> Result<(), Refusal> {
         match &self.plan.law {
             Some(law) => self.law = Some(Law::new(law, &self.plan.variables, self.t0)?),
@@ -178,7 +180,7 @@ impl Model {
         ))
     }
 
-    /// The value reference of a variable by its name.
+    /// Returns the value reference of a variable by its name.
     pub fn named(&self, name: &str) -> Result<u32, Refusal> {
         match self.plan.variables.iter().position(|own| own.name == name) {
             Some(place) => Ok(place as u32),
@@ -186,7 +188,7 @@ impl Model {
         }
     }
 
-    /// Whether it changes at events only.
+    /// Returns whether the variable changes only at events.
     pub fn is_discrete(&self, reference: u32) -> bool {
         let own = self.plan.variables.get(reference as usize);
         matches!(own.map(|own| &own.role), Some(Role::Input { discrete: true, .. }))
@@ -251,7 +253,7 @@ impl Model {
         })
     }
 
-    /// The present time, s.
+    /// Returns the present time, s.
     pub fn time(&self) -> f64 {
         let law = self.law.as_ref().map(Law::time);
         law.unwrap_or_else(|| self.running.as_ref().map_or(self.t0, |running| running.session.time()))
@@ -268,7 +270,7 @@ impl Model {
         Ok(self.running.as_mut().expect("just made"))
     }
 
-    /// The description with the present values of the parameters, as text too.
+    /// Returns the description with the present parameter values, including the text form.
     fn description(&self) -> Result<(String, specification::Circuit), Refusal> {
         let mut table = self.plan.circuit.clone();
         for (own, value) in self.plan.variables.iter().zip(&self.values) {
@@ -365,7 +367,7 @@ impl Model {
         Ok(places)
     }
 
-    /// Puts the piston of an actuator where it is told to be; end stops act wherever the tool puts it.
+    /// Sets the piston of an actuator to the given position. End stops act at every position.
     fn follow(&mut self) -> Result<(), Refusal> {
         if !self.outside {
             return Ok(());
@@ -385,24 +387,24 @@ impl Model {
         Ok(())
     }
 
-    /// The places of the tool's continuous states among those of the session.
+    /// Returns the indices of the tool's continuous states among those of the session.
     fn continuous(&mut self) -> Result<Vec<usize>, Refusal> {
         let Running { session, motion, .. } = self.running()?;
         let own = motion.map(|(_, first)| [first, first + 1]).unwrap_or([usize::MAX; 2]);
         Ok((0..session.state().len()).filter(|state| !own.contains(state)).collect())
     }
 
-    /// How many continuous states the tool integrates.
+    /// Returns the number of continuous states that the tool integrates.
     pub fn n_states(&mut self) -> Result<usize, Refusal> {
         Ok(self.continuous()?.len())
     }
 
-    /// How many event functions there are.
+    /// Returns the number of event functions.
     pub fn n_events(&mut self) -> Result<usize, Refusal> {
         Ok(self.running()?.session.events().len())
     }
 
-    /// Another time, s.
+    /// Sets the time, s.
     pub fn set_time(&mut self, t: f64) -> Result<(), Refusal> {
         if !t.is_finite() {
             return refuse(format!("t = {t} s is not a time"));
@@ -413,7 +415,7 @@ impl Model {
         Ok(())
     }
 
-    /// Other states: changes since the last event.
+    /// Sets the states, given as changes since the last event.
     pub fn set_states(&mut self, x: &[f64]) -> Result<(), Refusal> {
         let places = self.continuous()?;
         check_length("states", x.len(), places.len())?;
@@ -429,7 +431,8 @@ impl Model {
         Ok(())
     }
 
-    /// The continuous states as changes since the last event, their rates, or their sizes.
+    /// Returns the continuous states as changes since the last event, or their rates, or their nominal
+    /// values.
     pub fn states(&mut self, what: What) -> Result<Vec<f64>, Refusal> {
         let places = self.continuous()?;
         let running = self.running()?;
@@ -445,8 +448,8 @@ impl Model {
             .map(|()| places.iter().map(|place| all[*place]).collect())
     }
 
-    /// Whether modes have to be changed where a step of the tool ended, or changes to be counted from there on, as they have
-    /// become so large that a tolerance of them is no longer one of small ones.
+    /// Returns whether the end of the tool's step needs an event. Modes may have to change, or the changes
+    /// may have grown so large that they need a new origin to keep the tolerance small.
     pub fn is_due_behind_step(&mut self) -> Result<bool, Refusal> {
         let Running { session, origin, .. } = self.running()?;
         let rates = session.rates();
@@ -456,18 +459,18 @@ impl Model {
         Ok(changes.any(|(change, size)| change.abs() > MOST_CHANGE * size) || self.is_due()?)
     }
 
-    /// Event functions.
+    /// Returns the event functions.
     pub fn events(&mut self) -> Result<Vec<f64>, Refusal> {
         Ok(self.running()?.session.events())
     }
 
-    /// Whether a mode has to be changed now.
+    /// Returns whether a mode must change now.
     pub fn is_due(&mut self) -> Result<bool, Refusal> {
         let session = &mut self.running()?.session;
         Ok(session.is_due_now() || session.events().iter().any(|value| *value <= 0.0))
     }
 
-    /// Applies what is due and changes modes that hold no longer; changes of the states count from here on.
+    /// Applies pending commands and changes invalid modes. Changes of the states are counted from here.
     pub fn update(&mut self) -> Result<Update, Refusal> {
         let Running { session, origin, .. } = self.running()?;
         let before = session.state().to_vec();
@@ -478,7 +481,7 @@ impl Model {
         Ok(Update { states_changed, next: session.next_due() })
     }
 
-    /// Goes on from a time by a step, s.
+    /// Continues from a time by a step, s.
     pub fn step(&mut self, from: f64, by: f64) -> Result<(), Refusal> {
         let now = self.time();
         if !(from.is_finite() && (from - now).abs() <= SAME_INSTANT * now.abs().max(1.0)) {
@@ -495,8 +498,8 @@ impl Model {
         Ok(())
     }
 
-    /// Derivatives of the unknowns in the direction `seed` of the knowns; or, with `adjoint`, of the knowns in the
-    /// direction `seed` of the unknowns.
+    /// Returns derivatives of the unknowns in the direction `seed` of the knowns. With `adjoint`, the
+    /// derivatives are those of the knowns in the direction `seed` of the unknowns.
     pub fn directional(
         &mut self,
         unknowns: &[u32],
@@ -552,7 +555,7 @@ impl Model {
         Ok(out)
     }
 
-    /// The whole model as bytes.
+    /// Returns the whole model as bytes.
     pub fn save(&self) -> Result<Vec<u8>, Refusal> {
         if self.plan.law.is_some() {
             return refuse("the state of a controller is kept by the tool, but not as bytes");
@@ -570,7 +573,7 @@ impl Model {
         Ok(bytes)
     }
 
-    /// A model of the same plan from bytes.
+    /// Returns a model of the same plan from bytes.
     pub fn restored(&self, bytes: &[u8]) -> Result<Self, Refusal> {
         const HEAD: usize = 6;
         let Some(rest) = bytes.strip_prefix(MAGIC) else {
@@ -596,7 +599,7 @@ impl Model {
     }
 }
 
-/// Refuses rates, by the places of their states, that are not finite.
+/// Refuses rates that are not finite. The places are those of their states.
 fn finite_at(session: &Session, mut rates: impl Iterator<Item = (usize, f64)>) -> Result<(), Refusal> {
     match rates.find(|(_, rate)| !rate.is_finite()) {
         None => Ok(()),
@@ -611,12 +614,12 @@ fn finite_at(session: &Session, mut rates: impl Iterator<Item = (usize, f64)>) -
     }
 }
 
-/// Numbers of a state as bytes.
+/// Appends the numbers of a state as bytes.
 fn numbers(bytes: &[u8]) -> Vec<f64> {
     bytes.as_chunks().0.iter().map(|word| f64::from_le_bytes(*word)).collect()
 }
 
-/// The input of the session at a place.
+/// Returns the input of the session at a place.
 fn input_of(place: Place) -> Option<usize> {
     match place {
         Place::Input(input) => Some(input),
@@ -624,7 +627,7 @@ fn input_of(place: Place) -> Option<usize> {
     }
 }
 
-/// What of the continuous states.
+/// Requested quantity of the continuous states.
 #[derive(Clone, Copy, Debug)]
 pub enum What {
     Values,

@@ -1,27 +1,28 @@
-//! What a tool sees of a drive: the file `resources/drive.json` of an FMU, which is also what `pneudrive_create` takes.
+//! Description of a drive for a tool: the file `resources/drive.json` of an FMU, and the argument of
+//! `pneudrive_create`.
 
 use crate::law::LawPlan;
 use serde::Deserialize;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// A circuit, its start, and its variables: the place of a variable is its value reference.
+/// A circuit, its start, and its variables. The index of a variable is its value reference.
 #[derive(Debug, Deserialize)]
 pub struct Plan {
-    /// The instantiation token, or GUID, of the FMU that this belongs to.
+    /// Instantiation token (GUID) of the FMU.
     pub token: String,
-    /// The circuit in the core's form.
+    /// Circuit in the core's form.
     #[serde(default)]
     pub circuit: Value,
-    /// A controller, in place of a circuit.
+    /// Controller, instead of a circuit.
     #[serde(default)]
     pub law: Option<LawPlan>,
-    /// The start by the core's names.
+    /// Start by the core's names.
     #[serde(default)]
     pub start: BTreeMap<String, f64>,
     /// Relative tolerance of the solver.
     pub rtol: f64,
-    /// The name of the start position of the piston whose motion is given from outside, if it is.
+    /// Name of the start position of the piston whose motion the tool prescribes, if any.
     #[serde(default)]
     pub actuator: Option<String>,
     pub variables: Vec<Variable>,
@@ -33,18 +34,18 @@ pub struct Variable {
     pub name: String,
     #[serde(flatten)]
     pub role: Role,
-    /// Its value at the start, of what can be set.
+    /// Start value of a settable variable.
     #[serde(default)]
     pub start: f64,
 }
 
-/// What a variable is.
+/// Role of a variable.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "role", rename_all = "lowercase")]
 pub enum Role {
     /// s.
     Time,
-    /// An input of the session; a discrete one has a history, so that it changes at events only.
+    /// An input of the session. A discrete input has a history and changes only at events.
     Input {
         of: String,
         discrete: bool,
@@ -56,11 +57,11 @@ pub enum Role {
     Parameter {
         of: String,
     },
-    /// Numbers of the start that are equal, by the core's names.
+    /// Equal start values, by the core's names.
     Start {
         of: Vec<String>,
     },
-    /// Time for which all contacts have stood at the start, s.
+    /// Rest time of all contacts before the start, s.
     Age,
     /// A column of a trajectory.
     Output {
@@ -80,12 +81,12 @@ pub enum Role {
     Event {
         of: usize,
     },
-    /// The force of an actuator on what it moves, N.
+    /// Force of an actuator on the moved body, N.
     Force,
 }
 
 impl Role {
-    /// Whether it keeps the value that it was given before the run.
+    /// Whether it keeps the value that was set before the run.
     pub fn is_fixed(&self) -> bool {
         matches!(self, Role::Parameter { .. } | Role::Start { .. } | Role::Age)
     }

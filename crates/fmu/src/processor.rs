@@ -1,6 +1,6 @@
-//! Whether this processor has the instructions that the library is compiled with.
+//! Check that this processor has the instructions that the library is compiled with.
 
-/// Instruction sets of x86-64-v3 as CPUID tells them: leaf, register (1 = ebx, 2 = ecx) and bit.
+/// Instruction sets of x86-64-v3 as CPUID reports them: leaf, register (1 = ebx, 2 = ecx) and bit.
 #[cfg(target_arch = "x86_64")]
 const NEEDED: [(&str, u32, usize, u32); 7] = [
     ("fma", 1, 2, 12),
@@ -12,7 +12,7 @@ const NEEDED: [(&str, u32, usize, u32); 7] = [
     ("bmi2", 7, 1, 8),
 ];
 
-/// Those that are missing, by what CPUID tells of a leaf.
+/// Returns the missing instruction sets. The argument is CPUID's answer for a leaf.
 #[cfg(target_arch = "x86_64")]
 fn missing(leaf: impl Fn(u32) -> [u32; 4]) -> Option<&'static str> {
     let lacks =
@@ -20,7 +20,8 @@ fn missing(leaf: impl Fn(u32) -> [u32; 4]) -> Option<&'static str> {
     NEEDED.iter().find(lacks).map(|own| own.0)
 }
 
-/// What this processor lacks, if anything. Asked of the processor itself: what the compiler may assume, it answers.
+/// Returns an instruction set that this processor lacks, if any. It asks the processor directly, because the
+/// compiler would answer its own assumptions.
 #[cfg(target_arch = "x86_64")]
 #[inline(never)]
 pub fn lacking() -> Option<&'static str> {
@@ -40,7 +41,7 @@ pub fn lacking() -> Option<&'static str> {
     None
 }
 
-/// Said where it lacks something.
+/// Message for a processor without these instructions.
 pub const MESSAGE: &std::ffi::CStr =
     c"pneudrive needs an x86-64-v3 processor (2013 or later): this one lacks AVX2 or FMA. \
 Build the library for it from source: set target-cpu in .cargo/config.toml";

@@ -123,7 +123,7 @@ def _true(found: ControlComparison) -> list[Section]:
     rows = tuple((name, f"{min(values):.4g}", f"{max(values):.4g}") for name, values in each.items())
     heads = ("deviation of the true drive", "least", "largest")
     text = "Factors of what was described, values in SI. Each member's are in score.csv."
-    return [section("true", "What was true", Paragraph(text), PageTable(heads, rows, "What was true"))]
+    return [section("true", "True drive", Paragraph(text), PageTable(heads, rows, "What was true"))]
 
 
 def _told(found: ControlComparison) -> Section:
@@ -135,5 +135,7 @@ def _told(found: ControlComparison) -> Section:
     ]
     gains = PageTable(("law", "gain", "value", "meaning", "follows from"), tuple(rows), "Gains", numbers_from=9)
     first = next(iter(found.tunings.values()))
-    plant = PageTable(("", ""), tuple(first.plant.rows()), "The drive to its laws, about mid stroke", numbers_from=9)
+    plant = PageTable(
+        ("", ""), tuple(first.plant.rows()), "Drive as assumed by the controllers, near mid-stroke", numbers_from=9
+    )
     return section("told", "What the laws were told", plant, gains, synthetic=False)
