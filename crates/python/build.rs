@@ -1,5 +1,5 @@
-//! How the core is linked where that is by LLD: functions of one name beside each other. The same function for other
-//! numbers is packed into a fortieth less of a wheel there; it runs as it does anywhere.
+//! Link order of the core with LLD: functions of the same name are adjacent. This packs the copies of a function for
+//! several scalar types better, and makes the wheel 2.5 % smaller. The speed does not change.
 
 fn main() {
     println!("cargo::rerun-if-changed=by_name.ld");

@@ -223,10 +223,7 @@ export function Plot(props: PlotProps) {
   );
 }
 
-/**
- * Return the value of a curve at the time under the pointer. The drawn value is the lowest or highest of its pixel
- * column.
- */
+/** Return the value at the pointer. The drawn value is the lowest or highest of its pixel column. */
 function read({ curves, size }: PlotProps, u: uPlot, index: number, row: number | null): number | undefined {
   const one = curves[index];
   return one?.at && row !== null ? valueAt(one, u.data[0][row]!) / size : undefined;
@@ -505,10 +502,7 @@ export interface Group {
 
 const MOST_BARS = 400; // spreads beyond which bars would cover the points
 
-/**
- * Plot of friction over speed: groups of points, and curves with bands. A curve is dotted beyond the measured
- * speeds.
- */
+/** Plot of friction over speed: points, and curves with bands. A curve is dotted beyond the measured speeds. */
 export function Scatter(props: { title: string; x: string; y: string; groups: Group[]; log: boolean }) {
   const place = useRef<HTMLDivElement>(null);
   const latest = useRef(props);

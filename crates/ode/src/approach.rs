@@ -1,43 +1,45 @@
-//! Approach of steps to a kink that no step passes easily.
+//! Approach of steps to a kink that step control cannot pass easily.
 
-/// An attempt whose error is this many tolerances may have run into something.
+/// An attempt whose error exceeds this many tolerances may have crossed a kink.
 pub(crate) const FAR_OFF: f64 = 10.0;
-/// A shorter attempt whose error is below this says that the longer one did run into something: where the solution is
-/// smooth, step control leaves a third of the tolerance.
+/// If the error of a shorter attempt is below this, the longer attempt did cross a kink. On a smooth
+/// solution, step control leaves a third of the tolerance.
 const COLLAPSED: f64 = 0.01;
-/// Share of the way to the end of the failed attempt that the next one goes.
+/// Length of the next attempt as a fraction of the way to the end of the failed attempt.
 const HALF: f64 = 0.5;
-/// Steps accepted one after the other after which the kink counts as passed unnoticed.
+/// Number of consecutive accepted steps after which the kink counts as passed.
 const MOST_KEPT: u32 = 4;
-/// Attempts of a run that fail by far before kinks are approached so: sensible drives have fewer (assumed).
+/// Number of very large errors in a run before kinks are approached in this way. Typical drives have fewer
+/// (assumed).
 const FREE_FAILURES: u32 = 2000;
 
-/// Between the present time and the end of an attempt that failed by far there may be a kink. What the error of a step
-/// says of the next one's length holds for smooth solutions, and led up to a kink in ever shorter steps: three attempts
-/// for each third of the way. Halving takes one attempt for each half.
+/// A kink may be between the present time and the end of an attempt with a very large error. The usual step
+/// prediction holds for smooth solutions. It approaches a kink in ever shorter steps, with three attempts for
+/// each third of the way. Halving takes one attempt for each half.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Approach {
-    /// How far the end of the failed attempt still is, s; infinite where none is known.
+    /// Time to the end of the failed attempt, s. Infinite if unknown.
     pub left: f64,
-    /// There is a kink before that end.
+    /// Whether a kink is known before that end.
     pub halving: bool,
     /// Steps accepted since the last failure.
     pub kept: u32,
-    /// Attempts that have failed by far.
+    /// Number of attempts with a very large error.
     pub failures: u32,
 }
 
 impl Approach {
     pub const NEW: Approach = Approach { left: f64::INFINITY, halving: false, kept: 0, failures: 0 };
 
-    /// An attempt of length `h` has failed by far; the factor on it, where that is for the approach to say.
+    /// Records a very large error of an attempt of length `h`. Returns the factor on the step if halving
+    /// applies.
     pub fn failed(&mut self, h: f64) -> Option<f64> {
         (self.left, self.kept) = (h, 0);
         self.failures = self.failures.saturating_add(1);
         self.halving.then_some(HALF)
     }
 
-    /// A step of length `h` was accepted; the longest that the next may be, where that is for the approach to say.
+    /// Records an accepted step of length `h`. Returns the longest next step if halving applies.
     pub fn kept(&mut self, h: f64, error: f64) -> Option<f64> {
         self.left -= h;
         self.kept += 1;
@@ -52,7 +54,7 @@ impl Approach {
         self.halving.then_some(HALF * self.left)
     }
 
-    /// The step ends elsewhere, or the equations are others now.
+    /// Ends the approach: the step ends elsewhere, or the equations have changed.
     pub fn end(&mut self) {
         *self = Approach { failures: self.failures, ..Self::NEW };
     }

@@ -5,18 +5,18 @@ use crate::stages::Method;
 use crate::swing::Swing;
 use math::Lane;
 
-/// Accuracy and longest step.
+/// Tolerance, step limits and method.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Relative tolerance; the absolute one is `rtol` times the scale that the system declares.
+    /// Relative tolerance. The absolute tolerance is `rtol` times the scale that the system declares.
     pub rtol: f64,
-    /// Attempts at a step after which the integration gives up.
+    /// Limit on the step attempts of an integration.
     pub max_attempts: u64,
-    /// The longest step allowed.
+    /// Longest step allowed.
     pub max_step: f64,
-    /// The first step is not shorter, s: error control shortens it where it must.
+    /// Least first trial step, s. Error control still shortens it if necessary.
     pub least_first_step: f64,
-    /// What takes the steps.
+    /// Integration method.
     pub method: Method,
 }
 
@@ -32,7 +32,7 @@ impl Default for Options {
     }
 }
 
-/// Work done so far, by count.
+/// Work counts so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
     /// Accepted steps.
@@ -49,8 +49,9 @@ pub struct Statistics {
     pub events: u64,
 }
 
-/// Reason why an integration cannot go on at a time `t`, s, with a step `h`, s. `state` is the index of the component that
-/// stood in the way, `event` that of the event function; each variant is what its message says.
+/// Reason why an integration failed at a time `t`, s, with a step `h`, s. `state` is the index of the
+/// component that caused the failure, and `event` that of the event function. The name of each variant is its
+/// message.
 #[allow(missing_docs)] // of variants and fields: named above
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Failure {
@@ -66,32 +67,32 @@ pub enum Failure {
     TooManyAttempts { t: f64, attempts: u64 },
 }
 
-/// Safety factor on the predicted step: with 0.8 instead of 0.9 a fifth fewer steps are rejected on
-/// problems full of kinks.
+/// Safety factor on the predicted step. With 0.8 instead of 0.9, a fifth fewer steps are rejected on problems
+/// with many kinks.
 const SAFETY: f64 = 0.8;
 /// Bounds on the change of the step size from one attempt to the next.
 const MIN_FACTOR: f64 = 0.1;
 const MAX_FACTOR: f64 = 6.0;
-/// Errors below this ask for the longest growth anyway; zero has no root.
+/// Smaller errors are raised to this value, because zero has no root. They already give the largest growth.
 pub(crate) const LEAST_ERROR: f64 = 1e-12;
-/// After a failed attempt that gave no finite error.
+/// Step factor after an attempt without a finite error.
 const NOT_FINITE_FACTOR: f64 = 0.1;
-/// After a step that error control accepts but that leaves what the equations hold for.
+/// Step factor after a step that error control accepts but that leaves the valid range of the equations.
 const OUTSIDE_FACTOR: f64 = 0.25;
 /// A step within this factor of the target is stretched or cut onto it.
 const STRETCH: f64 = 1.01;
-/// Cuts onto one event after which its tolerance grows, by so much with each further one: rounding may keep the event
-/// function (a force on a stiff end stop) from coming any nearer to zero.
+/// Number of cuts onto one event before its tolerance is widened, and the factor for each further cut.
+/// Rounding may keep the event function (a force on a stiff end stop) from coming nearer to zero.
 const FREE_CUTS: u32 = 20;
 const CUT_FACTOR: f64 = 10.0;
-/// Switches without any progress in time after which the lane has failed.
+/// Number of switches without progress in time after which the lane fails.
 const MAX_IDLE_SWITCHES: u32 = 16;
 
-/// x^(-1/5) for a normal x > 0, within 1e-6 of its value: all that a step size needs. The error of
-/// the method is of order h^5. First guess from the exponent bits, then Newton's iteration.
+/// Returns x^(-1/5) for a normal x > 0, with a relative error below 1e-6. A step size needs no more. The
+/// error of the method is of order h^5. First guess from the exponent bits, then Newton's iteration.
 #[inline(always)]
 fn inverse_fifth_root<R: Lane>(x: R) -> R {
-    // 6/5 of the exponent bias, less a constant that centres the error of the guess.
+    // 6/5 of the exponent bias, minus a constant that centres the error of the guess.
     const GUESS: u64 = 0x4CB8_A999_9999_9800;
     let mut y = R::from_lanes(|lane| f64::from_bits(GUESS - x.get(lane).to_bits() / 5));
     for _ in 0..3 {
@@ -101,16 +102,16 @@ fn inverse_fifth_root<R: Lane>(x: R) -> R {
     y
 }
 
-/// The factor on a step of each lane that its error asks for, where that is finite.
+/// Returns the step factor of each lane for its error, if the error is finite.
 #[inline(always)]
 pub(crate) fn factor<R: Lane>(error: R) -> R {
     let factor = R::c(SAFETY) * inverse_fifth_root(error.max(R::c(LEAST_ERROR)));
     factor.max(R::c(MIN_FACTOR)).min(R::c(MAX_FACTOR))
 }
 
-/// x^(-1/3), in the same way.
+/// Returns x^(-1/3) in the same way.
 pub(crate) fn inverse_cube_root(x: f64) -> f64 {
-    // 4/3 of the exponent bias, less such a constant.
+    // 4/3 of the exponent bias, minus such a constant.
     const GUESS: u64 = 0x553E_F000_0000_0000;
     let mut y = f64::from_bits(GUESS - x.to_bits() / 3);
     for _ in 0..3 {
@@ -143,11 +144,11 @@ mod tests {
 /// Step control of one lane.
 #[derive(Clone, Debug)]
 pub(crate) struct Control {
-    /// The next step proposed by error control.
+    /// Next step proposed by error control.
     pub wish: f64,
     /// After a rejection the next step may not grow.
     pub after_rejection: bool,
-    /// The way to a kink.
+    /// Approach to a kink.
     pub approach: Approach,
     /// The present attempt ends on the target exactly.
     pub last: bool,
@@ -160,14 +161,14 @@ pub(crate) struct Control {
     pub idle_switches: u32,
     pub failure: Option<Failure>,
     pub statistics: Statistics,
-    /// The masses that may swing.
+    /// Masses that may oscillate.
     pub swings: Vec<Swing>,
-    /// Share of the tolerance that one step may use up.
+    /// Fraction of the tolerance that one step may use.
     pub share: f64,
 }
 
-/// Share of the tolerance that one step may use up. Errors of steps add up, and a drive that creeps
-/// amplifies them: with a half, what is asked is what the golden trajectories show.
+/// Fraction of the tolerance that one step may use. Step errors add up, and stick-slip motion amplifies them.
+/// With one half, the golden trajectories meet the requested tolerance.
 const LOCAL_SHARE: f64 = 0.5;
 
 impl Control {
@@ -188,7 +189,8 @@ impl Control {
         }
     }
 
-    /// Follows the masses through a step of length `h`; `velocities` gives those before and after it.
+    /// Updates the swings of the masses after a step of length `h`. `velocities` gives the velocities before
+    /// and after the step.
     #[inline(always)]
     pub fn follow(&mut self, h: f64, velocities: impl Fn(usize) -> [f64; 2]) {
         let mut turned = false;
@@ -201,12 +203,12 @@ impl Control {
         }
     }
 
-    /// Brings the share of the tolerance up to date with the swings.
+    /// Updates the fraction of the tolerance from the swings.
     pub fn renew_share(&mut self) {
         self.share = LOCAL_SHARE * self.swings.iter().map(Swing::share).fold(1.0, f64::min);
     }
 
-    /// The step to attempt from `t` towards `until`.
+    /// Returns the step to attempt from `t` towards `until`.
     pub fn propose(&mut self, t: f64, until: f64, max_step: f64) -> f64 {
         let left = until - t;
         self.cutting = self.cut.is_some();
@@ -219,8 +221,8 @@ impl Control {
         if self.last { left } else { h }
     }
 
-    /// Sets the next wish from the error of an attempt with step `h` and the [`factor`] that it asks for; true where it
-    /// is accepted.
+    /// Sets the next step from the [`factor`] of an attempt with step `h`. Returns true if the attempt is
+    /// accepted.
     pub fn judge(&mut self, h: f64, error: f64, factor: f64) -> bool {
         if !error.is_finite() {
             self.wish = h * self.approach.failed(h).unwrap_or(NOT_FINITE_FACTOR);
@@ -238,8 +240,8 @@ impl Control {
         let smooth = if self.after_rejection { factor.min(1.0) } else { factor };
         let before_obstacle = self.cutting && self.after_rejection;
         self.after_rejection = false;
-        // A step cut short by the target or an event says nothing against the longer one planned; one that ends before
-        // an obstacle does.
+        // A step cut by the target or an event does not argue against a longer planned step. A step that ends
+        // before an obstacle does.
         self.wish = if self.last || self.cutting {
             self.approach.end();
             if before_obstacle { self.wish } else { (h * smooth).max(self.wish) }
@@ -250,18 +252,19 @@ impl Control {
         true
     }
 
-    /// Lets the next attempt end on an event, after `h`.
+    /// Makes the next attempt end on an event, after `h`.
     pub fn cut_onto_event(&mut self, h: f64) {
         self.cut = Some(h);
         self.cuts += 1;
     }
 
-    /// How much wider than its own the tolerance of an event is by now: one while it is looked for.
+    /// Factor by which the tolerance of an event is widened: one during the normal search.
     pub fn patience(&self) -> f64 {
         CUT_FACTOR.powi(self.cuts.saturating_sub(FREE_CUTS) as i32)
     }
 
-    /// Takes back the acceptance of an attempt with step `h`: it ended outside what the equations hold for.
+    /// Revokes the acceptance of an attempt with step `h` that ended outside the valid range of the
+    /// equations.
     pub fn take_back(&mut self, h: f64) {
         self.wish = h * OUTSIDE_FACTOR;
         self.after_rejection = true;
@@ -269,7 +272,7 @@ impl Control {
         self.statistics.rejected += 1;
     }
 
-    /// Notes a switch at time `t`; fails where time does not move between switches.
+    /// Records a switch at time `t`. Fails if time does not advance between switches.
     pub fn note_switch(&mut self, t: f64, event: usize, moved: bool) {
         self.statistics.events += 1;
         self.cuts = 0;

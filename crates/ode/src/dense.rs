@@ -6,8 +6,8 @@ use math::{Lane, Real, Work};
 
 /// One step of all lanes, for dense output, as a polynomial in theta = (t - t0)/h:
 ///
-///   y = c0 + theta (c1 + theta (c2 + theta (c3 + theta c4)))
-///   c0 = y0,  c1 = y1 - y0 + K_1,  c2 = K_2 - K_1,  c3 = K_3 - K_2,  c4 = -K_3,  K_l = sum_j h_lj U_j
+///   `y = c0 + theta (c1 + theta (c2 + theta (c3 + theta c4)))`
+///   `c0 = y0,  c1 = y1 - y0 + K_1,  c2 = K_2 - K_1,  c3 = K_3 - K_2,  c4 = -K_3,  K_l = sum_j h_lj U_j`
 #[derive(Clone, Debug)]
 pub(crate) struct Step<R: Lane> {
     pub y0: Vec<Block<R>>,
@@ -15,33 +15,33 @@ pub(crate) struct Step<R: Lane> {
     c: Vec<[Block<R>; 5]>,
     at: Vec<Block<R>>,
     spread: Vec<Block<R::Plain>>,
-    /// By which method.
+    /// Integration method.
     method: Method,
     /// `c` belongs to the present attempt.
     ready: bool,
-    /// How many attempts there have been.
+    /// Number of attempts so far.
     attempts: u64,
 }
 
-/// The course of one state within a step, as a polynomial in the fraction of its length.
+/// Course of one state within a step, as a polynomial in the fraction of its length.
 #[derive(Clone, Copy, Debug)]
 pub struct Course<R>([R; 5]);
 
 impl<R: Lane> Course<R> {
-    /// That of one lane.
+    /// Returns the course of one lane.
     #[inline(always)]
     pub fn of(&self, lane: usize) -> Course<f64> {
         Course(self.0.map(|c| c.get(lane)))
     }
 
-    /// Its value there.
+    /// Returns the value at a fraction.
     #[inline(always)]
     pub fn value(&self, theta: f64) -> R {
         let [c0, c1, c2, c3, c4] = self.0;
         c4.fma_c(theta, c3).fma_c(theta, c2).fma_c(theta, c1).fma_c(theta, c0)
     }
 
-    /// Its value there, and its derivative by the fraction.
+    /// Returns the value at a fraction, and its derivative by the fraction.
     #[inline(always)]
     pub fn value_and_slope(&self, theta: f64) -> [R; 2] {
         let [rest @ .., c4] = self.0;
@@ -53,7 +53,7 @@ impl<R: Lane> Course<R> {
         [value, slope]
     }
 
-    /// How far it may be from where it begins, anywhere in the step.
+    /// Returns a bound on the distance from the initial value, anywhere in the step.
     #[inline(always)]
     pub fn spread(&self) -> R {
         let [_, c1, c2, c3, c4] = self.0;
@@ -89,7 +89,7 @@ impl<R: Lane> Step<R> {
         }
     }
 
-    /// A new attempt from `y0`.
+    /// Starts an attempt from `y0`.
     pub fn begin(&mut self, y0: &[Block<R>], method: Method) {
         self.y0.copy_from_slice(y0);
         self.method = method;
@@ -97,12 +97,12 @@ impl<R: Lane> Step<R> {
         self.attempts += 1;
     }
 
-    /// How many attempts there have been, this one included.
+    /// Returns the number of attempts, including this one.
     pub fn attempts(&self) -> u64 {
         self.attempts
     }
 
-    /// The course of one state: the numbers that `prepare` finds for it.
+    /// Returns the course of one state, from the coefficients of `prepare`.
     #[inline(always)]
     pub fn course(&self, i: usize, u: &[Block<R>]) -> Course<R> {
         match self.method {
@@ -125,7 +125,7 @@ impl<R: Lane> Step<R> {
         Course([y0, (y1 - y0) + k0, k1 - k0, k2 - k1, -k2])
     }
 
-    /// Prepares the interpolation from the stages of the attempt, once.
+    /// Prepares the interpolation from the stages of the attempt, once per attempt.
     pub fn prepare(&mut self, u: &[Block<R>]) {
         if !self.ready {
             R::within(Prepare(self, u));
@@ -157,7 +157,7 @@ impl<R: Lane> Step<R> {
         }
     }
 
-    /// How far the state may be from `y0` anywhere in the step: |c1| + |c2| + |c3| + |c4|.
+    /// Returns a bound on the distance of each state from `y0` in the step: |c1| + |c2| + |c3| + |c4|.
     #[inline(always)]
     pub fn spread(&mut self) -> &[R::Plain] {
         for (spread, c) in self.spread.iter_mut().zip(&self.c) {
@@ -169,23 +169,23 @@ impl<R: Lane> Step<R> {
         self.spread.as_flattened()
     }
 
-    /// The state at the start of the step, where only that is asked for.
+    /// Sets the state at the start of the step if only this state is requested.
     pub fn copy(&mut self, y: &[Block<R>]) -> &mut [R] {
         self.at.copy_from_slice(y);
         self.at.as_flattened_mut()
     }
 
-    /// One state at `t0 + theta h`, and its derivative by theta; `prepare` comes first.
+    /// Returns one state at `t0 + theta h`, and its derivative by theta. Call `prepare` first.
     pub fn component(&self, i: usize, theta: f64) -> [R; 2] {
         Course(self.c[i / BLOCK].map(|coefficient| coefficient[i % BLOCK])).value_and_slope(theta)
     }
 
-    /// The state at `t0 + theta h`, of the method's dense order; `prepare` comes first. A state that
-    /// does not change keeps its bits.
+    /// Returns the state at `t0 + theta h`, to the dense order of the method. Call `prepare` first. A
+    /// constant state keeps its bits.
     #[inline(always)]
     pub fn interpolate(&mut self, theta: f64) -> &mut [R] {
         for (at, c) in self.at.iter_mut().zip(&self.c) {
-            // One coefficient of a whole block at a time: vector code.
+            // One coefficient of a whole block at a time gives vector code.
             let mut sum = c[4];
             for coefficient in [&c[3], &c[2], &c[1], &c[0]] {
                 for l in 0..BLOCK {

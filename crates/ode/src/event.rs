@@ -1,16 +1,17 @@
-//! The place of an event within a step.
+//! Location of an event within a step.
 
-/// Interior points at which the event functions are looked at, so that a dip below zero within a
-/// step is seen, not only a change of sign over the step.
+/// Interior points at which the event functions are evaluated. They detect a dip below zero within a step,
+/// which a sign check at its ends would miss.
 pub(crate) const LOOKOUTS: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
 
-/// Rounds of the search: bisection alone would be done in 53.
+/// Limit on the iterations of the search. Bisection alone would take 53.
 const MOST_ROUNDS: u32 = 60;
-/// Relative width at which a bracket counts as a point: some roundings.
+/// Relative width at which a bracket counts as a point: a few rounding errors.
 const BRACKET: f64 = 1e-14;
 
-/// The point in (low, high] where `g` passes below its target, by the Illinois form of regula falsi
-/// (superlinear, never leaves the bracket). `g_low > target >= g_high`. `g` is already shifted.
+/// Returns the point in (low, high] where `g` falls below its target. The method is the Illinois form of
+/// regula falsi, which is superlinear and never leaves the bracket. `g_low > target >= g_high`. `g` is
+/// already shifted.
 pub fn locate(
     mut low: f64,
     mut g_low: f64,
@@ -24,7 +25,7 @@ pub fn locate(
         let inside = |point: f64| point > low && point < high;
         let mut middle = (low * g_high - high * g_low) / (g_high - g_low);
         if !inside(middle) {
-            // One end is so near the root that the secant rounds onto it: the other end must follow.
+            // One end is so near the root that the secant rounds onto it. The other end must move.
             middle = 0.5 * (low + high);
         }
         if !inside(middle) {

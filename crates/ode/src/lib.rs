@@ -1,7 +1,7 @@
-//! Stiff integration of `y' = f(t, y)` that never asks what the states mean.
+//! Stiff integration of `y' = f(t, y)`, independent of the meaning of the states.
 //!
-//! A [`System`] is written once, generic over the scalar; the [`Stepper`] takes its Jacobian from
-//! dual numbers, its sparsity from dependency sets, and runs one or several lanes in the same loop.
+//! A [`System`] is written once, generic over the scalar. The [`Stepper`] takes its Jacobian from dual
+//! numbers and its sparsity from dependency sets. One loop runs one or several lanes.
 
 #![warn(missing_docs)]
 

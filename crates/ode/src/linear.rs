@@ -10,10 +10,10 @@ use crate::stages::{BLOCK, Block, zeros};
 use crate::structure::{Entry, Structure};
 use math::{Lane, Real, Work};
 
-/// Up to so many states the inverse of W is formed.
+/// Largest number of states for which the inverse of W is formed.
 pub(crate) const SMALL: usize = 8;
 
-/// How many blocks hold `n` states; a small system always fills its fixed array.
+/// Returns the number of blocks for `n` states. A small system always fills its fixed array.
 pub(crate) fn blocks(n: usize) -> usize {
     n.div_ceil(BLOCK).max(SMALL / BLOCK)
 }
@@ -24,12 +24,12 @@ pub(crate) struct Linear<R: Lane> {
     pub jacobian: Vec<R>,
     lu: Vec<R::Plain>,
     reciprocal: Vec<Block<R::Plain>>,
-    /// The columns of W^-1 of a small system.
+    /// Columns of W^-1 of a small system.
     pub inverse: Dense<R::Plain>,
-    /// A Jacobian in the shape of an arrow, in place of `jacobian`.
+    /// A Jacobian with the shape of an arrow, in place of `jacobian`.
     pub dense: Dense<R>,
     pub is_arrow: bool,
-    /// Whether the Jacobian came without derivatives.
+    /// Whether the Jacobian was computed without derivatives.
     pub is_plain: bool,
 }
 
@@ -56,7 +56,7 @@ impl<R: Lane> Linear<R> {
         }
     }
 
-    /// W^-1 by its shape, or the factors of W.
+    /// Whether W^-1 uses the arrow shape instead of the factors of W.
     #[inline(always)]
     pub fn prepare(&mut self, structure: &Structure, h_gamma: R::Plain) {
         if R::GENERAL && (!self.is_arrow || structure.n > structure.n_coupled) {
@@ -67,7 +67,8 @@ impl<R: Lane> Linear<R> {
         }
     }
 
-    /// Above zero where friction falls with the speed, once the deflection follows: of a Jacobian that is an arrow.
+    /// Returns a value above zero if friction falls with speed after the deflection has settled. The Jacobian
+    /// must be an arrow.
     #[inline(always)]
     pub fn growth(&self) -> R::Plain {
         arrow::growth(&self.dense)
@@ -78,8 +79,8 @@ impl<R: Lane> Linear<R> {
         R::within(Invert(self, h_gamma));
     }
 
-    /// Factorises W in the fixed order; the values below the diagonal and, divided by their pivot,
-    /// above it are stored with the sign in which the substitutions add them.
+    /// Factorises W in the fixed order. Values below the diagonal, and pivot-scaled values above it, are
+    /// stored with the sign in which the substitutions add them.
     #[inline(never)] // One body of this size in `attempt` is enough: more spill registers.
     fn factorise(&mut self, structure: &Structure, h_gamma: R::Plain) {
         let one = R::Plain::one();
@@ -119,8 +120,8 @@ impl<R: Lane> Linear<R> {
         }
     }
 
-    /// The columns of W^-1, for a small system: eight substitutions side by side cost as much as one,
-    /// and each of the eight solves of a step becomes a product without a chain of dependences.
+    /// Computes the columns of W^-1 of a small system. Eight substitutions side by side cost as much as one.
+    /// Each of the eight solves of a step becomes a product without a chain of dependences.
     #[inline(never)]
     fn invert(&mut self, structure: &Structure) {
         let (lower, upper) = (&structure.lower[..], &structure.upper[..]);
@@ -156,7 +157,7 @@ impl<R: Lane> Linear<R> {
         }
     }
 
-    /// W^-1 x by the inverse, of a small system.
+    /// W^-1 x by the inverse, for a small system.
     #[inline(always)]
     pub fn multiply(&self, x: &Pair<R>) -> Pair<R> {
         let sum = product(&self.inverse, x.as_flattened().first_chunk().expect("two blocks"));
@@ -177,8 +178,8 @@ impl<R: Lane> Linear<R> {
         substitute(x, &structure.upper, &rest[..structure.upper.len()]);
     }
 
-    /// The quadratures' rows, from the coupled states solved for; in a small system the first few have
-    /// been multiplied by h gamma with the rest of their block.
+    /// Rows of the quadratures, from the solved coupled states. In a small system, the first rows are already
+    /// multiplied by h gamma, together with their block.
     #[inline(never)]
     fn finish_quadratures(&self, structure: &Structure, x: &mut [R]) {
         let first = if structure.n_coupled <= SMALL { SMALL } else { structure.n_coupled };
@@ -190,7 +191,8 @@ impl<R: Lane> Linear<R> {
     }
 }
 
-/// x[row] += value * x[column] for each entry in turn, column by column: none changes that of its own.
+/// x[row] += value * x[column] for each entry, column by column. No entry of a column changes that column's
+/// own x.
 #[inline(always)]
 fn substitute<R: Lane>(x: &mut [R], entries: &[Entry], values: &[R::Plain]) {
     let mut of = (u16::MAX, R::zero());
@@ -202,11 +204,11 @@ fn substitute<R: Lane>(x: &mut [R], entries: &[Entry], values: &[R::Plain]) {
     }
 }
 
-/// The transposed operations in reverse order, on all rows of `z` at once.
+/// Applies the transposed operations in reverse order, on all rows of `z` at once.
 #[inline(always)]
 fn substitute_transposed<R: Real>(z: &mut [[R; SMALL]; SMALL], entries: &[Entry], values: &[R]) {
     for (e, value) in entries.iter().rev().zip(values.iter().rev()) {
-        // Masked, an index into a fixed array needs no check.
+        // A masked index into a fixed array needs no bounds check.
         let (row, column) = (e.row as usize % SMALL, e.column as usize % SMALL);
         let (from, mut to) = (z[row], z[column]);
         for l in 0..SMALL {
@@ -216,11 +218,11 @@ fn substitute_transposed<R: Real>(z: &mut [[R; SMALL]; SMALL], entries: &[Entry]
     }
 }
 
-/// The two blocks of a small system.
+/// Returns the two blocks of a small system.
 pub(crate) type Pair<R> = [Block<R>; SMALL / BLOCK];
 
-/// sum_j x_j columns_j, in four chains. The x_j are read one by one: they were just written so,
-/// and a wide load of what narrow stores wrote would have to wait for them.
+/// Returns sum_j x_j columns_j, in four chains. The x_j are read one by one. A wide load of values just
+/// written by narrow stores would have to wait for them.
 #[inline(always)]
 fn product<R: Lane>(columns: &Dense<R::Plain>, x: &[R; SMALL]) -> [R; SMALL] {
     const CHAINS: usize = 4;

@@ -3,16 +3,17 @@
 use crate::rosenbrock::{RODAS3, RODAS5P, Rosenbrock};
 use math::Lane;
 
-/// The most stages that a method has.
+/// Largest number of stages of a method.
 pub(crate) const MOST_STAGES: usize = 8;
 
-/// Which Rosenbrock method takes the steps.
+/// Rosenbrock method that takes the steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
     /// [`RODAS5P`]: long steps.
     #[default]
     Rodas5P,
-    /// [`RODAS3`]: half the work a step, for steps that are short for another reason than accuracy.
+    /// [`RODAS3`]: half the work for each step. It suits steps that are short for other reasons than
+    /// accuracy.
     Rodas3,
 }
 
@@ -24,7 +25,7 @@ impl Method {
         }
     }
 
-    /// Right-hand sides of a step beside the one that comes with the Jacobian.
+    /// Returns the number of right-hand sides of a step, without the one computed with the Jacobian.
     pub(crate) fn right_hand_sides(self) -> u64 {
         match self {
             Method::Rodas5P => Fifth::RIGHT_HAND_SIDES,
@@ -56,16 +57,16 @@ impl Tableau<4> for Third {
     const METHOD: Rosenbrock<4> = RODAS3;
 }
 
-/// States are stored in blocks of this many, so that a loop over them fills vector registers.
+/// States are stored in blocks of this size, so that a loop over them fills vector registers.
 pub(crate) const BLOCK: usize = 4;
 pub(crate) type Block<R> = [R; BLOCK];
 
-/// `count` blocks of zeros.
+/// Returns `count` blocks of zeros.
 pub(crate) fn zeros<R: Lane>(count: usize) -> Vec<Block<R>> {
     vec![[R::zero(); BLOCK]; count]
 }
 
-/// Whether the state of stage `i` is that of the stage before and one of the numbers that this added.
+/// Returns whether the state of stage `i` equals the previous stage's state plus one of its numbers.
 const fn follows<const S: usize>(method: &Rosenbrock<S>, i: usize) -> bool {
     let mut same = i > 1 && method.a[i][i - 1] == 1.0;
     let mut j = 0;
@@ -76,7 +77,7 @@ const fn follows<const S: usize>(method: &Rosenbrock<S>, i: usize) -> bool {
     same
 }
 
-/// Whether stage `i` stands at the beginning of the step, where the right-hand side is known.
+/// Returns whether stage `i` is at the start of the step, where the right-hand side is known.
 pub(crate) const fn stands<const S: usize>(method: &Rosenbrock<S>, i: usize) -> bool {
     let mut stands = method.alpha[i] == 0.0;
     let mut j = 0;
@@ -87,8 +88,8 @@ pub(crate) const fn stands<const S: usize>(method: &Rosenbrock<S>, i: usize) -> 
     stands
 }
 
-/// stage = y + sum_j a_j u_j and b = sum_j (c_j/h) u_j for stage `I`, over the `I` stages before it; `stage` holds that
-/// of the stage before; of `W` numbers side by side. Each stage has `stride` such rows in `u`.
+/// Computes `stage = y + sum_j a_j u_j` and `b = sum_j (c_j/h) u_j` for stage `I`, over the `I` stages before it and
+/// for `W` numbers side by side. At entry, `stage` holds the previous stage. Each stage has `stride` rows in `u`.
 #[inline(always)]
 pub(crate) fn combine<R: Lane, M: Tableau<S>, const S: usize, const I: usize, const W: usize>(
     stage: &mut [[R; W]],

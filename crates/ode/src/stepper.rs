@@ -1,4 +1,4 @@
-//! The integration loop: one for a single system, for lanes, for every caller.
+//! The integration loop: the same for a single system, for lanes and for every caller.
 
 mod attempt;
 mod memory;
@@ -21,26 +21,26 @@ pub use output::{Accepted, NoOutput, Output};
 use search::Found;
 use std::sync::Arc;
 
-/// A step below this fraction of the present time (or of 1) no longer moves the clock reliably.
+/// Steps below this fraction of the present time (or of 1) do not advance the clock reliably.
 const MIN_RELATIVE_STEP: f64 = 4.0 * f64::EPSILON;
 
-/// Whether no step from the one leads to the other: the clock cannot tell these times, s, apart.
+/// Returns whether the clock cannot tell two times, s, apart, so that no step leads from one to the other.
 pub fn same_time(one: f64, other: f64) -> bool {
     (one - other).abs() <= MIN_RELATIVE_STEP * other.abs().max(1.0)
 }
 
-/// The first step may change the state by about this share of its size.
+/// The first step may change the state by about this fraction of its size.
 const FIRST_SHARE: f64 = 0.01;
 /// Relative rate of a state, 1/s, below which it counts as at rest when the first step is chosen.
 const LEAST_RATE: f64 = 1e-9;
-/// No step is first tried with less, s.
+/// Least first trial step, s.
 const LEAST_FIRST_STEP: f64 = 1e-9;
-/// Step of a lane that has nothing to do, s: any that keeps its numbers finite.
+/// Step of an idle lane, s. Any value that keeps its numbers finite is correct.
 const IDLE_STEP: f64 = 1e-9;
 
 type Direction<R> = Dual<R, DIRECTIONS>;
 
-/// Whether [`System::inside`] says no, or nothing that is a number.
+/// Returns whether [`System::inside`] is negative or NaN.
 #[inline(always)]
 fn is_outside<R: Lane>(inside: R::Plain, lane: usize) -> bool {
     let value = inside.get(lane);
@@ -52,11 +52,11 @@ fn is_outside<R: Lane>(inside: R::Plain, lane: usize) -> bool {
 pub enum Paused {
     /// Every lane is at the target or has failed; see [`Stepper::failure`].
     Arrived,
-    /// The budget of attempts is used up; call again to go on.
+    /// The budget of attempts is used up. Call again to continue.
     Budget,
 }
 
-/// An integration in progress: resumable, cloneable, keeping step size and Jacobian.
+/// A running integration. It can be resumed and cloned, and it keeps step size and Jacobian.
 #[derive(Clone)]
 pub struct Stepper<R: Lane, Sys: System<R>> {
     system: Sys,
@@ -74,22 +74,22 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     step: Step<R>,
     scale: Vec<Block<R::Plain>>,
     g0: Vec<R>,
-    /// Event functions at the lookouts of the present attempt, once they are asked for.
+    /// Event functions at the interior points of the present attempt, if they were evaluated.
     looks: [Vec<R>; LOOKOUTS.len()],
     looked: bool,
-    /// Whether the attempt ends within what the equations hold for, once that is asked for.
+    /// Whether the attempt ends in the valid range of the equations, if this was checked.
     inside: Option<R::Plain>,
     g_look: Vec<R>,
-    /// How far obstacles are, at the beginning of an attempt and at its end.
+    /// Distances to the obstacles, at the start of an attempt and at its end.
     obstacles: [Vec<R>; 2],
-    /// How far the time of the present event moves with what is differentiated: value zero.
+    /// Derivative of the time of the present event by the differentiated numbers. Its value is zero.
     event_shift: R,
     seeded: bool,
     fresh: bool,
     started: Vec<bool>,
-    /// Where each lane goes, s; minus infinity where it has nothing to do.
+    /// Target time of each lane, s. Minus infinity for an idle lane.
     until: Vec<f64>,
-    /// Attempts that each may take.
+    /// Limit on the attempts of each lane.
     allowed: Vec<u64>,
     completes: bool,
     work: Sys::Work<R>,
@@ -98,7 +98,7 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     dual_dy: Vec<Direction<R>>,
 }
 
-/// The end of an attempt of this length, with who is told of it.
+/// End of an attempt of this length, with its output.
 struct Conclusion<'s, R: Lane, Sys: System<R>, O>(&'s mut Stepper<R, Sys>, R::Plain, &'s mut O);
 
 impl<R: Lane, Sys: System<R>, O: Output<R, Sys>> Work for Conclusion<'_, R, Sys, O> {
@@ -163,55 +163,55 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         }
     }
 
-    /// The system that is integrated.
+    /// Returns the integrated system.
     pub fn system(&self) -> &Sys {
         &self.system
     }
 
-    /// The system, to set its inputs; the next step starts from them, with the step size kept.
+    /// Returns the system, to set its inputs. The next step uses them and keeps the step size.
     pub fn system_mut(&mut self) -> &mut Sys {
         self.fresh = false;
         &mut self.system
     }
 
-    /// Time that a lane has reached, s.
+    /// Returns the time that a lane has reached, s.
     pub fn time(&self, lane: usize) -> f64 {
         self.t[lane]
     }
 
-    /// The present state, one entry for each state.
+    /// Returns the present state, one entry for each state.
     pub fn state(&self) -> &[R] {
         &self.y.as_flattened()[..self.structure.n()]
     }
 
-    /// Takes the next steps by another method.
+    /// Changes the method of the next steps.
     pub fn use_method(&mut self, method: Method) {
         self.options.method = method;
     }
 
-    /// Allows so many further attempts.
+    /// Allows this many further attempts.
     pub fn allow(&mut self, attempts: u64) {
         let done = self.lanes.iter().map(|lane| lane.statistics.factorisations).max().unwrap_or(0);
         self.allowed.fill(done.saturating_add(attempts));
     }
 
-    /// Allows what was loaded into a lane so many attempts.
+    /// Allows this many attempts for the state that was loaded into a lane.
     pub fn allow_in(&mut self, lane: usize, attempts: u64) {
         self.allowed[lane] = attempts;
     }
 
-    /// Reason why a lane stopped early, if any.
+    /// Returns the reason why a lane stopped early, if any.
     pub fn failure(&self, lane: usize) -> Option<Failure> {
         self.lanes[lane].failure
     }
 
-    /// Work of a lane.
+    /// Returns the work counts of a lane.
     pub fn statistics(&self, lane: usize) -> Statistics {
         self.lanes[lane].statistics
     }
 
-    /// Integrates every lane up to `until`, or `budget` attempts far. A sample due before `until`
-    /// is given as soon as its step is accepted; one due at `until` belongs to what comes after.
+    /// Integrates every lane up to `until`, or for `budget` attempts. A sample before `until` is given as
+    /// soon as its step is accepted. A sample at `until` belongs to the next call.
     pub fn advance(&mut self, until: f64, budget: u64, output: &mut impl Output<R, Sys>) -> Paused {
         self.until.fill(until);
         for _ in 0..budget {
@@ -223,8 +223,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         if (0..R::L).all(|lane| self.finished(lane)) { Paused::Arrived } else { Paused::Budget }
     }
 
-    /// Integrates each lane towards its own time, until one has arrived there or failed, or `budget` attempts far. A lane
-    /// whose time is minus infinity has nothing to do.
+    /// Integrates each lane towards its own time, until one has arrived or failed, or for `budget` attempts.
+    /// A lane whose time is minus infinity is idle.
     pub fn advance_each(&mut self, until: &[f64], budget: u64, output: &mut impl Output<R, Sys>) -> Paused {
         self.until.copy_from_slice(until);
         for _ in 0..budget {
@@ -236,7 +236,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         Paused::Budget
     }
 
-    /// Another state, of the lane that the system has there by now, begins at a time.
+    /// Starts another state in a lane at a time. The system must already have the lane's new member.
     pub fn load(&mut self, lane: usize, t: f64, y: &[f64]) {
         let swings = self.system.swings().into_iter();
         let swings = swings.map(|(state, speed)| Swing::new(state, speed.get(lane), self.options.rtol));
@@ -267,14 +267,15 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         self.t[lane] >= self.until[lane] || self.lanes[lane].failure.is_some()
     }
 
-    /// f, its Jacobian and the event functions at the present state.
+    /// Updates f, its Jacobian and the event functions at the present state.
     fn refresh(&mut self) {
         self.refresh_as(Self::differentiate);
     }
 
-    /// The same before the next attempt, with the Jacobian of a twin without derivatives, to which `share` gives modes; its
-    /// inputs are the caller's. The derivatives of a step then leave out that W changes with them: they are no longer those
-    /// of its very operations, but take less than half the time, as derivatives of a Jacobian are derivatives twice.
+    /// Does the same before the next attempt, with the Jacobian of a twin without derivatives. `share` gives
+    /// the modes to the twin, and the caller sets its inputs. The derivatives of a step then ignore that W
+    /// changes with them. They are no longer the exact derivatives of the step, but take less than half the
+    /// time. A differentiated Jacobian would need second derivatives.
     pub fn refresh_by<T: System<R::Plain>>(
         &mut self,
         twin: &mut Stepper<R::Plain, T>,
@@ -324,7 +325,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         self.fresh = true;
     }
 
-    /// f and its Jacobian by passes of dual numbers.
+    /// Computes f and its Jacobian by passes of dual numbers.
     fn differentiate(&mut self) {
         let structure = self.structure.clone();
         let n = structure.n();
@@ -341,7 +342,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 for &(state, direction) in &pass.seeds {
                     self.dual_y[state as usize].eps[direction as usize] = R::one();
                 }
-                // With one pass the directions are the same every time.
+                // With one pass, the directions never change.
                 self.seeded = structure.passes.len() == 1;
             }
             let time = match pass.time {
@@ -372,7 +373,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         }
     }
 
-    /// A first step from the size of the state and its rate.
+    /// Chooses a first step from the size of the state and its rate.
     fn start(&mut self) {
         let rtol = self.options.rtol;
         let new: Vec<usize> = (0..R::L).filter(|&lane| !self.started[lane]).collect();
@@ -415,7 +416,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             }
             let idle = self.finished(lane);
             let control = &mut self.lanes[lane];
-            // A lane with nothing to do repeats a step that is never taken.
+            // An idle lane repeats a step that is never accepted.
             h.put(
                 lane,
                 if idle { IDLE_STEP } else { control.propose(self.t[lane], until, self.options.max_step) },
@@ -424,7 +425,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         h
     }
 
-    /// Adds to the quadratures of one lane at the end of the attempt what their integrals leave out.
+    /// Adds the part of one lane's quadratures that their integrals do not cover, at the end of the attempt.
     fn complete(&mut self, lane: usize) {
         let n = self.structure.n();
         let more = &mut self.rhs.as_flattened_mut()[..n];
@@ -470,7 +471,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 match self.look_for_event(lane, t0, h_lane, h) {
                     Found::Nothing => {}
                     Found::AtEnd(event) => taken = Some(event),
-                    // Where the clock's rounding leaves nothing to cut, the event lies at the end.
+                    // If the clock's rounding leaves no room for a cut, the event is at the end of the step.
                     Found::Inside(theta, event) if theta >= 1.0 => taken = Some(event),
                     Found::Inside(theta, event) => {
                         let control = &mut self.lanes[lane];
@@ -506,7 +507,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
                 self.complete(lane);
             }
             if let Some(theta) = self.give_samples(lane, t0, h_lane, t1, output) {
-                // The step ends at the sample now: what has been given before it stays.
+                // The step now ends at the sample. Earlier samples stay.
                 let control = &mut self.lanes[lane];
                 control.take_back(theta * h_lane);
                 control.cut = Some(theta * h_lane);

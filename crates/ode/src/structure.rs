@@ -10,22 +10,22 @@ pub const DIRECTIONS: usize = 8;
 /// Slot of a matrix entry in the array of stored values.
 type Slot = u32;
 
-/// One operation of a substitution: x[row] += value * x[column]. The values lie in the same order, with
-/// the sign in which they are added.
+/// One operation of a substitution: x[row] += value * x[column]. The values have the same order, and the sign
+/// in which they are added.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Entry {
     pub row: u16,
     pub column: u16,
 }
 
-/// One pass of dual numbers: which states carry which direction, and where the results go.
+/// One pass of dual numbers: the direction of each state, and the slots of the results.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pass {
     /// (state, direction)
     pub seeds: Vec<(u32, u32)>,
     /// (row, direction, slot)
     pub results: Vec<(u32, u32, Slot)>,
-    /// The direction of time, where this pass carries it.
+    /// Direction of time, if this pass includes it.
     pub time: Option<u32>,
 }
 
@@ -59,20 +59,21 @@ pub struct Structure {
     pub(crate) upper: Vec<Entry>,
     /// Entries of the quadratures' rows, column by column: the slots that follow. They take no part in the elimination.
     pub(crate) quadratures: Vec<Entry>,
-    /// Number of states that are not quadratures; their diagonal lies in the last slots.
+    /// Number of states that are not quadratures. Their diagonal is in the last slots.
     pub(crate) n_coupled: usize,
     pub(crate) depends_on_time: bool,
 }
 
 impl Structure {
-    /// The most states of a system: tables of its pattern grow with their square.
+    /// Largest number of states of a system, because tables of its pattern grow with the square.
     pub const MOST_STATES: usize = 512;
 
-    /// From `f` run on the dependencies of its states, and the scale of each state:
-    /// quadratures (infinite scale) come after all other states and outside the elimination, so that
-    /// adding one changes no bit of the rest. `depends_on_time` says that `f` contains `t` itself.
+    /// Finds the structure from `f`, evaluated with dependency sets, and from the scale of each state.
+    /// Quadratures (infinite scale) come after all other states and outside the elimination. A further
+    /// quadrature therefore changes no bit of the rest. `depends_on_time` states that `f` contains `t`
+    /// itself.
     ///
-    /// Panics if a state depends on a quadrature, or follows one.
+    /// Panics if a state depends on a quadrature or follows one.
     pub fn of(mut f: impl FnMut(&[Deps], &mut [Deps]), scale: &[f64], depends_on_time: bool) -> Self {
         let n = scale.len();
         let quadrature = |i: usize| scale[i].is_infinite();
@@ -116,7 +117,7 @@ impl Structure {
         Structure { n, n_slots, passes, pivots, lower, upper, quadratures, n_coupled, depends_on_time }
     }
 
-    /// Whether the inverse of W alone solves for every stage.
+    /// Returns whether the inverse of W alone solves every stage.
     pub(crate) fn is_small(&self) -> bool {
         self.n <= SMALL && self.n == self.n_coupled && !self.depends_on_time
     }
@@ -152,7 +153,7 @@ fn elimination_order(pattern: &[Vec<bool>]) -> Vec<usize> {
     order
 }
 
-/// The pattern with its diagonal and the entries that elimination adds.
+/// Returns the pattern with its diagonal and the entries that elimination adds.
 fn fill_in(pattern: &[Vec<bool>], order: &[usize]) -> Vec<Vec<bool>> {
     let mut filled = pattern.to_vec();
     for (i, row) in filled.iter_mut().enumerate() {
@@ -204,7 +205,7 @@ fn colour(
     passes
 }
 
-/// The entries of both substitutions, column by column, so that those of a column are independent.
+/// Returns the entries of both substitutions, column by column. The entries of a column are independent.
 fn substitutions(filled: &[Vec<bool>], order: &[usize]) -> (Vec<Entry>, Vec<Entry>) {
     let entry = |i: usize, j: usize| Entry { row: i as u16, column: j as u16 };
     let (mut lower, mut upper) = (Vec::new(), Vec::new());
@@ -217,7 +218,7 @@ fn substitutions(filled: &[Vec<bool>], order: &[usize]) -> (Vec<Entry>, Vec<Entr
     (lower, upper)
 }
 
-/// The operations of the factorisation, pivot by pivot.
+/// Returns the operations of the factorisation, pivot by pivot.
 fn factorisation(filled: &[Vec<bool>], slots: &[Vec<Slot>], order: &[usize]) -> Vec<Pivot> {
     let mut pivots = Vec::new();
     for (p, &k) in order.iter().enumerate() {

@@ -1,24 +1,26 @@
-//! Count of the half swings of a mass with its present energy.
+//! Count of the half swings of a mass at its present energy.
 
-/// Half swings whose errors may add up at this relative tolerance and looser ones, and in proportion more at tighter ones:
-/// sensible drives lose their energy sooner, but for one in a thousand (assumed).
+/// Half swings whose errors may add up at this relative tolerance or a looser one. Tighter tolerances allow
+/// proportionally more. 99.9 % of typical drives lose their energy sooner (assumed).
 const FREE_SWINGS: f64 = 20.0;
 const LOOSE_RTOL: f64 = 3e-6;
-/// Least share of the tolerance: more work buys less (assumed).
+/// Least fraction of the tolerance, because more work gains little (assumed).
 const LEAST_SHARE: f64 = 0.2;
-/// Half swings that are looked at together. Of one alone the largest speed is not known: steps may end anywhere.
+/// Half swings that are evaluated together. The largest speed of a single half swing is not known, because
+/// steps may end anywhere.
 const TOGETHER: f64 = 8.0;
-/// Below this share of its largest speed a mass rests, if that takes this share of a half swing.
+/// A mass rests if its speed stays below this fraction of its largest speed for this fraction of a half
+/// swing.
 const RESTING_SPEED: f64 = 0.01;
 const RESTING_TIME: f64 = 0.1;
 
-/// Follows one velocity. A mass that bounces keeps its energy, and with it what every step took from it by mistake, most
-/// often with one sign. So the half swings since the energy came in are counted: each by as much of its energy as is
-/// left, and by what that is beside the energy that the system declares (one at most).
+/// Follows one velocity. A bouncing mass keeps its energy and the errors of all steps, which mostly have one
+/// sign. The half swings since the last energy input are therefore counted. The weight of each is its
+/// remaining energy relative to the energy that the system declares, at most one.
 #[derive(Clone, Debug)]
 pub(crate) struct Swing {
     pub state: usize,
-    /// One over the speed with that energy, s/m.
+    /// Inverse of the speed at the declared energy, s/m.
     inverse_speed: f64,
     free: f64,
     pub memory: Memory,
@@ -27,16 +29,16 @@ pub(crate) struct Swing {
 /// History of a `Swing`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Memory {
-    /// Half swings that count.
+    /// Weighted number of half swings.
     pub count: f64,
-    /// Largest speed of the half swings that were looked at last, and of those since.
+    /// Largest speed of the last evaluated half swings, and of those since then.
     pub before: f64,
     pub peak: f64,
-    /// How many those are.
+    /// Number of half swings since then.
     pub turns: f64,
     /// A velocity in the present direction.
     pub towards: f64,
-    /// How long the present half swing has lasted, and its mass has rested in it, s.
+    /// Duration of the present half swing, and rest time of the mass in it, s.
     pub time: f64,
     pub resting: f64,
 }
@@ -47,7 +49,8 @@ impl Swing {
         Swing { state, inverse_speed: 1.0 / speed, free, memory: Memory::default() }
     }
 
-    /// A step of length `h` has gone from velocity `v0` to `v`; true where the count may be another.
+    /// Updates the count after a step of length `h` from velocity `v0` to `v`. Returns true if the count may
+    /// have changed.
     #[inline(always)]
     pub fn step(&mut self, h: f64, v0: f64, v: f64) -> bool {
         let Memory { peak, towards, time, resting, .. } = &mut self.memory;
@@ -56,7 +59,7 @@ impl Swing {
         *time += h;
         *resting += if rests && v0.abs() <= slow { h } else { 0.0 };
         *peak = peak.max(v.abs());
-        // One that stands is pushed to and fro by the errors of the steps: that is no turn.
+        // A resting mass moves back and forth only by the errors of the steps. This is not a turn.
         let turns = !rests && v * *towards <= 0.0;
         if turns {
             self.turn(v);
@@ -85,8 +88,8 @@ impl Swing {
         };
     }
 
-    /// The share of the tolerance that each step may use up, so that errors of one sign add up no faster than others
-    /// do: with the root of the number of half swings.
+    /// Returns the fraction of the tolerance for each step. It falls with the root of the number of half
+    /// swings, so that errors of one sign add up no faster than other errors.
     pub fn share(&self) -> f64 {
         (self.free / self.memory.count).sqrt().clamp(LEAST_SHARE, 1.0)
     }
@@ -96,7 +99,8 @@ impl Swing {
 mod tests {
     use super::{FREE_SWINGS, LEAST_SHARE, LOOSE_RTOL, Swing};
 
-    /// The share after so many half swings, each weaker by this ratio, with a rest after each and a tremble at its end.
+    /// Returns the fraction after this many half swings. Each is weaker by this ratio, and is followed by a
+    /// rest and a small tremble.
     fn share(swings: f64, ratio: f64, rest: f64, rtol: f64) -> f64 {
         let (mut swing, mut v0) = (Swing::new(0, 0.5, rtol), 0.0);
         for k in 0..=swings as i32 {

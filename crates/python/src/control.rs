@@ -17,31 +17,31 @@ use servo::specification::{Controller, Motion, Setup};
 use servo::{COLUMNS, Encoder, Loop, Turn, controller};
 use std::collections::BTreeMap;
 
-/// Words of the laws of control.
+/// Keys of the controllers.
 #[pyfunction]
 pub fn control_laws() -> Vec<&'static str> {
     LAWS.to_vec()
 }
 
-/// Words of the observers.
+/// Keys of the observers.
 #[pyfunction]
 pub fn control_observers() -> Vec<&'static str> {
     OBSERVERS.to_vec()
 }
 
-/// Choices of laws: law, key, words, the first of which is usual, and meaning.
+/// Options of the controllers: controller, key, choices (the default first) and meaning.
 #[pyfunction]
 pub fn control_choices() -> Vec<(&'static str, &'static str, Vec<&'static str>, &'static str)> {
     CHOICES.iter().map(|own| (own.law, own.key, own.options.to_vec(), own.meaning)).collect()
 }
 
-/// What factors multiply: law, factor, gain.
+/// Factors on gains: controller, factor, gain.
 #[pyfunction]
 pub fn control_factors() -> Vec<(&'static str, &'static str, &'static str)> {
     FACTORED.iter().map(|own| (own.law, own.key, own.gain)).collect()
 }
 
-/// Key, unit, value, meaning of a gain, and the rule that it follows from the drive by.
+/// Key, unit, value and meaning of a gain, and the rule by which it follows from the drive.
 type Ruled = (&'static str, &'static str, f64, &'static str, &'static str);
 
 fn ruled<'g>(gains: impl IntoIterator<Item = (&'static Gain, &'g mut f64)>) -> Vec<Ruled> {
@@ -52,8 +52,8 @@ fn ruled<'g>(gains: impl IntoIterator<Item = (&'static Gain, &'g mut f64)>) -> V
     gains.into_iter().map(row).collect()
 }
 
-/// What a drive is to a law, and gains of the law, numbers of its valves and of its observer: key, unit, value, meaning, and the rule that it
-/// follows from the drive by.
+/// Controller model of a drive, and numbers of the controller, its valves and its observer. Each has key,
+/// unit, value, meaning, and the rule by which it follows from the drive.
 #[pyfunction]
 pub fn control_tune<'py>(
     py: Python<'py>,
@@ -86,7 +86,8 @@ pub fn control_tune<'py>(
     Ok((plant, [of_law, ruled(controller.valves.gains()), ruled(controller.observing.gains())]))
 }
 
-/// Files with the source of a law and its observer in a language, `"c"` or `"st"`: names and texts. Their head says `about`, too.
+/// Returns source files of a controller and its observer in a language, `"c"` or `"st"`: names and texts. The
+/// file headers contain `about`.
 #[pyfunction]
 pub fn control_export(
     spec: &str,
@@ -109,7 +110,7 @@ pub fn control_export(
     }
 }
 
-/// Position, velocity, acceleration and jerk of a reference at times, shape (n, 4), SI units.
+/// Returns position, velocity, acceleration and jerk of a reference at times, shape (n, 4), SI units.
 #[pyfunction]
 pub fn reference_at<'py>(
     py: Python<'py>,
@@ -125,11 +126,11 @@ pub fn reference_at<'py>(
     PyArray1::from_iter(py, rows).reshape([times.len(), 4])
 }
 
-/// A factor in time, and what a reference takes then.
+/// A time factor, and the load of the reference at this factor.
 type Slowed<'py> = Option<(f64, Bound<'py, PyDict>)>;
 
-/// What a reference takes of a drive, slowed by the least factor in time with which it takes at most a share of each limit,
-/// and as it is: the factor, none where slowing does not help, and the shares of both.
+/// Load of a reference on a drive. It has the least time factor at which the load stays within a fraction of
+/// each limit, or none if slowing does not help. It also has the load ratios with and without this factor.
 #[pyfunction]
 pub fn control_feasibility<'py>(
     py: Python<'py>,
@@ -172,13 +173,13 @@ pub fn control_feasibility<'py>(
     Ok((told(&is)?, found))
 }
 
-/// Key, unit and meaning of each number that a law of one's own may be given.
+/// Returns key, unit and meaning of each number that a custom controller can receive.
 #[pyfunction]
 pub fn control_signals() -> Vec<(&'static str, &'static str, &'static str)> {
     SIGNALS.iter().map(|own| (own.key, own.unit, own.meaning)).collect()
 }
 
-/// Places of numbers among the signals.
+/// Returns the indices of numbers among the signals.
 fn places(names: &[String]) -> PyResult<Vec<usize>> {
     let place = |name: &String| {
         let found = SIGNALS.iter().position(|own| own.key == name);
@@ -192,7 +193,7 @@ fn chosen<'py>(py: Python<'py>, places: &[usize], seen: &Seen) -> PyResult<Bound
     PyTuple::new(py, places.iter().map(|&place| values[place]))
 }
 
-/// A law that is a Python callable of a tuple of numbers; what it raises is no number.
+/// Controller that is a Python callable of a tuple of numbers. NaN stands for an exception.
 struct Called {
     call: Py<PyAny>,
     places: Vec<usize>,
@@ -207,7 +208,7 @@ impl OwnLaw for Called {
     }
 }
 
-/// Where a drive is to go.
+/// Reference of a drive.
 #[pyclass(name = "ControlReference")]
 pub struct PyReference(Reference);
 
@@ -218,14 +219,14 @@ impl PyReference {
         Ok(PyReference(Reference::from(&parse::<Motion>(motion)?)))
     }
 
-    /// Position, velocity, acceleration and jerk at a time, SI units.
+    /// Returns position, velocity, acceleration and jerk at a time, SI units.
     fn at(&self, t: f64) -> (f64, f64, f64, f64) {
         let at = self.0.at(t);
         (at.position, at.velocity, at.acceleration, at.jerk)
     }
 }
 
-/// Columns of rows, and of the commands of several valves or of one that switches.
+/// Returns columns of rows, and of the commands of several valves or of one switching valve.
 fn columns<'py>(
     py: Python<'py>,
     rows: &[[f64; COLUMNS.len()]],
@@ -245,7 +246,7 @@ fn columns<'py>(
     Ok(out)
 }
 
-/// A circuit under a controller, whose caller gives each command.
+/// A circuit under a controller, whose caller sets each command.
 #[pyclass(name = "ControlLoop")]
 pub struct PyLoop {
     under: Loop,
@@ -277,7 +278,7 @@ impl PyLoop {
         let reference = Reference::from(&parse::<Motion>(motion)?);
         let deviation = Encoder::from(setup.position).deviation();
         let (mut controller, axis) = controller(&spec, deviation).map_err(to_python)?;
-        // Its caller decides.
+        // Controller whose commands come from the caller.
         controller.supervisor = None;
         let options = Options { rtol, ..Options::default() };
         let session = circuit.network().session(&start, options).map_err(to_python)?;
@@ -287,7 +288,8 @@ impl PyLoop {
         Ok(PyLoop { under, controller, reference, places, ticks, next: 0, turn: None, rows })
     }
 
-    /// Goes on to the next sample: the signals, and the law's command last; none after the last sample.
+    /// Continues to the next sample. Returns the signals and, last, the controller's command, or `None` after
+    /// the last sample.
     fn observe<'py>(&mut self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyTuple>>> {
         if self.next > self.ticks {
             return Ok(None);
@@ -302,7 +304,7 @@ impl PyLoop {
         Ok(Some(PyTuple::new(py, own.chain([turn.answer.command]).collect::<Vec<_>>())?))
     }
 
-    /// Gives the command for that sample; the next one is observed then.
+    /// Sets the command of that sample, and observes the next sample.
     fn give(&mut self, command: f64) -> PyResult<()> {
         let Some(turn) = self.turn.take() else {
             return Err(PyValueError::new_err("there is no sample that waits for a command"));
@@ -311,27 +313,27 @@ impl PyLoop {
         Ok(())
     }
 
-    /// Position, m, velocity, m/s, and pressures, Pa, as they are at the sample that waits.
+    /// Returns the true position, m, velocity, m/s, and pressures, Pa, at the present sample.
     #[getter]
     fn truth(&self) -> Option<[f64; 4]> {
         self.turn.map(|turn| turn.truth)
     }
 
-    /// Columns of what has run.
+    /// Returns the columns of the run so far.
     fn columns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         columns(py, &self.rows, &self.under)
     }
 }
 
-/// Key, unit of the value, and meaning of what a supervisor tells.
+/// Returns key, unit of the value, and meaning of each event of a supervisor.
 #[pyfunction]
 pub fn control_events() -> Vec<(&'static str, &'static str, &'static str)> {
     EventKind::ALL.iter().map(|own| (own.key(), own.unit(), own.text())).collect()
 }
 
-/// Runs a circuit from a start under a controller along a reference: columns by name, SI units, and `events`: time, key and
-/// value of what the supervisor told. `own` is a law of one's own:
-/// a callable of a tuple of the signals that are named beside it.
+/// Runs a circuit from a start under a controller along a reference. Returns columns by name, SI units, and
+/// `events`: time, key and value of each event of the supervisor. `own` is a custom controller: a callable of
+/// a tuple of the signals that are named with it.
 #[pyfunction]
 #[pyo3(signature = (circuit, start, spec, motion, setup, duration, rtol, look = None, own = None))]
 #[allow(clippy::too_many_arguments)]

@@ -22,8 +22,8 @@ pub fn parse<T: FromJson>(json: &str) -> PyResult<T> {
         .map_err(|error| PyValueError::new_err(format!("the core cannot read the description: {error}")))
 }
 
-/// Numbers in a row. An array is copied as a whole: one by one, a million of them would keep the interpreter's lock
-/// for a second.
+/// Numbers in a row. An array is copied as a whole. Copied one by one, a million numbers would hold the
+/// interpreter's lock for a second.
 #[derive(FromPyObject)]
 pub enum Numbers<'py> {
     Array(PyReadonlyArray1<'py, f64>),
@@ -39,10 +39,10 @@ impl From<Numbers<'_>> for Vec<f64> {
     }
 }
 
-/// A Python callable that is told the simulated time now and then; what it raises ends the run.
+/// A Python callable that regularly receives the simulated time. An exception in it ends the run.
 pub type Teller<'py> = Option<Bound<'py, PyAny>>;
 
-/// Runs `work` without the interpreter's lock; `work` is told when the user wants to stop.
+/// Runs `work` without the interpreter's lock. `work` learns when the user wants to stop.
 pub fn watched<T: Send>(
     py: Python<'_>,
     look: Teller<'_>,
@@ -65,7 +65,7 @@ pub fn watched<T: Send>(
     }
 }
 
-/// The same with nobody to tell.
+/// Does the same without a callback.
 pub fn detached<T: Send>(
     py: Python<'_>,
     work: impl Send + FnOnce(&mut dyn FnMut(f64) -> bool) -> Result<T, Error>,
@@ -116,7 +116,7 @@ fn impact<'py>(py: Python<'py>, impact: &Impact) -> PyResult<Bound<'py, PyDict>>
     Ok(out)
 }
 
-/// A run as a dict; its columns as arrays, or as `Column`s, for which NumPy is not imported.
+/// Returns a run as a dict. Its columns are arrays, or `Column`s, which do not need NumPy.
 pub fn run_to_dict<'py>(
     py: Python<'py>,
     names: &[String],
@@ -140,7 +140,7 @@ pub fn run_to_dict<'py>(
     Ok(out)
 }
 
-/// Options of a run of `duration` s with so many commands; the budget is the usual one where none is given.
+/// Options of a run of `duration` s with this many commands. Without a given budget, the default applies.
 pub fn options(rtol: f64, duration: f64, commands: usize, states: usize, given: Option<u64>) -> Options {
     let max_attempts = given.unwrap_or_else(|| budget(duration, commands, states));
     Options { rtol, max_attempts, ..Options::default() }

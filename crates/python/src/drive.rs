@@ -64,14 +64,14 @@ impl PyDrive {
         Ok(out)
     }
 
-    /// A session of the drive at a start state, its valve shut.
+    /// Returns a session of the drive at a start state, with a closed valve.
     fn start(&self, initial: &Bound<'_, PyDict>, rtol: f64) -> PyResult<PySession> {
         let options = Options { rtol, ..Options::default() };
         let session = self.drive.session(&initial_state(initial)?, options);
         Ok(PySession::new(session.of_description(&self.json)))
     }
 
-    /// The same run, but only its states as they are integrated, shape (samples, states).
+    /// Runs the same simulation and returns only the integrated states, shape (samples, states).
     #[allow(clippy::too_many_arguments)]
     fn states<'py>(
         &self,
@@ -94,7 +94,8 @@ impl PyDrive {
         self.table(py, rows)
     }
 
-    /// Pressure Pa and temperature K in chambers a and b (four columns) at states as `states` gives them.
+    /// Returns pressure, Pa, and temperature, K, in chambers a and b (four columns) for states as `states`
+    /// returns them.
     fn chambers<'py>(&self, py: Python<'py>, states: PyReadonlyArray2<'py, f64>) -> PyResult<Table<'py>> {
         let states = states.as_array();
         let n = self.drive.n_states();
@@ -150,8 +151,8 @@ impl PyDrive {
         Ok(out)
     }
 
-    /// Simulates a command, put back at each of the restarts (rows of t, position, velocity, pressure a and b)
-    /// to a measured state: columns by name, and the runs that failed.
+    /// Simulates a command, and resets the state to a measured one at each restart (rows of t, position,
+    /// velocity, pressure a and b). Returns columns by name, and the runs that failed.
     #[allow(clippy::too_many_arguments)]
     fn restarted<'py>(
         &self,
@@ -226,8 +227,8 @@ impl PyDrive {
         self.drive.start_names()
     }
 
-    /// Runs segments of a record, each from a start of its own, with exact derivatives of the outputs and
-    /// of the ends by numbers of the description and, if asked, by the starts.
+    /// Runs segments of a record, each from its own start. The outputs and end states have exact derivatives
+    /// by numbers of the description and, optionally, by the starts.
     #[pyo3(signature = (asked, look=None))]
     fn shoot<'py>(
         &self,
@@ -240,27 +241,28 @@ impl PyDrive {
         shot_to_dict(py, &asked, shot, self.drive.start_names())
     }
 
-    /// Stiffness N/m, damping N s/m and damping depth m of the end stops, as given or as they follow from the drive.
+    /// Stiffness, N/m, damping, N s/m, and damping depth, m, of the end stops, as described or derived from
+    /// the drive.
     #[getter]
     fn end_stop(&self) -> (f64, f64, f64) {
         let (stop, _) = self.drive.end_stop();
         (stop.stiffness, stop.damping, stop.damping_depth)
     }
 
-    /// Design load of end stops that follow from the drive: mass kg, speed m/s and force N, within a depth m.
+    /// Design load of derived end stops: mass, kg, speed, m/s, and force, N, within a depth, m.
     #[getter]
     fn end_stop_takes(&self) -> (f64, f64, f64, f64) {
         let (_, taken) = self.drive.end_stop();
         (taken.mass, taken.speed, taken.force, taken.depth)
     }
 
-    /// Warnings about this description.
+    /// Returns warnings about this description.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.drive.warnings().to_vec()
     }
 
-    /// Keys in references.bib of the laws and methods used.
+    /// Returns the keys in references.bib of the laws and methods in use.
     #[getter]
     fn citations(&self) -> Vec<&'static str> {
         self.drive.citations().to_vec()
@@ -268,7 +270,7 @@ impl PyDrive {
 }
 
 impl PyDrive {
-    /// Rows of states as an array of shape (samples, states).
+    /// Returns rows of states as an array of shape (samples, states).
     fn table<'py>(&self, py: Python<'py>, rows: Vec<f64>) -> PyResult<Table<'py>> {
         let n = self.drive.n_states();
         let samples = rows.len() / n;

@@ -9,18 +9,19 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// Members of one drive or circuit that differ in the numbers called `vary`.
+/// Members of one drive or circuit that differ in the numbers listed in `vary`.
 ///
-/// `kind` is "drive" or "circuit", `json` its description in SI. Names are paths of a drive's JSON ("cylinder.bore_m",
-/// "friction.parameters.coulomb"), or of a circuit's components ("left.bore", "left.friction.parameters.coulomb");
-/// "ambient.pressure_pa" and "ambient.temperature_k" of either. An unknown name, one given twice, or one that members
-/// cannot differ in is a ValueError. The description is assembled here, once; members only set their numbers.
+/// `kind` is "drive" or "circuit", `json` its description in SI. Names are paths of a drive's JSON
+/// ("cylinder.bore_m", "friction.parameters.coulomb"), or of a circuit's components ("left.bore",
+/// "left.friction.parameters.coulomb"); "ambient.pressure_pa" and "ambient.temperature_k" of either. Raises
+/// ValueError for an unknown name, a repeated name, or a number in which members cannot differ. The
+/// description is assembled once, here. Members only set their numbers.
 #[pyclass(name = "Ensemble", frozen)]
 pub struct PyEnsemble {
     ensemble: Ensemble,
 }
 
-/// The dict `_core.Output` as it comes from Python: what is kept of each member.
+/// The dict `_core.Output` from Python: a reduction of each member.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct Output {
@@ -30,7 +31,7 @@ struct Output {
     value: Option<f64>,
 }
 
-/// The dict `_core.Request` as it comes from Python.
+/// The dict `_core.Request` from Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct Request<'py> {
@@ -54,7 +55,7 @@ fn refuse<T>(message: String) -> PyResult<T> {
     Err(PyValueError::new_err(message))
 }
 
-/// By its name in Python.
+/// Returns the kernel by its name in Python.
 fn kernel(name: &str) -> PyResult<Kernel> {
     match name {
         "scalar" => Ok(Kernel::Scalar),
@@ -109,7 +110,7 @@ impl PyEnsemble {
         Ok(PyEnsemble { ensemble: ensemble.map_err(to_python)? })
     }
 
-    /// In what members differ: the columns of `values`.
+    /// Returns the names of the numbers in which members differ: the columns of `values`.
     #[getter]
     fn names(&self) -> Vec<String> {
         self.ensemble.names().to_vec()
@@ -121,7 +122,7 @@ impl PyEnsemble {
         self.ensemble.template().variables.inputs.iter().map(|input| input.name.clone()).collect()
     }
 
-    /// Names of the columns that outputs are made of.
+    /// Names of the columns that outputs can use.
     #[getter]
     fn columns(&self) -> Vec<String> {
         self.ensemble.template().columns().to_vec()
@@ -133,20 +134,20 @@ impl PyEnsemble {
         self.ensemble.start_names()
     }
 
-    /// Runs all members; see the stub for what `asked` holds and what comes back.
+    /// Runs all members. The stub describes the fields of `asked` and the result.
     ///
-    /// Shapes: n members, k names. `values` (n, k). Of `plans`, each (input, times (m,), values (m,) or (n, m)): times in
-    /// s, increasing, the first 0. `duration` (1,) or (n,), s. `initial` (1, s) or (n, s). `look` is told the number of
-    /// members done some fifty times a second; what it raises, and a signal, ends the run. `kernel` names what runs the
-    /// members, with equal bits: "scalar" one after the other, "four" or "eight" (AVX-512) side by side; the fastest where
-    /// it is left out.
+    /// Shapes: n members, k names. `values` (n, k). Each of `plans` is (input, times (m,), values (m,) or (n,
+    /// m)). The times are in s, increasing, and start at 0. `duration` (1,) or (n,), s. `initial` (1, s) or
+    /// (n, s). `look` receives the number of finished members about fifty times a second. An exception in it
+    /// or a signal ends the run. `kernel` selects how members run, with equal bits: "scalar" one after the
+    /// other, "four" or "eight" (AVX-512) side by side. The default is the fastest.
     ///
-    /// The k-th of "outputs" of what comes back is an array (n,), or (n, samples) where samples are asked for, in the
-    /// column's unit (integral: times s; time_above, time_below: s, 0 where it holds at the start, NaN where it never
-    /// does). "status" (n,) uint8: 0 done, 1 its run could not go on, 2 its numbers do not go together; the outputs of 1
-    /// and 2 are NaN, and "reasons" says why, by member. The numbers of a member depend on nothing but its own row: not on
-    /// neighbours, threads or the order. A value out of the bounds of its number is a ValueError that names member and
-    /// number before any member runs.
+    /// The k-th of the returned "outputs" is an array (n,), or (n, samples) for samples, in the column's
+    /// unit. An integral has the unit times s. The times above and below a value are in s: 0 if true at the
+    /// start, NaN if never true. The array "status" (n,) uint8 is 0 for done, 1 for a failed run, 2 for inconsistent
+    /// numbers. The outputs of 1 and 2 are NaN, and "reasons" has the cause by member. The numbers of a
+    /// member depend only on the row of that member, not on neighbours, threads or order. A value outside its bounds
+    /// raises a ValueError that names member and number, before any member runs.
     #[pyo3(signature = (asked, look=None))]
     fn run<'py>(
         &self,

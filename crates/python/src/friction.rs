@@ -10,7 +10,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-/// Every friction law that a description can name.
+/// Returns every friction law that a description can name.
 #[pyfunction]
 pub fn friction_laws(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     let laws = PyList::empty(py);
@@ -46,9 +46,10 @@ fn law_entry<'py>(py: Python<'py>, meta: &Meta) -> PyResult<Bound<'py, PyDict>> 
     Ok(law)
 }
 
-/// The entry, as of `friction_laws`, of a custom law (JSON), with `warnings`.
+/// Returns the entry, as in `friction_laws`, of a custom law (JSON), with `warnings`.
 ///
-/// Raises ValueError(what, key, formula, line, column, text, caret, remedy); no line: not a place in a formula.
+/// Raises ValueError(what, key, formula, line, column, text, caret, remedy). Without a line, the error has no
+/// place in a formula.
 #[pyfunction]
 pub fn formula_law<'py>(py: Python<'py>, json: &str) -> PyResult<Bound<'py, PyDict>> {
     let spec: specification::Formula = parse(json)?;
@@ -59,7 +60,7 @@ pub fn formula_law<'py>(py: Python<'py>, json: &str) -> PyResult<Bound<'py, PyDi
     Ok(law)
 }
 
-/// A refusal of formulas as a ValueError of eight.
+/// Returns an error in a formula as a ValueError of eight fields.
 pub fn refused(refusal: &Refusal) -> PyErr {
     let Refusal { key, formula, problem } = refusal;
     let (line, column, text, caret) = problem.shown(formula).unwrap_or_default();
@@ -69,8 +70,8 @@ pub fn refused(refusal: &Refusal) -> PyErr {
 
 type Values = std::collections::BTreeMap<String, f64>;
 
-/// Steady sliding friction of a law, N, at each velocity m/s, at given gauge pressures Pa and position m;
-/// `dependences` are tables of the description's friction, as it has them.
+/// Returns the steady sliding friction of a law, N, at each velocity, m/s, for given gauge pressures, Pa, and
+/// position, m. `dependences` are the tables of the description's friction.
 #[pyfunction]
 #[pyo3(signature = (law, parameters, velocity, gauge_a_pa=0.0, gauge_b_pa=0.0, pressure=None, dependences=None, position_m=0.0))]
 #[allow(clippy::too_many_arguments)] // The seam: named in Python.
@@ -104,8 +105,8 @@ pub fn steady_friction<'py>(
     Ok(PyArray1::from_iter(py, velocity.as_array().iter().map(|&v| force(v))))
 }
 
-/// What warming and wear make of a friction: the factor on its levels Fc and Fs, and that on Fv. `above_k` is what the
-/// contact is warmer than where the law's parameters hold.
+/// Returns the effect of heating and wear on friction: the factor on Fc and Fs, and the factor on Fv.
+/// `above_k` is the temperature of the contact above the reference of the law's parameters.
 #[pyfunction]
 pub fn seal_factors(
     levels_per_k: f64,
@@ -121,7 +122,8 @@ pub fn seal_factors(
     (levels.coulomb, levels.viscous)
 }
 
-/// Rise of a contact above its surroundings, K, after a constant heat of friction, W, for a duration, s.
+/// Returns the temperature rise of a contact above its surroundings, K, after constant friction heat, W, for
+/// a duration, s.
 #[pyfunction]
 pub fn seal_warming(resistance_k_w: f64, time_s: f64, warming_k: f64, heat_w: f64, duration_s: f64) -> f64 {
     heated(0.0, 0.0, resistance_k_w, time_s).after(warming_k, heat_w, duration_s)
@@ -131,7 +133,7 @@ fn heated(viscous: f64, levels: f64, resistance: f64, time: f64) -> Heating<f64>
     Heating { reference: 0.0, viscous, levels, resistance, time, ambient: 0.0 }
 }
 
-/// The friction of a description as JSON, without its parameters: they may be infinite.
+/// Returns the friction of a description as JSON. Parameters are left out because they may be infinite.
 fn friction_json(py: Python<'_>, law: &str, dependences: Option<&Bound<'_, PyAny>>) -> PyResult<String> {
     let tables = PyDict::new(py);
     if let Some(dependences) = dependences {
@@ -142,8 +144,8 @@ fn friction_json(py: Python<'_>, law: &str, dependences: Option<&Bound<'_, PyAny
     py.import("json")?.call_method1("dumps", (tables,))?.extract()
 }
 
-/// Steady sliding friction of a law, N, at each place, and its derivatives by numbers of the description,
-/// shape (places, names).
+/// Returns the steady sliding friction of a law, N, at each place, and its derivatives by numbers of the
+/// description, shape (places, names).
 #[pyfunction]
 #[pyo3(signature = (law, parameters, names, velocity, gauge_a_pa, gauge_b_pa, position_m, dependences=None))]
 #[allow(clippy::too_many_arguments)] // The seam: named in Python.
@@ -179,8 +181,8 @@ pub fn steady_friction_sensitivity<'py>(
     Ok((PyArray1::from_vec(py, forces), table))
 }
 
-/// Growth of friction with age (`saturating`, `log`, `hyperbolic`), for an increment of 1, at each age, s, and its
-/// derivatives by age, time and exponent; shape (ages, 4).
+/// Returns the growth of friction with age (`saturating`, `log`, `hyperbolic`) for an increment of 1. The
+/// result has a row for each age, s, and the derivatives by age, time and exponent: shape (ages, 4).
 #[pyfunction]
 pub fn dwell_growth<'py>(
     py: Python<'py>,

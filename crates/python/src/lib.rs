@@ -1,4 +1,4 @@
-//! The seam to Python: conversion and error mapping, nothing else.
+//! The interface to Python: conversion and error mapping only.
 
 mod control;
 mod convert;
@@ -21,21 +21,22 @@ use physics::flow::{Iso6358, LINEAR_ABOVE, choked_factor};
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
 
-/// Flow through a component over its choked flow, at the ratio of downstream to upstream pressure.
+/// Returns the flow through a component relative to its choked flow, at a ratio of downstream to upstream
+/// pressure.
 #[pyfunction]
 fn flow_ratio(pressure_ratio: f64, critical_pressure_ratio: f64, subsonic_index: f64) -> f64 {
     let (b, m) = (critical_pressure_ratio, subsonic_index);
     Iso6358::for_gas(1.0, b, m, LINEAR_ABOVE, m == 0.5, &IdealGas::air(), true).phi(pressure_ratio)
 }
 
-/// psi(k) in m_dot = A p psi / sqrt(R T): choked flow of an ideal gas through a nozzle.
+/// Returns psi(k) in m_dot = A p psi / sqrt(R T): choked flow of an ideal gas through a nozzle.
 #[pyfunction]
 fn choked_flow_factor(heat_capacity_ratio: f64) -> f64 {
     choked_factor(heat_capacity_ratio)
 }
 
-/// Share of its full conductance that each edge of a proportional 5/3 valve has open (supply to a, a to exhaust, supply to
-/// b, b to exhaust) at each command, shape (n, 4).
+/// Returns the open fraction of each edge of a proportional 5/3 valve at each command, shape (n, 4). The edges are
+/// supply to a, a to exhaust, supply to b, and b to exhaust.
 #[pyfunction]
 fn valve_openings<'py>(py: Python<'py>, command: PyReadonlyArray1<'py, f64>) -> PyResult<Table<'py>> {
     let commands = command.as_array();
@@ -43,7 +44,7 @@ fn valve_openings<'py>(py: Python<'py>, command: PyReadonlyArray1<'py, f64>) -> 
     PyArray1::from_iter(py, edges).reshape([commands.len(), 4])
 }
 
-/// The numbers of nature and of standards that the core calculates with, by name, in SI.
+/// Returns the physical and standard constants of the core, by name, in SI.
 #[pyfunction]
 fn constants() -> BTreeMap<&'static str, f64> {
     BTreeMap::from([

@@ -23,7 +23,7 @@ pub struct PyCircuit {
     json: String,
     spec: specification::Circuit,
     network: Network,
-    /// The same with its accounts, made when it is first asked for.
+    /// The same circuit with its balances, made on first use.
     accounted: OnceLock<Network>,
 }
 
@@ -57,40 +57,41 @@ impl PyCircuit {
         Ok(PyCircuit { json, spec, network, accounted: OnceLock::new() })
     }
 
-    /// Name, unit, bounds in words and meaning of each input.
+    /// Returns name, unit, bounds as text and meaning of each input.
     #[getter]
     fn inputs(&self) -> Vec<(&str, &'static str, String, &'static str)> {
         let inputs = self.network.assembly().variables.inputs.iter();
         inputs.map(|own| (&*own.name, own.unit, own.bounds.to_string(), own.meaning)).collect()
     }
 
-    /// Names of the outputs.
+    /// Returns the names of the outputs.
     #[getter]
     fn columns(&self) -> Vec<String> {
         self.network.assembly().columns().to_vec()
     }
 
-    /// Names of the numbers of a start.
+    /// Returns the names of the start values.
     #[getter]
     fn start_names(&self) -> Vec<&str> {
         self.network.start_names()
     }
 
-    /// The same with the inner states of friction: names of the numbers that segments of `shoot` start from.
+    /// Returns the names of the start values of segments of `shoot`, including inner states of friction.
     #[getter]
     fn segment_names(&self) -> Vec<String> {
         self.network.assembly().start_names()
     }
 
-    /// Gas joints whose volume belongs to no component: the first port of each, and the volume of its ports, m3.
+    /// Returns gas joints whose volume belongs to no component: the first port of each, and the volume of its
+    /// ports, m3.
     #[getter]
     fn joint_volumes(&self) -> Vec<(String, f64)> {
         self.network.joint_volumes().to_vec()
     }
 
-    /// Of each cylinder stiffness N/m, damping N s/m and damping depth m of its end stops, as given or as they follow from
-    /// the circuit and the highest pressure of a start, Pa absolute; and what the latter take up: mass kg, speed m/s and
-    /// force N, within a depth m.
+    /// Returns the end stops of each cylinder: stiffness, N/m, damping, N s/m, and damping depth, m. They are
+    /// described, or derived from the circuit and the highest start pressure, Pa absolute. Derived end stops
+    /// also have their design load: mass, kg, speed, m/s, and force, N, within a depth, m.
     fn end_stops(&self, start: f64) -> BTreeMap<&str, ([f64; 3], [f64; 4])> {
         let each = self.network.end_stops(start);
         each.map(|(name, stop, taken)| {
@@ -100,25 +101,25 @@ impl PyCircuit {
         .collect()
     }
 
-    /// Name and unit of each state.
+    /// Returns name and unit of each state.
     #[getter]
     fn states(&self) -> Vec<(String, &'static str)> {
         self.network.assembly().circuit.state_names().to_vec()
     }
 
-    /// Warnings about this description.
+    /// Returns warnings about this description.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.network.warnings().to_vec()
     }
 
-    /// Keys in references.bib of the laws and methods used.
+    /// Returns the keys in references.bib of the laws and methods in use.
     #[getter]
     fn citations(&self) -> Vec<&'static str> {
         self.network.citations().to_vec()
     }
 
-    /// A session at a start, given by name, or from the state of another session.
+    /// Returns a session at a start given by name, or at the state of another session.
     fn start(&self, start: Start, rtol: f64) -> PyResult<PySession> {
         let options = Options { rtol, ..Options::default() };
         let assembly = self.network.assembly();
@@ -130,7 +131,7 @@ impl PyCircuit {
         Ok(PySession::new(session.of_description(&self.json)))
     }
 
-    /// Members of this topology that differ in the numbers called so: one row of values for each.
+    /// Creates members of this topology that differ in the named numbers, one row of values for each.
     fn members(&self, names: Vec<String>, values: PyReadonlyArray2<'_, f64>) -> PyResult<PyMembers> {
         let mut members = self.network.members(&self.json, &names).map_err(to_python)?;
         let each = values.as_array();
@@ -139,8 +140,8 @@ impl PyCircuit {
         Ok(PyMembers { template: self.network.assembly().clone(), each })
     }
 
-    /// As `Drive.shoot`, under the commands of one input; parameters are numbers of components, such as "left.bore"
-    /// or "left.friction.parameters.coulomb".
+    /// As `Drive.shoot`, under the commands of one input. Parameters are numbers of components, such as
+    /// "left.bore" or "left.friction.parameters.coulomb".
     #[pyo3(signature = (command, asked, look=None))]
     fn shoot<'py>(
         &self,
@@ -155,7 +156,7 @@ impl PyCircuit {
         shot_to_dict(py, &asked, shot, self.network.assembly().start_names())
     }
 
-    /// Runs from a start under plans: an input, times and the values from each of them on.
+    /// Runs from a start under plans. A plan has an input, times, and a value from each time on.
     #[pyo3(signature = (plans, duration, sample_rate, start, rtol, ledger=false, budget=None, look=None, arrays=true))]
     #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
     fn simulate<'py>(
@@ -192,7 +193,7 @@ impl PyCircuit {
     }
 }
 
-/// Circuits of one topology, each with numbers of its own.
+/// Circuits of one topology with different numbers.
 #[pyclass(name = "Members", frozen)]
 pub struct PyMembers {
     template: Assembly,
@@ -212,7 +213,7 @@ impl PyMembers {
         self.each.iter().filter(own).count()
     }
 
-    /// A session of one of them at a start, given by name.
+    /// Returns a session of one member at a start given by name.
     fn start(&self, member: usize, start: BTreeMap<String, f64>, rtol: f64) -> PyResult<PySession> {
         let Some(own) = self.each.get(member) else {
             return Err(PyIndexError::new_err(format!("there are {} members", self.each.len())));
@@ -222,14 +223,14 @@ impl PyMembers {
     }
 }
 
-/// The strokes of a symbol, each a word and its points and numbers.
+/// Strokes of a symbol: each has a word, points and numbers.
 fn strokes<'py>(py: Python<'py>, strokes: &[Stroke]) -> PyResult<Vec<Bound<'py, PyAny>>> {
     let mut out = Vec::new();
     add_strokes(py, strokes, ([0.0, 0.0], false), &mut out)?;
     Ok(out)
 }
 
-/// Adds them, moved by so much, mirrored before if so.
+/// Adds the strokes, optionally mirrored and then moved.
 fn add_strokes<'py>(
     py: Python<'py>,
     strokes: &[Stroke],
@@ -259,13 +260,13 @@ fn add_strokes<'py>(
     Ok(())
 }
 
-/// Every kind of component: its ports, parameters, choices, inputs and outputs.
+/// Returns every kind of component: its ports, parameters, choices, inputs and outputs.
 #[pyfunction]
 pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
     kinds().into_iter().map(|kind| kind_entry(py, kind)).collect()
 }
 
-/// The entry, as of `components`, of what a formula (JSON) makes of a kind, with `warnings`.
+/// Returns the entry, as in `components`, of a kind with a formula (JSON), with `warnings`.
 ///
 /// Raises ValueError as `formula_law`.
 #[pyfunction]

@@ -1,7 +1,7 @@
 //! Writer of Parquet files of 64-bit floats, plain and uncompressed, in groups of rows.
 //!
-//! Format: <https://parquet.apache.org/docs/file-format/>. The import of polars takes longer than a short command, so
-//! that a command writes its trajectory without it. polars reads the file.
+//! Format: <https://parquet.apache.org/docs/file-format/>. polars reads the files, but its import takes
+//! longer than a short command. Commands therefore write trajectories without polars.
 
 use std::io::{self, Write};
 
@@ -53,7 +53,7 @@ pub fn write(to: &mut impl Write, columns: &[Column<'_>], texts: &[(&str, &str)]
     to.write_all(MARK)
 }
 
-/// Writes one page of values with its header; returns its bytes.
+/// Writes one page of values with its header, and returns its number of bytes.
 fn page(to: &mut impl Write, values: &[f64]) -> io::Result<usize> {
     let size = size_of_val(values);
     let mut header = Vec::with_capacity(32);
@@ -78,8 +78,8 @@ fn page(to: &mut impl Write, values: &[f64]) -> io::Result<usize> {
     Ok(header.len() + size)
 }
 
-/// The least and the greatest value; none where one is not a number. As the format asks, a least zero is -0, a greatest
-/// one +0.
+/// Returns the least and the greatest value, or `None` if a value is NaN. The format requires -0 for a least
+/// zero and +0 for a greatest zero.
 fn ends(values: &[f64]) -> Option<[f64; 2]> {
     let (mut least, mut greatest, mut is_number) = (f64::INFINITY, f64::NEG_INFINITY, true);
     for &value in values {

@@ -7,7 +7,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-/// A running drive; `Drive.start` makes it.
+/// A running drive, made by `Drive.start`.
 #[pyclass(name = "Session")]
 pub struct PySession {
     session: Session,
@@ -30,13 +30,13 @@ impl PySession {
 
 #[pymethods]
 impl PySession {
-    /// Present time, s.
+    /// Returns the present time, s.
     #[getter]
     fn time(&self) -> f64 {
         self.session.time()
     }
 
-    /// Reason why it cannot go on, if any.
+    /// Returns the reason why the session cannot continue, if any.
     #[getter]
     fn failed(&self) -> Option<&str> {
         self.session.failed()
@@ -47,20 +47,20 @@ impl PySession {
         statistics(py, &self.session.statistics())
     }
 
-    /// Name, unit, bounds in words and meaning of each input.
+    /// Returns name, unit, bounds as text and meaning of each input.
     #[getter]
     fn inputs(&self) -> Vec<(&str, &'static str, String, &'static str)> {
         let inputs = self.session.inputs().iter();
         inputs.map(|own| (&*own.name, own.unit, own.bounds.to_string(), own.meaning)).collect()
     }
 
-    /// Names of the outputs.
+    /// Returns the names of the outputs.
     #[getter]
     fn columns(&self) -> Vec<String> {
         self.session.columns().to_vec()
     }
 
-    /// Name and unit of each state.
+    /// Returns name and unit of each state.
     #[getter]
     fn states(&self) -> Vec<(String, &'static str)> {
         self.session.state_names().to_vec()
@@ -76,14 +76,14 @@ impl PySession {
         self.session.schedule(self.input(name)?, &times, &values).map_err(to_python)
     }
 
-    /// Goes on until a time, s.
+    /// Continues until a time, s.
     #[pyo3(signature = (until, look=None))]
     fn advance(&mut self, py: Python<'_>, until: f64, look: Teller<'_>) -> PyResult<()> {
         let session = &mut self.session;
         watched(py, look, |interrupted| session.go_on(until, &mut Look::new(interrupted)))
     }
 
-    /// The same, with some columns at times on the way.
+    /// Does the same, and returns some columns at times on the way.
     #[pyo3(signature = (until, times, columns, look=None))]
     fn record<'py>(
         &mut self,
@@ -103,13 +103,13 @@ impl PySession {
         run_to_dict(py, &columns, run, true)
     }
 
-    /// The present values of the states.
+    /// Returns the present values of the states.
     #[getter]
     fn state(&self) -> Vec<f64> {
         self.session.state()[..self.session.state_names().len()].to_vec()
     }
 
-    /// A column, or an input, at the present state.
+    /// Returns a column, or an input, at the present state.
     fn read(&mut self, name: &str) -> PyResult<f64> {
         match self.column(name) {
             Some(column) => Ok(self.session.read(column)),
@@ -125,7 +125,8 @@ impl PySession {
         self.session.restore(saved).map_err(to_python)
     }
 
-    /// A, B, C, D by name, and the state, its rates and the outputs about which they are.
+    /// Returns A, B, C and D by name, with the state, its rates and the outputs at the point of
+    /// linearisation.
     fn linearise<'py>(&self, py: Python<'py>, inputs: Vec<String>) -> PyResult<Bound<'py, PyDict>> {
         let places = inputs.iter().map(|name| self.input(name)).collect::<PyResult<Vec<_>>>()?;
         let linear = self.session.linearise(&places).map_err(to_python)?;

@@ -1,4 +1,4 @@
-//! What segments of a record are asked for, and what running them gave.
+//! Request for running segments of a record, and the result.
 
 use crate::convert::Numbers;
 use circuit::{ByStart, Shooting, Shot};
@@ -7,7 +7,7 @@ use ode::Options;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// Whether to differentiate by the starts, or by which of their numbers.
+/// Whether to differentiate by the starts, or the start values to differentiate by.
 #[derive(FromPyObject)]
 enum WithInitial {
     All(bool),
@@ -23,7 +23,7 @@ impl From<WithInitial> for ByStart {
     }
 }
 
-/// The dict `_core.Shooting` as it comes from Python.
+/// The dict `_core.Shooting` from Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct Asked<'py> {
@@ -59,7 +59,7 @@ impl From<Asked<'_>> for Shooting {
     }
 }
 
-/// What a shot gave, as arrays by name.
+/// Returns the result of a shot as arrays by name.
 pub fn shot_to_dict<'py>(
     py: Python<'py>,
     asked: &Shooting,

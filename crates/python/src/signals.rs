@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use signals::Bins;
 use std::ops::Range;
 
-/// Samples at which a motion reverses by at least `least`, the extremes at both ends included.
+/// Returns the samples at which a motion reverses by at least `least`, including the extremes at both ends.
 #[pyfunction]
 pub fn turning_points<'py>(
     py: Python<'py>,
@@ -18,7 +18,7 @@ pub fn turning_points<'py>(
     Ok(PyArray1::from_vec(py, points.into_iter().map(|place| place as i64).collect()))
 }
 
-/// Mean of the chosen values in each of so many equal bins of position, over stretches of samples.
+/// Returns the mean of the chosen values in each of a number of equal position bins, over ranges of samples.
 #[pyfunction]
 pub fn bin_means<'py>(
     py: Python<'py>,

@@ -25,24 +25,24 @@ impl PyColumn {
         found.copied().ok_or_else(|| PyIndexError::new_err(format!("a column has no row {index}")))
     }
 
-    /// The least value.
+    /// Returns the least value.
     fn min(&self) -> f64 {
         self.0.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    /// The row of the least value.
+    /// Returns the row of the least value.
     fn argmin(&self) -> usize {
         let least = self.min();
         self.0.iter().position(|value| *value == least).unwrap_or(0)
     }
 
-    /// The row of the greatest value.
+    /// Returns the row of the greatest value.
     fn argmax(&self) -> usize {
         let greatest = self.max();
         self.0.iter().position(|value| *value == greatest).unwrap_or(0)
     }
 
-    /// The greatest value.
+    /// Returns the greatest value.
     fn max(&self) -> f64 {
         self.0.iter().copied().fold(f64::NEG_INFINITY, f64::max)
     }
@@ -63,7 +63,7 @@ impl Floats<'_> {
         }
     }
 
-    /// The values in a row; of an array that has gaps, a copy.
+    /// Returns the values as a contiguous row. An array with gaps is copied.
     fn values(&self) -> Cow<'_, [f64]> {
         match self {
             Floats::Own(column) => Cow::Borrowed(&column.0),

@@ -1,4 +1,4 @@
-//! `Tank`: a fixed volume on a line, by shooting alone.
+//! `Tank`: a fixed volume on a line, for shooting only.
 
 use crate::convert::{Teller, parse, to_python, watched};
 use crate::shooting::{Asked, shot_to_dict};
@@ -21,7 +21,7 @@ impl PyTank {
         Ok(PyTank { json, tank: Tank::assemble(&spec).map_err(to_python)? })
     }
 
-    /// As `Drive.shoot`; a command is the share of the line's opening, a start pressure and temperature.
+    /// As `Drive.shoot`. A command is the opening fraction of the line. A start has pressure and temperature.
     #[pyo3(signature = (asked, look=None))]
     fn shoot<'py>(
         &self,

@@ -2,14 +2,14 @@
 //!
 //! The states are x and v of the mass, (m, U) of one pair and of the other, and at most one more, z:
 //!
-//!   x' = v,   a pair follows from itself, x and v;   v' and z' from x, v, the U of both pairs and z
+//!   `x' = v`. A pair follows from itself, x and v. v' and z' follow from x, v, the U of both pairs and z.
 //!
-//! Pairs and z are eliminated into v. What is left is of rank one: with r the row of v of the inverse, and g what one
-//! unit of v makes of all states,
+//! Pairs and z are eliminated into v. The remainder has rank one. Let r be the row of v of the inverse,
+//! and g the response of all states to one unit of v:
 //!
-//!   W^-1 = B + g r^T,   B the inverse where v is held
+//!   `W^-1 = B + g r^T`, with B the inverse if v is held.
 //!
-//! Every scalar and lane takes these very operations.
+//! Every scalar type and every lane uses exactly these operations.
 
 use super::SMALL;
 use math::{Lane, Real};
@@ -18,16 +18,17 @@ use math::{Lane, Real};
 ///
 ///   x v | m U | m U | z
 ///
-/// of a mass and two pairs: row x is v alone; rows v and z have x, v, both U and z; a pair has x, v and itself.
+/// of a mass and two pairs. Row x depends only on v. Rows v and z depend on x, v, both U and z. A pair
+/// depends on x, v and itself.
 pub type Dense<R> = [[R; SMALL]; SMALL];
 
 const X: usize = 0;
-/// The place of the velocity.
+/// Index of the velocity.
 pub(crate) const V: usize = 1;
 const PAIRS: [usize; 2] = [2, 4];
 const Z: usize = 6;
 
-/// Rows of an arrow that may change with what is differentiated, and the columns where they may.
+/// Rows of an arrow that may change with the differentiated numbers, and their columns that may change.
 pub(super) const CHANGING: [(usize, &[usize]); 6] = [
     (V, &[0, 1, 3, 5, 6]),
     (2, &[0, 1, 2, 3]),
@@ -37,7 +38,7 @@ pub(super) const CHANGING: [(usize, &[usize]); 6] = [
     (Z, &[0, 1, 3, 5, 6]),
 ];
 
-/// What becomes of a pair (m, U): by x, by v with the x that it brings, by m and by U.
+/// Response of a pair (m, U) to x, to v with the x that follows from it, to m and to U.
 struct Pair<R> {
     by_x: [R; 2],
     by_v: [R; 2],
@@ -45,7 +46,7 @@ struct Pair<R> {
     by_u: [R; 2],
 }
 
-/// A column of what makes m and U, from what enters them.
+/// Returns the response of m and U to given inputs to both.
 #[inline(always)]
 fn makes<R: Real>(by_m: [R; 2], by_u: [R; 2], to_m: R, to_u: R) -> [R; 2] {
     [by_m[0].fma(to_m, by_u[0] * to_u), by_m[1].fma(to_m, by_u[1] * to_u)]
@@ -59,7 +60,7 @@ impl<R: Real> Pair<R> {
         let inverse = R::one() / mm.fma(uu, -(j(m, u) * j(u, m)));
         let by_m = [uu * inverse, j(u, m) * inverse];
         let by_u = [j(m, u) * inverse, mm * inverse];
-        // v brings its x with it.
+        // v changes x as well.
         let (v_m, v_u) = (j(m, X).fma(h_gamma, j(m, V)), j(u, X).fma(h_gamma, j(u, V)));
         Pair {
             by_x: makes(by_m, by_u, j(m, X) * h_gamma, j(u, X) * h_gamma),
@@ -70,7 +71,7 @@ impl<R: Real> Pair<R> {
     }
 }
 
-/// A row of v or z times what one unit of something makes of x and of both U.
+/// Returns a row of v or z, multiplied by given responses of x and of both U.
 #[inline(always)]
 fn row<R: Lane>(jacobian: &Dense<R>, i: usize, [x, a, b]: [R::Plain; 3]) -> R::Plain {
     let j = |column: usize| jacobian[i][column].plain();
@@ -78,14 +79,15 @@ fn row<R: Lane>(jacobian: &Dense<R>, i: usize, [x, a, b]: [R::Plain; 3]) -> R::P
     j(X).fma(x, j(u_a).fma(a, j(u_b) * b))
 }
 
-/// What one unit of m or U makes of z and, times `v`, of v; `j` are the entries of its U in the rows of z and v.
+/// Returns the response of z and, multiplied by `v`, of v to one unit of m or U. `j` are the entries of this
+/// U in the rows of z and v.
 #[inline(always)]
 fn through<R: Real>(z: R, v: R, v_by_z: R, j: [R; 2], by: [R; 2]) -> (R, R) {
     let z_by = z * j[0] * by[1];
     (z_by, v * v_by_z.fma(z_by, j[1] * by[1]))
 }
 
-/// A column of the inverse: what v makes of all, and what is made where v is held.
+/// Fills a column of the inverse: the response to v, plus the response with v held.
 #[inline(always)]
 fn fill<R: Real>(column: &mut [R; SMALL], made_by_v: &[R; SMALL], by_v: R, held: [R; SMALL]) {
     for i in 0..SMALL {
@@ -93,15 +95,16 @@ fn fill<R: Real>(column: &mut [R; SMALL], made_by_v: &[R; SMALL], by_v: R, held:
     }
 }
 
-/// Above zero where v alone, or with z, runs away from a balance: v' grows with v, or the determinant of both is negative,
-/// so that one of their rates of growth is real and positive.
+/// Returns a value above zero if v, alone or with z, is unstable about a balance. Then v' grows with v, or
+/// the determinant of both is negative. In both cases one growth rate is real and positive.
 #[inline(always)]
 pub(super) fn growth<R: Lane>(jacobian: &Dense<R>) -> R::Plain {
     let j = |row: usize, column: usize| jacobian[row][column].plain();
     (j(V, Z) * j(Z, V) - j(V, V) * j(Z, Z)).max(j(V, V))
 }
 
-/// The columns of (I/(h gamma) - J)^-1. What it is made of is in line always: no closure is sure to be.
+/// Computes the columns of (I/(h gamma) - J)^-1. Its parts are functions marked inline, because closures are
+/// not always inlined.
 #[inline(always)]
 pub(super) fn invert<R: Lane>(jacobian: &Dense<R>, h_gamma: R::Plain, columns: &mut Dense<R::Plain>) {
     let j = |row: usize, column: usize| jacobian[row][column].plain();
@@ -136,7 +139,7 @@ pub(super) fn invert<R: Lane>(jacobian: &Dense<R>, h_gamma: R::Plain, columns: &
 mod tests {
     use super::*;
 
-    /// W times its inverse, with all entries that the shape may have.
+    /// Checks W times its inverse, with all entries that the shape may have.
     #[test]
     fn it_is_the_inverse() {
         let mut j = [[0.0; SMALL]; SMALL];
@@ -166,8 +169,8 @@ mod tests {
         }
     }
 
-    /// Bristles in steady sliding at v, friction g(v) + viscous v: what matters is the slope of that, whatever the bristles
-    /// do at first.
+    /// Bristles in steady sliding at v, with friction g(v) + viscous v. The slope of this curve decides,
+    /// independent of the initial response of the bristles.
     #[test]
     fn friction_that_falls_with_the_speed_lets_an_error_grow() {
         let (mass, stiffness, damping, viscous, v, g) = (2.0, 1e5, 300.0, 40.0, 0.003, 42.0);

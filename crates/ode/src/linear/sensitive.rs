@@ -1,8 +1,8 @@
-//! The same systems for numbers with derivatives: only the value of W is factorised.
+//! The same systems for numbers with derivatives. Only the value of W is factorised.
 //!
 //!   W x = b   =>   W dx = db + dJ x     as dW = -dJ
 //!
-//! The value takes the very operations that it takes without derivatives.
+//! The value uses exactly the operations that it uses without derivatives.
 
 use super::arrow::CHANGING;
 use super::{Linear, SMALL, product};
@@ -12,7 +12,7 @@ use math::Lane;
 use std::array::from_fn;
 
 impl<R: Lane> Linear<R> {
-    /// The value of W^-1 x, then its derivatives.
+    /// Computes the value of W^-1 x, then its derivatives.
     #[inline(never)]
     pub(super) fn solve_sensitive(&self, structure: &Structure, x: &mut [R]) {
         assert_eq!(structure.n, structure.n_coupled, "accounts have no derivatives");
@@ -24,7 +24,7 @@ impl<R: Lane> Linear<R> {
             } else {
                 self.add_change_of_matrix(structure, first, &values);
             }
-            // Whole blocks, whatever the system, and a block side by side: no sum waits for another.
+            // Whole blocks for every system, and a block side by side, so that no sum waits for another.
             let known = *first;
             for (k, rows) in first.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
                 let mut sums = [R::zero(); BLOCK];
@@ -50,7 +50,7 @@ impl<R: Lane> Linear<R> {
         }
     }
 
-    /// The same for a Jacobian in the shape of an arrow.
+    /// The same for a Jacobian with the shape of an arrow.
     #[inline(always)]
     fn add_change_of_arrow(&self, x: &mut [R; SMALL], values: &[R::Plain; SMALL]) {
         for (row, columns) in CHANGING {
@@ -60,7 +60,7 @@ impl<R: Lane> Linear<R> {
         }
     }
 
-    /// x += dJ values, in the derivatives.
+    /// Adds dJ values to the derivatives of x.
     fn add_change_of_matrix(&self, structure: &Structure, x: &mut [R], values: &[R::Plain]) {
         if self.is_plain {
             return;

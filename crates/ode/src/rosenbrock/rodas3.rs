@@ -1,8 +1,8 @@
 use super::Rosenbrock;
 
-/// Rodas3: order 3, embedded 2, L-stable, 4 stages, 3 right-hand sides (the second stage stands where the first one
-/// does) and one Jacobian a step. Dense output of order 2 is the quadratic with the rates of the first two stages.
-/// Source: [sandu1997].
+/// Rodas3: order 3, embedded 2, L-stable, 4 stages, 3 right-hand sides and one Jacobian for each step. The
+/// second stage is at the same point as the first. Dense output of order 2 is the quadratic with the rates of
+/// the first two stages. Source: [sandu1997].
 pub const RODAS3: Rosenbrock<4> = Rosenbrock {
     name: "Rodas3",
     order: 3,

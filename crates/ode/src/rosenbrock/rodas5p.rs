@@ -1,8 +1,8 @@
 use super::Rosenbrock;
 
-/// Rodas5P: order 5, embedded 4, dense output 4, L-stable, 8 stages, 8 right-hand sides and one
-/// Jacobian a step. Also of order 5 on index-1 problems and nearly free of order reduction on
-/// Prothero-Robinson problems. Source: [steinebach2023].
+/// Rodas5P: order 5, embedded 4, dense output 4, L-stable, 8 stages, 8 right-hand sides and one Jacobian for
+/// each step. Also of order 5 on index-1 problems and nearly free of order reduction on Prothero-Robinson
+/// problems. Source: [steinebach2023].
 #[rustfmt::skip]
 pub const RODAS5P: Rosenbrock<8> = Rosenbrock {
     name: "Rodas5P",

@@ -7,7 +7,7 @@ use crate::stages::{BLOCK, Block, Fifth, MOST_STAGES, Method, Tableau, Third, co
 use crate::system::System;
 use math::{Lane, Real, Work};
 
-/// An attempt at a step of this length.
+/// An attempt of a step of this length.
 struct Attempt<'s, R: Lane, Sys: System<R>>(&'s mut Stepper<R, Sys>, R::Plain);
 
 impl<R: Lane, Sys: System<R>> Work for Attempt<'_, R, Sys> {
@@ -18,9 +18,10 @@ impl<R: Lane, Sys: System<R>> Work for Attempt<'_, R, Sys> {
     }
 }
 
-/// What errors of one sign may use up of a share.
+/// Fraction of a tolerance that errors of one sign may use.
 const ONE_SIGN: f64 = 0.5;
-/// Least share of the tolerance of a mass that speeds up slowly: the law of friction ends that phase (assumed).
+/// Least fraction of the tolerance for a mass that accelerates slowly. The friction law ends that phase
+/// (assumed).
 const LEAST_SHARE: f64 = 0.02;
 
 /// sum += other.
@@ -32,8 +33,8 @@ fn add<R: Lane>(sum: &mut [R], other: &[R]) {
 }
 
 impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
-    /// One step of all lanes with their own `h`: stages into `u`, the new state into `step.y1`. Out of line, as each kind of
-    /// output would have all stages once more.
+    /// Attempts one step of all lanes with their own `h`. The stages go into `u`, and the new state into
+    /// `step.y1`. It is not inlined, because each kind of output would compile another copy of all stages.
     #[inline(never)]
     pub(super) fn attempt(&mut self, h: R::Plain) {
         R::within(Attempt(self, h));
@@ -111,12 +112,13 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             b.copy_from_slice(f0);
         } else {
             if const { R::DIRECTIONS > 0 } {
-                // One by one: four with their derivatives fit no registers.
+                // One by one: four at a time with their derivatives exceed the registers.
                 let (stage, y, done) = (stage.as_flattened_mut(), y.as_flattened(), done.as_flattened());
                 let alone = (done.as_chunks().0, BLOCK * blocks);
                 let (stage, b) = (stage.as_chunks_mut().0, b.as_flattened_mut().as_chunks_mut().0);
                 combine::<R, M, S, I, 1>(stage, &mut b[..n], y[..n].as_chunks().0, inverse_h, alone);
-                // What fills the last block takes part in products, and could hold what a rejected attempt left.
+                // The padding of the last block takes part in products. It could hold values of a rejected
+                // attempt.
                 b[n..].fill([R::zero()]);
             } else {
                 combine::<R, M, S, I, BLOCK>(stage, b, y, inverse_h, (done, blocks));
@@ -146,12 +148,13 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         linear.solve(structure, b);
     }
 
-    /// The errors of the present attempt: the numbers that its last stage added.
+    /// Returns the errors of the present attempt: the numbers that its last stage added.
     pub(super) fn errors(&self) -> &[Block<R>] {
         &self.u[(self.options.method.stages() - 1) * self.y.len()..][..self.y.len()]
     }
 
-    /// The largest error of any state, in units of its tolerance, for all lanes; NaN where a state is not finite.
+    /// Returns the largest error of any state, in units of its tolerance, for all lanes. NaN if a state is
+    /// not finite.
     #[inline(always)]
     pub(super) fn error(&self) -> R::Plain {
         let rtol = R::Plain::from_lanes(|lane| self.lanes[lane].share * self.options.rtol);
@@ -162,7 +165,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             for l in 0..BLOCK {
                 let size = self.y[b][l].plain().abs().max(self.step.y1[b][l].plain().abs());
                 let ratio = error[l].plain().abs() / (rtol * (self.scale[b][l] + size));
-                // A quadrature steers no step, even one that is no number.
+                // A quadrature never influences the step, even if it is NaN.
                 let ratio = R::Plain::select(self.scale[b][l].lt(infinite), ratio, zero);
                 worst[l] = worst[l].max(ratio);
                 poison[l] += ratio * zero;
@@ -176,9 +179,9 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         self.of_fifth_order(w + p)
     }
 
-    /// The share of the tolerance that an attempt may use up from where a mass speeds up because friction falls with
-    /// its speed. What is wrong there is a shift in time, which stays, and grows with the speed to come: up to the scale
-    /// of the speed and more. Half of that, as errors have one sign there.
+    /// Returns the fraction of the tolerance for an attempt in which a mass accelerates because friction
+    /// falls with speed. An error there is a time shift. It persists and grows with the speed, up to the
+    /// scale of the speed and beyond. One half of the tolerance, because these errors have one sign.
     #[inline(always)]
     fn share_of_slow(&self) -> R::Plain {
         let (zero, one) = (R::Plain::zero(), R::Plain::one());
@@ -192,8 +195,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         R::Plain::select(zero.lt(self.linear.growth()), faster, one)
     }
 
-    /// Step control takes the error of a step as one of order h^5: that of another method is raised to the power that
-    /// makes it so, e^(5/3) = e^2 e^(-1/3). One stays one.
+    /// Step control expects an error of order h^5. The error of the method of order 3 is raised to the power
+    /// that gives this order: e^(5/3) = e^2 e^(-1/3). An error of one remains one.
     #[inline(always)]
     fn of_fifth_order(&self, error: R::Plain) -> R::Plain {
         match self.options.method {

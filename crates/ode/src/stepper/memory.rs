@@ -1,4 +1,4 @@
-//! A stepper between two calls of `advance` as words, and back.
+//! A stepper between two calls of `advance` as words, and its restoration.
 
 use super::Stepper;
 use crate::approach::Approach;
@@ -6,11 +6,12 @@ use crate::control::{Control, Statistics};
 use crate::swing::Memory;
 use crate::system::System;
 
-/// Words of each mass that may swing.
+/// Words of each mass that may oscillate.
 const SWING: usize = 7;
 
 impl<Sys: System<f64>> Stepper<f64, Sys> {
-    /// All that what follows depends on, beside the inputs and modes of the system; nothing of a lane that has failed.
+    /// Returns everything that determines the further run, except inputs and modes of the system. A failed
+    /// lane returns `None`.
     pub fn save(&self) -> Option<Vec<u64>> {
         let Control {
             wish,
@@ -50,12 +51,13 @@ impl<Sys: System<f64>> Stepper<f64, Sys> {
         Some(words.chain(flags.map(u64::from)).chain(counts).chain(swings).collect())
     }
 
-    /// Number of these words.
+    /// Returns the number of these words.
     pub fn words(&self) -> usize {
         self.structure.n() + 19 + SWING * self.lanes[0].swings.len()
     }
 
-    /// Goes on, bit for bit, where `save` was called; the inputs and modes of the system are those of that time.
+    /// Continues, bit for bit, from the call of `save`. Inputs and modes of the system must be those of that
+    /// time.
     pub fn restore(&mut self, words: &[u64]) {
         assert_eq!(words.len(), self.words(), "words of a system of this size");
         let (numbers, rest) = words.split_at(4 + self.structure.n());

@@ -8,14 +8,15 @@ use math::Lane;
 
 /// Receives samples while the integration runs.
 pub trait Output<R: Lane, Sys> {
-    /// The next time at which this lane wants a sample; infinity where it wants none.
+    /// Returns the time of the next sample of this lane. Infinity if no further sample is wanted.
     fn due(&self, lane: usize) -> f64;
     /// The state of this lane at the due time.
     fn sample(&mut self, lane: usize, t: f64, y: &[R], system: &Sys);
-    /// The system of this lane is about to change: the samples given so far are of it as it is now.
+    /// Announces a change of the system of this lane. The samples so far belong to the system before the
+    /// change.
     #[inline(always)]
     fn changes(&mut self, _lane: usize, _system: &Sys) {}
-    /// A step of this lane from `t` of length `h`, once it is accepted.
+    /// Receives an accepted step of this lane from `t` of length `h`.
     #[inline(always)]
     fn step(&mut self, _lane: usize, _t: f64, _h: f64, _states: &mut Accepted<'_, R>, _system: &Sys) {}
 }
@@ -27,29 +28,29 @@ pub struct Accepted<'a, R: Lane> {
 }
 
 impl<R: Lane> Accepted<'_, R> {
-    /// Time at the start of the step.
+    /// Returns the time at the start of the step.
     pub fn before(&self) -> &[R] {
         self.step.y0.as_flattened()
     }
-    /// Time at its end.
+    /// Returns the time at its end.
     pub fn after(&self) -> &[R] {
         self.step.y1.as_flattened()
     }
-    /// The number of the attempt: all lanes that it is accepted in have one.
+    /// Returns the number of the attempt. All lanes that accept it share this number.
     pub fn attempt(&self) -> u64 {
         self.step.attempts()
     }
-    /// The course of one state.
+    /// Returns the course of one state.
     #[inline(always)]
     pub fn course(&self, i: usize) -> Course<R> {
         self.step.course(i, self.u)
     }
-    /// One state at a fraction of its length, and its derivative by that fraction.
+    /// Returns one state at a fraction of the step, and its derivative by that fraction.
     pub fn state(&mut self, i: usize, theta: f64) -> [R; 2] {
         self.step.prepare(self.u);
         self.step.component(i, theta)
     }
-    /// At a fraction of its length.
+    /// Returns the state at a fraction of the step.
     #[inline(always)]
     pub fn at(&mut self, theta: f64) -> &[R] {
         self.step.prepare(self.u);
@@ -57,7 +58,7 @@ impl<R: Lane> Accepted<'_, R> {
     }
 }
 
-/// No samples.
+/// Output without samples.
 pub struct NoOutput;
 
 impl<R: Lane, Sys> Output<R, Sys> for NoOutput {
@@ -68,8 +69,9 @@ impl<R: Lane, Sys> Output<R, Sys> for NoOutput {
 }
 
 impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
-    /// The samples of one lane that are due before `t1`, the end of the step of length `h` from `t0`. One that
-    /// lies outside what the equations hold for is not given: the fraction of the step at which it lies.
+    /// Gives the samples of one lane that are due before `t1`, the end of the step of length `h` from `t0`. A
+    /// sample outside the valid range of the equations is not given. The fraction of the step at which it was
+    /// due is returned.
     #[inline(always)]
     pub(super) fn give_samples(
         &mut self,

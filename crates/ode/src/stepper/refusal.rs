@@ -1,20 +1,21 @@
-//! Rejected attempts: a shorter one follows, or the lane fails.
+//! Rejected attempts: a shorter attempt follows, or the lane fails.
 
 use super::{MIN_RELATIVE_STEP, Stepper};
 use crate::control::Failure;
 use crate::system::System;
 use math::Lane;
 
-/// How near an obstacle the next attempt ends, as a share of the way.
+/// End of the next attempt before an obstacle, as a fraction of the way.
 const SHORT_OF_OBSTACLE: f64 = 0.999;
-/// The one after that, as a share of its length: it goes into what is of another kind (assumed).
+/// Length of the attempt after that as a fraction of its planned length, because it enters a region with
+/// other equations (assumed).
 const BEYOND_OBSTACLE: f64 = 0.005;
-/// Near t = 0 a step counts as too small against this time, s.
+/// Near t = 0, a step counts as too small relative to this time, s.
 const LEAST_TIME: f64 = 1e-3;
 
 impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
-    /// After an attempt that failed by far: if the tangent of the solution meets an obstacle within its
-    /// length, the next attempt ends shortly before it.
+    /// Handles an attempt with a very large error. If the tangent of the solution reaches an obstacle within
+    /// its length, the next attempt ends shortly before the obstacle.
     pub(super) fn stop_before_obstacle(&mut self, lane: usize, h: f64) {
         let n = self.structure.n();
         let (y, f0) = (self.y.as_flattened(), self.f0.as_flattened());
@@ -58,7 +59,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         }
     }
 
-    /// Fails a lane that no shorter step keeps valid.
+    /// Fails a lane that stays invalid at every shorter step.
     pub(super) fn check_outside(&mut self, lane: usize) {
         if self.is_too_small(lane) {
             self.lanes[lane].failure = Some(Failure::Outside { t: self.t[lane] });

@@ -1,11 +1,11 @@
 //! Effect of an event on derivatives.
 //!
-//! A step ends on an event at a fixed time t*, but with the parameters the event moves: the derivatives of
-//! the state before and after it differ by the rates before and after it times dt*,
+//! A step ends on an event at a fixed time t*, but the event moves with the parameters. The derivatives of
+//! the state before and after the event then differ by the rates times dt*:
 //!
-//!   S+ = R' (S- + f- dt*) - f+ dt*,     dt* = -dg/(grad g . f-)
+//!   `S+ = R' (S- + f- dt*) - f+ dt*,     dt* = -dg/(grad g . f-)`
 //!
-//! with g the event function, dg its derivative at fixed time, and R what the switch does to the state.
+//! Here g is the event function, dg its derivative at fixed time, and R the effect of the switch on the state.
 //! Source: [galan1999].
 
 use super::Stepper;
@@ -13,11 +13,11 @@ use crate::system::System;
 use math::Lane;
 
 impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
-    /// Changes the mode of one lane; `moved` where time has passed since its last switch.
+    /// Changes the mode of one lane. `moved` is true if time has passed since its last switch.
     pub(super) fn switch(&mut self, lane: usize, event: usize, moved: bool) {
         if R::DIRECTIONS > 0 {
             if moved {
-                // A switch that follows another at once moves with that one.
+                // A switch at the same time as the previous one moves with it.
                 self.event_shift = self.shift_of(event);
             }
             self.shift_state(self.event_shift);
@@ -30,7 +30,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         self.lanes[lane].note_switch(self.t[lane], event, moved);
     }
 
-    /// The rates at the present state and mode.
+    /// Returns the rates at the present state and mode.
     fn rates(&mut self) -> Vec<R> {
         let n = self.structure.n();
         let mut rates = vec![R::zero(); n];
@@ -39,7 +39,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         rates
     }
 
-    /// dt* of an event at the present state; none where the function only touches zero.
+    /// Returns dt* of an event at the present state. `None` if the function only touches zero.
     fn shift_of(&mut self, event: usize) -> R {
         let n = self.structure.n();
         let y = self.y.as_flattened()[..n].to_vec();
@@ -49,7 +49,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             self.system.events(R::c(self.t[0]), y, &mut g, &mut self.work);
             g[event]
         };
-        // Along the rates in the first direction, less what the parameters of that direction give.
+        // Slope along the rates, without the part of the parameters in the same direction.
         let along = |slope: f64| -> Vec<R> {
             let seed = |part: usize, value: f64, rate: f64| match part {
                 0 => value,
@@ -65,7 +65,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         R::from_parts(|part| if part == 0 || !crosses { 0.0 } else { -g.part(part) / speed })
     }
 
-    /// Adds the rates times `shift` to the derivatives of the state; its value keeps its bits.
+    /// Adds the rates times `shift` to the derivatives of the state. The values keep their bits.
     fn shift_state(&mut self, shift: R) {
         let rates = self.rates();
         for (y, f) in self.y.as_flattened_mut().iter_mut().zip(rates) {

@@ -10,12 +10,12 @@ pub(super) enum Found {
     Nothing,
     /// The step ends on the event.
     AtEnd(usize),
-    /// The event lies at this fraction of the step.
+    /// The event is at this fraction of the step.
     Inside(f64, usize),
 }
 
 impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
-    /// Event functions of one lane at `t0 + theta h` of the present attempt, into `g_look`.
+    /// Computes the event functions of one lane at `t0 + theta h` of the present attempt, into `g_look`.
     fn look(&mut self, lane: usize, t0: f64, h: f64, theta: f64) {
         let n = self.structure.n();
         let t = R::from_lanes(|l| if l == lane { t0 + theta * h } else { self.t[l] });
@@ -23,7 +23,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         self.system.events(t, &y[..n], &mut self.g_look, &mut self.work);
     }
 
-    /// Event functions of all lanes at the lookouts of the present attempt.
+    /// Computes the event functions of all lanes at the interior points of the present attempt.
     fn look_out(&mut self, h: R::Plain) {
         let n = self.structure.n();
         self.step.prepare(&self.u);
@@ -36,7 +36,8 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         self.looked = true;
     }
 
-    /// The first event of one lane within the present attempt of steps `steps`, its own of length `h`.
+    /// Returns the first event of one lane within the present attempt. `steps` are the steps of all lanes,
+    /// and `h` is that of this lane.
     pub(super) fn look_for_event(&mut self, lane: usize, t0: f64, h: f64, steps: R::Plain) -> Found {
         if !self.looked {
             self.look_out(steps);
