@@ -12,7 +12,8 @@ import pytest
 from oracle.campaigns import World, write_campaign
 from pneudrive.characteristics import characteristics
 from pneudrive.errors import CampaignError, LayoutError
-from pneudrive.friction.reduction.budget import DirectionMeans, systematic_budget
+from pneudrive.friction.reduction.budget import systematic_budget
+from pneudrive.friction.reduction.side import DirectionMeans
 from pneudrive.signals.force_calibration import ForceCalibration
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import convert

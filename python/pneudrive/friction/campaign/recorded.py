@@ -18,8 +18,6 @@ from pneudrive.friction.campaign.reading import CampaignData, common_edges
 from pneudrive.friction.campaign.sensors import Gain
 from pneudrive.friction.reduction.condition import LEVELS, Condition, Skipped
 from pneudrive.friction.reduction.cycle import CycleData, CyclePlan, reduce_cycle
-from pneudrive.friction.reduction.motion import SlidingMotion
-from pneudrive.friction.reduction.settling import SAMPLE_CHOICES
 from pneudrive.rig.interface import SHARED, Identity
 
 if TYPE_CHECKING:
@@ -47,11 +45,9 @@ def reading_of(found: Characterisation, name: str = "recordings") -> CampaignDat
     sliding: list[CycleData] = []
     skipped = [Skipped(key, "", why) for key, why in found.skipped]
     for (result, level), plan in zip(members, plans, strict=True):
-        strokes = list(level.strokes)
-        motion = SlidingMotion(result.recording, strokes, result.balance_n)
-        choice = SAMPLE_CHOICES[found.protocol]()
+        motion = replace(result, strokes=level.strokes)
         try:
-            data = reduce_cycle(motion, plan, choice, edges, result.settled)
+            data = reduce_cycle(motion, plan, edges)
             sliding.append(replace(data, flags=dict(result.recording.flags)))
         except RecordingError as error:
             skipped.append(Skipped(plan.key, result.recording.name, error.what))

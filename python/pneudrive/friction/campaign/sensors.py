@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.reduction.cycle import CycleData, OpenPressure, Side
+    from pneudrive.friction.reduction.cycle import CycleData, CycleSide, OpenPressure
     from pneudrive.rig.interface import Identity
 
     Array = NDArray[np.float64]
@@ -117,7 +117,7 @@ def _corrected(d: CycleData, gain: Gain) -> CycleData:
     )
 
 
-def _side(side: Side, error: float) -> Side:
+def _side(side: CycleSide, error: float) -> CycleSide:
     force = side.balance_n - side.air_n
     return replace(side, balance_n=side.air_n + force / (1.0 + error), force_n=side.force_n / (1.0 + error))
 

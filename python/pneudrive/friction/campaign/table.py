@@ -11,6 +11,7 @@ from pneudrive.friction.campaign.curves.curves import Fits, deviation_n, systema
 from pneudrive.friction.campaign.curves.points import Points
 from pneudrive.friction.friction_map import COLUMNS as MAP_COLUMNS
 from pneudrive.friction.friction_map import Row, columns_to_dataset
+from pneudrive.friction.reduction.side import RowValue, row_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -110,69 +111,43 @@ def _paired_rows(
     half_direction = NORMAL_95 * float(np.sqrt(stderr**2 + u**2 + bands["zero"][i] ** 2 + bands["zero_u"][i] ** 2))
     known = np.flatnonzero(reduced.common)
     width = reading.edges_m[1] - reading.edges_m[0]
+    window = (float(reduced.position_m[known[0]] - width / 2.0), float(reduced.position_m[known[-1]] + width / 2.0))
     rows = []
     for direction in (1, -1):
         own = friction + direction * float(bands["offset"][i])
+        value = RowValue(direction * friction + offset, friction, offset, stderr, u)
         rows.append(
-            _common(d, direction, reading)
+            _row(d, direction, value, window, points.reasons[i], reading)
             | {
-                "balance_n": direction * friction + offset,
-                "friction_n": friction,
-                "offset_n": offset,
-                "stderr_n": stderr,
-                "u_systematic_n": u,
-                "position_from_m": float(reduced.position_m[known[0]] - width / 2.0),
-                "position_to_m": float(reduced.position_m[known[-1]] + width / 2.0),
                 "friction_low_n": friction - half,
                 "friction_high_n": friction + half,
                 "friction_direction_n": own,
                 "friction_direction_low_n": own - half_direction,
                 "friction_direction_high_n": own + half_direction,
                 "air_n": float(reduced.air_n[i]),
-                "flags": _flags(d, points.reasons[i]),
             }
         )
     return rows
 
 
 def _unpaired_rows(d: CycleData, reading: CampaignData) -> list[Row]:
-    rows = []
+    rows, nothing = [], float("nan")
     for direction, side in d.sides.items():
         balance = float(np.nanmean(side.balance_n))
         known = np.flatnonzero(np.isfinite(side.balance_n))
-        nothing = float("nan")
-        rows.append(
-            _common(d, direction, reading)
-            | dict.fromkeys((name for name in LEVEL_COLUMNS if name.startswith("friction_")), nothing)
-            | {
-                "balance_n": balance,
-                "friction_n": direction * balance,
-                "offset_n": nothing,
-                "stderr_n": nothing,
-                "u_systematic_n": nothing,
-                "position_from_m": float(reading.edges_m[known[0]]),
-                "position_to_m": float(reading.edges_m[known[-1] + 1]),
-                "air_n": nothing,
-                "flags": _flags(d, "unpaired"),
-            }
-        )
+        value = RowValue(balance, direction * balance, nothing, nothing, nothing)
+        window = (float(reading.edges_m[known[0]]), float(reading.edges_m[known[-1] + 1]))
+        bands = dict.fromkeys((name for name in LEVEL_COLUMNS if name.endswith("_n")), nothing)
+        rows.append(_row(d, direction, value, window, "unpaired", reading) | bands)
     return rows
 
 
-def _common(d: CycleData, direction: int, reading: CampaignData) -> Row:
-    side, cycle = d.sides[direction], d.plan
-    return {
-        "recording": cycle.key,
-        "direction": direction,
-        "velocity_m_s": side.velocity_m_s,
-        "pressure_a_pa": side.pressure_a_pa,
-        "pressure_b_pa": side.pressure_b_pa,
-        "samples": side.samples,
-        "strokes": side.strokes,
-        "strokes_recorded": side.strokes_recorded,
-        "breakaway_n": side.breakaway_n,
-        "dwell_s": side.dwell_s,
-        "loading_rate_n_s": side.loading_rate_n_s,
+def _row(
+    d: CycleData, direction: int, value: RowValue, window_m: tuple[float, float], reason: str, reading: CampaignData
+) -> Row:
+    """Return the row of every friction map, and the place of the cycle in the plan."""
+    cycle, side, ambient = d.plan, d.sides[direction], reading.identity.ambient_pressure_pa
+    return row_of(cycle.key, direction, side, value, window_m, _flags(d, reason), ambient) | {
         "kind": cycle.kind,
         "mounting": d.condition.mounting,
         "seal": d.condition.seal,
@@ -181,7 +156,6 @@ def _common(d: CycleData, direction: int, reading: CampaignData) -> Row:
         "repeat": cycle.repeat,
         "began_s": cycle.began_s,
         "temperature_k": d.temperature_k,
-        "ambient_pressure_pa": reading.identity.ambient_pressure_pa,
     }
 
 

@@ -20,7 +20,8 @@ import numpy as np
 from pneudrive.bulk import in_advance
 from pneudrive.errors import RecordingError
 from pneudrive.friction.reduction.level import RecordingResult, result_of, window_of
-from pneudrive.friction.reduction.motion import Sliding, StrokeFriction, find_motion, judge, stroke_frictions
+from pneudrive.friction.reduction.motion import Motion
+from pneudrive.friction.reduction.strokes import StrokeFriction, stroke_frictions
 from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.load import find_long
 from pneudrive.signals.samples import clean
@@ -88,47 +89,47 @@ def _hashed_beside(file: LongFile) -> Iterator[Future[str]]:
 def _extracted(file: LongFile, choice: SampleChoice, watch: Watch, sha256: Future[str]) -> RecordingResult:
     """Read the parts and combine their strokes."""
     window: tuple[float, float] | None = None
-    shown: tuple[Sliding, int] | None = None  # with the number of its first stroke
+    shown: tuple[Motion, int] | None = None  # with the number of its first stroke
     grids: list[Grid] = []
     strokes: list[Stroke] = []
     frictions: list[StrokeFriction] = []
     flags: dict[str, int] = {}
-    for sliding, counted in _parts(file, choice, watch):
-        window = window or window_of(sliding, choice)
+    for motion, counted in _parts(file, choice, watch):
+        window = window or window_of(motion, choice)
         first = len(strokes) - counted[0].index
         for members in speed_levels(list(counted)):
-            grid, found = stroke_frictions(sliding, members, window, grids[0].in_window if grids else None)
+            grid, found = stroke_frictions(motion, members, window, grids[0].in_window if grids else None)
             if found:
                 grids.append(grid)
                 frictions += [_numbered(one, first) for one in found]
         strokes += [replace(s, index=s.index + first) for s in counted]
-        if shown is None or _largest(sliding) > _largest(shown[0]):
-            shown = sliding, first
-        for kind, count in sliding.recording.flags.items():
+        if shown is None or _largest(motion) > _largest(shown[0]):
+            shown = motion, first
+        for kind, count in motion.recording.flags.items():
             flags[kind] = flags.get(kind, 0) + count
     if shown is None or window is None:
         raise RecordingError("no stroke was found", where=file.file.name, rule="the position must move back and forth")
-    sliding, first = shown
-    whole = replace(sliding, recording=replace(sliding.recording, flags=flags, sha256=sha256.result()))
+    motion, first = shown
+    whole = replace(motion, recording=replace(motion.recording, flags=flags, sha256=sha256.result()))
     result = result_of(whole, _levels(grids, strokes, frictions), window, choice, strokes)
-    return replace(result, levels=tuple(_of_part(level, sliding, first) for level in result.levels))
+    return replace(result, levels=tuple(_of_part(level, motion, first) for level in result.levels))
 
 
-def _largest(sliding: Sliding) -> float:
-    force = sliding.recording.force_n
+def _largest(motion: Motion) -> float:
+    force = motion.recording.force_n
     return float(max(force.max(), -force.min()))
 
 
-def _of_part(level: Level, sliding: Sliding, first: int) -> Level:
+def _of_part(level: Level, motion: Motion, first: int) -> Level:
     """Keep the strokes and peaks of a level whose samples are kept."""
     members = {s.index - first for s in level.strokes}
-    strokes = tuple(s for s in sliding.strokes if s.index in members)
+    strokes = tuple(s for s in motion.strokes if s.index in members)
     peaks = tuple(replace(p, stroke=p.stroke - first) for p in level.peaks if p.stroke - first in members)
     kept = {s.index for s in strokes}
     return replace(level, strokes=strokes, peaks=tuple(p for p in peaks if p.stroke in kept))
 
 
-def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[tuple[Sliding, tuple[Stroke, ...]]]:
+def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[tuple[Motion, tuple[Stroke, ...]]]:
     """Read a recording part by part, each with the strokes that are counted in it; the next one is read meanwhile."""
     name, first, count = file.file.name, file.first, file.count
     blocks = [(begin, min(begin + PART_SAMPLES, count)) for begin in range(first, count, PART_SAMPLES)]
@@ -138,8 +139,8 @@ def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[tuple
         watch.tell(block[0], count, f"rows of {name}")
         raw = {channel: np.concatenate((left[channel], new)) if left else new for channel, new in read.items()}
         recording = file.recording(raw)
-        sliding = judge(find_motion(clean(recording)), choice)
-        is_last, n = block is blocks[-1], len(sliding.strokes)
+        motion = Motion.of(clean(recording), choice)
+        is_last, n = block is blocks[-1], len(motion.strokes)
         if not is_last and n < LEAST_STROKES:
             if len(recording) >= LARGEST_PART * PART_SAMPLES:
                 raise RecordingError(
@@ -151,12 +152,12 @@ def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[tuple
                 )
             left = raw
             continue
-        counted = sliding.strokes[0 if is_first else 1 : n if is_last else n - 1]
+        counted = motion.strokes[0 if is_first else 1 : n if is_last else n - 1]
         if counted:
-            yield sliding, counted
+            yield motion, counted
         if not is_last:
             # The next part counts from the last stroke; the one before it, with its rest, is included.
-            begin = float(sliding.recording.time_s[sliding.strokes[-3].stop - 1])
+            begin = float(motion.recording.time_s[motion.strokes[-3].stop - 1])
             kept = int(np.flatnonzero(recording.time_s >= begin)[0])
             left = {channel: values[kept:].copy() for channel, values in raw.items()}
             is_first = False

@@ -10,6 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from pneudrive.friction.reduction.side import DirectionMeans
     from pneudrive.signals.recording import Recording
 
 COVERAGE_FACTOR = 2.0
@@ -40,16 +41,6 @@ class BudgetEntry:
     note: str = ""
 
 
-@dataclass(frozen=True)
-class DirectionMeans:
-    """Means over the window in one direction, for the sensitivities."""
-
-    force_n: float
-    pressure_a_pa: float
-    pressure_b_pa: float
-    speed_m_s: float
-
-
 def systematic_budget(
     recording: Recording,
     up: DirectionMeans,
@@ -70,7 +61,7 @@ def systematic_budget(
     sample_interval_s
         Channels are simultaneous within this interval.
     """
-    skew, speed = sample_interval_s / np.sqrt(12.0), (abs(up.speed_m_s) + abs(down.speed_m_s)) / 2
+    skew, speed = sample_interval_s / np.sqrt(12.0), (abs(up.velocity_m_s) + abs(down.velocity_m_s)) / 2
     turned, words = abs(offset_slope_n_m) * speed * skew, "rectangular over one sampling interval"
     return [
         *(entry for side in ("a", "b") for entry in _pressure_entries(recording, side, up, down)),

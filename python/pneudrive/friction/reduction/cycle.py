@@ -14,18 +14,13 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
-from pneudrive.friction.reduction.budget import DirectionMeans, stated_shares
-from pneudrive.friction.reduction.motion import (
-    SampleChoice,
-    SlidingMotion,
-    by_direction,
-    mean_speed,
-    stroke_grid,
-    stroke_rows,
-)
+from pneudrive.friction.reduction.budget import stated_shares
+from pneudrive.friction.reduction.motion import Motion, mean_speed
 from pneudrive.friction.reduction.pairing import pair
 from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway, find_reversal_peaks
+from pneudrive.friction.reduction.side import Side
 from pneudrive.friction.reduction.stick_slip import ripple_of
+from pneudrive.friction.reduction.strokes import by_direction, stroke_grid, stroke_rows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,7 +31,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
-END_TRAVELS = 2.0  # of the distance from the stroke's end at which its speed falls below 80 %: excluded
 MINIMUM_SAMPLES = 20
 
 
@@ -84,8 +78,8 @@ class CyclePlan:
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
-    """The strokes of one direction.
+class CycleSide(Side):
+    """The strokes of one direction of a cycle, in bins of position.
 
     Attributes
     ----------
@@ -93,12 +87,6 @@ class Side:
         Force balance (see `Recording.balance_n`) in each bin of position, NaN without settled samples.
     air_n : ndarray, shape (bins,)
         Its part from the chamber pressures, p_a A_a - p_b A_b - p_ambient (A_a - A_b).
-    velocity_m_s, pressure_a_pa, pressure_b_pa, force_n : float
-        Means over the settled part.
-    samples, strokes, strokes_recorded : int
-        Used samples, used strokes, and all strokes of the direction.
-    breakaway_n, dwell_s, loading_rate_n_s : float
-        Of the preceding reversal; NaN without a usable peak.
     ripple, period_s, step_m, swing_n : float
         Standard deviation of speed over its mean; period, travel and swing of the balance in stick-slip (NaN without).
     piston_ripple : float
@@ -110,16 +98,6 @@ class Side:
 
     balance_n: Array
     air_n: Array
-    velocity_m_s: float
-    pressure_a_pa: float
-    pressure_b_pa: float
-    force_n: float
-    samples: int
-    strokes: int
-    strokes_recorded: int
-    breakaway_n: float
-    dwell_s: float
-    loading_rate_n_s: float
     ripple: float
     period_s: float
     step_m: float
@@ -127,10 +105,6 @@ class Side:
     piston_ripple: float
     scatter_n: float
     stick_slip: bool
-
-    def means(self) -> DirectionMeans:
-        """Return the means for the systematic uncertainty."""
-        return DirectionMeans(self.force_n, self.pressure_a_pa, self.pressure_b_pa, self.velocity_m_s)
 
 
 @dataclass(frozen=True)
@@ -157,7 +131,7 @@ class CycleData:
     Attributes
     ----------
     plan : CyclePlan
-    sides : dict of Side
+    sides : dict of CycleSide
         By direction +1/-1; empty for a cycle that does not move.
     flags : dict
         Counts of damaged samples by kind.
@@ -185,7 +159,7 @@ class CycleData:
     """
 
     plan: CyclePlan
-    sides: dict[int, Side] = field(default_factory=dict)
+    sides: dict[int, CycleSide] = field(default_factory=dict)
     flags: dict[str, int] = field(default_factory=dict)
     strokes_recorded: int = 0
     temperature_k: float = float("nan")
@@ -213,26 +187,15 @@ class CycleData:
         return sum(side.strokes for side in self.sides.values())
 
 
-def reduce_cycle(
-    motion: SlidingMotion,
-    plan: CyclePlan,
-    choice: SampleChoice,
-    edges_m: Array,
-    settled: NDArray[np.bool_] | None = None,
-) -> CycleData:
+def reduce_cycle(motion: Motion, plan: CyclePlan, edges_m: Array) -> CycleData:
     """Reduce the strokes of one speed to bins of position.
 
     Parameters
     ----------
-    motion : SlidingMotion
-        Strokes and balance of the recording.
+    motion : Motion
     plan : CyclePlan
-    choice : SampleChoice
-        Which samples count.
     edges_m : ndarray, shape (bins + 1,)
         Edges of the bins of position that all cycles share.
-    settled : ndarray of bool, optional
-        Chosen samples, if they are known; the balance of the motion is then that of the choice.
 
     Raises
     ------
@@ -240,15 +203,12 @@ def reduce_cycle(
         If no stroke has a settled part.
     """
     recording = motion.recording
-    settled, balance = choice.choose(motion) if settled is None else (settled, motion.balance_n)
-    if choice.uses_window:
-        settled = settled & ~_ends(motion)
-    sides = {d: side for d in (1, -1) if (side := _side(motion, settled, balance, d, edges_m)) is not None}
+    sides = {d: side for d in (1, -1) if (side := _side(motion, d, edges_m)) is not None}
     if not sides:
         value = f"{len(motion.strokes)} strokes"
         raise RecordingError("no stroke has a settled part", where=recording.name, value=value)
     only = next(iter(sides.values()))
-    stated = stated_shares(recording, *(sides.get(d, only).means() for d in (1, -1)))
+    stated = stated_shares(recording, *(sides.get(d, only) for d in (1, -1)))
     return CycleData(
         plan=plan,
         sides=sides,
@@ -258,7 +218,7 @@ def reduce_cycle(
     )
 
 
-def check_speed(motion: SlidingMotion) -> None:
+def check_speed(motion: Motion) -> None:
     """Refuse a planned cycle whose strokes have different speeds.
 
     Raises
@@ -275,27 +235,9 @@ def check_speed(motion: SlidingMotion) -> None:
         )
 
 
-def _ends(motion: SlidingMotion) -> NDArray[np.bool_]:
-    """Mark the samples near the end of each stroke, where the axis brakes."""
-    mask = np.zeros(motion.time_s.size, dtype=bool)
-    velocity = motion.velocity_m_s
-    for stroke in motion.strokes:
-        ahead = np.abs(stroke.to_m - motion.position_m[stroke.samples])
-        fast = np.flatnonzero(np.abs(velocity[stroke.samples]) >= 0.8 * abs(stroke.speed_m_s))
-        if fast.size:
-            mask[stroke.samples] = ahead <= END_TRAVELS * ahead[fast[-1]]
-    return mask
-
-
-def _side(
-    motion: SlidingMotion,
-    settled: NDArray[np.bool_],
-    balance_n: Array,
-    direction: int,
-    edges_m: Array,
-) -> Side | None:
+def _side(motion: Motion, direction: int, edges_m: Array) -> CycleSide | None:
     """Combine the strokes of one direction; return None without settled samples."""
-    recording = motion.recording
+    recording, settled, balance_n = motion.recording, motion.settled, motion.balance_n
     strokes = [s for s in motion.strokes if s.direction == direction and settled[s.samples].sum() >= MINIMUM_SAMPLES]
     if not strokes:
         return None
@@ -329,7 +271,7 @@ def _side(
     means = binned(balance_n)
     inside_bins = np.where(covered, squares / np.where(weight > 0, weight, 1.0) - means**2, np.nan)
     scatter = float(np.sqrt(max(np.nanmean(inside_bins), 0.0)))
-    return Side(
+    return CycleSide(
         balance_n=means,
         air_n=binned(air),
         velocity_m_s=float(np.mean(speeds)),
@@ -341,7 +283,7 @@ def _side(
         strokes_recorded=sum(s.direction == direction for s in motion.strokes),
         scatter_n=scatter,
         stick_slip=slipping,
-        **_breakaway(motion, settled, strokes),
+        **_breakaway(motion, strokes),
         **slips,
     )
 
@@ -353,7 +295,7 @@ def _covered(position_m: Array, edges_m: Array) -> NDArray[np.bool_]:
     return (edges_m[:-1] >= position_m.min() - slack) & (edges_m[1:] <= position_m.max() + slack)
 
 
-def _breakaway(motion: SlidingMotion, settled: NDArray[np.bool_], strokes: list[Stroke]) -> dict[str, float]:
+def _breakaway(motion: Motion, strokes: list[Stroke]) -> dict[str, float]:
     """Return the breakaway after the reversals before these strokes."""
     peaks: list[ReversalPeak] = []
     if any(s.index > 0 for s in strokes):  # the first stroke has no reversal before it
@@ -361,7 +303,7 @@ def _breakaway(motion: SlidingMotion, settled: NDArray[np.bool_], strokes: list[
         low, high = float(position.min()), float(position.max())
         window = (low + 0.2 * (high - low), high - 0.2 * (high - low))
         grid = stroke_grid(position, motion.strokes, window)
-        rows = stroke_rows(position, motion.balance_n, settled, motion.strokes, grid)
+        rows = stroke_rows(position, motion.raw_balance_n, motion.settled, motion.strokes, grid)
         profile = pair(grid, by_direction(motion.strokes, rows))
-        peaks = find_reversal_peaks(motion.recording, strokes, motion.balance_n, profile)
+        peaks = find_reversal_peaks(motion.recording, strokes, motion.raw_balance_n, profile)
     return breakaway(peaks, strokes)

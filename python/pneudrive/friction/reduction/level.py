@@ -10,22 +10,15 @@ import numpy as np
 from pneudrive.errors import RecordingError
 from pneudrive.friction.friction_map import Row
 from pneudrive.friction.reduction.budget import BudgetEntry, combined, expanded, systematic_budget
-from pneudrive.friction.reduction.motion import (
-    SampleChoice,
-    Sliding,
-    StrokeFriction,
-    WindowMeans,
-    find_motion,
-    judge,
-    mean_of_strokes,
-    stroke_frictions,
-)
+from pneudrive.friction.reduction.motion import Motion, SampleChoice
 from pneudrive.friction.reduction.pairing import Grid, Profile, pair, stroke_means
 from pneudrive.friction.reduction.plausible import doubts_of
 from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway
+from pneudrive.friction.reduction.side import RowValue, Side, row_of
 from pneudrive.friction.reduction.spread import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
 from pneudrive.friction.reduction.stick_slip import RIPPLE_LIMIT, StickSlip
 from pneudrive.friction.reduction.stroke_use import StrokeUse
+from pneudrive.friction.reduction.strokes import StrokeFriction, mean_of_strokes, stroke_frictions
 from pneudrive.show import Shown
 from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.motion import Stroke, middle, straight_line
@@ -38,6 +31,19 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DEFAULT_WINDOW = (0.2, 0.8)  # of the stroke
+
+
+@dataclass(frozen=True, eq=False)
+class LevelSide(Side):
+    """The strokes of one direction of a speed class.
+
+    Attributes
+    ----------
+    pressure_moves_n : float
+        Usual range of the pressure force within a stroke.
+    """
+
+    pressure_moves_n: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
@@ -67,7 +73,7 @@ class Level(Shown):
     stick_slip: tuple[StickSlip, ...]
     flags: tuple[str, ...]
     rows: tuple[Row, ...]
-    sides: dict[int, WindowMeans]
+    sides: dict[int, LevelSide]
     doubts: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -78,7 +84,7 @@ class Level(Shown):
     @property
     def speed_m_s(self) -> float:
         """Mean absolute speed of both directions in the window."""
-        return float(np.mean([abs(side.means.speed_m_s) for side in self.sides.values()]))
+        return float(np.mean([abs(side.velocity_m_s) for side in self.sides.values()]))
 
     @property
     def speed_stderr_m_s(self) -> float:
@@ -88,7 +94,7 @@ class Level(Shown):
 
     def gauge_pa(self, ambient_pressure_pa: float) -> dict[str, float]:
         """Return the mean gauge pressure of the directions in chambers ``a`` and ``b``."""
-        means = {side: np.mean([getattr(s.means, f"pressure_{side}_pa") for s in self.sides.values()]) for side in "ab"}
+        means = {side: np.mean([getattr(s, f"pressure_{side}_pa") for s in self.sides.values()]) for side in "ab"}
         return {side: float(mean) - ambient_pressure_pa for side, mean in means.items()}
 
     def larger_gauge_pa(self, ambient_pressure_pa: float) -> float:
@@ -97,7 +103,7 @@ class Level(Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
-class RecordingResult(Sliding, Shown):
+class RecordingResult(Motion, Shown):
     """The result of one recording. ``recording`` is the cleaned one, with its counts of flags."""
 
     levels: tuple[Level, ...]
@@ -112,15 +118,15 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     RecordingError
         Without motion, with too few samples, or without a stroke with settled samples in the window.
     """
-    sliding = judge(find_motion(clean(recording)), choice)
-    window = window_of(sliding, choice)
-    levels = speed_levels(list(sliding.strokes))
-    groups = [stroke_frictions(sliding, members, window) for members in levels]
-    return result_of(sliding, groups, window, choice, sliding.strokes)
+    motion = Motion.of(clean(recording), choice)
+    window = window_of(motion, choice)
+    levels = speed_levels(list(motion.strokes))
+    groups = [stroke_frictions(motion, members, window) for members in levels]
+    return result_of(motion, groups, window, choice, motion.strokes)
 
 
 def result_of(
-    sliding: Sliding,
+    motion: Motion,
     groups: Sequence[tuple[Grid, list[StrokeFriction]]],
     window: tuple[float, float],
     choice: SampleChoice,
@@ -137,7 +143,7 @@ def result_of(
     used: set[int] = set()
     covering = {f.stroke.index for _, members in groups for f in members if f.inside}
     for grid, members in groups:
-        level = _level(sliding.recording, len(levels), grid, members, window, choice)
+        level = _level(motion.recording, len(levels), grid, members, window, choice)
         if level is not None:
             levels.append(level)
             used |= {f.stroke.index for f in members if f.inside}
@@ -145,14 +151,14 @@ def result_of(
     if not levels:
         raise RecordingError(
             "no stroke has settled samples in the window",
-            where=sliding.recording.name,
+            where=motion.recording.name,
             value=f"window {window[0] * 1e3:.4g} mm .. {window[1] * 1e3:.4g} mm, {use.recorded} strokes: {use.why}",
             remedy="widen window.position in the layout, or record longer strokes",
         )
-    return RecordingResult(**vars(sliding), levels=tuple(levels), stroke_use=use)
+    return RecordingResult(**vars(motion), levels=tuple(levels), stroke_use=use)
 
 
-def window_of(sliding: Sliding, choice: SampleChoice) -> tuple[float, float]:
+def window_of(motion: Motion, choice: SampleChoice) -> tuple[float, float]:
     """Return the positions between which friction is averaged: those of the layout, or the middle of the strokes.
 
     Raises
@@ -160,7 +166,7 @@ def window_of(sliding: Sliding, choice: SampleChoice) -> tuple[float, float]:
     RecordingError
         If those of the layout lie outside the motion.
     """
-    recording, strokes = sliding.recording, sliding.strokes
+    recording, strokes = motion.recording, motion.strokes
     low = float(np.median([min(s.from_m, s.to_m) for s in strokes]))
     high = float(np.median([max(s.from_m, s.to_m) for s in strokes]))
     if not choice.uses_window:
@@ -198,7 +204,7 @@ def _level(
         bins &= np.isfinite(matrix).any(axis=0)
     if not used or not bins.any():
         return None
-    sides = {d: mean_of_strokes([s.inside for s in members if s.inside]) for d, members in used.items()}
+    sides = {d: _side(members, len(ways[d])) for d, members in used.items()}
     means = {
         d: stroke_means(rows[d], bins) if choice.uses_window else np.array([s.mean_n for s in members])
         for d, members in used.items()
@@ -232,7 +238,21 @@ def _level(
     )
     flags = (*_level_flags(recording, level, used, bins), *doubts)
     level = replace(level, flags=flags, doubts=doubts)
-    return replace(level, rows=_rows(recording, level, used))
+    return replace(level, rows=_rows(recording, level))
+
+
+def _side(strokes: Sequence[StrokeFriction], recorded: int) -> LevelSide:
+    """Combine the used strokes of one direction."""
+    means = [s.inside for s in strokes if s.inside]
+    peaks = [s.peak for s in strokes if s.peak]
+    return LevelSide(
+        **vars(mean_of_strokes(means)),
+        samples=sum(s.samples for s in means),
+        strokes=len(strokes),
+        strokes_recorded=recorded,
+        **breakaway(peaks, [s.stroke for s in strokes]),
+        pressure_moves_n=float(np.median([s.pressure_moves_n for s in means])),
+    )
 
 
 def _rows_over(grid: Grid, strokes: Sequence[StrokeFriction]) -> NDArray[np.float64]:
@@ -262,11 +282,11 @@ def _estimate(
     bins: NDArray[np.bool_],
     spreads: dict[int, Spread],
     rows: dict[int, NDArray[np.float64]],
-    sides: dict[int, WindowMeans],
+    sides: dict[int, LevelSide],
 ) -> _Estimate:
     """Pair the directions, or use the only one, and estimate the uncertainty."""
     only = next(iter(sides))
-    up, down = (sides.get(d, sides[only]).means for d in (1, -1))
+    up, down = (sides.get(d, sides[only]) for d in (1, -1))
     known = bins & np.isfinite(profile.offset_n)
     slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
     budget = tuple(systematic_budget(recording, up, down, slope, middle(np.diff(recording.time_s))))
@@ -297,7 +317,7 @@ def _level_flags(
     """Return the flags of a speed class."""
     flags = [kind for kind, count in recording.flags.items() if count]
     slips = level.stick_slip
-    speeds = [abs(c.means.speed_m_s) for c in level.sides.values()]
+    speeds = [abs(c.velocity_m_s) for c in level.sides.values()]
     stick_slip = bool(slips) and float(np.mean([s.found for s in slips])) > 0.5
     ripple = bool(slips) and float(np.median([s.ripple for s in slips])) > RIPPLE_LIMIT
     seen = {
@@ -314,32 +334,15 @@ def _level_flags(
     return (*flags, *(name for name, is_so in seen.items() if is_so))
 
 
-def _rows(recording: Recording, level: Level, used: dict[int, list[StrokeFriction]]) -> tuple[Row, ...]:
+def _rows(recording: Recording, level: Level) -> tuple[Row, ...]:
     """Return the map's rows, one per present direction."""
     rows = []
     for direction, side in level.sides.items():
         peaks = [p for p in level.peaks if p.direction == direction]
         spoiled = ("breakaway_spoiled",) if peaks and all(p.flags for p in peaks) else ()
-        rows.append(
-            Row(
-                recording=level.recording,
-                direction=direction,
-                velocity_m_s=side.means.speed_m_s,
-                pressure_a_pa=side.means.pressure_a_pa,
-                pressure_b_pa=side.means.pressure_b_pa,
-                balance_n=level.spreads[direction].mean_n,
-                friction_n=level.friction_n,
-                offset_n=level.offset_n,
-                stderr_n=level.stderr_n,
-                u_systematic_n=level.u_systematic_n,
-                samples=side.samples,
-                strokes=len(used[direction]),
-                strokes_recorded=sum(s.direction == direction for s in level.strokes),
-                position_from_m=level.window_m[0],
-                position_to_m=level.window_m[1],
-                flags=",".join((*level.flags, *spoiled)),
-                ambient_pressure_pa=recording.ambient_pressure_pa,
-                **breakaway(peaks, [s.stroke for s in used[direction]]),
-            )
-        )
+        balance = level.spreads[direction].mean_n
+        value = RowValue(balance, level.friction_n, level.offset_n, level.stderr_n, level.u_systematic_n)
+        flags = ",".join((*level.flags, *spoiled))
+        name, ambient = level.recording, recording.ambient_pressure_pa
+        rows.append(row_of(name, direction, side, value, level.window_m, flags, ambient))
     return tuple(rows)

@@ -14,9 +14,10 @@ from pneudrive.signals.motion import straight_line
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.friction.reduction.motion import SlidingMotion
+    from pneudrive.friction.reduction.motion import Motion
 
 LEVEL_BINS = 40  # bins over the travel for the balance of one direction
+END_TRAVELS = 2.0  # of the way from the stroke's end at which its speed falls below the share: excluded
 LEAST_SWING = 0.5  # of its median: limit of the variation of friction over position
 
 
@@ -24,13 +25,14 @@ LEAST_SWING = 0.5  # of its median: limit of the variation of friction over posi
 class Settled:
     """Samples after the reversal's transient, without need of a controlled speed.
 
-    A stroke has settled after ``speed_travels`` times the travel in which its speed reaches ``speed_share`` of its
-    own middle speed, and after ``force_travels`` times the travel in which the balance goes through ``force_share`` of
-    its swing from the opposite direction's level at the same position, which an offset that changes along the stroke
-    moves with it. Presliding approaches like  1 - 2 exp(-x/l):  80 % of the swing takes
-    1.6 l, and after three times that 2 % are left; a higher share would depend on friction that varies over position.
-    At the end, samples below the speed share are dropped. The whole swing is a line through both directions'
-    difference over the middle 60 % of the travel, so neither speed nor force needs to be constant.
+    A stroke settles in two ways, and the longer one counts. Its speed has to reach ``speed_share`` of its own middle
+    speed; ``speed_travels`` times the travel up to there is left out. The balance has to go through ``force_share`` of
+    its swing from the level of the opposite direction; ``force_travels`` times that travel is left out.
+    Presliding approaches like  1 - 2 exp(-x/l):  80 % of the swing takes 1.6 l, and after three times that 2 % are left.
+    A higher share would depend on friction that varies over position.
+    At the end, twice the way in which the axis brakes below the speed share is dropped.
+    The whole swing is a line through both directions' difference over the middle 60 % of the travel. Neither speed nor
+    force needs to be constant.
     """
 
     speed_share: float = 0.8
@@ -40,7 +42,7 @@ class Settled:
     name: str = "settled"
     uses_window: bool = True
 
-    def choose(self, motion: SlidingMotion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """Return the mask of settled samples and the unchanged balance."""
         position_m, balance_n = motion.position_m, motion.balance_n
         velocity = motion.velocity_m_s
@@ -57,10 +59,9 @@ class Settled:
                 risen = levels.share_risen(position_m[part], balance_n[part], stroke.direction) >= self.force_share
                 if risen.any():
                     begin = max(begin, self.force_travels * travelled[int(np.argmax(risen))])
-            last_fast = int(fast.size - np.argmax(fast[::-1]))
-            kept = travelled >= begin
-            kept[last_fast:] = False
-            mask[part] = kept
+            ahead = np.abs(stroke.to_m - position_m[part])
+            braking = END_TRAVELS * ahead[np.flatnonzero(fast)[-1]]
+            mask[part] = (travelled >= begin) & (ahead > braking)
         return mask, balance_n
 
 
@@ -77,7 +78,7 @@ class SourcePaper:
     name: str = "source-paper"
     uses_window: bool = False
 
-    def choose(self, motion: SlidingMotion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """Return the mask of samples after the first 5 % of each stroke's time and the smoothed balance."""
         mask = np.zeros(motion.time_s.size, dtype=bool)
         smooth = motion.balance_n.copy()
@@ -117,7 +118,7 @@ class _Levels:
         return direction * (balance_n - start) / (self.swing_n * np.clip(line, LEAST_SWING, 1 / LEAST_SWING))
 
 
-def _levels(motion: SlidingMotion) -> _Levels | None:
+def _levels(motion: Motion) -> _Levels | None:
     """Return the levels of both directions; None if one is missing, or they do not differ."""
     ends = [value for stroke in motion.strokes for value in (stroke.from_m, stroke.to_m)]
     low, high = min(ends), max(ends)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pneudrive.friction.reduction.motion import COVERED_SHARE
+from pneudrive.friction.reduction.strokes import COVERED_SHARE
 from pneudrive.friction.sentences import sentence
 
 if TYPE_CHECKING:

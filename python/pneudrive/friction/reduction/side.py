@@ -1,0 +1,87 @@
+"""The strokes of one direction at one speed, and their row of the friction map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from pneudrive.friction.friction_map import Row
+
+
+@dataclass(frozen=True)
+class DirectionMeans:
+    """Means over the settled samples in one direction."""
+
+    force_n: float
+    pressure_a_pa: float
+    pressure_b_pa: float
+    velocity_m_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Side(DirectionMeans):
+    """The strokes of one direction.
+
+    Attributes
+    ----------
+    samples, strokes, strokes_recorded : int
+        Used samples, used strokes, and all strokes of the direction.
+    breakaway_n, dwell_s, loading_rate_n_s : float
+        Of the preceding reversals; NaN without a usable peak.
+    """
+
+    samples: int
+    strokes: int
+    strokes_recorded: int
+    breakaway_n: float
+    dwell_s: float
+    loading_rate_n_s: float
+
+
+class RowValue(NamedTuple):
+    """Friction of one row with its uncertainty: the columns of the map of these names."""
+
+    balance_n: float
+    friction_n: float
+    offset_n: float
+    stderr_n: float
+    u_systematic_n: float
+
+
+def row_of(
+    name: str,
+    direction: int,
+    side: Side,
+    value: RowValue,
+    window_m: tuple[float, float],
+    flags: str,
+    ambient_pressure_pa: float,
+) -> Row:
+    """Return the row of one direction of a recording's speed level, or of a cycle.
+
+    Parameters
+    ----------
+    name : str
+        Of the recording, or of the cycle.
+    direction : int
+    side : Side
+    value : RowValue
+    window_m : tuple of float
+        Positions between which friction is averaged.
+    flags : str
+        Names, separated by commas.
+    ambient_pressure_pa : float
+    """
+    columns = ("velocity_m_s", "pressure_a_pa", "pressure_b_pa", "samples", "strokes", "strokes_recorded")
+    breakaway = ("breakaway_n", "dwell_s", "loading_rate_n_s")
+    return {
+        "recording": name,
+        "direction": direction,
+        **{column: getattr(side, column) for column in (*columns, *breakaway)},
+        **value._asdict(),
+        "position_from_m": window_m[0],
+        "position_to_m": window_m[1],
+        "flags": flags,
+        "ambient_pressure_pa": ambient_pressure_pa,
+    }
