@@ -25,7 +25,7 @@ from pneudrive.friction.campaign.sensors import (
 from pneudrive.friction.reduction.condition import Skipped
 from pneudrive.friction.reduction.cycle import CycleData, CyclePlan, check_speed, reduce_cycle
 from pneudrive.friction.reduction.loop import Loop, chosen_loops, reversal_loop
-from pneudrive.friction.reduction.motion import Motion
+from pneudrive.friction.reduction.motion import RecordedMotion
 from pneudrive.rig.interface import Identity, Move
 from pneudrive.signals.pool import share_out
 
@@ -218,7 +218,7 @@ def read_part(
         else:
             # In the settled part the piston accelerates only by ripple, whose mean is zero: acceleration from
             # positions would only add their noise. The source paper's protocol keeps the ramp at the end.
-            motion = Motion.of(recording, choice, inertia=not choice.uses_window)
+            motion = RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
             check_speed(motion)
             data = reduce_cycle(motion, plan, edges_m)
             loop = reversal_loop(motion, plan) if plan.key in shown else None

@@ -20,7 +20,7 @@ import numpy as np
 from pneudrive.bulk import in_advance
 from pneudrive.errors import RecordingError
 from pneudrive.friction.reduction.level import RecordingResult, result_of, window_of
-from pneudrive.friction.reduction.motion import Motion
+from pneudrive.friction.reduction.motion import RecordedMotion
 from pneudrive.friction.reduction.strokes import StrokeFriction, stroke_frictions
 from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.load import find_long
@@ -89,7 +89,7 @@ def _hashed_beside(file: LongFile) -> Iterator[Future[str]]:
 def _extracted(file: LongFile, choice: SampleChoice, watch: Watch, sha256: Future[str]) -> RecordingResult:
     """Read the parts and combine their strokes."""
     window: tuple[float, float] | None = None
-    shown: tuple[Motion, int] | None = None  # with the number of its first stroke
+    shown: tuple[RecordedMotion, int] | None = None  # with the number of its first stroke
     grids: list[Grid] = []
     strokes: list[Stroke] = []
     frictions: list[StrokeFriction] = []
@@ -115,12 +115,12 @@ def _extracted(file: LongFile, choice: SampleChoice, watch: Watch, sha256: Futur
     return replace(result, levels=tuple(_of_part(level, motion, first) for level in result.levels))
 
 
-def _largest(motion: Motion) -> float:
+def _largest(motion: RecordedMotion) -> float:
     force = motion.recording.force_n
     return float(max(force.max(), -force.min()))
 
 
-def _of_part(level: Level, motion: Motion, first: int) -> Level:
+def _of_part(level: Level, motion: RecordedMotion, first: int) -> Level:
     """Keep the strokes and peaks of a level whose samples are kept."""
     members = {s.index - first for s in level.strokes}
     strokes = tuple(s for s in motion.strokes if s.index in members)
@@ -129,7 +129,7 @@ def _of_part(level: Level, motion: Motion, first: int) -> Level:
     return replace(level, strokes=strokes, peaks=tuple(p for p in peaks if p.stroke in kept))
 
 
-def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[tuple[Motion, tuple[Stroke, ...]]]:
+def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[tuple[RecordedMotion, tuple[Stroke, ...]]]:
     """Read a recording part by part, each with the strokes that are counted in it; the next one is read meanwhile."""
     name, first, count = file.file.name, file.first, file.count
     blocks = [(begin, min(begin + PART_SAMPLES, count)) for begin in range(first, count, PART_SAMPLES)]
@@ -139,7 +139,7 @@ def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[tuple
         watch.tell(block[0], count, f"rows of {name}")
         raw = {channel: np.concatenate((left[channel], new)) if left else new for channel, new in read.items()}
         recording = file.recording(raw)
-        motion = Motion.of(clean(recording), choice)
+        motion = RecordedMotion.of(clean(recording), choice)
         is_last, n = block is blocks[-1], len(motion.strokes)
         if not is_last and n < LEAST_STROKES:
             if len(recording) >= LARGEST_PART * PART_SAMPLES:

@@ -15,7 +15,7 @@ import numpy as np
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
 from pneudrive.friction.reduction.budget import stated_shares
-from pneudrive.friction.reduction.motion import Motion, mean_speed
+from pneudrive.friction.reduction.motion import RecordedMotion, mean_speed
 from pneudrive.friction.reduction.pairing import pair
 from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway, find_reversal_peaks
 from pneudrive.friction.reduction.side import Side
@@ -187,12 +187,12 @@ class CycleData:
         return sum(side.strokes for side in self.sides.values())
 
 
-def reduce_cycle(motion: Motion, plan: CyclePlan, edges_m: Array) -> CycleData:
+def reduce_cycle(motion: RecordedMotion, plan: CyclePlan, edges_m: Array) -> CycleData:
     """Reduce the strokes of one speed to bins of position.
 
     Parameters
     ----------
-    motion : Motion
+    motion : RecordedMotion
     plan : CyclePlan
     edges_m : ndarray, shape (bins + 1,)
         Edges of the bins of position that all cycles share.
@@ -218,7 +218,7 @@ def reduce_cycle(motion: Motion, plan: CyclePlan, edges_m: Array) -> CycleData:
     )
 
 
-def check_speed(motion: Motion) -> None:
+def check_speed(motion: RecordedMotion) -> None:
     """Refuse a planned cycle whose strokes have different speeds.
 
     Raises
@@ -235,7 +235,7 @@ def check_speed(motion: Motion) -> None:
         )
 
 
-def _side(motion: Motion, direction: int, edges_m: Array) -> CycleSide | None:
+def _side(motion: RecordedMotion, direction: int, edges_m: Array) -> CycleSide | None:
     """Combine the strokes of one direction; return None without settled samples."""
     recording, settled, balance_n = motion.recording, motion.settled, motion.balance_n
     strokes = [s for s in motion.strokes if s.direction == direction and settled[s.samples].sum() >= MINIMUM_SAMPLES]
@@ -295,7 +295,7 @@ def _covered(position_m: Array, edges_m: Array) -> NDArray[np.bool_]:
     return (edges_m[:-1] >= position_m.min() - slack) & (edges_m[1:] <= position_m.max() + slack)
 
 
-def _breakaway(motion: Motion, strokes: list[Stroke]) -> dict[str, float]:
+def _breakaway(motion: RecordedMotion, strokes: list[Stroke]) -> dict[str, float]:
     """Return the breakaway after the reversals before these strokes."""
     peaks: list[ReversalPeak] = []
     if any(s.index > 0 for s in strokes):  # the first stroke has no reversal before it

@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.errors import RecordingError
 from pneudrive.friction.friction_map import Row
 from pneudrive.friction.reduction.budget import BudgetEntry, combined, expanded, systematic_budget
-from pneudrive.friction.reduction.motion import Motion, SampleChoice
+from pneudrive.friction.reduction.motion import RecordedMotion, SampleChoice
 from pneudrive.friction.reduction.pairing import Grid, Profile, pair, stroke_means
 from pneudrive.friction.reduction.plausible import doubts_of
 from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway
@@ -103,7 +103,7 @@ class Level(Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
-class RecordingResult(Motion, Shown):
+class RecordingResult(RecordedMotion, Shown):
     """The result of one recording. ``recording`` is the cleaned one, with its counts of flags."""
 
     levels: tuple[Level, ...]
@@ -118,7 +118,7 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     RecordingError
         Without motion, with too few samples, or without a stroke with settled samples in the window.
     """
-    motion = Motion.of(clean(recording), choice)
+    motion = RecordedMotion.of(clean(recording), choice)
     window = window_of(motion, choice)
     levels = speed_levels(list(motion.strokes))
     groups = [stroke_frictions(motion, members, window) for members in levels]
@@ -126,7 +126,7 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
 
 
 def result_of(
-    motion: Motion,
+    motion: RecordedMotion,
     groups: Sequence[tuple[Grid, list[StrokeFriction]]],
     window: tuple[float, float],
     choice: SampleChoice,
@@ -158,7 +158,7 @@ def result_of(
     return RecordingResult(**vars(motion), levels=tuple(levels), stroke_use=use)
 
 
-def window_of(motion: Motion, choice: SampleChoice) -> tuple[float, float]:
+def window_of(motion: RecordedMotion, choice: SampleChoice) -> tuple[float, float]:
     """Return the positions between which friction is averaged: those of the layout, or the middle of the strokes.
 
     Raises

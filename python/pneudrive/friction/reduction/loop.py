@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from pneudrive.friction.reduction.condition import Condition
     from pneudrive.friction.reduction.cycle import CyclePlan
-    from pneudrive.friction.reduction.motion import Motion
+    from pneudrive.friction.reduction.motion import RecordedMotion
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
@@ -85,7 +85,7 @@ def chosen_loops(plans: Sequence[CyclePlan]) -> frozenset[str]:
     return frozenset(keys)
 
 
-def reversal_loop(motion: Motion, plan: CyclePlan) -> Loop | None:
+def reversal_loop(motion: RecordedMotion, plan: CyclePlan) -> Loop | None:
     """Return the force balance around the first reversal of a cycle; None if it has no reversal.
 
     The offset, half the sum of both directions, is still in `Loop.friction_n`.

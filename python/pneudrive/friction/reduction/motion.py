@@ -33,13 +33,13 @@ class SampleChoice(Protocol):
         """Whether the mean is over equal positions of the window; else over all chosen samples."""
         ...
 
-    def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], Array]:
+    def choose(self, motion: RecordedMotion) -> tuple[NDArray[np.bool_], Array]:
         """Return the mask of chosen samples, shape (n,), and the balance to average, shape (n,)."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class RecordedMotion:
     """A cleaned recording with its strokes, its force balance and its settled samples.
 
     Attributes
@@ -62,7 +62,7 @@ class Motion:
     settled: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, recording: Recording, choice: SampleChoice, *, inertia: bool = True) -> Motion:
+    def of(cls, recording: Recording, choice: SampleChoice, *, inertia: bool = True) -> RecordedMotion:
         """Find strokes, balance and settled samples of a cleaned recording.
 
         Parameters

@@ -14,7 +14,7 @@ from pneudrive.signals.motion import straight_line
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.friction.reduction.motion import Motion
+    from pneudrive.friction.reduction.motion import RecordedMotion
 
 LEVEL_BINS = 40  # bins over the travel for the balance of one direction
 END_TRAVELS = 2.0  # of the way from the stroke's end at which its speed falls below the share: excluded
@@ -42,7 +42,7 @@ class Settled:
     name: str = "settled"
     uses_window: bool = True
 
-    def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    def choose(self, motion: RecordedMotion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """Return the mask of settled samples and the unchanged balance."""
         position_m, balance_n = motion.position_m, motion.balance_n
         velocity = motion.velocity_m_s
@@ -78,7 +78,7 @@ class SourcePaper:
     name: str = "source-paper"
     uses_window: bool = False
 
-    def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    def choose(self, motion: RecordedMotion) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """Return the mask of samples after the first 5 % of each stroke's time and the smoothed balance."""
         mask = np.zeros(motion.time_s.size, dtype=bool)
         smooth = motion.balance_n.copy()
@@ -118,7 +118,7 @@ class _Levels:
         return direction * (balance_n - start) / (self.swing_n * np.clip(line, LEAST_SWING, 1 / LEAST_SWING))
 
 
-def _levels(motion: Motion) -> _Levels | None:
+def _levels(motion: RecordedMotion) -> _Levels | None:
     """Return the levels of both directions; None if one is missing, or they do not differ."""
     ends = [value for stroke in motion.strokes for value in (stroke.from_m, stroke.to_m)]
     low, high = min(ends), max(ends)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.reduction.motion import Motion
+    from pneudrive.friction.reduction.motion import RecordedMotion
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
@@ -69,13 +69,13 @@ class StrokeFriction:
 
 
 def stroke_frictions(
-    motion: Motion, strokes: Sequence[Stroke], window: tuple[float, float], bins: int | None = None
+    motion: RecordedMotion, strokes: Sequence[Stroke], window: tuple[float, float], bins: int | None = None
 ) -> tuple[Grid, list[StrokeFriction]]:
     """Return the results of strokes for their speed class.
 
     Parameters
     ----------
-    motion : Motion
+    motion : RecordedMotion
     strokes : sequence of Stroke
         Strokes of one speed class.
     window : tuple of float
