@@ -1,4 +1,4 @@
-//! Assemblies: circuits of public parts, with names for what they contain.
+//! Assemblies: circuits of public parts, and names for their contents.
 
 mod along;
 mod drive;

@@ -27,28 +27,28 @@ pub struct AxisId(pub(crate) usize);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CarriageId(pub(crate) usize);
 
-/// A flow path of a circuit, and the direction in which its flow counts.
+/// A flow path of a circuit, and the direction in which its flow is positive.
 #[derive(Clone, Copy, Debug)]
 pub struct Path {
     kind: PartKind,
     index: usize,
-    /// Which path of a part that has several.
+    /// A single path, also of a part with several.
     path: usize,
     backward: bool,
 }
 
 impl Path {
-    /// That of a restriction.
+    /// The path of a restriction.
     pub fn of(opening: InputId) -> Self {
         Path { kind: opening.kind, index: opening.index, path: 0, backward: false }
     }
 
-    /// One of those of a part.
+    /// One of the paths of a part.
     pub fn along(part: PartId, path: usize) -> Self {
         Path { kind: part.kind, index: part.index, path, backward: false }
     }
 
-    /// The same path, whose flow counts in the other direction.
+    /// Returns the same path with the flow positive in the other direction.
     #[must_use]
     pub fn backward(self) -> Self {
         Path { backward: !self.backward, ..self }
@@ -68,18 +68,18 @@ impl AxisId {
 }
 
 impl CarriageId {
-    /// Its jerk, m/s3.
+    /// Jerk, m/s3.
     pub fn jerk(self) -> InputId {
         InputId { kind: PartKind::Carriage, index: self.0, input: 0 }
     }
 
-    /// One lets it give way to the force on it, zero keeps it on its command.
+    /// Compliance flag of a motor: one lets it deflect under the force, zero keeps it on its command.
     pub fn giving_way(self) -> InputId {
         InputId { input: 1, ..self.jerk() }
     }
 }
 
-/// What a volume lacks.
+/// Shortage of a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lacking {
     Room,
@@ -87,7 +87,7 @@ pub enum Lacking {
 }
 
 impl Lacking {
-    /// The share at which a volume has none left.
+    /// Fraction at which a volume has none left.
     pub fn least(self) -> f64 {
         match self {
             Lacking::Room => volume::LEAST_ROOM,
@@ -96,17 +96,17 @@ impl Lacking {
     }
 }
 
-/// A volume with little room or gas left: which, of what, and how much as a share of its dead volume or of the gas
-/// in that at standard conditions.
+/// A volume with little room or gas left. The amount is relative to its dead volume, or to the gas in the dead volume
+/// at standard conditions.
 #[derive(Clone, Debug)]
 pub struct Scarce {
-    /// By name: "left.a", or "chamber a" of a drive.
+    /// Name of the volume: "left.a", or "chamber a" of a drive.
     pub volume: String,
     pub what: Lacking,
     pub share: f64,
 }
 
-/// Geometry of one side of a piston and of the chamber before it.
+/// Geometry of one side of a piston and of its chamber.
 #[derive(Clone, Copy, Debug)]
 pub struct PistonSide<P = f64> {
     /// Area on which the gas presses, m2.
@@ -118,15 +118,15 @@ pub struct PistonSide<P = f64> {
 }
 
 impl<P> PistonSide<P> {
-    /// With an area, m2, a perimeter, m, and end faces, m2.
+    /// Creates a face with an area, m2, a perimeter, m, and end faces, m2.
     pub fn new(area: P, perimeter: P, end_wall: P) -> Self {
         PistonSide { area, perimeter, end_wall }
     }
 }
 
 impl<P: Real> PistonSide<P> {
-    /// Of a bore, m, with a rod of this diameter, m (0: none). Heat passes the barrel, both end faces and the rod's
-    /// surface; the dead volume has no surface of its own.
+    /// Creates the face of a bore, m, with a rod of this diameter, m (0: no rod). Heat passes through the barrel, both
+    /// end faces and the rod. The dead volume has no additional surface.
     pub fn of_bore(bore: P, rod: P) -> Self {
         let area = P::c(0.25 * PI) * (bore * bore - rod * rod);
         PistonSide { area, perimeter: P::c(PI) * (bore + rod), end_wall: P::c(2.0) * area }
@@ -144,26 +144,27 @@ struct Topology {
     events: Vec<EventId>,
 }
 
-/// A system of equations made of parts. `P` is `f64`, or lanes: one drive in each, or a dual: with derivatives.
+/// A system of equations made of parts. `P` is `f64`, or lanes with one drive each, or a dual number with derivatives.
 #[derive(Clone, Debug)]
 pub struct Circuit<P> {
     topology: Arc<Topology>,
     parts: Parts<P>,
     common: Common<P>,
-    /// Absolute error scale of each state and account: a part's own numbers, so a lane's own.
+    /// Absolute error scale of each state and balance. It depends on the numbers of the parts, so each lane has its own
+    /// scale.
     scale: Vec<P>,
-    /// Restrictions that are open in some lane.
+    /// Restrictions that are open in at least one lane.
     open: Vec<usize>,
     gas_nodes: usize,
     axis_nodes: usize,
     signals: usize,
-    /// Names of parts and nodes until it is built.
+    /// Names of parts and nodes, until the circuit is built.
     called: Called,
-    /// Of which parts it is made, and how they are joined: circuits that differ in numbers alone have the same.
+    /// Hash of the parts and their connections. It is the same for circuits that differ only in numbers.
     shape: u64,
-    /// The number of what its reservoirs hold: no other values have it, in any circuit.
+    /// Unique number of the present values of its reservoirs.
     filled: u64,
-    /// What is evaluated without nodes, where the whole circuit is.
+    /// Evaluation without nodes, if the whole circuit allows it.
     fused: Option<Box<Fused<P>>>,
 }
 
@@ -182,17 +183,17 @@ impl<R: Lane> Work for Observe<'_, R> {
     }
 }
 
-/// Of a mass: the kind of its part and which of them, its place, itself, and the offset of its inner states.
+/// A mass: the kind and index of its part, the index of its state, the mass, and the offset of its inner states.
 type Mass<'c, P> = (PartKind, usize, Place, &'c Axis<P>, usize);
 
-/// A number that was never given before.
+/// Returns a number that was never used before.
 fn next_filling() -> u64 {
     static LAST: AtomicU64 = AtomicU64::new(0);
     LAST.fetch_add(1, Ordering::Relaxed) + 1
 }
 
 impl<R: Lane> Circuit<R> {
-    /// One circuit of lanes: lane `i` is `each[i]`; all must have the same parts.
+    /// Returns one circuit of lanes. Lane `i` is `each[i]`. All must have the same parts.
     pub fn gather(each: &[&Circuit<f64>]) -> Self {
         assert_eq!(each.len(), R::L, "one circuit for each lane");
         let number = |f: &dyn Fn(&Common<f64>) -> f64| R::from_lanes(|lane| f(&each[lane].common));
@@ -220,12 +221,12 @@ impl<R: Lane> Circuit<R> {
         .fuse()
     }
 
-    /// Every input: its name with that of its part, its unit and its bounds.
+    /// Returns every input: its name with that of its part, its unit and its bounds.
     pub fn inputs(&self) -> Vec<(InputId, String, &'static Input)> {
         self.parts.inputs()
     }
 
-    /// Sets an input in one lane, derivatives included.
+    /// Sets an input in one lane, including derivatives.
     pub fn set_input(&mut self, id: InputId, lane: usize, value: R) {
         if id.kind == PartKind::Restriction {
             if self.set_opening(id.index, lane, value) {
@@ -240,7 +241,7 @@ impl<R: Lane> Circuit<R> {
         }
     }
 
-    /// Opens edges of one valve, which are of one kind.
+    /// Opens edges of one valve. They have the same kind.
     #[inline(always)]
     pub(crate) fn set_openings(&mut self, edges: &[InputId; 4], lane: usize, values: [R; 4]) {
         let is_usual = edges[0].kind == PartKind::Restriction;
@@ -257,7 +258,8 @@ impl<R: Lane> Circuit<R> {
         }
     }
 
-    /// Opens a restriction; whether others are open then than before, to which those without nodes are to be connected.
+    /// Opens a restriction. Returns whether the set of open restrictions has changed, so that the evaluation without
+    /// nodes needs an update.
     #[inline(always)]
     fn set_opening(&mut self, index: usize, lane: usize, value: R) -> bool {
         let Restriction { opening, closed, .. } = &mut self.parts.restrictions[index].1;
@@ -266,7 +268,7 @@ impl<R: Lane> Circuit<R> {
             || (1..=R::DIRECTIONS).any(|direction| opening.part(direction) != 0.0);
         if *closed == is_open {
             *closed = !is_open;
-            // Kept in order: sums of flows do not depend on when an edge opened.
+            // The order is fixed, so that sums of flows do not depend on the time at which an edge opened.
             match self.open.binary_search(&index) {
                 Err(at) => self.open.insert(at, index),
                 Ok(at) => drop(self.open.remove(at)),
@@ -284,12 +286,12 @@ impl<R: Lane> Circuit<R> {
         self.parts.input(id)
     }
 
-    /// Its unit and bounds.
+    /// Returns its unit and bounds.
     pub fn what_input(&self, id: InputId) -> &'static Input {
         self.parts.what_input(id)
     }
 
-    /// Whether `meet` has brought in what lies far behind the end of a stroke, in some lane.
+    /// Returns whether `meet` has added contacts far behind the end of a stroke, in any lane.
     pub fn has_met(&self) -> bool {
         let usual = self.parts.cylinders.iter().any(|(_, cylinder)| cylinder.met);
         usual || self.parts.other_cylinders.iter().any(|(_, cylinder)| cylinder.met)
@@ -301,12 +303,12 @@ impl<R: Lane> Circuit<R> {
         usual.chain(others).chain(self.parts.end_stops.iter_mut().map(|(_, stops)| stops))
     }
 
-    /// Lays end stops that follow from the drive out for the highest pressure of a start, Pa absolute.
+    /// Designs derived end stops for the highest pressure of a start, Pa absolute.
     pub(crate) fn lay_out_stops(&mut self, start: R) {
         self.end_stops_mut().for_each(|stops| stops.lay_out(start));
     }
 
-    /// The pressure for which they are designed, if any, Pa absolute.
+    /// Returns the pressure for which they are designed, if any, Pa absolute.
     pub(crate) fn stops_laid_out_for(&self) -> Option<R> {
         let usual = self.parts.cylinders.iter().map(|(_, cylinder)| &cylinder.stops);
         let others = self.parts.other_cylinders.iter().map(|(_, cylinder)| &cylinder.stops);
@@ -314,14 +316,14 @@ impl<R: Lane> Circuit<R> {
         each.find_map(|stops| stops.follows.as_ref()).map(|follows| follows.start)
     }
 
-    /// The modes of all events, each as `each` leaves it.
+    /// Visits the modes of all events. `each` may change them.
     pub fn change_modes(&mut self, mut each: impl FnMut(&mut R)) {
         for &id in &self.topology.events {
             each(self.parts.mode_mut(id));
         }
     }
 
-    /// Gives its modes to a circuit of the same parts, without derivatives.
+    /// Copies its modes to a circuit of the same parts without derivatives.
     pub(crate) fn share_modes(&mut self, other: &mut Circuit<R::Plain>) {
         let mut modes = Vec::new();
         self.change_modes(|mode| modes.push(mode.plain()));
@@ -329,30 +331,30 @@ impl<R: Lane> Circuit<R> {
         other.change_modes(|mode| modes.next().into_iter().for_each(|own| *mode = own));
     }
 
-    /// The input that is the external force on an axis, N in +x.
+    /// Returns the input for the external force on an axis, N in +x.
     pub fn external_force(&self, axis: AxisId) -> InputId {
         let (kind, index, ..) = self.mass(axis);
         InputId { kind, index, input: 0 }
     }
 
-    /// The inputs that are pressure, Pa absolute, and temperature, K, of a reservoir.
+    /// Returns the inputs for pressure, Pa absolute, and temperature, K, of a reservoir.
     pub fn boundary(&self, reservoir: GasId) -> [InputId; 2] {
         let index = self.parts.reservoirs.iter().position(|(_, part)| part.node == reservoir.0);
         let index = index.expect("a reservoir of this circuit");
         [0, 1].map(|input| InputId { kind: PartKind::Reservoir, index, input })
     }
 
-    /// Whether it is evaluated without nodes in memory.
+    /// Returns whether it is evaluated without nodes in memory.
     pub fn is_fused(&self) -> bool {
         self.fused.is_some()
     }
 
-    /// Whether it is evaluated without nodes, and keeps no accounts: any numbers serve it.
+    /// Returns whether it is evaluated without nodes and keeps no balances. Then any scalar type works.
     pub(crate) fn serves_all(&self) -> bool {
         self.fused.is_some() && self.topology.channels.is_empty()
     }
 
-    /// Whether its equations were analysed once for both.
+    /// Returns whether two circuits share one analysis of their equations.
     pub fn shares_analysis<Q>(&self, other: &Circuit<Q>) -> bool {
         Arc::ptr_eq(&self.topology, &other.topology)
     }
@@ -362,7 +364,7 @@ impl<R: Lane> Circuit<R> {
         &self.topology.names
     }
 
-    /// The volume that is nearest to having no room or no gas left at state `y` of one lane.
+    /// Returns the volume that is nearest to having no room or no gas left at state `y` of one lane.
     pub fn scarcest(&self, y: &[R], lane: usize) -> Option<Scarce> {
         let mut net = self.work::<R>();
         self.evaluate(y, &mut net);
@@ -377,33 +379,33 @@ impl<R: Lane> Circuit<R> {
                 scarce(Lacking::Gas, share(y[first + 1], self.scale[first + 1])),
             ]
         });
-        // By how near each is to its least.
+        // Visits the volumes with their distance from the least room or gas.
         let near = |scarce: &Scarce| scarce.share / scarce.what.least();
         each.min_by(|a, b| near(a).total_cmp(&near(b)))
     }
 
-    /// How many states its parts have, before it is built too, by the component that brings them.
+    /// Returns the number of states of each component's parts. The circuit need not be built yet.
     pub(crate) fn count_states(&self) -> Vec<(&str, usize)> {
         let names = std::iter::once("").chain(self.called.owners.iter().map(String::as_str));
         names.zip(self.parts.count_states(self.called.owners.len())).collect()
     }
 
-    /// The first state of a part within `y`.
+    /// Returns the first state of a part within `y`.
     pub(crate) fn part_state(&self, part: PartId, y: &[R]) -> R {
         y[self.parts.place_of(part).first]
     }
 
-    /// How many states there are beside the accounts.
+    /// Returns the number of states without the balances.
     pub fn n_states(&self) -> usize {
         self.topology.n_states
     }
 
-    /// The accounts that it keeps.
+    /// Returns the balances of the circuit.
     pub fn channels(&self) -> &[Channel] {
         &self.topology.channels
     }
 
-    /// The nodes at state `y`, with flows, forces and accelerations.
+    /// Returns the nodes at state `y`, with flows, forces and accelerations.
     pub fn observe(&self, y: &[R], net: &mut Net<R>) {
         R::within(Observe { circuit: self, y, net });
     }
@@ -418,13 +420,13 @@ impl<R: Lane> Circuit<R> {
         net.rates = rates;
     }
 
-    /// Mass flow through a path at the nodes, kg/s.
+    /// Returns the mass flow through a path at the nodes, kg/s.
     pub fn flow(&self, path: Path, net: &Net<R>) -> R {
         let flow = self.parts.flow((path.kind, path.index, path.path), net);
         if path.backward { -flow } else { flow }
     }
 
-    /// Every path over the boundary, positive inward: those that end in a reservoir, and compressors.
+    /// Returns every path over the boundary, positive inward: paths that end in a reservoir, and compressors.
     pub(crate) fn inlets(&self) -> impl Iterator<Item = Path> {
         let paths = self.parts.paths().filter_map(|(kind, index, path, ends)| match ends.boundary {
             [true, false] => Some(Path { kind, index, path, backward: false }),
@@ -441,7 +443,7 @@ impl<R: Lane> Circuit<R> {
         paths.chain(compressors)
     }
 
-    /// Mass flow out of a node through all paths, kg/s: that of a reservoir.
+    /// Returns the mass flow out of a node through all paths, kg/s, for a reservoir.
     pub fn flow_out_of(&self, node: GasId, net: &Net<R>) -> R {
         self.parts.paths().fold(R::zero(), |sum, (kind, index, path, ends)| {
             match (ends.from == node, ends.to == node) {
@@ -452,37 +454,38 @@ impl<R: Lane> Circuit<R> {
         })
     }
 
-    /// Force of a part at the nodes, N: of a link that in +x on its second axis.
+    /// Returns the force of a part at the nodes, N. For a link it is the force in +x on its second axis.
     pub fn force_of(&self, part: PartId, net: &Net<R>) -> R {
         self.parts.force(part, net)
     }
 
-    /// Mode of an axis' friction: -1, 0, +1.
+    /// Returns the mode of an axis' friction: -1, 0, +1.
     pub fn mode(&self, axis: AxisId) -> R {
         self.mass(axis).3.mode
     }
 
-    /// The inner states of an axis' friction within `y`.
+    /// Returns the inner states of an axis' friction within `y`.
     pub fn inner_states<'y>(&self, axis: AxisId, y: &'y [R]) -> &'y [R] {
         let (.., place, _, inner) = self.mass(axis);
         &y[place.first + inner..place.first + place.count]
     }
 
-    /// (mass, energy, entropy of the gas) stored at state `y`.
+    /// Returns (mass, energy, entropy of the gas) stored at state `y`.
     pub fn stored(&self, y: &[R]) -> [R; 3] {
         let mut net = self.work::<R>();
         self.observe(y, &mut net);
         self.parts.stored(y, &net, &self.common)
     }
 
-    /// The energy of each store at state `y`, J: of speed, height and bristles of masses, of volumes and springs.
+    /// Returns the energy of each store at state `y`, J: kinetic and potential energy and bristles of masses, volumes,
+    /// and springs.
     pub fn stores(&self, y: &[R]) -> Vec<R> {
         let mut net = self.work::<R>();
         self.observe(y, &mut net);
         self.parts.stores(y, &net, &self.common)
     }
 
-    /// Stored quantities at state `y` (accounts included), and every account.
+    /// Returns the stored quantities at state `y` (balances included), and every balance.
     pub fn books(&self, y: &[R]) -> ([R; 3], Vec<R>) {
         let mut net = self.work::<R>();
         self.observe(y, &mut net);
@@ -514,8 +517,8 @@ impl Circuit<f64> {
 }
 
 impl<P: Real> Circuit<P> {
-    /// Every mass: the kind of its part and which of them, its place (x and v come first), the mass, and the offset of
-    /// the inner states of its friction.
+    /// Returns every mass: the kind and index of its part, its first state (x and v), the mass, and the offset of the
+    /// inner states of its friction.
     fn masses(&self) -> impl Iterator<Item = Mass<'_, P>> {
         let axes = self.parts.axes.iter().enumerate();
         let usual = self.parts.cylinders.iter().enumerate();
@@ -530,18 +533,19 @@ impl<P: Real> Circuit<P> {
         self.masses().find(|(_, _, _, axis, _)| axis.node == id.0).expect("an axis of this circuit")
     }
 
-    /// The place of an axis' position among the states; its velocity comes next. None where it moves as commanded.
+    /// Returns the state index of an axis' position. Its velocity follows. `None` if the motion of the axis is
+    /// commanded.
     pub fn position_state(&self, axis: AxisId) -> Option<usize> {
         let mut masses = self.masses();
         masses.find(|(.., own, _)| own.node == axis.0).map(|(_, _, place, ..)| place.first)
     }
 
-    /// Friction of steady sliding of an axis at the place, speed and pressures of a node, N.
+    /// Returns the friction of steady sliding of an axis at the position, speed and pressures of a node, N.
     pub fn steady_friction<S: Over<P>>(&self, axis: AxisId, node: &AxisNode<S>) -> S {
         self.mass(axis).3.steady_friction(node)
     }
 
-    /// Every volume with the place of its two states, and what people call it.
+    /// Returns every volume with the index of its two states, and its name for users.
     fn volumes(&self) -> impl Iterator<Item = (usize, &Volume<P>, &'static str)> {
         let tanks = self.parts.volumes.iter().map(|(place, volume)| (place.first, volume, "a volume"));
         let usual = self.parts.cylinders.iter().map(|(place, cylinder)| (place, &cylinder.volumes));
@@ -553,7 +557,7 @@ impl<P: Real> Circuit<P> {
         tanks.chain(chambers)
     }
 
-    /// Seldom: apart from what happens at each step.
+    /// Rarely needed, and therefore compiled apart from the code of each step.
     #[inline(never)]
     fn fill_reservoirs<S: Over<P>>(&self, net: &mut Net<S>) {
         for (_, reservoir) in &self.parts.reservoirs {
@@ -575,8 +579,8 @@ impl<P: Real> Circuit<P> {
 }
 
 impl<R: Lane> Circuit<R> {
-    /// One where the chambers of every cylinder have room and gas at all states within what `spread` says of the
-    /// cylinder's place; see [`cylinder::Cylinder::holds`].
+    /// Returns one if the chambers of every cylinder have room and gas at all states within `spread`. See
+    /// [`cylinder::Cylinder::holds`].
     #[inline(always)]
     fn cylinders_hold(&self, y: &[R], spread: impl Fn(Place) -> [R::Plain; INNER]) -> R::Plain {
         let mut holds = R::Plain::one();
@@ -595,7 +599,7 @@ impl<R: Lane> Circuit<R> {
 }
 
 impl<R: Lane> Circuit<R> {
-    /// What holds so far, where the volumes hold too.
+    /// Result so far, valid if the volumes are valid too.
     #[inline(never)]
     fn volumes_hold(&self, y: &[R], net: &mut Net<R>, so_far: R::Plain) -> R::Plain {
         let mut inside = so_far;

@@ -1,5 +1,5 @@
-//! Components as users order them: each is a table - ports, parameters, inputs, outputs - and the parts that it is made
-//! of. A new component is a file here and a word in `components!`.
+//! Components that users can order. Each has a table (ports, parameters, inputs, outputs) and parts. A new component is
+//! a file here and a word in `components!`.
 
 mod boxes;
 mod build;
@@ -67,26 +67,26 @@ pub use table::{LINEAR_ABOVE, Row, SUBSONIC_INDEX, count, join};
 /// Kind of a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortKind {
-    /// Gas passes it.
+    /// A gas port.
     Gas,
     /// A mass that moves along one line.
     Axis,
-    /// A pilot: it senses the pressure of the gas at its joint, and lets no gas pass.
+    /// A pilot port: it senses the pressure of the gas at its joint without any flow.
     Pilot,
 }
 
-/// Role of a port in the state of its joint.
+/// Effect of a port on the state of its joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Holds {
-    /// A restriction: the gas is that of the joint; a mass: it moves with that.
+    /// Restriction or mass: the port takes the gas or the motion of the joint.
     Nothing,
-    /// A volume of its own.
+    /// A separate volume.
     Volume,
     /// A constant pressure.
     Pressure,
-    /// A restriction that keeps the pressure behind it at the one that the component states.
+    /// A restriction that sets the pressure behind it to the value of the component.
     Set,
-    /// An axis that moves as commanded, whatever is joined to it.
+    /// An axis with a commanded motion, independent of the connected components.
     Motion,
 }
 
@@ -95,19 +95,19 @@ pub enum Holds {
 pub struct Port {
     /// Its name within the component.
     pub name: &'static str,
-    /// What may be joined to it.
+    /// Kinds of port that may be joined to it.
     pub kind: PortKind,
     /// Open to the ambient air if not joined.
     pub exhaust: bool,
     /// Shut if not joined.
     pub optional: bool,
-    /// What determines the state behind it.
+    /// Source of the state behind it.
     pub holds: Holds,
-    /// Volume that it brings to a joint without a volume of its own, m3 (assumed).
+    /// Volume that it adds to a joint without a separate volume, m3 (assumed).
     pub volume: f64,
 }
 
-/// A port of gas that brings the volume of a small fitting to its joint.
+/// Returns a gas port that adds the volume of a small fitting to its joint.
 pub const fn gas(name: &'static str) -> Port {
     Port {
         name,
@@ -119,22 +119,22 @@ pub const fn gas(name: &'static str) -> Port {
     }
 }
 
-/// The same, open to the ambient air where nothing is joined to it.
+/// Returns the same port, open to the ambient air if nothing is joined to it.
 pub const fn exhaust(name: &'static str) -> Port {
     Port { exhaust: true, ..gas(name) }
 }
 
-/// A port that pressure alone acts on.
+/// Returns a port that senses only pressure.
 pub const fn pilot(name: &'static str) -> Port {
     Port { kind: PortKind::Pilot, volume: 0.0, ..gas(name) }
 }
 
-/// A port of a volume, which includes that of the port.
+/// Returns a port of a volume, which includes the volume of the port.
 pub const fn chamber(name: &'static str) -> Port {
     Port { holds: Holds::Volume, volume: 0.0, ..gas(name) }
 }
 
-/// A port of a moving mass.
+/// Returns a port of a moving mass.
 pub const fn axis(name: &'static str, optional: bool) -> Port {
     Port { name, kind: PortKind::Axis, exhaust: false, optional, holds: Holds::Nothing, volume: 0.0 }
 }
@@ -169,21 +169,21 @@ pub struct Kind {
     pub text: &'static str,
     /// Keys in references.bib.
     pub sources: &'static [&'static str],
-    /// Its ports; [`Terminals`] has the nodes in this order.
+    /// Its ports, in the order of the nodes in [`Terminals`].
     pub ports: &'static [Port],
     /// Its parameters.
     pub parameters: &'static [Row],
-    /// Its choices, which are no numbers.
+    /// Its choices, which are words and not numbers.
     pub choices: &'static [Choice],
-    /// Its additions: formula or points.
+    /// Its additional parameters: formula or points.
     pub extra: Extra,
-    /// Gas can always pass between its ports.
+    /// Whether gas can always pass between its ports.
     pub open: bool,
-    /// It takes a friction table.
+    /// Whether it accepts a friction table.
     pub friction: bool,
-    /// It has to be given one.
+    /// Whether it requires a friction table.
     pub needs_friction: bool,
-    /// Keys of numbers that only the schedule sees, or that are rounded: no derivative is taken by them.
+    /// Keys of numbers that only the schedule uses, or that are rounded. Derivatives by them do not exist.
     pub discrete: &'static [&'static str],
     /// Its inputs.
     pub inputs: &'static [Variable],
@@ -194,7 +194,7 @@ pub struct Kind {
 }
 
 impl Kind {
-    /// Defaults of most kinds.
+    /// Default values of most kinds.
     pub const PLAIN: Kind = Kind {
         key: "",
         title: "",
@@ -213,7 +213,7 @@ impl Kind {
         symbol: Symbol::BOX,
     };
 
-    /// Whether a word of its table is taken, so that no parameter of a formula may be called so.
+    /// Returns whether a word of its table is reserved, so that a formula cannot use it as a parameter.
     fn takes(&self, key: &str) -> bool {
         ["kind", "at", "use", "copies", "formula", "friction"].contains(&key)
             || self.choices.iter().map(|choice| choice.name).any(|name| name == key)
@@ -226,39 +226,39 @@ impl Kind {
 pub struct Instance<P> {
     /// Its name in the circuit.
     pub name: String,
-    /// The place of its kind in [`kinds`].
+    /// Index of its kind in [`kinds`].
     pub kind: usize,
     pub(crate) extra: Given<P>,
-    /// None where it is left out and has no default.
+    /// `None` for a parameter that is left out and has no default.
     pub numbers: Vec<Option<P>>,
-    /// Which of them something is differentiated by, in this pass of directions or another.
+    /// Numbers that are differentiated in any pass of directions.
     pub free: Vec<bool>,
-    /// Which option of each choice.
+    /// Selected option of each choice.
     pub choices: Vec<usize>,
-    /// Its friction, where it has been given any.
+    /// Its friction, if given.
     pub friction: Option<Contact<P>>,
 }
 
 impl<P> Instance<P> {
-    /// The option of a choice, if it has that.
+    /// Returns the option of a choice, if the component has this choice.
     pub(crate) fn chosen(&self, choice: &str) -> Option<&'static str> {
         let mut each = self.kind().choices.iter().zip(&self.choices);
         each.find(|(own, _)| own.name == choice).map(|(own, option)| own.options[*option])
     }
 
-    /// The table of its kind.
+    /// Returns the table of its kind.
     pub fn kind(&self) -> &'static Kind {
         self.extra.kind(registry::kind(self.kind))
     }
 }
 
 impl<P: Lane> Instance<P> {
-    /// What it brings to the joint at one of its ports, where the ambient air has this temperature, K.
+    /// Returns its contribution to the joint at one of its ports, for this temperature of the ambient air, K.
     pub fn brings(&self, port: usize, ambient_temperature: P) -> Brings<P> {
         bring(self, port, ambient_temperature)
     }
 
-    /// The component of a kind, by the key of that, with numbers by the keys of its parameters.
+    /// Creates a component of a kind with this key, with numbers by the keys of its parameters.
     pub fn new(name: &str, kind: &str, number: impl Fn(&str) -> Option<(P, bool)>) -> Self {
         let kind = KINDS.iter().position(|own| own.key == kind).expect("a kind of component");
         let each = || KINDS[kind].parameters.iter().map(|parameter| number(parameter.key));
@@ -280,49 +280,49 @@ impl<P: Lane> Instance<P> {
         place.expect("a parameter of this kind")
     }
 
-    /// A number that may be left out.
+    /// Returns an optional number.
     pub fn given(&self, key: &str) -> Option<P> {
         self.numbers[self.place(key)]
     }
 
-    /// Its points: rows in the order of its kind's columns; none where its kind takes none.
+    /// Returns its points: rows in the order of its kind's columns, or `None` if its kind has no points.
     pub fn points(&self) -> &[Vec<P>] {
         if let Given::Points(rows) = &self.extra { rows } else { &[] }
     }
 
-    /// Whether something is differentiated by a number.
+    /// Returns whether a number is differentiated.
     pub fn is_free(&self, key: &str) -> bool {
         self.free[self.place(key)]
     }
 
-    /// Whether something is differentiated by a number, if it has that.
+    /// Returns whether a number is differentiated, if the component has this number.
     fn varies(&self, key: &str) -> bool {
         self.kind().parameters.iter().any(|row| row.key == key) && self.is_free(key)
     }
 
-    /// A number that is there: checked before.
+    /// Returns a number that exists: it was checked before.
     pub fn number(&self, key: &str) -> P {
         self.given(key).expect("a number that was checked")
     }
 
-    /// The law of a flow path of this component with the sonic conductance called `conductance`.
+    /// Returns the law of a flow path of this component with the named sonic conductance.
     pub fn path(&self, conductance: &str, build: &Build<P>) -> Iso6358<P> {
         self.path_of(self.number(conductance), build)
     }
 
-    /// The same with a sonic conductance, m3/(s Pa).
+    /// Returns the same for a sonic conductance, m3/(s Pa).
     pub fn path_of(&self, conductance: P, build: &Build<P>) -> Iso6358<P> {
         self.law(conductance, self.number("critical_pressure_ratio"), build)
     }
 
-    /// What a path with a sonic conductance brings to others in series, which are merged by a rule for the subsonic
-    /// index 0.5.
+    /// Returns the contribution of a path with a sonic conductance to others in series. Such paths are merged by a rule
+    /// for the subsonic index 0.5.
     pub fn in_series(&self, conductance: P) -> Option<[P; 2]> {
         let is_usual = self.number("subsonic_index").get(0) == 0.5;
         is_usual.then(|| [conductance, self.number("critical_pressure_ratio")])
     }
 
-    /// The law of a path to the exhaust, which is that of the supply where nothing is said.
+    /// Returns the law of a path to the exhaust. The default is the law of the supply path.
     fn exhaust_path(&self, build: &Build<P>) -> Iso6358<P> {
         let conductance = self.given("exhaust_conductance").unwrap_or_else(|| self.number("conductance"));
         let ratio = self.given("exhaust_critical_pressure_ratio");
@@ -343,7 +343,7 @@ impl<P: Lane> Instance<P> {
     }
 }
 
-/// The contribution of a component to the joint at one of its ports.
+/// Contribution of a component to the joint at one of its ports.
 #[allow(missing_docs)] // of fields: each variant names its own, in their order
 #[derive(Clone, Debug)]
 pub enum Brings<P> {
@@ -353,11 +353,11 @@ pub enum Brings<P> {
     Reservoir { pressure: P, temperature: P },
     /// A volume.
     Volume(Vessel<P>),
-    /// A volume, m3, that comes to that of the joint.
+    /// A volume, m3, that is added to that of the joint.
     Room { volume: P },
     /// A moving mass, kg, on an incline, rad, with an external force in +x, N, and with friction.
     Mass { mass: P, incline: Option<P>, force: P, friction: Option<Contact<P>> },
-    /// A motion that nothing bends.
+    /// A prescribed motion that no force changes.
     Motion,
     /// A mass coupled to another by a ratio that depends on the position.
     Along,
@@ -368,9 +368,9 @@ pub enum Brings<P> {
 pub struct Vessel<P> {
     /// The balance of its gas.
     pub law: ChamberLaw,
-    /// Volume that no piston takes, m3.
+    /// Volume outside the stroke of a piston, m3.
     pub dead_volume: P,
-    /// Wetted wall of that, m2.
+    /// Wetted wall of that volume, m2.
     pub wall: P,
     /// Heat-transfer coefficient to the wall, W/(m2 K).
     pub heat_transfer: P,
@@ -381,11 +381,11 @@ pub struct Vessel<P> {
 /// The node at a port.
 #[derive(Clone, Copy, Debug)]
 pub enum Node {
-    /// A point where gas is.
+    /// A gas node.
     Gas(GasId),
     /// A moving mass.
     Axis(AxisId),
-    /// Nothing is joined to it.
+    /// An unconnected port.
     Shut,
 }
 
@@ -393,12 +393,12 @@ pub enum Node {
 pub struct Terminals<'a>(pub &'a [Node]);
 
 impl Terminals<'_> {
-    /// The gas at a port.
+    /// Returns the gas at a port.
     pub fn gas(&self, port: usize) -> Option<GasId> {
         if let Node::Gas(id) = self.0[port] { Some(id) } else { None }
     }
 
-    /// The mass at a port.
+    /// Returns the mass at a port.
     pub fn axis(&self, port: usize) -> Option<AxisId> {
         if let Node::Axis(id) = self.0[port] { Some(id) } else { None }
     }
@@ -409,18 +409,18 @@ pub trait Component: 'static {
     /// Its table.
     const KIND: Kind;
 
-    /// Its contribution to the joint at a port.
+    /// Returns its contribution to the joint at a port.
     fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
         Brings::Nothing
     }
 
-    /// Sonic conductance, m3/(s Pa), and critical pressure ratio of a path between its first two ports, always open, that
-    /// can be merged with others in series. Its outputs are flows along it.
+    /// Returns sonic conductance, m3/(s Pa), and critical pressure ratio of a path between its first two ports. The
+    /// path is always open and can be merged with others in series. Its outputs are flows along it.
     fn series<P: Lane>(_own: &Instance<P>) -> Option<[P; 2]> {
         None
     }
 
-    /// A rule between its numbers.
+    /// Checks a rule between its numbers.
     fn check(_own: &Instance<f64>) -> Result<(), Error> {
         Ok(())
     }
@@ -518,7 +518,7 @@ components! {
     inertia::Toggle,
     bumper::Bumper,
     shock_absorber::ShockAbsorber,
-    // Last: the end stops of a cylinder follow from what is joined to it.
+    // Last, because the end stops of a cylinder depend on the components joined to it.
     cylinder::Rodless,
     cylinder::ThroughRod,
     cylinder::SingleRod,
@@ -526,7 +526,7 @@ components! {
     cylinder::Tandem,
 }
 
-/// Least volume of a joint to which ports bring `ports` m3.
+/// Returns the least volume of a joint to which ports add `ports` m3.
 pub(crate) fn joint_volume(ports: f64) -> f64 {
     ports.max(LEAST_VOLUME)
 }

@@ -1,30 +1,30 @@
-//! The gas that a run draws from outside, read off the accepted steps.
+//! Gas that a run draws from outside, computed from the accepted steps.
 
 use crate::circuit::{Circuit, Path};
 use crate::net::Net;
 use math::Lane;
 use ode::{Accepted, Output, System};
 
-/// Points of a step, as shares of it, at which flows are looked at: those of Gauss' rule, whose weights are a half each.
+/// Gauss points of a step, as fractions of its length, at which flows are evaluated. Their weights are one half each.
 const POINTS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 
 /// Masses that have passed the paths over the boundary of a circuit.
 #[derive(Clone)]
 pub(crate) struct Drawn<R: Lane> {
-    /// Each path, its positive direction inward, and the mass, kg.
+    /// Each path, positive inward, and its mass, kg.
     paths: Vec<(Path, R)>,
     net: Net<R>,
 }
 
 impl<R: Lane> Drawn<R> {
-    /// Nothing yet.
+    /// Returns an empty record.
     pub fn of(circuit: &Circuit<R>) -> Self {
         Drawn { paths: circuit.inlets().map(|path| (path, R::zero())).collect(), net: circuit.work() }
     }
 }
 
 impl Drawn<f64> {
-    /// What came in, kg: each path by what it gave on balance.
+    /// Returns the mass that came in, kg: the net mass of each path.
     pub fn mass(&self) -> f64 {
         self.paths.iter().map(|(_, mass)| mass.max(0.0)).sum()
     }

@@ -1,4 +1,4 @@
-//! Impacts on the end stops, read off the accepted steps.
+//! Impacts on the end stops, computed from the accepted steps.
 
 use crate::circuit::AxisId;
 use crate::part::{Axis, EndStops};
@@ -7,32 +7,32 @@ use ode::Accepted;
 /// A contact with an end stop.
 #[derive(Clone, Copy, Debug)]
 pub struct Impact {
-    /// The axis that meets the stop.
+    /// Axis that hits the stop.
     pub axis: AxisId,
-    /// When it begins, s.
+    /// Start time, s.
     pub time: f64,
-    /// At the end of chamber b, else at that of chamber a.
+    /// Whether it is at the end of chamber b. Otherwise it is at the end of chamber a.
     pub at_b: bool,
     /// Closing speed at the first touch, m/s.
     pub speed: f64,
-    /// Kinetic energy then, J.
+    /// Kinetic energy at the first touch, J.
     pub energy: f64,
     /// Largest depth, m.
     pub depth: f64,
-    /// Largest force of the stop and of what is behind it, N.
+    /// Largest force of the stop and the cover behind it, N.
     pub force: f64,
-    /// The stop was pressed through: the piston met the cover.
+    /// Whether the stop was fully compressed, so that the piston hit the cover.
     pub through: bool,
 }
 
-/// Least speed of a contact, m/s: a piston that is held against a stop trembles on it (assumed).
+/// Least speed of a contact, m/s. A piston that is pressed against a stop trembles slightly (assumed).
 const LEAST_SPEED: f64 = 1e-3;
-/// Points of a step in contact at which depth and force are looked at.
+/// Points of a step in contact at which depth and force are evaluated.
 const POINTS: u32 = 8;
-/// Halvings that find the first touch within a step: to a millionth of it.
+/// Halvings for the first touch within a step: a resolution of one millionth of the step.
 const HALVINGS: u32 = 20;
 
-/// Follows one mass; x and v are the states `first` and `first + 1`.
+/// Follows one mass. x and v are the states `first` and `first + 1`.
 pub(crate) struct Impacts {
     stops: EndStops<f64>,
     axis: Axis<f64>,
@@ -50,7 +50,7 @@ impl Impacts {
         x < 0.0 || x > self.stops.stroke
     }
 
-    /// Looks at an accepted step.
+    /// Evaluates an accepted step.
     #[inline(always)]
     pub fn step(&mut self, t: f64, h: f64, states: &mut Accepted<'_, f64>) {
         let (before, after) = (states.before()[self.first], states.after()[self.first]);
@@ -107,7 +107,7 @@ impl Impacts {
         self.done.extend(self.open.take().filter(|impact| impact.speed >= LEAST_SPEED || impact.through));
     }
 
-    /// All impacts of the run, one that goes on included.
+    /// Returns all impacts of the run, including one that has not ended.
     pub fn finish(mut self) -> Vec<Impact> {
         self.close();
         self.done

@@ -1,18 +1,18 @@
-//! Work that is done in pieces by several threads, while the caller looks whether to go on.
+//! Work in pieces on several threads, while the caller checks whether to continue.
 
 use crate::run::Error;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-/// Between two looks at whether the user wants to stop.
+/// Time between two checks for an interruption.
 const LOOK: Duration = Duration::from_millis(20);
-/// Stack of a thread, bytes: numbers with derivatives of derivatives are large.
+/// Stack of a thread, bytes. Numbers with second derivatives are large.
 const STACK: usize = 16 << 20;
 
-/// Does the pieces 0 to `jobs - 1` by at most `threads` threads. Each makes its own worker by `worker`; `work` does a
-/// piece, and is given what says that it may give up. What it gives goes to `take` on the caller's thread, in any order.
-/// False where `interrupted` has said to stop: pieces taken until then are taken.
+/// Does the pieces 0 to `jobs - 1` on at most `threads` threads. Each thread makes its worker by `worker`. `work` does
+/// a piece, and receives a flag that allows it to stop early. `take` receives each result on the caller's thread, in
+/// any order. Returns false if `interrupted` has requested a stop. Results taken before then stay valid.
 pub fn run_jobs<W, T: Send>(
     (threads, jobs): (usize, usize),
     worker: impl Fn() -> W + Sync,
@@ -60,7 +60,7 @@ pub fn run_jobs<W, T: Send>(
                 looked = Instant::now();
             }
         };
-        // Whoever still works on a piece that nobody takes gives up.
+        // A thread stops early if its piece is no longer needed.
         let stopped = stop.swap(true, Ordering::Relaxed);
         done.map(|()| !stopped)
     })

@@ -1,8 +1,8 @@
-//! Mass, energy and entropy accounts, as quadratures: flows over the boundary, and production.
+//! Balances of mass, energy and entropy, as quadratures: flows over the boundary, and production.
 
 use crate::circuit::Circuit;
 
-/// Quantity of a quadrature. Flows count positive into the circuit's gas, masses and springs.
+/// Quantity of a quadrature. Flows are positive into the circuit's gas, masses and springs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Mass from a reservoir, kg.
@@ -11,13 +11,13 @@ pub enum Kind {
     Energy,
     /// Entropy carried by gas or heat over the boundary of the gas, J/K.
     EntropyIn,
-    /// Entropy produced in the gas, J/K; never falls.
+    /// Entropy produced in the gas, J/K. It never falls.
     EntropyOfGas,
-    /// Entropy produced in solids by friction and dampers, J/K; never falls.
+    /// Entropy produced in solids by friction and dampers, J/K. It never falls.
     EntropyOfSolid,
 }
 
-/// One account.
+/// One balance.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Channel {
     /// Its part and quantity.
@@ -26,30 +26,30 @@ pub struct Channel {
     pub kind: Kind,
 }
 
-/// The three balances closed: change of the stored quantity minus inflow.
+/// The three closed balances: change of the stored quantity minus inflow.
 #[derive(Clone, Debug)]
 pub struct Balance {
-    /// Mass stored minus mass that came in, relative to the mass that was stored or moved, -.
+    /// Stored mass minus net inflow, relative to the mass that was stored or moved, -.
     pub mass_error: f64,
-    /// Energy stored minus energy that came in, relative to the energy turned over, or to what speed, height, a
-    /// chamber or a spring stores and gives back where that is more, or at least to a 300th of all that is stored, -.
+    /// Stored energy minus net inflow, -. The reference is the energy throughput, or the energy that masses, chambers
+    /// and springs exchange if it is larger. It is at least 1/300 of the stored energy.
     pub energy_error: f64,
-    /// Entropy of the gas minus what came in and what was produced, relative to what was turned over, -.
+    /// Entropy of the gas minus inflow and production, relative to the entropy throughput, -.
     pub entropy_error: f64,
-    /// The least growth of any production account between two samples, J/K; negative breaks the second law.
+    /// Least growth of any production between two samples, J/K. A negative value violates the second law.
     pub least_production: f64,
-    /// Energy turned over, J: the sum of the magnitudes of all energy accounts.
+    /// Energy throughput, J: the sum of the magnitudes of all energy balances.
     pub turnover: f64,
-    /// Every account: name, kind, total; those of one name are one.
+    /// Every balance: name, kind, total. Balances of one name are added.
     pub accounts: Vec<(String, Kind, f64)>,
 }
 
-/// What is turned over counts as no less than this share of what is stored, so that an error of `rtol` of what is stored
-/// is one of 300 `rtol`: each state, the energy of a gas among them, is known to that. Where a piston at rest trembles on
-/// a stiff stop, less is turned over.
+/// Least throughput as a fraction of the stored quantity. Each state, including the energy of a gas, has a relative
+/// error of `rtol`. An error of `rtol` of the stored quantity then counts as 300 `rtol`. A piston that trembles at rest
+/// on a stiff stop has a smaller throughput.
 const LEAST_SHARE: f64 = 1.0 / 300.0;
 
-/// Data of the ledger at one sample: the stored energy of a part may depend on its mode.
+/// Data of the ledger at one sample. The stored energy of a part may depend on its mode.
 #[derive(Clone, Debug)]
 pub struct Entry {
     /// Mass, kg, energy, J, and entropy of the gas, J/K.
@@ -60,19 +60,19 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// That of a state, accounts included.
+    /// Returns the data of a state with its balances.
     pub fn of(circuit: &Circuit<f64>, y: &[f64]) -> Self {
         let (stored, accounts) = circuit.books(y);
         Entry { stored, accounts, stores: circuit.stores(y) }
     }
 }
 
-/// The accounts of a run closed, from its states at the samples (accounts included).
+/// Closes the balances of a run, from its states at the samples (balances included).
 pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
     closed(circuit, &samples.iter().map(|y| Entry::of(circuit, y)).collect::<Vec<_>>())
 }
 
-/// The accounts of a run closed, from the data at its samples.
+/// Closes the balances of a run, from the data at its samples.
 pub(crate) fn closed(circuit: &Circuit<f64>, entries: &[Entry]) -> Balance {
     let [first, last] =
         [entries.first(), entries.last()].map(|entry| entry.expect("at least the initial state"));
@@ -90,7 +90,7 @@ pub(crate) fn closed(circuit: &Circuit<f64>, entries: &[Entry]) -> Balance {
     }
     let turnover = turned(Kind::Energy);
     let entropy_turnover = turned(Kind::EntropyIn) + produced.abs();
-    // What swings between a mass and a spring or a gas, again and again, is in no account.
+    // Energy that oscillates between a mass and a spring or a gas does not appear in any balance.
     let swing = (0..entries[0].stores.len()).map(|store| {
         let each = entries.iter().map(|entry| entry.stores[store]);
         each.clone().fold(f64::MIN, f64::max) - each.fold(f64::MAX, f64::min)
@@ -113,7 +113,7 @@ pub(crate) fn closed(circuit: &Circuit<f64>, entries: &[Entry]) -> Balance {
     }
 }
 
-/// Accounts of one name as one: both chambers of a cylinder, all edges of a valve.
+/// Adds the balances of one name: both chambers of a cylinder, all edges of a valve.
 fn summed<'c>(each: impl Iterator<Item = (&'c Channel, f64)>) -> Vec<(String, Kind, f64)> {
     let mut all: Vec<(String, Kind, f64)> = Vec::new();
     for (Channel { name, kind }, value) in each {

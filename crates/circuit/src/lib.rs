@@ -1,12 +1,11 @@
 //! Volumes, restrictions, pistons and springs joined into one system of equations.
 //!
-//! A [`Circuit`] is parts and the nodes that join them: gas nodes carry pressure, temperature, mass
-//! and enthalpy flow; axes carry position, velocity and force. [`Drive`] and [`Tank`] are assemblies
-//! made of nothing but public parts.
+//! A [`Circuit`] consists of parts and the nodes that join them. Gas nodes carry pressure, temperature, mass and
+//! enthalpy flow. Axes carry position, velocity and force. [`Drive`] and [`Tank`] are assemblies of public parts only.
 
 #![warn(missing_docs)]
 
-/// The crates that components of another crate are written with.
+/// The crates that a crate with components needs.
 pub use {math, ode, physics, specification};
 
 mod assembly;

@@ -5,13 +5,13 @@ use math::Lane;
 use serde_json::Value;
 use specification::FromJson;
 
-/// A description, and which of its numbers are free: a table of the same shape holds the index of each number, so that
-/// a derivative is a comparison, and nothing is read twice.
+/// A description and its free numbers. A table of the same shape holds the index of each number. A derivative is then a
+/// comparison, and the description is read only once.
 #[derive(Clone, Debug)]
 pub(crate) struct Seeds<T> {
     pub value: T,
     index: T,
-    /// The index of the number of each direction.
+    /// Index of the number of each direction.
     free: Vec<f64>,
 }
 
@@ -21,43 +21,43 @@ pub(crate) struct Lifted<'a, T> {
     pub value: &'a T,
     index: Option<&'a T>,
     free: &'a [f64],
-    /// The direction that the first derivative of a number is.
+    /// Direction of the first derivative of a number.
     first: usize,
 }
 
 impl<'a, T> Lifted<'a, T> {
-    /// The numbers as they are.
+    /// Returns the numbers without derivatives.
     pub fn plain(value: &'a T) -> Self {
         Lifted { value, index: None, free: &[], first: 0 }
     }
 
-    /// Numbers with derivatives in consecutive directions, beginning with `first`.
+    /// Returns numbers with derivatives in consecutive directions, starting with `first`.
     pub fn new(seeds: &'a Seeds<T>, first: usize) -> Self {
         Lifted { value: &seeds.value, index: Some(&seeds.index), free: &seeds.free, first }
     }
 
-    /// A table of this table.
+    /// Returns a table inside this table.
     pub fn table<U>(&self, f: impl Fn(&'a T) -> &'a U) -> Lifted<'a, U> {
         Lifted { value: f(self.value), index: self.index.map(f), free: self.free, first: self.first }
     }
 
-    /// A table that may be absent.
+    /// Returns a table that may be absent.
     pub fn optional<U>(&self, f: impl Fn(&'a T) -> Option<&'a U>) -> Option<Lifted<'a, U>> {
         f(self.value)?;
         Some(self.table(|table| f(table).expect("indices have the shape of the value")))
     }
 
-    /// The table, and the one of its shape that holds a number wherever one is free.
+    /// Returns the table, and the table of its shape that has a number wherever one is free.
     pub fn tables(&self) -> impl Iterator<Item = &'a T> {
         std::iter::once(self.value).chain(self.index)
     }
 
-    /// One number of the table; `f` picks it and leaves it as it is.
+    /// Returns one number of the table. `f` selects it and leaves it unchanged.
     pub fn number<P: Lane>(&self, f: impl Fn(&T) -> f64) -> P {
         self.number_or(0.0, |table| Some(f(table)))
     }
 
-    /// One number, with its default if it is absent.
+    /// Returns one number, with its default if it is absent.
     pub fn number_or<P: Lane>(&self, default: f64, f: impl Fn(&T) -> Option<f64>) -> P {
         let index = self.index.and_then(&f);
         P::from_parts(|part| match part {
@@ -68,18 +68,18 @@ impl<'a, T> Lifted<'a, T> {
         })
     }
 
-    /// Several numbers.
+    /// Returns several numbers.
     pub fn numbers<P: Lane, const N: usize>(&self, f: impl Fn(&T) -> [f64; N]) -> [P; N] {
         std::array::from_fn(|i| self.number(|table| f(table)[i]))
     }
 
-    /// Whether any direction, of this pass or another, changes this number.
+    /// Returns whether any direction, of this pass or another, changes this number.
     pub fn is_free(&self, f: impl Fn(&T) -> f64) -> bool {
         self.index.is_some_and(|index| self.free.contains(&f(index)))
     }
 }
 
-/// A table with its numbers called `names` free: paths of the core's JSON below `root`, such as
+/// Returns a table whose numbers `names` are free. The names are paths of the core's JSON below `root`, such as
 /// "friction.parameters.coulomb".
 pub(crate) fn seeds<T: FromJson>(json: &str, root: &str, names: &[String]) -> Result<Seeds<T>, Error> {
     let unfit = |error| Error::Specification(format!("the core cannot read the description: {error}"));
@@ -91,12 +91,12 @@ pub(crate) fn seeds<T: FromJson>(json: &str, root: &str, names: &[String]) -> Re
     let mut index = table.clone();
     for (path, name) in paths.iter().zip(names) {
         if path.starts_with("gas.") {
-            // A component is measured with air: another gas is another law of flow.
+            // A component is measured with air. Another gas needs another flow law.
             return Err(Error::Specification(format!(
                 "\"{name}\" is a number of the gas and cannot be free"
             )));
         }
-        // A parameter that is not given has its default, and is a number all the same.
+        // A parameter that is not given has its default, and is still a number.
         let may_be_absent = path
             .rsplit_once('.')
             .is_some_and(|(parent, _)| parent.ends_with("parameters") || parent.ends_with("pressure"));
@@ -117,7 +117,7 @@ pub(crate) fn seeds<T: FromJson>(json: &str, root: &str, names: &[String]) -> Re
 /// Numbers that a description omits if zero, but that may be free.
 fn add_absent(table: &mut Value, path: &str) {
     let (what, with) = match path.rsplit_once('.') {
-        // Seal lips that no pressure acts on.
+        // Seal lips without an effect of pressure.
         Some((lips, _)) if lips == "pressure" || lips.ends_with("friction.pressure") => {
             (lips, serde_json::json!({}))
         }
@@ -131,7 +131,7 @@ fn add_absent(table: &mut Value, path: &str) {
     }
 }
 
-/// The path of `name` in the table called `root`.
+/// Returns the path of `name` in the table `root`.
 fn below(root: &str, name: &str) -> Result<String, Error> {
     if root.is_empty() {
         return Ok(name.into());
@@ -140,7 +140,7 @@ fn below(root: &str, name: &str) -> Result<String, Error> {
     path.map(str::to_string).ok_or_else(|| Error::Specification(format!("\"{name}\" lies outside {root}")))
 }
 
-/// The value at a path; with `add`, a missing last key is added.
+/// Returns the value at a path. With `add`, a missing last key is added.
 fn place<'v>(table: &'v mut Value, path: &str, add: bool) -> Option<&'v mut Value> {
     let mut at = table;
     let mut keys = path.split('.').peekable();
@@ -159,7 +159,7 @@ fn place<'v>(table: &'v mut Value, path: &str, add: bool) -> Option<&'v mut Valu
     Some(at)
 }
 
-/// Gives every number the next index, from one on.
+/// Gives every number the next index, starting at one.
 fn number(value: &mut Value, last: &mut f64) {
     match value {
         Value::Number(_) => {
@@ -172,7 +172,7 @@ fn number(value: &mut Value, last: &mut f64) {
     }
 }
 
-/// The paths of all numbers of a table.
+/// Returns the paths of all numbers of a table.
 fn numbers(value: &Value, path: &str, out: &mut Vec<String>) {
     let key = |key: &str| if path.is_empty() { key.to_string() } else { format!("{path}.{key}") };
     match value {
@@ -180,7 +180,7 @@ fn numbers(value: &Value, path: &str, out: &mut Vec<String>) {
         Value::Array(list) => {
             list.iter().enumerate().for_each(|(i, value)| numbers(value, &key(&i.to_string()), out));
         }
-        // The bounds of a law of one's own are no numbers of the drive.
+        // The bounds of a custom law are not numbers of the drive.
         Value::Object(map) => {
             let own = map.iter().filter(|(name, _)| *name != "formula");
             own.for_each(|(name, value)| numbers(value, &key(name), out));

@@ -6,7 +6,7 @@ use physics::chamber::GasState;
 use physics::flow::End;
 use std::ops::{Deref, Index};
 
-/// A point where gas is: a volume or a reservoir. It reads as the [`GasState`] of its gas.
+/// A gas node: a volume or a reservoir. It can be used as the [`GasState`] of its gas.
 #[derive(Clone, Copy, Debug)]
 pub struct GasNode<S> {
     /// Volume, m3.
@@ -15,8 +15,8 @@ pub struct GasNode<S> {
     pub volume_rate: S,
     /// Wetted wall, m2.
     pub wall: S,
-    /// Pressure and temperature, with the reciprocals that all restrictions of the node share. It is set as a whole:
-    /// one that follows the pressure no longer would be noticed by nobody but the step size.
+    /// Pressure and temperature, with the reciprocals that all restrictions of the node share. It is always set as a
+    /// whole. A stale reciprocal would show only in the step size.
     state: GasState<S>,
     /// Net mass flow into the node, kg/s.
     pub m_dot: S,
@@ -33,9 +33,9 @@ pub struct AxisNode<S> {
     pub x: S,
     /// Velocity, m/s.
     pub v: S,
-    /// Sum of all forces in +x but friction, N.
+    /// Sum of all forces in +x except friction, N.
     pub force: S,
-    /// Friction force, N, positive where it opposes v > 0.
+    /// Friction force, N, positive if it opposes v > 0.
     pub friction: S,
     /// Force of the end stops in +x, N.
     pub end_stop: S,
@@ -45,26 +45,26 @@ pub struct AxisNode<S> {
     pub gauge_a: S,
     /// Gauge pressure at the seal of chamber b, Pa.
     pub gauge_b: S,
-    /// What the friction law prepared for this velocity.
+    /// Values that the friction law prepared for this velocity.
     pub prepared: S,
 }
 
 /// All nodes of a circuit, and its gas constants in the scalar of the evaluation.
 #[derive(Clone, Debug)]
 pub struct Net<S> {
-    /// Nodes of gas; a [`GasId`] is the index of one.
+    /// Gas nodes. A [`GasId`] is an index of a gas node.
     pub gas: Vec<GasNode<S>>,
-    /// Moving masses; an [`AxisId`] is the index of one.
+    /// Moving masses. An [`AxisId`] is an index of a moving mass.
     pub axis: Vec<AxisNode<S>>,
-    /// Numbers that parts tell each other or themselves: written with the positions, read after the pressures.
+    /// Signals between parts: written in the phase of positions, and read after the pressures.
     pub signal: Vec<S>,
     /// Specific heat capacity at constant pressure, J/(kg K).
     pub cp: S,
-    /// Specific enthalpy of each gas node, J/kg, of a gas that is not ideal. One that is has cp T, and this is empty.
+    /// Specific enthalpy of each gas node, J/kg, for a real gas. It is empty for an ideal gas, whose enthalpy is cp T.
     pub enthalpy: Vec<S>,
-    /// Room for rates that nobody reads, when only the nodes are observed.
+    /// Workspace for rates that are not read, when only the nodes are observed.
     pub(crate) rates: Vec<S>,
-    /// Which values of the reservoirs it holds: see `Circuit::filled`.
+    /// Number of the reservoir values that it holds: see `Circuit::filled`.
     pub(crate) filled: u64,
 }
 
@@ -105,32 +105,32 @@ impl<S> Deref for GasNode<S> {
 }
 
 impl<S: Real> GasNode<S> {
-    /// The node as the end of a flow path.
+    /// Returns the node as the end of a flow path.
     #[inline(always)]
     pub fn end(&self) -> End<S> {
         End { p: self.p, inverse_p: self.inverse_p, choked: self.p * self.inverse_sqrt_t }
     }
 
-    /// A node with gas at this state.
+    /// Creates a node with gas at this state.
     pub(crate) fn at(state: GasState<S>) -> Self {
         let mut node = Self::empty();
         node.fill(state);
         node
     }
 
-    /// Takes over the state of its gas.
+    /// Copies the state of its gas.
     #[inline(always)]
     pub(crate) fn fill(&mut self, state: GasState<S>) {
         self.state = state;
     }
 
-    /// Sets the pressure, Pa absolute, at the temperature that it has.
+    /// Sets the pressure, Pa absolute, at the present temperature.
     #[inline(always)]
     pub fn set_pressure(&mut self, p: S) {
         self.state = GasState { p, inverse_p: S::one() / p, ..self.state };
     }
 
-    /// No volume and no flow; pressure and temperature one, so that nothing divides by zero.
+    /// A node without volume and flow. Pressure and temperature are one, so that no division by zero occurs.
     #[inline(always)]
     pub(crate) fn empty() -> Self {
         let (o, one) = (S::zero(), S::one());

@@ -1,5 +1,5 @@
-//! What a crate of its own needs to add a component: the table ([`ComponentKind`], [`table!`](crate::table)), what it is
-//! made of ([`Build`]), and parts with equations of their own ([`own_part!`](crate::own_part), [`Part`]).
+//! Items for a separate crate that adds a component. They are the table ([`ComponentKind`], [`table!`](crate::table)), the
+//! builder ([`Build`]), and parts with their equations ([`own_part!`](crate::own_part), [`Part`]).
 //! `examples/own-component` is such a crate.
 
 pub use crate::component::{

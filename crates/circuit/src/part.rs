@@ -104,9 +104,9 @@ pub enum Of {
 /// A state of a part.
 #[derive(Clone, Copy, Debug)]
 pub struct State {
-    /// Ends with its unit, as the name of a column does.
+    /// Name of a state. It ends with the unit, like the name of a column.
     pub name: &'static str,
-    /// Its unit in SI; `-` or `1` for a pure number.
+    /// Its unit in SI: `-` or `1` for a pure number.
     pub unit: &'static str,
     /// Absolute error scale, in the unit.
     pub scale: f64,
@@ -115,12 +115,12 @@ pub struct State {
 }
 
 impl State {
-    /// A state of a part itself.
+    /// Returns a state that belongs to the part itself.
     pub fn own(name: &'static str, unit: &'static str, scale: f64) -> Self {
         State { name, unit, scale, of: Of::Part }
     }
 
-    /// The same of what has a name of its own.
+    /// Returns the same for a state with a separate name.
     pub(crate) fn of(self, of: Of) -> Self {
         State { of, ..self }
     }
@@ -133,11 +133,11 @@ pub struct Input {
     pub name: &'static str,
     /// Its unit in SI; `1` for a pure number.
     pub unit: &'static str,
-    /// The values that it may take, in the unit.
+    /// Allowed values, in the unit.
     pub bounds: Bounds,
 }
 
-/// An input of a circuit: the kind of part, which of them, and which of its inputs.
+/// An input of a circuit: the kind and index of its part, and the index of the input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InputId {
     pub(crate) kind: PartKind,
@@ -145,7 +145,7 @@ pub struct InputId {
     pub(crate) input: usize,
 }
 
-/// A part of a circuit: its kind, and which of them.
+/// A part of a circuit: its kind and index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PartId {
     pub(crate) kind: PartKind,
@@ -159,7 +159,7 @@ impl PartId {
     }
 }
 
-/// An event of a circuit: the kind of part, which of them, and which of its events.
+/// An event of a circuit: the kind and index of its part, and the index of the event.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EventId {
     kind: PartKind,
@@ -167,14 +167,14 @@ pub(crate) struct EventId {
     event: usize,
 }
 
-/// Start of a run by node; default: zero.
+/// Start of a run by node. The default is zero.
 #[derive(Clone, Copy, Debug)]
 pub struct Given<'a, R> {
     /// Pressure, Pa absolute, and temperature, K.
     pub gas: &'a [(GasId, R, R)],
     /// Position, m, and velocity, m/s.
     pub axes: &'a [(AxisId, R, R)],
-    /// Time for which a contact has stood, s; used by friction with an age.
+    /// Time for which a contact has rested, s, for friction with an age.
     pub ages: &'a [(AxisId, R)],
     /// All inner states of friction.
     pub inner: &'a [(AxisId, &'a [R])],
@@ -201,13 +201,13 @@ impl<R: Copy> Given<'_, R> {
 pub struct Common<P> {
     /// The gas of the circuit.
     pub gas: Gas<P>,
-    /// Pa absolute.
+    /// Ambient pressure, Pa absolute.
     pub ambient_pressure: P,
-    /// K.
+    /// Ambient temperature, K.
     pub ambient_temperature: P,
 }
 
-/// A part's own states within those of the circuit.
+/// A part's states within those of the circuit.
 #[derive(Clone, Copy)]
 pub struct Own<'y, S> {
     y: &'y [S],
@@ -220,21 +220,21 @@ impl<'y, S: Copy> Own<'y, S> {
         Own { y, place }
     }
 
-    /// The first `N` own states.
+    /// Returns the first `N` states of the part.
     #[inline(always)]
     pub fn first<const N: usize>(&self) -> [S; N] {
         let own = &self.y[self.place.first..self.place.first + N];
         std::array::from_fn(|i| own[i])
     }
 
-    /// The own states from the `n`-th on.
+    /// Returns the part's states from the `n`-th on.
     #[inline(always)]
     pub fn after(&self, n: usize) -> &'y [S] {
         &self.y[self.place.first + n..self.place.first + self.place.count]
     }
 }
 
-/// A part's own states or their rates, to be written.
+/// A part's states or their rates, for writing.
 pub struct OwnMut<'y, S> {
     y: &'y mut [S],
     place: Place,
@@ -252,36 +252,35 @@ impl<'y, S: Copy> OwnMut<'y, S> {
         self.y[self.place.first..self.place.first + N].copy_from_slice(&values);
     }
 
-    /// Those from the `n`-th on.
+    /// Returns those from the `n`-th on.
     #[inline(always)]
     pub fn after(&mut self, n: usize) -> &mut [S] {
         &mut self.y[self.place.first + n..self.place.first + self.place.count]
     }
 
-    /// The first `n`, and the others.
+    /// Returns the first `n`, and the others.
     #[inline(always)]
     pub fn split(self, n: usize) -> (&'y mut [S], &'y mut [S]) {
         self.y[self.place.first..self.place.first + self.place.count].split_at_mut(n)
     }
 }
 
-/// A part of a circuit. The right-hand side runs through all parts five times: positions, the volumes
-/// that they leave, pressures, exchange of gas and forces, rates. A phase that a part leaves out costs
-/// nothing.
+/// A part of a circuit. The right-hand side runs through all parts five times: positions, the volumes that they leave,
+/// pressures, exchange of gas and forces, rates. An omitted phase costs nothing.
 pub trait Part<P: Real> {
-    /// Names and scales of the part's states.
+    /// Returns names and scales of the part's states.
     fn states(&self) -> Vec<State> {
         Vec::new()
     }
-    /// The part's inputs.
+    /// Returns the part's inputs.
     fn inputs(&self) -> &'static [Input] {
         &[]
     }
-    /// The value of one of them.
+    /// Returns the value of an input.
     fn input(&self, input: usize) -> P {
         unreachable!("there is no input {input}")
     }
-    /// The place of one of them.
+    /// Returns a mutable reference to an input.
     fn input_mut(&mut self, input: usize) -> &mut P {
         unreachable!("there is no input {input}")
     }
@@ -289,29 +288,29 @@ pub trait Part<P: Real> {
     /// First phase: quantities that follow from states without a pressure, such as positions, velocities and signals.
     #[inline(always)]
     fn place<S: Over<P>>(&self, _y: Own<S>, _net: &mut Net<S>, _common: &Common<P>) {}
-    /// Second phase: volumes that pistons leave.
+    /// Second phase: volumes that the pistons leave free.
     #[inline(always)]
     fn shape<S: Over<P>>(&self, _net: &mut Net<S>) {}
     /// Third phase: pressures and temperatures.
     #[inline(always)]
     fn potential<S: Over<P>>(&self, _y: Own<S>, _net: &mut Net<S>, _common: &Common<P>) {}
-    /// Its flow paths. What passes them is exchanged and booked for the part.
+    /// Its flow paths. The circuit exchanges their flows and keeps their balances.
     #[inline(always)]
     fn paths(&self) -> &[Between] {
         &[]
     }
-    /// Mass flow along one of them, kg/s, and where it goes backward.
+    /// Returns the mass flow along a path, kg/s, and whether it goes backward.
     #[inline(always)]
     fn flow<S: Over<P>>(&self, path: usize, _net: &Net<S>) -> (S, S::Mask) {
         unreachable!("there is no flow path {path}")
     }
 
-    /// The force that it is known by, N, of a part that has one.
+    /// Returns the force that a part reports, N, if it has one.
     fn force<S: Over<P>>(&self, _net: &Net<S>) -> S {
         unreachable!("a part without a force of its own")
     }
 
-    /// Fourth phase: gas and forces that pass between nodes; here those of its flow paths.
+    /// Fourth phase: gas and forces that pass between nodes. The default covers its flow paths.
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
         for (path, ends) in self.paths().iter().enumerate() {
@@ -326,37 +325,37 @@ pub trait Part<P: Real> {
     fn stored<S: Over<P>>(&self, _y: Own<S>, _net: &Net<S>, _common: &Common<P>) -> [S; 3] {
         [S::zero(); 3]
     }
-    /// The energy of each of its stores, J.
+    /// Energy of each of its stores, J.
     fn stores<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, common: &Common<P>) -> Vec<S> {
         vec![self.stored(y, net, common)[1]]
     }
-    /// The part's accounts.
+    /// The part's balances.
     fn channels(&self) -> Vec<(&'static str, Kind)> {
         self.paths().iter().flat_map(|_| path::CHANNELS).collect()
     }
-    /// Whether its accounts stand still as it is now.
+    /// Whether its balances are constant in the present state.
     fn rests(&self) -> bool {
         false
     }
-    /// Rates of the accounts, where `dy` are those of the states.
+    /// Computes the rates of the balances. `dy` are the rates of the states.
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let own = out.chunks_exact_mut(path::CHANNELS.len());
         for ((path, ends), own) in self.paths().iter().enumerate().zip(own) {
             path::throttling(net, *ends, self.flow(path, net), common, own);
         }
     }
-    /// Sets the part's states to what its nodes are given. Called with the volumes of `net` unknown, then with those
-    /// that the positions leave.
+    /// Sets the part's states to the given start of its nodes. It is called with unknown volumes in `net`, then with
+    /// those that follow from the positions.
     fn begin(&self, _given: &Given<P>, _y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {}
 
-    /// Number of surfaces behind which its equations change.
+    /// Number of surfaces at which its equations change.
     fn n_obstacles(&self) -> usize {
         0
     }
-    /// Functions that are positive before each and negative behind it.
+    /// Functions that are positive before each surface and negative behind it.
     fn obstacles(&self, _y: Own<P>, _net: &Net<P>, _out: &mut [P]) {}
 
-    /// Number of events of the part, each with its own mode: a number in each lane.
+    /// Number of events of the part. Each has its own mode, with a number in each lane.
     fn n_events(&self) -> usize {
         0
     }
@@ -364,12 +363,12 @@ pub trait Part<P: Real> {
     fn event(&self, event: usize, _y: Own<P>, _net: &Net<P>) -> P {
         unreachable!("there is no event {event}")
     }
-    /// Depth below zero at which the event may be taken, in its unit.
+    /// Depth below zero at which the event may be located, in its unit.
     fn event_tolerance(&self, _event: usize) -> f64 {
         0.0
     }
-    /// Changes the mode of one lane - where a part says no more, from zero to one and back - and what the mode demands of
-    /// the states; what that takes goes into the part's accounts, if the circuit keeps any.
+    /// Changes the mode of one lane, and the states as the mode requires. The default changes the mode from zero to one
+    /// and back. The energy of this change goes into the part's balances, if the circuit keeps any.
     fn switch(
         &mut self,
         event: usize,
@@ -384,24 +383,25 @@ pub trait Part<P: Real> {
         let mode = self.mode_mut(event);
         mode.put(lane, 1.0 - mode.get(lane));
     }
-    /// The mode of an event.
+    /// Returns the mode of an event.
     fn mode_mut(&mut self, event: usize) -> &mut P {
         unreachable!("there is no event {event}")
     }
-    /// Sets the mode to match the states, and what it demands of them.
+    /// Sets the mode to match the states, and the states as the mode requires.
     fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, _net: &Net<P>)
     where
         P: Lane,
     {
     }
-    /// Puts a sample onto the side of the mode, from which the error of a step may have moved it.
+    /// Moves a sample onto the side of the mode, if the error of a step has moved it away.
     fn settle(&self, _event: usize, _y: OwnMut<P>)
     where
         P: Lane,
     {
     }
 
-    /// The parts of accounts that are functions of the state, beside the integrals; `out` begins as zeros.
+    /// Adds the parts of balances that are functions of the state, in addition to the integrals. `out` is zero at
+    /// entry.
     fn standing<S: Over<P>>(&self, _net: &Net<S>, _common: &Common<P>, _out: &mut [S]) {}
 }
 
@@ -415,14 +415,14 @@ where
     fn kept(parts: &mut Parts<P>) -> &mut Vec<(Place, Self)>;
 }
 
-/// Places of a part's states and accounts.
+/// Indices of a part's states and balances.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Place {
     pub first: usize,
     pub count: usize,
     pub first_account: usize,
     pub accounts: usize,
-    /// Whose part it is, from one on among the owners of a circuit; zero where nobody has named it.
+    /// Owner of the part: an index from one on among the owners of a circuit, or zero without an owner.
     pub owner: usize,
 }
 
@@ -432,12 +432,12 @@ parts! {
         reservoirs: Reservoir,
         restrictions: Restriction;
     others:
-        // First: as the usual ones, whose sums come before all others.
+        // First, because sums start with the usual parts.
         other_restrictions: OtherRestriction,
         other_cylinders: OtherCylinder,
         axes: Axis,
         carriages: Carriage,
-        // Before the volumes, which take up what it leaves.
+        // Before the volumes, which receive the gas that it removes.
         columns: Column,
         volumes: Volume,
         faces: Face,
@@ -457,7 +457,7 @@ parts! {
         held: Held,
         spools: Spool,
         armatures: Armature,
-        // Behind the spools, whose positions it reads.
+        // After the spools, whose positions it reads.
         spool_leaks: SpoolLeak,
         edges: Edge,
         table_edges: TableEdge,

@@ -1,4 +1,4 @@
-//! Output of a session: samples, impacts, accounts, and errors in words.
+//! Output of a session: samples, impacts, balances, and error messages.
 
 use crate::assembly::glances::Glances;
 use crate::assembly::{Assembly, Session};
@@ -12,10 +12,10 @@ use ode::{Accepted, Failure, Output, Paused, Statistics, Stepper, System};
 /// Errors of a description or a run.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The description or the request is refused; the reason.
+    /// The description or the request is refused, with the reason.
     #[error("{0}")]
     Specification(String),
-    /// A run failed; the reason.
+    /// A run failed, with the reason.
     #[error("{0}")]
     Stopped(String),
     /// The user wants to stop.
@@ -26,31 +26,31 @@ pub enum Error {
     },
 }
 
-/// Attempts between two looks at whether the user wants to stop, fewer with derivatives: some 20 ms of work.
+/// Step attempts between two checks for an interruption, fewer with derivatives: about 20 ms of work.
 const ATTEMPTS_PER_LOOK: u64 = 20_000;
 
-/// Default budget of attempts at a step: for each second of motion and for each step of the
-/// command, and for the run itself. Most of many attempts are made of kinks and events, at any tolerance.
+/// Default limit on step attempts: for each second of motion, for each step of the command, and for the run itself.
+/// Large numbers of attempts are mostly due to kinks and events, at any tolerance.
 const BUDGET: [f64; 3] = [100_000.0, 100.0, 220_000.0];
-/// The number of states to which the budget belongs, and the least share of it. An attempt with more states costs more.
+/// Number of states for which the limit is defined, and the least factor on it. An attempt with more states costs more.
 const BUDGET_STATES: f64 = 10.0;
 const LEAST_BUDGET: f64 = 0.5;
 
-/// Attempts that a run of `duration` s with so many commands and states may take.
+/// Returns the limit on attempts for a run of `duration` s with this many commands and states.
 pub fn budget(duration: f64, commands: usize, states: usize) -> u64 {
     let [second, command, run] = BUDGET;
     let dearer = (BUDGET_STATES / states as f64).clamp(LEAST_BUDGET, 1.0);
     (dearer * (second * duration + command * commands as f64 + run)) as u64
 }
 
-/// Asks now and then, with the simulated time, whether the user wants to stop.
+/// Regularly asks whether the user wants to stop, and passes the simulated time.
 pub struct Look<'a> {
     interrupted: &'a mut dyn FnMut(f64) -> bool,
     left: u64,
 }
 
 impl<'a> Look<'a> {
-    /// With a function that is given the simulated time, s, and says whether to stop.
+    /// Creates it with a function that receives the simulated time, s, and returns whether to stop.
     pub fn new(interrupted: &'a mut dyn FnMut(f64) -> bool) -> Self {
         Look { interrupted, left: ATTEMPTS_PER_LOOK }
     }
@@ -60,15 +60,15 @@ impl<'a> Look<'a> {
 pub struct Run {
     /// One vector for each column, in the order of the assembly's names.
     pub columns: Vec<Vec<f64>>,
-    /// Work of the integrator, by count.
+    /// Work counts of the integrator.
     pub statistics: Statistics,
-    /// The accounts closed; none of a circuit that keeps none.
+    /// The closed balances. `None` for a circuit without balances.
     pub balance: Option<Balance>,
     /// Contacts with end stops.
     pub impacts: Vec<Impact>,
 }
 
-/// Rows that are kept together before they go to the columns, which are written in stretches then.
+/// Rows that are collected before they are written to the columns in ranges.
 const ROWS_OF_A_BLOCK: usize = 64;
 
 /// Turns states into columns while the integration runs.
@@ -102,7 +102,7 @@ impl Recorder {
         }
     }
 
-    /// The samples that are due now: at the end of a run, those at its last instant.
+    /// Takes the samples at the end of a run: those of its last instant.
     fn complete(&mut self, session: &Session) {
         let y = &session.settled()[..];
         while self.next < self.times.len() {
@@ -110,7 +110,7 @@ impl Recorder {
         }
     }
 
-    /// Puts the rows of the block into the columns.
+    /// Writes the rows of the block into the columns.
     fn spill(&mut self) {
         let n = self.columns.len();
         let rows = &self.block[..n * self.rows];
@@ -120,7 +120,7 @@ impl Recorder {
         self.rows = 0;
     }
 
-    /// Results of a complete run.
+    /// Returns the results of a complete run.
     pub fn finish(mut self, session: &Session) -> Run {
         self.complete(session);
         self.spill();
@@ -131,7 +131,7 @@ impl Recorder {
         Run { columns: self.columns, statistics, balance, impacts }
     }
 
-    /// The columns of a run that may have stopped before its end.
+    /// Returns the columns of a run that may have stopped before its end.
     pub(crate) fn columns(mut self, session: &Session) -> Vec<Vec<f64>> {
         if session.failed().is_none() {
             self.complete(session);
@@ -177,17 +177,17 @@ impl Output<f64, Circuit<f64>> for Recorder {
     }
 }
 
-/// The state at the end of a run as a sample.
+/// Takes the state at the end of a run as a sample.
 pub(crate) fn settled<R: Lane>(circuit: &Circuit<R>, y: &[R]) -> Vec<R> {
     let mut y = y.to_vec();
     circuit.settle(&mut y);
     y
 }
 
-/// Numbers that are copied at once.
+/// Numbers that are copied together.
 const PIECE: usize = 4;
 
-/// Keeps states as they are integrated, row by row.
+/// Keeps states during integration, row by row.
 pub struct States {
     times: Vec<f64>,
     next: usize,
@@ -196,12 +196,13 @@ pub struct States {
 }
 
 impl States {
-    /// For states of length `n`.
+    /// Creates it for states of length `n`.
     pub fn new(times: Vec<f64>, n: usize) -> Self {
         States { next: 0, n, rows: Vec::with_capacity(times.len() * n), times }
     }
 
-    /// A row of an usual length in two pieces that overlap: a copy of a length that is known only now is a call.
+    /// A row of usual length is copied in two overlapping pieces, because a copy of variable length needs a function
+    /// call.
     #[inline]
     fn keep(&mut self, y: &[f64]) {
         let y = &y[..self.n];
@@ -217,7 +218,7 @@ impl States {
         self.next += 1;
     }
 
-    /// All rows, the samples still due being those at the end.
+    /// Returns all rows. The remaining samples are those at the end.
     pub fn finish(mut self, session: &Session) -> Vec<f64> {
         let y = &session.settled()[..];
         while self.next < self.times.len() {
@@ -238,12 +239,12 @@ impl Output<f64, Circuit<f64>> for States {
     }
 }
 
-/// A number with its unit, for people.
+/// Writes a number with its unit.
 pub(crate) fn with_unit(value: f64, unit: &str) -> String {
     if unit == "1" { value.to_string() } else { format!("{value} {unit}") }
 }
 
-/// k/rate for k = 0 .. round(duration rate), the last one at the duration.
+/// Returns k/rate for k = 0 .. round(duration rate), with the last one at the duration.
 pub fn sample_times(duration: f64, rate: f64) -> Vec<f64> {
     let n = (duration * rate).round().max(1.0) as usize;
     let mut times = Vec::with_capacity(n + 1);
@@ -253,7 +254,7 @@ pub fn sample_times(duration: f64, rate: f64) -> Vec<f64> {
     times
 }
 
-/// Advances to `until`, looking now and then whether to go on.
+/// Advances to `until` and regularly checks whether to continue.
 pub fn advance<R: Lane>(
     stepper: &mut Stepper<R, Circuit<R>>,
     until: f64,
@@ -280,12 +281,12 @@ pub fn advance<R: Lane>(
     }
 }
 
-/// Why a lane has stopped early, if it has: when, in which state, and what to try.
+/// Returns why a lane has stopped early, if it has: the time, the state, and a remedy.
 pub fn failure_of<R: Lane>(stepper: &Stepper<R, Circuit<R>>, lane: usize) -> Option<String> {
     Some(in_words(stepper.failure(lane)?, lane, stepper))
 }
 
-/// The message of a failed run: time, state, value and remedy.
+/// Returns the message of a failed run: time, state, value and remedy.
 fn in_words<R: Lane>(failure: Failure, lane: usize, stepper: &Stepper<R, Circuit<R>>) -> String {
     let (circuit, y) = (stepper.system(), stepper.state());
     let names = circuit.state_names();

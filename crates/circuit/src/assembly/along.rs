@@ -1,5 +1,5 @@
-//! The equations of a drive along a measured record: what they say of forces and pressure rates at states
-//! that were measured rather than integrated.
+//! The equations of a drive along a measured record: forces and pressure rates at measured instead of integrated
+//! states.
 
 use super::drive::{COMMAND, Drive, EDGES, later};
 use super::session::Session;
@@ -11,7 +11,7 @@ use crate::specification::Initial;
 use math::Dual;
 use ode::{NoOutput, Options, System};
 
-/// One direction is used, that of the flow: the equations are compiled for this many anyhow.
+/// One direction is used, that of the flow. The equations are compiled for this number of directions in any case.
 type AlongFlow = Dual<f64, DIRECTIONS>;
 
 /// Names of the columns of [`Drive::along`].
@@ -27,19 +27,19 @@ pub const ALONG: [&str; 9] = [
     "mass_flow_b_kg_s",
 ];
 
-/// A record of a drive as it was measured; `n` samples.
+/// A measured record of a drive with `n` samples.
 #[derive(Clone, Copy, Debug)]
 pub struct Record<'a> {
-    /// s, rising.
+    /// Time, s, increasing.
     pub times: &'a [f64],
-    /// m.
+    /// Position, m.
     pub position: &'a [f64],
-    /// m/s.
+    /// Velocity, m/s.
     pub velocity: &'a [f64],
-    /// Pa absolute, in chambers a and b.
+    /// Pressure, Pa absolute, in chambers a and b.
     pub pressure: [&'a [f64]; 2],
-    /// Share of the full conductance that each edge of the valve has open: supply to a, a to exhaust,
-    /// supply to b, b to exhaust. From each sample to the next.
+    /// Open fraction of the full conductance of each edge of the valve: supply to a, a to exhaust, supply to b, b to
+    /// exhaust. It holds from each sample to the next.
     pub openings: &'a [[f64; 4]],
     /// Temperatures in the chambers at the first sample, K.
     pub temperature: [f64; 2],
@@ -49,21 +49,21 @@ pub struct Record<'a> {
 const STEP: f64 = 1e-4;
 
 impl Drive {
-    /// The columns [`ALONG`] at each sample, row by row.
+    /// Returns the columns [`ALONG`] at each sample, row by row.
     ///
-    ///   force     all forces in +x but friction                    N
-    ///   friction  of steady sliding at the measured velocity       N, opposes v > 0
-    ///   dp/dt     of the energy balance at the measured state      Pa/s
+    /// * `force`: all forces in +x except friction, N.
+    /// * `friction`: friction of steady sliding at the measured velocity, N, positive if it opposes v > 0.
+    /// * `dp/dt`: pressure rate of the energy balance at the measured state, Pa/s.
     ///
-    /// Temperatures are not measured: they follow the energy balance from the first sample on, at measured
-    /// position, velocity and pressure, with the linearly implicit Euler method
+    /// Temperatures are not measured. They follow the energy balance from the first sample on, at measured position,
+    /// velocity and pressure, by the linearly implicit Euler method:
     ///
-    ///   T' = T + h f / (1 - h df/dT),   f = dT/dt
+    ///   `T' = T + h f / (1 - h df/dT),   f = dT/dt`
     ///
-    /// which is stable where a small chamber is flushed within less than a sample. Whatever they are at the
-    /// start is forgotten with the time constant of heat transfer and flushing.
+    /// This method is stable even if a small chamber is flushed within less than a sample. The start temperatures are
+    /// forgotten with the time constant of heat transfer and flushing.
     ///
-    /// A sample that no state of this drive can have, such as a piston behind a cover, is an error.
+    /// A sample that is impossible for this drive, such as a piston behind a cover, is an error.
     pub fn along(&self, record: &Record<'_>) -> Result<Vec<f64>, Error> {
         let mut circuit = self.circuit().clone();
         let (mut plain, mut net) = (circuit.work::<f64>(), circuit.work::<AlongFlow>());
@@ -91,8 +91,8 @@ impl Drive {
         Ok(rows)
     }
 
-    /// dT/dt in both chambers at sample `i` with temperatures `t`; leaves the nodes, with their rates along
-    /// the flow, in `net`.
+    /// Returns dT/dt in both chambers at sample `i` with temperatures `t`. Leaves the nodes, with their rates along the
+    /// flow, in `net`.
     fn temperature_rates(
         &self,
         record: &Record<'_>,
@@ -144,27 +144,26 @@ impl Drive {
 /// A measured state to which a run is reset.
 #[derive(Clone, Copy, Debug)]
 pub struct Restart {
-    /// s.
+    /// Time, s.
     pub t: f64,
-    /// m.
+    /// Position, m.
     pub position: f64,
-    /// m/s.
+    /// Velocity, m/s.
     pub velocity: f64,
-    /// Pa absolute, in chambers a and b.
+    /// Pressure, Pa absolute, in chambers a and b.
     pub pressure: [f64; 2],
 }
 
-/// What nobody measures at the start, bristles above all, is brought to rest by so many runs of so many
-/// seconds from the first state with the valve shut: it then carries what the pressures leave to be carried.
+/// Number and duration, s, of runs that settle unmeasured start values, mainly bristles. They start at the first state
+/// with the valve shut. Friction then carries the force that the pressures leave unbalanced.
 const SETTLING: (usize, f64) = (200, 5e-3);
 
 impl Drive {
-    /// Simulates a command, put back to measured states at given times, the first of them at 0: position,
-    /// velocity and pressures are set anew, temperatures and the inner states of friction go on. One state
-    /// alone makes a free run.
+    /// Simulates a command with resets to measured states at given times, the first at 0. A reset sets position,
+    /// velocity and pressures. Temperatures and the inner states of friction continue. A single state gives a free run.
     ///
-    /// Returns the columns of [`Drive::columns`], NaN from where a part could not go on until the next
-    /// restart, and the messages of such parts.
+    /// Returns the columns of [`Drive::columns`], and the messages of failed parts. A failed part is NaN until the next
+    /// restart.
     pub fn restarted(
         &self,
         (times, commands): (&[f64], &[f64]),
@@ -212,7 +211,7 @@ impl Drive {
         Ok((columns, failures))
     }
 
-    /// A session at a measured state, with temperatures and inner states as they were.
+    /// Returns a session at a measured state. Temperatures and inner states are kept.
     fn put_back(
         &self,
         restart: &Restart,

@@ -36,7 +36,7 @@ pub(super) struct Wired<P> {
 }
 
 impl Drive {
-    /// Assembles the drive; with `ledger`, its accounts are integrated along.
+    /// Assembles the drive. With `ledger`, its balances are integrated as well.
     pub fn assemble(spec: &specification::Drive, ledger: bool) -> Result<Self, Error> {
         let printed = spec.cylinder.chamber_law == ChamberLawName::AsPrinted;
         if ledger && printed {
@@ -92,7 +92,7 @@ fn valve(spec: &Spec) -> &specification::ProportionalValve {
     valve
 }
 
-/// Where the cylinder stands among the components of a drive.
+/// Index of the cylinder among the components of a drive.
 pub(super) const CYLINDER: usize = 2;
 
 /// A drive as components and joints.
@@ -161,8 +161,8 @@ impl<P: Lane> Wired<P>
 where
     Deps: Over<P>,
 {
-    /// The circuit of a drive under its own names.
-    /// Where a drive of the same parts is given, nothing is analysed again.
+    /// Returns the circuit of a drive under its own names.
+    /// If a drive with the same parts is given, the analysis is not repeated.
     pub fn lifted(lifted: &Lifted<Spec>, ledger: bool, like: Option<&Circuit<f64>>) -> Result<Self, Error> {
         let number = |f: fn(&Spec) -> f64| -> P { lifted.number(f) };
         let gas = gas::gas(&lifted.table(|spec| &spec.gas));
@@ -231,7 +231,7 @@ where
     }
 }
 
-/// The name that a drive has for a state of its cylinder: "cylinder.a.mass_kg" is "mass_a_kg".
+/// Returns a drive's name for a state of its cylinder: "cylinder.a.mass_kg" becomes "mass_a_kg".
 fn short(state: &str) -> String {
     let name = state.strip_prefix("cylinder.").unwrap_or(state);
     match name.split_once('.').and_then(|(chamber, of)| Some((chamber, of.rsplit_once('_')?))) {
@@ -257,9 +257,9 @@ pub(super) const COLUMNS: [&str; 13] = [
     "mass_flow_b_kg_s",
 ];
 
-/// Input of a drive that its valve's command is.
+/// Input of a drive for its valve's command.
 pub(super) const COMMAND: usize = 0;
-/// Inputs of a drive that are the openings of its valve's edges.
+/// Inputs of a drive for the openings of its valve's edges.
 pub(super) const EDGES: std::ops::RangeInclusive<usize> = 1..=4;
 
 impl Drive {
@@ -283,35 +283,36 @@ impl Drive {
         self.circuit().n_states()
     }
 
-    /// Opens the valve of one lane: u > 0 supply to a and b to exhaust with the share u, u < 0 the mirror.
+    /// Opens the valve of one lane. For u > 0, supply to a and b to exhaust are open by the fraction u. u < 0 is the
+    /// mirror image.
     pub fn set_command<R: Lane>(&self, circuit: &mut Circuit<R>, lane: usize, u: R) {
         self.assembly().set(circuit, COMMAND, lane, u);
     }
 
-    /// The end stops, as given or as they follow from the drive, and the design load of the latter.
+    /// Returns the end stops, as described or derived from the drive, and the design load of derived stops.
     pub fn end_stop(&self) -> (&EndStop<f64>, &Taken<f64>) {
         let ends = &self.wired.piston.ends;
         (&ends.stop, &ends.taken)
     }
 
-    /// Warnings about this description.
+    /// Returns warnings about this description.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// Warnings about impacts that press a stop through, or are too hard for a cylinder of this size.
+    /// Returns warnings about impacts that compress a stop fully, or are too hard for a cylinder of this size.
     pub fn impact_warnings(&self, impacts: &[Impact]) -> impl Iterator<Item = String> {
         let Piston { ends, areas, .. } = &self.wired.piston;
         let through = through_warning(ends.enough, "cylinder.end_stop.stiffness", impacts);
         through.into_iter().chain(impact_warning(areas[0].max(areas[1]), impacts))
     }
 
-    /// Keys in references.bib of the laws and methods that this drive uses.
+    /// Returns the keys in references.bib of the laws and methods in use.
     pub fn citations(&self) -> &[&'static str] {
         &self.citations
     }
 
-    /// The drive's equations, and their state at `initial` with the command `u`.
+    /// Returns the drive's equations, and their state at `initial` with the command `u`.
     pub fn start(&self, initial: &Initial, u: f64) -> (Circuit<f64>, Vec<f64>) {
         let mut circuit = self.circuit().clone();
         self.set_command(&mut circuit, 0, u);
@@ -319,7 +320,7 @@ impl Drive {
         (circuit, y)
     }
 
-    /// The state of the drive's equations at `initial`, with modes to match.
+    /// Returns the state of the drive's equations at `initial`, with modes to match.
     pub(super) fn begin(&self, circuit: &mut Circuit<f64>, initial: &Initial) -> Vec<f64> {
         let axis = self.axis();
         circuit.begin(&Given {
@@ -334,7 +335,7 @@ impl Drive {
         })
     }
 
-    /// A session of the drive at `initial`, its valve shut, everything else as described.
+    /// Returns a session of the drive at `initial`, with a closed valve and everything else as described.
     pub fn session(&self, initial: &Initial, options: Options) -> Session {
         Session::new(self.assembly(), 0.0, self.start(initial, 0.0), options)
     }
@@ -351,7 +352,7 @@ impl Drive {
         [self.wired.a, self.wired.b]
     }
 
-    /// A session at time zero under a plan: a command that is constant from each of `times` to the next.
+    /// Returns a session at time zero under a plan. The command is constant from each of `times` to the next.
     fn planned(
         &self,
         (times, commands): (&[f64], &[f64]),
@@ -380,8 +381,7 @@ impl Drive {
         Ok(recorder.finish(&session))
     }
 
-    /// The same run, but only its states as they are integrated: one row of x, v, m_a, U_a, m_b, U_b and
-    /// inner states for each sample.
+    /// Runs the same, and returns rows of the integrated states: x, v, m_a, U_a, m_b, U_b and inner states.
     pub fn states(
         &self,
         times: &[f64],
@@ -397,7 +397,7 @@ impl Drive {
         Ok(states.finish(&session))
     }
 
-    /// (p_a, T_a, p_b, T_b) at each of the states, one after the other.
+    /// Returns (p_a, T_a, p_b, T_b) at each of the states, one after the other.
     pub fn chambers(&self, states: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
         let mut net = self.circuit().work::<f64>();
         let mut gas = Vec::new();
@@ -408,8 +408,8 @@ impl Drive {
         gas
     }
 
-    /// A sampled servo loop: every 1/rate seconds the command is computed from position and velocity
-    /// and held. Returns the states at the samples, rows as of [`Drive::states`], the commands, the work.
+    /// Simulates a sampled servo loop: every 1/rate seconds, the command is computed from position and velocity and
+    /// held. Returns the states at the samples (rows as in [`Drive::states`]), the commands, and the work.
     pub fn servo(
         &self,
         servo: &Servo,
@@ -439,32 +439,32 @@ impl Drive {
     }
 }
 
-/// What takes the steps of a servo loop: where a sample is hardly longer than a step, one of low order. It does less
-/// work a step, and a step of high order could not be longer.
+/// Selects the method of a servo loop. If a sample is hardly longer than a step, a method of low order is better. It
+/// does less work for each step, and the sample limits the length of the step in any case.
 #[derive(Default)]
 struct Samples {
-    /// Samples that longer steps are still left to.
+    /// Samples before longer steps are tried.
     left: u32,
 }
 
 impl Samples {
-    /// Attempts at a sample up to which low order is worth it: one of high order costs as much as two.
+    /// Attempts at a sample up to which low order pays. A step of high order costs as much as two.
     const FEW: u64 = 2;
-    /// Samples after which it is tried again.
+    /// Samples before low order is tried again.
     const PAUSE: u32 = 16;
 
     fn method(&self) -> Method {
         if self.left == 0 { Method::Rodas3 } else { Method::Rodas5P }
     }
 
-    /// A sample took so many attempts.
+    /// Records the number of attempts of a sample.
     fn took(&mut self, attempts: u64) {
         self.left =
             if self.left == 0 && attempts > Self::FEW { Self::PAUSE } else { self.left.saturating_sub(1) };
     }
 }
 
-/// The commands of a plan that come after `from` and before `end`, each with its time.
+/// Returns the commands of a plan after `from` and before `end`, each with its time.
 pub(super) fn later(
     times: &[f64],
     commands: &[f64],

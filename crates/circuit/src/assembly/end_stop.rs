@@ -1,5 +1,5 @@
-//! End stops, where the description leaves them open: so stiff that a sensible drive cannot reach a cover. And the
-//! covers, behind stops that a description makes softer.
+//! End stops for descriptions without end-stop values. They are so stiff that a typical drive cannot reach a cover.
+//! Covers behind stops that a description makes softer.
 
 use crate::circuit::PistonSide;
 use crate::impacts::Impact;
@@ -9,27 +9,27 @@ use physics::IdealGas;
 use physics::constants::{P_0, STANDARD_GRAVITY, T_0};
 use physics::mechanics::EndStop;
 
-/// Share of the dead length (dead volume over area) that a stop may take up (assumed).
+/// Fraction of the dead length (dead volume over area) that a stop may use (assumed).
 const DEPTH_SHARE: f64 = 0.5;
-/// How many times faster than through a choked exhaust a piston may arrive (assumed): gas that is driven out faster
-/// than it can leave is compressed and brakes.
+/// Largest speed of arrival, relative to the speed that a choked exhaust allows (assumed). A faster piston compresses
+/// its gas, which brakes the piston.
 const FLOW_FACTOR: f64 = 4.0;
-/// Every stop takes this speed, m/s (assumed): a run may start with one.
+/// Every stop must absorb this speed, m/s (assumed), because a run may start with it.
 const LEAST_SPEED: f64 = 1.0;
-/// Damping ratio of mass and stop (assumed): a piston leaves with about a sixth of its speed.
+/// Damping ratio of mass and stop (assumed). The piston rebounds with about a sixth of its speed.
 const DAMPING_RATIO: f64 = 0.5;
-/// Share of the depth from which the damper acts fully (assumed).
+/// Fraction of the depth from which the damper acts fully (assumed).
 const DAMPING_SHARE: f64 = 0.1;
 
-/// Share of the dead length from which on a piston that has pressed a stop through meets the cover, and the share that
-/// the cover may take up (assumed).
+/// Fraction of the dead length at which a piston with a fully compressed stop meets the cover, and the fraction that
+/// the cover may use (assumed).
 const COVER_BEGINS: f64 = 0.8;
 const COVER_SHARE: f64 = 0.1;
-/// A cover takes so many times the speed of the piston, and this speed, m/s, in any case (assumed).
+/// A cover absorbs this multiple of the piston's speed, and at least this speed, m/s (assumed).
 const COVER_FACTOR: f64 = 2.0;
 const LEAST_COVER_SPEED: f64 = 10.0;
 
-/// Kinetic energy that a cylinder with cushions takes at its end, J for each m2 of piston (assumed): 2 J at a bore of
+/// Kinetic energy that a cylinder with cushions absorbs at its end, J for each m2 of piston (assumed): 2 J at a bore of
 /// 25 mm.
 const TAKEN_J_M2: f64 = 4000.0;
 
@@ -37,7 +37,7 @@ const TAKEN_J_M2: f64 = 4000.0;
 #[derive(Clone, Debug)]
 pub(crate) struct Ends<P> {
     pub stop: EndStop<P>,
-    /// Where the stop may be pressed through.
+    /// Depth at which the stop is fully compressed.
     pub covers: Option<Covers<P>>,
     /// Stiffness that keeps any piston of the drive off the covers, N/m.
     pub enough: P,
@@ -47,7 +47,8 @@ pub(crate) struct Ends<P> {
 }
 
 impl Ends<f64> {
-    /// The stop of a run that starts with a highest pressure, Pa absolute, and its design load on `area` m2 over `stroke` m.
+    /// Returns the stop of a run with this highest start pressure, Pa absolute, and its design load on `area` m2 over
+    /// `stroke` m.
     pub fn from(&self, start: f64, area: f64, stroke: f64) -> (EndStop<f64>, Taken<f64>) {
         let Some(follows) = &self.follows else { return (self.stop.clone(), self.taken) };
         let Taken { mass, speed, force, depth } = self.taken;
@@ -57,14 +58,14 @@ impl Ends<f64> {
     }
 }
 
-/// Design load of a stop that follows from the drive.
+/// Design load of a derived stop.
 #[derive(Clone, Copy, Debug)]
 pub struct Taken<P> {
-    /// Moving mass and load, kg, its speed, m/s, and the force that drives it, N.
+    /// Moving mass and load, kg, its speed, m/s, and its driving force, N.
     pub mass: P,
     pub speed: P,
     pub force: P,
-    /// Within this depth, m.
+    /// Depth, m.
     pub depth: P,
 }
 
@@ -77,7 +78,7 @@ pub(crate) struct Driven<'a, P> {
     pub mass: P,
     pub stroke: P,
     pub incline: P,
-    /// Absolute.
+    /// Supply pressure, absolute.
     pub supply_pressure: P,
     /// Highest temperature of supply and ambient air.
     pub hottest: P,
@@ -86,28 +87,27 @@ pub(crate) struct Driven<'a, P> {
     pub gas_constant: P,
     /// Largest sonic conductance through which gas leaves a chamber.
     pub conductance: P,
-    /// Stiffness, damping and damping depth, where the description gives them.
+    /// Stiffness, damping and damping depth, if described.
     pub given: [Option<P>; 3],
 }
 
-/// The ends of a cylinder; what its description gives stays as it is.
+/// Returns the ends of a cylinder. Values of its description are kept.
 ///
-///   k = (M v^2 + 2 F d)/d^2                                        [N/m]
-///   c = 2 zeta sqrt(k M),   d_c = d/10                             [N s/m], [m]
+///   `k = (M v^2 + 2 F d)/d^2                                        [N/m]`
+///   `c = 2 zeta sqrt(k M),   d_c = d/10                             [N s/m], [m]`
 ///
-/// from k d^2/2 = M v^2/2 + F d: over the depth d the spring takes the kinetic energy of the moving mass and load
-/// M kg, and what the largest driving force F N does meanwhile. d is half of the shorter dead length, V_dead/A. F is
-/// the absolute supply pressure on the larger area, plus weight, load force and load spring at their largest. v m/s is
-/// the smaller of sqrt(2 F L/M), all the work of F over the stroke L, and four times the speed at which a choked
-/// exhaust lets the piston go, C p_0 sqrt(R T/(R_0 T_0))/A with p_0, R_0 and T_0 of air at standard conditions; but not
-/// less than 1 m/s.
+/// They follow from k d^2/2 = M v^2/2 + F d. Over the depth d, the spring absorbs the kinetic energy of the moving mass
+/// and load, M kg, and the work of the largest driving force, F N. The depth d is half of the shorter dead length,
+/// V_dead/A. F is the absolute supply pressure on the larger area, plus the largest values of weight, load force and
+/// load spring. The speed v, m/s, is at least 1 m/s. Otherwise it is the smaller of two values. The first is sqrt(2 F
+/// L/M), from the work of F over the stroke L. The second is four times the piston speed at a choked exhaust, C p_0
+/// sqrt(R T/(R_0 T_0))/A, with p_0, R_0 and T_0 of air at standard conditions.
 ///
-/// A start of more pressure than the supply has, by p Pa, makes it stiffer by 2 p A (L + d)/d^2, A the larger area: the
-/// work of the excess over stroke and depth. Its damping ratio stays.
+/// If a start pressure exceeds the supply pressure by p Pa, the stop is stiffer by 2 p A (L + d)/d^2, with A the larger
+/// area. This is the work of the excess pressure over stroke and depth. The damping ratio stays.
 ///
-/// A stop that is given softer than keeps such a piston within 0.8 of the dead length has the covers behind it: from
-/// there on a contact of the same form, with d a tenth of the dead length and v twice as large, but not less than
-/// 10 m/s.
+/// A described stop may be too soft to keep such a piston within 0.8 of the dead length. Then the covers act behind it.
+/// A cover is a contact of the same form, with d a tenth of the dead length, and v twice as large but at least 10 m/s.
 pub(crate) fn ends<P: Lane>(driven: &Driven<'_, P>) -> Ends<P> {
     let c = P::c;
     let Driven { sides, mass, stroke, conductance, .. } = *driven;
@@ -150,8 +150,8 @@ pub(crate) fn ends<P: Lane>(driven: &Driven<'_, P>) -> Ends<P> {
     Ends { stop, covers, enough, taken: Taken { mass, speed, force, depth }, follows }
 }
 
-/// A stop so soft that supply pressure pushes the piston through the dead volume before it.
-/// `named` are the names of the stiffness and of the dead volumes, but for the chamber.
+/// Warns about a stop so soft that supply pressure pushes the piston through the dead volume in front of it. `named`
+/// are the names of the stiffness and of the dead volumes, without the chamber.
 pub(crate) fn stop_warning(
     stiffness: f64,
     dead_volumes: [f64; 2],
@@ -161,7 +161,7 @@ pub(crate) fn stop_warning(
 ) -> Option<String> {
     let depth = |area: f64| gauge * area / stiffness;
     let room = [dead_volumes[0] / areas[0], dead_volumes[1] / areas[1]];
-    // Chamber a pushes towards b's end, and the other way round.
+    // Chamber a pushes towards the end of b, and chamber b towards the end of a.
     let (into_b, into_a) = (depth(areas[0]), depth(areas[1]));
     let (end, depth, room) = if into_b > room[1] { ("b", into_b, room[1]) } else { ("a", into_a, room[0]) };
     (depth > room).then(|| {
@@ -177,7 +177,7 @@ fn end(impact: &Impact) -> &'static str {
     if impact.at_b { "b" } else { "a" }
 }
 
-/// Warnings about impacts that pressed a stop through; `named` is the name of its stiffness.
+/// Warns about impacts that compressed a stop fully. `named` is the name of its stiffness.
 pub(super) fn through_warning(enough: f64, named: &str, impacts: &[Impact]) -> Option<String> {
     let through = || impacts.iter().filter(|impact| impact.through);
     let deepest = through().max_by(|a, b| a.force.total_cmp(&b.force))?;
@@ -193,7 +193,7 @@ pub(super) fn through_warning(enough: f64, named: &str, impacts: &[Impact]) -> O
     ))
 }
 
-/// Warning about the hardest of these impacts, if it exceeds the limit of a cylinder with this piston area.
+/// Warns about the hardest of these impacts if it exceeds the limit of a cylinder with this piston area.
 pub(super) fn impact_warning(area: f64, impacts: &[Impact]) -> Option<String> {
     let taken = TAKEN_J_M2 * area;
     let beyond = impacts.iter().filter(|impact| impact.energy > taken).count();

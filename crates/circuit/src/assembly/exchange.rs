@@ -1,5 +1,5 @@
-//! What an integrator of the caller's own needs of a session: rates and event functions at the times and states that it
-//! tries, and the changes of mode at those that it accepts.
+//! Interface of a session for an integrator of the caller: rates and event functions at trial times and states, and
+//! mode changes at accepted ones.
 
 use super::session::Session;
 use super::variables::Starting;
@@ -7,21 +7,21 @@ use crate::circuit::AxisId;
 use crate::run::Error;
 use ode::System;
 
-/// Changes of mode at one instant after which stick and slip are said to alternate for ever (assumed).
+/// Mode changes at one instant after which stick and slip count as alternating without end (assumed).
 const MOST_CHANGES: usize = 64;
 
 impl Session {
-    /// Puts a time, s, and a state in place of the present ones. What is due by then stays due.
+    /// Replaces the present time, s, and state. Pending commands stay pending.
     pub fn place(&mut self, t: f64, y: &[f64]) {
         self.stepper.load(0, t, y);
-        // The end stops act from now on, since nobody looks whether a step ends beyond them.
+        // The end stops act from now on, because the caller does not check whether a step ends beyond them.
         self.stepper.system_mut().meet(0);
         self.is_read = false;
     }
 
-    /// The rates of the states. Where a mass that slides in one direction has a velocity in the other, they are those
-    /// of velocity 0, the last state of the mode: with the same friction on both sides of it, a step that ends beyond
-    /// its event would pass over the breakaway peak before it unseen.
+    /// Returns the rates of the states. If a mass slides in one direction but its velocity has the other sign, the
+    /// rates are those of velocity 0, the last state of the mode. With the same friction on both sides of zero, a step
+    /// beyond the event could pass the breakaway peak unseen.
     pub fn rates(&mut self) -> Vec<f64> {
         let (circuit, mut y) = (self.stepper.system(), self.stepper.state().to_vec());
         circuit.settle(&mut y);
@@ -32,7 +32,7 @@ impl Session {
         rates
     }
 
-    /// Event functions: positive while the present modes hold.
+    /// Returns event functions, positive while the present modes hold.
     pub fn events(&mut self) -> Vec<f64> {
         let (circuit, y) = (self.stepper.system(), self.stepper.state());
         circuit.renew(&mut self.net);
@@ -45,7 +45,7 @@ impl Session {
         events
     }
 
-    /// Changes every mode that holds no longer; whether there was any.
+    /// Changes every mode that is no longer valid. Returns whether there was any.
     pub fn change_modes(&mut self) -> Result<bool, Error> {
         for changes in 0..MOST_CHANGES {
             let Some(event) = self.events().iter().position(|value| *value <= 0.0) else {
@@ -62,17 +62,17 @@ impl Session {
         )))
     }
 
-    /// The time of the next entry of the schedule, s.
+    /// Returns the time of the next entry of the schedule, s.
     pub fn next_due(&self) -> Option<f64> {
         self.schedule.last().map(|entry| entry.0)
     }
 
-    /// Sizes of the states, each in its unit: the absolute tolerance is a share of them.
+    /// Returns the scales of the states, each in its unit. The absolute tolerance is a fraction of them.
     pub fn scale(&self) -> &[f64] {
         self.circuit().scale()
     }
 
-    /// The axis whose position at the start is called so, and the place of that position among the states.
+    /// Returns the axis with this name of the start position, and the index of that position among the states.
     pub fn axis(&self, start: &str) -> Option<(AxisId, usize)> {
         let axis = self.starts().iter().find_map(|(starting, names)| match *starting {
             Starting::Axis(id) if names[0] == start => Some(id),
@@ -81,7 +81,7 @@ impl Session {
         Some((axis, self.circuit().position_state(axis)?))
     }
 
-    /// The force in +x with which everything acts on the mass of an axis, N.
+    /// Returns the total force in +x on the mass of an axis, N.
     pub fn force_on(&mut self, axis: AxisId) -> f64 {
         self.stepper.system().observe(self.stepper.state(), &mut self.net);
         self.is_read = false;

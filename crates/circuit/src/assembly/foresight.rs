@@ -1,5 +1,5 @@
-//! What an assembly will do under inputs that are held one after the other, from a state that begins anew each time: as
-//! values, and with derivatives by each of the values that are held.
+//! Prediction of an assembly under held inputs, each time from a new state: as values, and with derivatives by each
+//! held value.
 
 use super::shoot::Sensitive;
 use super::variables::{Assembly, Variables};
@@ -8,19 +8,19 @@ use math::Lane;
 use ode::{Accepted, NoOutput, Options, Output, Paused, Stepper, same_time};
 use std::sync::Arc;
 
-/// An assembly that is looked ahead with.
+/// An assembly that is used for prediction.
 #[derive(Clone)]
 pub struct Foresight {
     values: Runner<f64>,
     derivatives: Runner<Sensitive>,
-    /// The state that is the position of the mass whose motion is foreseen; its velocity comes next.
+    /// State index of the position of the predicted mass. Its velocity follows.
     position: usize,
-    /// Inputs that follow what is held, each with a factor.
+    /// Inputs that follow the held value, each with a factor.
     follow: Vec<(usize, f64)>,
     start: Start,
 }
 
-/// Where it begins: modes, state, one more input at a value; and how many attempts it may take.
+/// Start: modes, state, one more input with its value, and the limit on attempts.
 #[derive(Clone, Default)]
 struct Start {
     modes: Vec<f64>,
@@ -29,14 +29,14 @@ struct Start {
     attempts: u64,
 }
 
-/// One kind of number.
+/// Prediction for one kind of number.
 #[derive(Clone)]
 struct Runner<R: Lane> {
     assembly: Assembly<R>,
     stepper: Stepper<R, Circuit<R>>,
 }
 
-/// Where the mass is at times, as it gets there.
+/// Positions of the mass at the requested times, collected during the run.
 struct Motion<'t, R> {
     position: usize,
     times: &'t [f64],
@@ -50,7 +50,7 @@ impl<R: Lane> Output<R, Circuit<R>> for Motion<'_, R> {
 
     fn sample(&mut self, _lane: usize, _t: f64, _y: &[R], _system: &Circuit<R>) {}
 
-    /// Its acceleration is the slope of the velocity within a step: all that is behind it need not be evaluated again.
+    /// The acceleration is the slope of the velocity within a step, so that the equations need not be evaluated again.
     fn step(&mut self, _lane: usize, t: f64, h: f64, states: &mut Accepted<'_, R>, _system: &Circuit<R>) {
         let due = self.times[self.rows.len()..].iter();
         let due = due.take_while(|&&time| time <= t + h || same_time(time, t + h));
@@ -90,7 +90,7 @@ impl<R: Lane> Runner<R> {
         self.stepper.allow_in(0, start.attempts);
     }
 
-    /// The inputs that follow take what is held.
+    /// Sets the held value at the inputs that follow it.
     fn hold(&mut self, follow: &[(usize, f64)], held: R) {
         let circuit = self.stepper.system_mut();
         for &(input, factor) in follow {
@@ -98,12 +98,12 @@ impl<R: Lane> Runner<R> {
         }
     }
 
-    /// Whether it arrived.
+    /// Returns whether the time was reached.
     fn went(&self, paused: Paused) -> bool {
         paused == Paused::Arrived && self.stepper.failure(0).is_none()
     }
 
-    /// The motion at times, if `go` can go on under each of what is held until a time.
+    /// Returns the motion at times, or `None` if a run under one of the held values fails.
     fn ahead(
         &mut self,
         (position, plan, times): (usize, &[(f64, R)], &[f64]),
@@ -115,7 +115,7 @@ impl<R: Lane> Runner<R> {
 }
 
 impl Runner<f64> {
-    /// Goes on to a time under what is held; whether it could.
+    /// Continues to a time under a held value. Returns whether this succeeded.
     fn go(
         &mut self,
         follow: &[(usize, f64)],
@@ -130,8 +130,8 @@ impl Runner<f64> {
 }
 
 impl Foresight {
-    /// Of an assembly and the mass whose position is this state; these inputs follow what is held, each with a factor.
-    /// Further than so many attempts at a step it does not look.
+    /// Creates the prediction for an assembly and the mass whose position is this state. The given inputs follow the
+    /// held value, each with a factor. The prediction stops after this many attempts of steps.
     pub fn new(assembly: &Assembly, position: usize, follow: Vec<(usize, f64)>, options: Options) -> Self {
         Foresight {
             values: Runner::new(assembly, options),
@@ -142,13 +142,13 @@ impl Foresight {
         }
     }
 
-    /// Looks ahead with another assembly, whose circuit differs from the present one in numbers alone.
+    /// Replaces the assembly by another one whose circuit differs only in numbers.
     pub fn renew(&mut self, assembly: &Assembly) {
         self.values.renew(assembly);
         self.derivatives.renew(assembly);
     }
 
-    /// Begins at time zero from a state, with the modes of a circuit, and one more input at a value.
+    /// Starts at time zero from a state, with the modes of a circuit, and one more input at a value.
     pub fn begin(&mut self, (circuit, y): &mut (Circuit<f64>, Vec<f64>), other: (usize, f64)) {
         self.start.modes.clear();
         circuit.change_modes(|mode| self.start.modes.push(*mode));
@@ -156,15 +156,15 @@ impl Foresight {
         self.start.other = other;
     }
 
-    /// Position, m, velocity, m/s, and acceleration, m/s2, at times, s, under a plan: until when each value is held. None:
-    /// it could not go on.
+    /// Returns position, m, velocity, m/s, and acceleration, m/s2, at times, s, under a plan that gives the end time of
+    /// each held value. `None`: the run failed.
     pub fn values(&mut self, plan: &[(f64, f64)], times: &[f64]) -> Option<Vec<[f64; 3]>> {
         self.values.load(&self.start);
         let asked = (self.position, plan, times);
         self.values.ahead(asked, |own, until, held, motion| own.go(&self.follow, until, held, motion))
     }
 
-    /// The same with derivatives.
+    /// Returns the same with derivatives.
     pub fn derivatives(&mut self, plan: &[(f64, Sensitive)], times: &[f64]) -> Option<Vec<[Sensitive; 3]>> {
         self.values.load(&self.start);
         self.derivatives.load(&self.start);
@@ -182,7 +182,7 @@ impl Foresight {
         })
     }
 
-    /// Circuit and state after a time, s, under one value that is held.
+    /// Returns circuit and state after a time, s, under one held value.
     pub fn after(&mut self, held: f64, time: f64) -> Option<(Circuit<f64>, Vec<f64>)> {
         self.values.load(&self.start);
         let went = self.values.go(&self.follow, time, held, &mut NoOutput);

@@ -14,25 +14,25 @@ use physics::friction::{
 };
 use std::collections::BTreeMap;
 
-/// Points that a table of positions may have: each costs time at every evaluation.
+/// Largest number of points of a position table, because each costs time at every evaluation.
 const MOST_POINTS: usize = 50;
 
-/// Harmonics of position that a description may have: more would describe the noise of a recording.
+/// Largest number of harmonics of position. More would describe the noise of a recording.
 const MOST_HARMONICS: usize = 4;
 
-/// Largest deviation of the sum of shares from 1: rounding to four digits.
+/// Largest deviation of the sum of fractions from 1: rounding to four digits.
 const SHARES_WITHIN: f64 = 1e-3;
 
 fn refuse<T>(message: String) -> Result<T, Error> {
     Err(Error::Specification(message))
 }
 
-/// The friction of a description; unknown names list the choices.
+/// Reads the friction of a description. An error for an unknown name lists the choices.
 pub fn friction_law(spec: &specification::Friction) -> Result<Contact<f64>, Error> {
     contact(&Lifted::plain(spec))
 }
 
-/// The same with derivatives.
+/// Reads the same with derivatives.
 pub(crate) fn contact<P: Lane>(spec: &Lifted<specification::Friction>) -> Result<Contact<P>, Error> {
     let law = law(spec)?;
     let lips = spec.optional(|spec| spec.pressure.as_ref()).map(|lips| SealLips {
@@ -45,8 +45,8 @@ pub(crate) fn contact<P: Lane>(spec: &Lifted<specification::Friction>) -> Result
     Ok(Contact::new(law, lips, composition))
 }
 
-/// Steady sliding at each of `places`: the forces, N, and their derivatives by the numbers called
-/// `names`, place by place. `json` is the friction of a description, but for `parameters`.
+/// Returns steady sliding at each of `places`: the forces, N, and their derivatives by the numbers `names`, place by
+/// place. `json` is the friction of a description without `parameters`.
 pub fn steady_sensitivity(
     json: &str,
     parameters: &BTreeMap<String, f64>,
@@ -68,7 +68,7 @@ pub fn steady_sensitivity(
     Ok((places.iter().map(|at| friction.steady(at)).collect(), derivatives))
 }
 
-/// The table of the law, and the law itself if it is a custom law.
+/// Returns the table of the law, and the law itself if it is custom.
 pub(super) fn meta(
     spec: &specification::Friction,
 ) -> Result<(&'static Meta, Option<&'static OwnLaw>), Error> {
@@ -87,7 +87,7 @@ pub(super) fn meta(
     Ok((meta, None))
 }
 
-/// Refuses values of parameters that are missing, out of bounds, or do not go together.
+/// Refuses parameter values that are missing, out of bounds or inconsistent.
 fn check_values(spec: &specification::Friction, meta: &Meta) -> Result<(), Error> {
     for parameter in meta.parameters {
         match spec.parameters.get(parameter.key).copied().or(parameter.default) {
@@ -111,7 +111,8 @@ fn check_values(spec: &specification::Friction, meta: &Meta) -> Result<(), Error
     Ok(())
 }
 
-/// The same friction with other values of its law's parameters. None where more follows from them.
+/// Returns the same friction with other values of its law's parameters. `None` if other quantities depend on these
+/// parameters.
 pub(super) fn with_values(
     like: &Contact<f64>,
     spec: &specification::Friction,
@@ -148,7 +149,7 @@ fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, E
         return Ok(AnyLaw::Formula(Formula::new(own, numbers(lifted, meta))));
     }
     if choices.shape.is_none() && lifted.is_free(|spec| named(spec, "stribeck_exponent").unwrap_or(0.0)) {
-        // Also at 2, where the value alone would be a square.
+        // This includes the exponent 2, whose value alone would be a square.
         choices.shape = Some(Shape::Power);
     }
     let plain = AnyLaw::build(meta.key, &mut |parameter| number(lifted, parameter), &choices);
@@ -163,7 +164,7 @@ fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, E
     Ok(law)
 }
 
-/// The values of all parameters, which have been checked.
+/// Returns the values of all parameters, which have been checked.
 fn numbers<P: Lane>(lifted: &Lifted<specification::Friction>, law: &Meta) -> Vec<P> {
     law.parameters.iter().map(|parameter| number(lifted, parameter)).collect()
 }
@@ -172,7 +173,7 @@ fn named(spec: &specification::Friction, key: &str) -> Option<f64> {
     spec.parameters.get(key).copied()
 }
 
-/// The value of a parameter that has been checked.
+/// Returns the value of a parameter that has been checked.
 fn number<P: Lane>(lifted: &Lifted<specification::Friction>, parameter: &Parameter) -> P {
     match (parameter.key, lifted.value.stribeck_shape) {
         ("stribeck_exponent", Some(StribeckShape::Exponential)) => P::one(),
@@ -207,7 +208,7 @@ fn shape(spec: &specification::Friction, law: &Meta, own: bool) -> Result<Option
     Ok(shape)
 }
 
-/// The elements that a description lists, in N/m and shares of the level.
+/// Returns the elements of a description, in N/m and fractions of the force level.
 fn elements(spec: &specification::Friction, law: &Meta) -> Result<Vec<Element<f64>>, Error> {
     let listed = &spec.elements;
     let stiffness = spec.parameters.get("bristle_stiffness").filter(|k| k.is_finite());
@@ -267,7 +268,7 @@ fn evolution(spec: &specification::Friction, law: &Meta) -> Result<friction::Evo
     })
 }
 
-/// Refuses a value out of the bounds of its parameter.
+/// Refuses a value outside the bounds of its parameter.
 fn within(table: &str, parameter: &Parameter, value: f64) -> Result<(), Error> {
     if parameter.bounds.contain(value) {
         return Ok(());
@@ -280,7 +281,7 @@ fn within(table: &str, parameter: &Parameter, value: f64) -> Result<(), Error> {
     ))
 }
 
-/// Numbers of a table, their values within the bounds of the parameters that they are.
+/// Returns the numbers of a table, with values within the bounds of their parameters.
 fn checked<P: Lane, T, const N: usize>(
     name: &str,
     parameters: &[Parameter],

@@ -5,7 +5,7 @@ use crate::specification;
 use math::Lane;
 use physics::{Gas, IdealGas, Virial};
 
-/// Source of the numbers of virial coefficients.
+/// Source of the virial coefficients.
 pub(super) const VIRIAL_SOURCE: &str = "libretexts-virial";
 
 /// The gas of a description.
@@ -22,10 +22,10 @@ pub(super) fn gas<P: Lane>(lifted: &Lifted<specification::Gas>) -> Gas<P> {
     Gas::from(&ideal).with(virial)
 }
 
-/// Least share of the pressure from a third virial coefficient that gives a warning (assumed).
+/// Least pressure fraction of a third virial coefficient that gives a warning (assumed).
 const MUCH_OFF: f64 = 0.1;
 
-/// Warning for a gas for which the second virial coefficient is insufficient.
+/// Warns about a gas for which the second virial coefficient is not sufficient.
 pub(super) fn virial_warning(gas: &Gas<f64>, pressure: f64, temperature: f64) -> Option<String> {
     let off = gas.virial?.off(gas, pressure, temperature);
     (off.abs() > MUCH_OFF).then(|| {

@@ -1,4 +1,4 @@
-//! Rows of a trajectory of the usual drive, from what a glance at it shows.
+//! Rows of a trajectory of the usual drive, from its fast outputs.
 
 use super::variables::{Assembly, Quantity, command};
 use crate::circuit::Circuit;
@@ -6,20 +6,20 @@ use crate::circuit::glance::{Glance, place};
 use crate::part::InputId;
 use crate::part::cylinder::INNER;
 
-/// Values of which rows are made: a glance, then these.
+/// Values that rows are made of: the fast outputs, then these.
 const TIME: usize = size_of::<Glance>() / size_of::<f64>();
 const COMMAND: usize = TIME + 1;
 const INNER_STATE: usize = COMMAND + 1;
 const VALUES: usize = 16;
 
-/// The columns of a trajectory as values of a glance.
+/// Columns of a trajectory as values of the fast outputs.
 pub(crate) struct Glances {
     columns: Vec<usize>,
     edges: Option<[InputId; 4]>,
 }
 
 impl Glances {
-    /// Where the circuit can be glanced at, and its columns show no more.
+    /// Returns the columns if the circuit has fast outputs and its columns need no other values.
     pub fn of(assembly: &Assembly) -> Option<Self> {
         let (axis, gas) = assembly.circuit.glanced()?;
         let mut edges = None;
@@ -47,7 +47,7 @@ impl Glances {
         Some(Glances { columns, edges })
     }
 
-    /// One row of the columns, with the bits that [`Assembly::row`] gives it.
+    /// Returns one row of the columns, with the same bits as [`Assembly::row`].
     #[inline(always)]
     pub fn row(&self, circuit: &Circuit<f64>, t: f64, y: &[f64], row: &mut [f64]) {
         let mut values = [0.0; VALUES];

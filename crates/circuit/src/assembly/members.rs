@@ -1,4 +1,4 @@
-//! Circuits of one topology that differ in numbers: it is analysed once, and each member sets its own.
+//! Circuits of one topology that differ in numbers. The topology is analysed once, and each member sets its numbers.
 
 use super::drive::{CYLINDER, Drive, Wired, components};
 use super::friction::{contact, meta, with_values};
@@ -18,15 +18,15 @@ use serde_json::Value;
 /// A number in which members of one topology differ.
 #[derive(Clone, Debug)]
 enum Number {
-    /// Of a component: its place there.
+    /// A number of a component, by index.
     Own(usize, usize),
     /// A parameter of its friction law.
     Friction(usize, String),
-    /// Pressure, Pa absolute, or temperature, K, of the air around.
+    /// Pressure, Pa absolute, or temperature, K, of the ambient air.
     Ambient(usize),
 }
 
-/// Circuits of one topology that differ in numbers: it is analysed once.
+/// Circuits of one topology that differ in numbers. The topology is analysed once.
 #[derive(Clone, Debug)]
 pub struct Members {
     template: Assembly,
@@ -36,12 +36,12 @@ pub struct Members {
     each: Vec<Instance<f64>>,
     names: Vec<String>,
     numbers: Vec<Number>,
-    /// The friction of each component as it is described.
+    /// Friction of each component as described.
     friction: Vec<Option<Seeds<Friction>>>,
     general: bool,
 }
 
-/// The place of each of the drive's numbers among those of its components.
+/// Index of each of the drive's numbers among those of its components.
 fn numbers_of(lifted: &Seeds<specification::Drive>, names: &[String]) -> Result<Vec<Number>, Error> {
     let mut numbers: Vec<Option<Number>> = vec![None; names.len()];
     for first in (0..names.len()).step_by(DIRECTIONS) {
@@ -68,15 +68,15 @@ fn numbers_of(lifted: &Seeds<specification::Drive>, names: &[String]) -> Result<
     .collect()
 }
 
-/// The friction at a place of a description, of which members differ in the parameters called so.
+/// Friction at a path of a description, with the names of the parameters in which members differ.
 fn friction_of(table: &Value, parameters: &[String]) -> Result<Seeds<Friction>, Error> {
     let names: Vec<String> = parameters.iter().map(|name| format!("parameters.{name}")).collect();
     seeds(&table.to_string(), "", &names)
 }
 
 impl Drive {
-    /// Members of this drive that differ in the numbers called `names`: paths of `json`, the description that it was
-    /// made of, such as "cylinder.bore_m" or "friction.parameters.coulomb". They are [general](Members::general).
+    /// Creates members of this drive that differ in the numbers `names`. These are paths of `json`, the drive's
+    /// description, such as "cylinder.bore_m" or "friction.parameters.coulomb". They are [general](Members::general).
     pub fn members(&self, json: &str, names: &[String]) -> Result<Members, Error> {
         check_names(names)?;
         let lifted = seeds::<specification::Drive>(json, "", names)?;
@@ -102,8 +102,8 @@ impl Drive {
 }
 
 impl Network {
-    /// Members that differ in the numbers called `names`, such as "left.bore". `json` is the description that this
-    /// circuit was made of.
+    /// Creates members that differ in the numbers `names`, such as "left.bore". `json` is the description of this
+    /// circuit.
     pub fn members(&self, json: &str, names: &[String]) -> Result<Members, Error> {
         check_names(names)?;
         let spec = specification::Circuit::from_json(json).map_err(|error| unfit(&error))?;
@@ -147,7 +147,7 @@ impl Network {
     }
 }
 
-/// Refuses a name that is given twice.
+/// Refuses a repeated name.
 fn check_names(names: &[String]) -> Result<(), Error> {
     match (1..names.len()).find(|&i| names[..i].contains(&names[i])) {
         Some(twice) => refuse(format!("\"{}\" is given twice: a member has one value of it", names[twice])),
@@ -156,8 +156,8 @@ fn check_names(names: &[String]) -> Result<(), Error> {
 }
 
 impl Members {
-    /// Members whose parts do not follow from the values that each has for itself: no simpler form of a law is chosen
-    /// for a value that has one. So neighbours are of one topology.
+    /// Makes the parts independent of the values that differ between members. No simpler form of a law is chosen for a
+    /// value that members set. All members therefore have one topology.
     pub fn general(mut self) -> Result<Self, Error> {
         self.general = true;
         for number in &self.numbers {
@@ -172,7 +172,7 @@ impl Members {
         Ok(self)
     }
 
-    /// Brings the friction of a component up to date with its parameters.
+    /// Updates the friction of a component with its parameters.
     fn rub(&mut self, component: usize) -> Result<(), Error> {
         if let Some(own) = &self.friction[component] {
             let lifted = if self.general { Lifted::new(own, 0) } else { Lifted::plain(&own.value) };
@@ -181,7 +181,7 @@ impl Members {
         Ok(())
     }
 
-    /// The same once the parts of its law are chosen, from which no member departs.
+    /// Does the same after the parts of its law are fixed for all members.
     fn rub_on(&mut self, component: usize) -> Result<(), Error> {
         let like = self.each[component].friction.as_ref().filter(|_| self.general);
         if let (Some(like), Some(own)) = (like, &self.friction[component])
@@ -193,17 +193,17 @@ impl Members {
         self.rub(component)
     }
 
-    /// The circuit that all of them are like.
+    /// Returns the circuit that all members share.
     pub fn template(&self) -> &Assembly {
         &self.template
     }
 
-    /// In what they differ.
+    /// Returns the names of the numbers in which members differ.
     pub fn names(&self) -> &[String] {
         &self.names
     }
 
-    /// Refuses a value that the number called `names[place]` cannot have, whatever the others are.
+    /// Refuses a value that is impossible for the number `names[place]`, independent of the others.
     pub fn check(&self, place: usize, value: f64) -> Result<(), Error> {
         let bounds = match &self.numbers[place] {
             Number::Own(component, place) => {
@@ -230,7 +230,7 @@ impl Members {
         ))
     }
 
-    /// The member with these numbers, in the order of the names.
+    /// Returns the member with these numbers, in the order of the names.
     pub fn member(&mut self, values: &[f64]) -> Result<Assembly, Error> {
         if values.len() != self.numbers.len() {
             return refuse(format!("{} values for {} numbers", values.len(), self.numbers.len()));

@@ -1,4 +1,4 @@
-//! A circuit of components as a user describes it: components by name, and the joints of their ports.
+//! A circuit of components as a user describes it: named components, and the joints of their ports.
 
 use super::end_stop::{Taken, impact_warning, stop_warning, through_warning};
 use super::friction::contact;
@@ -47,7 +47,7 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
         let keys = one_of(table.parameters.iter().map(|parameter| parameter.key));
         return refuse(format!("{name}: a {} has no parameter \"{key}\"; it has {keys}", table.key));
     }
-    // A table of its own, such as a cushion, is there where any of its numbers is.
+    // A separate table, such as a cushion, exists if any of its numbers exists.
     let left_out = |within: &str| {
         let own = |row: &&Row| row.within == within && spec.numbers.contains_key(row.key);
         !within.is_empty() && !table.parameters.iter().any(|row| own(&row))
@@ -108,7 +108,7 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
     Ok(instance)
 }
 
-/// The joints with their ports found; those of ports that nothing is joined to come last.
+/// Returns the joints with their ports. Unconnected ports come last.
 fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joints, Error> {
     let find = |name: &str| -> Result<PortId, Error> {
         let component = (0..each.len())
@@ -149,7 +149,7 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joint
         if axes > 0 && (joint.ambient || axes < joint.ports.len()) {
             return refuse(format!("the joint of {} joins gas to an axis", names.join(", ")));
         }
-        // A joint is called by the first of its ports that gas passes.
+        // A joint has the name of its first gas port.
         joint.ports.sort_by_key(|port| kind(port) == PortKind::Pilot);
         joints.push(joint);
     }
@@ -161,14 +161,14 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joint
             if !port.exhaust && !port.optional {
                 return refuse(format!("port {}.{} is not joined", own.name, port.name));
             }
-            // A rod that nothing is joined to moves all the same.
+            // An unconnected rod still moves.
             joints.push(Joint { ports: vec![(component, place)], ambient: port.exhaust });
         }
     }
     Ok(Joints { each: joints, junctions: spec.junctions })
 }
 
-/// Pressure and temperature of the ambient, Pa and K.
+/// Ambient pressure and temperature, Pa and K.
 fn ambient(spec: &specification::GasState) -> Result<[f64; 2], Error> {
     let each = [("pressure", spec.pressure_pa, "Pa"), ("temperature", spec.temperature_k, "K")];
     match each.iter().find(|(_, value, _)| !above(0.0).contain(*value)) {
@@ -182,7 +182,7 @@ fn ambient(spec: &specification::GasState) -> Result<[f64; 2], Error> {
 }
 
 impl Network {
-    /// Assembles the circuit; with `ledger`, its accounts are integrated along.
+    /// Assembles the circuit. With `ledger`, its balances are integrated as well.
     pub fn assemble(spec: &specification::Circuit, ledger: bool) -> Result<Self, Error> {
         let each = spec.components.iter().map(instance).collect::<Result<Vec<_>, _>>()?;
         for (i, own) in each.iter().enumerate() {
@@ -247,8 +247,8 @@ impl Network {
         })
     }
 
-    /// The circuit of a description that differs from this one's in numbers: with the same parts, nothing is analysed or
-    /// named again.
+    /// Returns the circuit of a description that differs from this one in numbers. With the same parts, the analysis
+    /// and the names are reused.
     pub fn renewed(&self, spec: &specification::Circuit) -> Result<Assembly, Error> {
         let each = spec.components.iter().map(instance).collect::<Result<Vec<_>, _>>()?;
         let ambient = ambient(&spec.ambient)?;
@@ -275,18 +275,19 @@ impl Network {
         self.is_air
     }
 
-    /// Warnings about this description.
+    /// Returns warnings about this description.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// Gas joints whose volume belongs to no component: the first port of each, and the volume of its ports, m3.
+    /// Returns gas joints whose volume belongs to no component: the first port of each, and the volume of its ports,
+    /// m3.
     pub fn joint_volumes(&self) -> &[(String, f64)] {
         &self.joint_volumes
     }
 
-    /// Each cylinder's name, its end stops, as given or as they follow from the circuit and the highest pressure of a
-    /// start, Pa absolute, and what the latter take up.
+    /// Returns each cylinder's name and end stops, and the design load of derived stops. Derived stops follow from the
+    /// circuit and the highest start pressure, Pa absolute.
     pub fn end_stops(&self, start: f64) -> impl Iterator<Item = (&str, EndStop<f64>, Taken<f64>)> {
         self.pistons.iter().map(move |Piston { name, ends, areas: [a, b], stroke, .. }| {
             let (stop, taken) = ends.from(start, a.max(*b), *stroke);
@@ -294,12 +295,12 @@ impl Network {
         })
     }
 
-    /// Keys in references.bib of the laws and methods that this circuit uses.
+    /// Returns the keys in references.bib of the laws and methods in use.
     pub fn citations(&self) -> &[&'static str] {
         &self.citations
     }
 
-    /// Warnings about the impacts of a run.
+    /// Returns warnings about the impacts of a run.
     pub fn impact_warnings(&self, impacts: &[Impact]) -> Vec<String> {
         let each = self.pistons.iter().flat_map(|Piston { axis, name, ends, areas, .. }| {
             let own: Vec<Impact> = impacts.iter().filter(|impact| impact.axis == *axis).copied().collect();
@@ -310,23 +311,23 @@ impl Network {
         each.collect()
     }
 
-    /// The name of the cylinder on an axis.
+    /// Returns the name of the cylinder on an axis.
     pub fn cylinder(&self, axis: AxisId) -> Option<&str> {
         self.pistons.iter().find(|piston| piston.axis == axis).map(|piston| piston.name.as_str())
     }
 
-    /// Names of the numbers of a start: all but the inner states of friction, which begin at rest.
+    /// Returns the names of the start values: all except the inner states of friction, which start at rest.
     pub fn start_names(&self) -> Vec<&str> {
         self.assembly.given_names()
     }
 
-    /// A session at a start, given by the names of [`Network::start_names`].
+    /// Returns a session at a start, given by the names of [`Network::start_names`].
     pub fn session(&self, start: &BTreeMap<String, f64>, options: Options) -> Result<Session, Error> {
         self.assembly.session(start, options)
     }
 
-    /// A session that begins at a time, s, with contacts of an age, s, where the inputs have these values; what takes time
-    /// after a command has passed.
+    /// Returns a session that starts at a time, s, with contacts of an age, s, and these values of the inputs. Delayed
+    /// effects of these commands have already ended.
     pub fn session_at(
         &self,
         t: f64,
@@ -343,7 +344,7 @@ impl Network {
         Ok(session)
     }
 
-    /// Runs from a start under plans: an input, times and the values from each of them on.
+    /// Runs from a start under plans. A plan has an input, times, and a value from each time on.
     pub fn simulate(
         &self,
         plans: &[(String, Vec<f64>, Vec<f64>)],
@@ -368,7 +369,7 @@ impl Network {
             .collect();
         let mut session = self.assembly.session_under(&first, start, options)?;
         for (input, (_, times, values)) in places.into_iter().zip(plans) {
-            // As in a drive's run, what comes at the end or later is not waited for.
+            // As in a drive's run, a plan's entries at or after the end are ignored.
             let due = times.partition_point(|time| *time < duration);
             session.schedule(input, &times[..due], values.get(..due).unwrap_or(values))?;
         }
@@ -380,19 +381,19 @@ impl Network {
 }
 
 impl Assembly {
-    /// Names of the numbers of a start: all but the inner states of friction, which begin at rest.
+    /// Returns the names of the start values: all except the inner states of friction, which start at rest.
     pub fn given_names(&self) -> Vec<&str> {
         let starts = self.variables.starts.iter();
         let given = starts.filter(|(starting, _)| !matches!(starting, Starting::Inner(_)));
         given.flat_map(|(_, names)| names.iter().map(String::as_str)).collect()
     }
 
-    /// A session at a start, given by name.
+    /// Returns a session at a start, given by name.
     pub fn session(&self, start: &BTreeMap<String, f64>, options: Options) -> Result<Session, Error> {
         self.session_under(&[], start, options)
     }
 
-    /// The same, where spools and locks stand at these commands: an input and its value.
+    /// Does the same with spools and locks settled at these commands (an input and its value).
     fn session_under(
         &self,
         first: &[(usize, f64)],
@@ -402,7 +403,7 @@ impl Assembly {
         Ok(Session::new(self, 0.0, self.stand(first, &self.numbers(start)?, 0.0), options))
     }
 
-    /// The numbers of a start given by name, in the order of [`Assembly::given_names`].
+    /// Returns the start values given by name, in the order of [`Assembly::given_names`].
     fn numbers(&self, start: &BTreeMap<String, f64>) -> Result<Vec<f64>, Error> {
         let names = self.given_names();
         if let Some(name) = start.keys().find(|name| !names.contains(&name.as_str())) {
@@ -442,13 +443,13 @@ impl Assembly {
         Ok(numbers)
     }
 
-    /// The equations and their state at a start, its numbers in the order of [`Assembly::given_names`], of contacts of
-    /// this age, s, where spools and locks stand at the commands `first`: an input and its value.
+    /// Returns the equations and their state at a start. The numbers are in the order of [`Assembly::given_names`], and
+    /// contacts have this age, s. Spools and locks are settled at the commands `first` (an input and its value).
     pub fn stand(&self, first: &[(usize, f64)], start: &[f64], age: f64) -> (Circuit<f64>, Vec<f64>) {
         self.stand_in(Circuit::clone(&self.circuit), first, start, age)
     }
 
-    /// The same of another circuit of this make.
+    /// Does the same for another circuit of this make.
     pub fn stand_in(
         &self,
         mut circuit: Circuit<f64>,
@@ -480,7 +481,7 @@ impl Assembly {
         (circuit, y)
     }
 
-    /// A session that goes on from the state of another one of this make, at time 0.
+    /// Returns a session at time 0 that continues from the state of another session of this make.
     pub fn session_from(&self, state: &[f64], options: Options) -> Result<Session, Error> {
         let (mut circuit, mut y) = (Circuit::clone(&self.circuit), state.to_vec());
         let n = circuit.n_states();

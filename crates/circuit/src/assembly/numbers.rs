@@ -1,4 +1,4 @@
-//! Numbers of a circuit by name: derivatives by them.
+//! Numbers of a circuit by name, and derivatives by them.
 
 use super::friction::contact;
 use super::gas::gas;
@@ -22,14 +22,14 @@ pub(super) fn unfit(error: &serde_json::Error) -> Error {
     Error::Specification(format!("the core cannot read the description: {error}"))
 }
 
-/// The component of a name, and the rest of the name: "left.friction.parameters.coulomb".
+/// Splits a name into its component and the rest: "left.friction.parameters.coulomb".
 pub(super) fn split<'a>(each: &[Instance<f64>], name: &'a str) -> Result<(usize, &'a str), Error> {
     let rest = |own: &Instance<f64>| name.strip_prefix(&own.name).and_then(|rest| rest.strip_prefix('.'));
     let found = each.iter().enumerate().find_map(|(i, own)| Some((i, rest(own)?)));
     found.ok_or_else(|| Error::Specification(format!("\"{name}\" belongs to no component of this circuit")))
 }
 
-/// The place of a number among those of its component, which has a value.
+/// Returns the index of a number among those of its component, if it has a value.
 pub(super) fn place(own: &Instance<f64>, key: &str) -> Result<usize, Error> {
     let rows = own.kind().parameters;
     let Some(place) = rows.iter().position(|row| row.key == key) else {
@@ -54,7 +54,7 @@ pub(super) fn place(own: &Instance<f64>, key: &str) -> Result<usize, Error> {
     Ok(place)
 }
 
-/// The component with numbers that carry derivatives.
+/// Returns the component with numbers that carry derivatives.
 fn lift<P: Lane>(
     own: &Instance<f64>,
     lifted: &Lifted<specification::Component>,
@@ -82,7 +82,7 @@ fn lift<P: Lane>(
     })
 }
 
-/// A circuit as `of` is, from numbers with derivatives.
+/// Returns a circuit made by `of`, from numbers with derivatives.
 fn assemble<P: Lane>(of: &Network, lifted: &Lifted<specification::Circuit>) -> Result<Assembly<P>, Error>
 where
     Deps: Over<P>,
@@ -98,7 +98,7 @@ where
     Ok(wire(&gas, of.is_air(), ambient, (&each, of.joints()), false, without_ledger)?.named_like(like))
 }
 
-/// The same where an input is what a plan of commands sets: the first.
+/// Does the same with the first input set by the command plan.
 fn commanded<P>(assembly: Assembly<P>, input: usize) -> Assembly<P> {
     let mut variables = Variables::clone(&assembly.variables);
     variables.inputs[..=input].rotate_right(1);
@@ -106,7 +106,7 @@ fn commanded<P>(assembly: Assembly<P>, input: usize) -> Assembly<P> {
 }
 
 impl Network {
-    /// The description with a value for each number that something is differentiated by, and its path there.
+    /// Returns the description with a value for each differentiated number, and its path.
     fn paths(&self, json: &str, names: &[String]) -> Result<(String, Vec<String>), Error> {
         let mut table: Value = serde_json::from_str(json).map_err(|error| unfit(&error))?;
         let path = |name: &String| {
@@ -137,8 +137,7 @@ impl Network {
     }
 
     /// Runs the segments of `asked` under the commands of one input, with exact derivatives by numbers of components,
-    /// such as "left.bore" or "left.friction.parameters.coulomb"; see [`Drive::shoot`](super::Drive::shoot). `json` is
-    /// the description that this circuit was made of.
+    /// such as "left.bore". See [`Drive::shoot`](super::Drive::shoot). `json` is the description of this circuit.
     pub fn shoot(
         &self,
         json: &str,

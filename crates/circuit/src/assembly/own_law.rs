@@ -7,7 +7,7 @@ use physics::Bounds;
 use physics::friction::COMPOSITION_STATES;
 use physics::friction::formula::{OwnLaw, ParameterText, Problem, Refusal, StateText, Text};
 
-/// The law of a user's formulas.
+/// Returns the law of a user's formulas.
 pub fn own_law(formula: &specification::Formula) -> Result<&'static OwnLaw, Refusal> {
     for (i, state) in formula.states.iter().enumerate() {
         let twice = formula.states[..i].iter().any(|other| other.name == state.name);
@@ -46,7 +46,7 @@ pub fn own_law(formula: &specification::Formula) -> Result<&'static OwnLaw, Refu
     })
 }
 
-/// A parameter as a formula is read with it.
+/// A parameter in a custom law's description.
 pub(crate) fn parameter_text(p: &specification::FormulaParameter) -> ParameterText {
     ParameterText {
         key: p.key.clone(),
@@ -57,7 +57,7 @@ pub(crate) fn parameter_text(p: &specification::FormulaParameter) -> ParameterTe
     }
 }
 
-/// Missing ends are infinite and open.
+/// Missing bounds are infinite and open.
 fn bounds(own: &specification::Bounds) -> Bounds {
     Bounds {
         lower: own.above.or(own.at_least).unwrap_or(f64::NEG_INFINITY),
@@ -67,7 +67,7 @@ fn bounds(own: &specification::Bounds) -> Bounds {
     }
 }
 
-/// Modifiers of levels need a law that has levels.
+/// Modifiers of force levels need a law that has levels.
 pub(super) fn check_levels(spec: &specification::Friction, own: &OwnLaw) -> Result<(), Error> {
     let tables = [
         ("pressure", spec.pressure.is_some()),

@@ -1,5 +1,5 @@
-//! What runs: a circuit whose inputs are set, now or at times to come, that is advanced and read, saved and put back,
-//! and linearised. Everything else that runs a circuit calls it.
+//! A running circuit: its inputs are set now or later, and it is advanced, read, saved, restored and linearised. Every
+//! other run of a circuit uses it.
 
 use super::timing::{Due, Timing, What};
 use super::variables::{Assembly, Quantity, Settable, Starting, Target, Variables};
@@ -12,7 +12,7 @@ use math::{Dual, Lane, Real};
 use ode::{Method, Options, Output, Statistics, Stepper, System, same_time};
 use std::sync::Arc;
 
-/// Bytes of a session begin with this, and the version of their form.
+/// First bytes of a saved session, and the version of the format.
 const MAGIC: &[u8; 8] = b"pnd-ses\x05";
 
 /// Directions of one pass of a linearisation.
@@ -30,13 +30,13 @@ pub struct Linear {
     pub c: Vec<f64>,
     /// D: derivatives of the outputs by the inputs.
     pub d: Vec<f64>,
-    /// Which of the columns the outputs are.
+    /// Columns of the outputs.
     pub columns: Vec<usize>,
-    /// The state there.
+    /// State at the point of linearisation.
     pub state: Vec<f64>,
-    /// Its rates.
+    /// Rates at this point.
     pub rates: Vec<f64>,
-    /// The outputs there.
+    /// Outputs at this point.
     pub outputs: Vec<f64>,
 }
 
@@ -45,28 +45,28 @@ pub struct Linear {
 pub struct Session<R: Lane = f64> {
     assembly: Assembly<R>,
     pub(super) stepper: Stepper<R, Circuit<R>>,
-    /// (time, what is set, value), by time; what comes first is last.
+    /// Pending entries (time, target, value) in reverse order of time.
     pub(super) schedule: Vec<(f64, What, f64)>,
     pub(super) net: Net<R>,
     row: Vec<R>,
-    /// `row` is of the present state and inputs.
+    /// Whether `row` belongs to the present state and inputs.
     pub(super) is_read: bool,
     failed: Option<String>,
     rtol: f64,
-    /// Of the description and the tolerance.
+    /// Hash of the description and the tolerance.
     mark: u64,
-    /// What it draws, where somebody asked for it.
+    /// Gas drawn from outside, if it is followed.
     drawn: Option<Box<Drawn<R>>>,
 }
 
-/// FNV-1a.
+/// FNV-1a hash.
 fn mark_of(bytes: impl IntoIterator<Item = u8>) -> u64 {
     bytes
         .into_iter()
         .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// Whether a time has come at another one, which the clock may not be able to tell from it.
+/// Returns whether a time is reached at another one, within the resolution of the clock.
 fn has_come(time: f64, at: f64) -> bool {
     time <= at || same_time(time, at)
 }
@@ -76,7 +76,7 @@ fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
 }
 
 impl<R: Lane> Session<R> {
-    /// The circuit of an assembly at a time, with its inputs and state there.
+    /// Returns the circuit of an assembly at a time, with its inputs and state.
     pub fn new(assembly: &Assembly<R>, t: f64, (circuit, y): (Circuit<R>, Vec<R>), options: Options) -> Self {
         Session {
             net: circuit.work(),
@@ -92,32 +92,32 @@ impl<R: Lane> Session<R> {
         }
     }
 
-    /// The present time, s.
+    /// Returns the present time, s.
     pub fn time(&self) -> f64 {
         self.stepper.time(0)
     }
 
-    /// Work of the integrator, by count.
+    /// Returns the work counts of the integrator.
     pub fn statistics(&self) -> Statistics {
         self.stepper.statistics(0)
     }
 
-    /// The equations with their present inputs and modes.
+    /// Returns the equations with their present inputs and modes.
     pub fn circuit(&self) -> &Circuit<R> {
         self.stepper.system()
     }
 
-    /// The present state, accounts included.
+    /// Returns the present state with its balances.
     pub fn state(&self) -> &[R] {
         self.stepper.state()
     }
 
-    /// The present state as a sample.
+    /// Gives the present state as a sample.
     pub fn settled(&self) -> Vec<R> {
         settled(self.circuit(), self.state())
     }
 
-    /// Reason why it cannot go on, if any.
+    /// Returns the reason why the session cannot continue, if any.
     pub fn failed(&self) -> Option<&str> {
         self.failed.as_deref()
     }
@@ -178,16 +178,16 @@ impl<R: Lane> Session<R> {
         self.schedule.retain(|entry| entry.1 != What::Timing(timing, due));
     }
 
-    /// Sets an input at future times, without a check of its bounds: the integration ends on each of them exactly.
+    /// Sets an input at future times, without a check of its bounds. The integration ends exactly on each of them.
     pub fn plan(&mut self, input: usize, entries: impl IntoIterator<Item = (f64, f64)>) {
         self.schedule.extend(entries.into_iter().map(|(time, value)| (time, What::Input(input), value)));
-        // Stable, and from the last to the first: of entries at one time the one given last holds.
+        // The sort is stable and runs from last to first. The last of several entries at one time holds.
         self.schedule.reverse();
         self.schedule.sort_by(|one, other| other.0.total_cmp(&one.0));
     }
 
-    /// The place of the entry that happens next until a time, s, if any. A valve that samples its command does so behind
-    /// inputs that are set at that time, and where the way ends there it waits for those that may still be set.
+    /// Returns the index of the next entry until a time, s, if any. A valve that samples its command takes inputs set
+    /// at the same time. At the end of the run it waits, because inputs may still be set.
     fn next(&self, until: f64) -> Option<usize> {
         let place = self.schedule.len().checked_sub(1)?;
         let first = &self.schedule[place];
@@ -210,7 +210,7 @@ impl<R: Lane> Session<R> {
         }
     }
 
-    /// Applies the entries that are due now: no input is set any more.
+    /// Applies the entries that are due now. No further input is set at this time.
     pub fn settle_schedule(&mut self) {
         let now = self.time();
         while let Some((_, what, value)) = self.schedule.pop_if(|entry| has_come(entry.0, now)) {
@@ -218,25 +218,25 @@ impl<R: Lane> Session<R> {
         }
     }
 
-    /// Whether an entry is due now.
+    /// Returns whether an entry is due now.
     pub fn is_due_now(&self) -> bool {
         self.schedule.last().is_some_and(|entry| has_come(entry.0, self.time()))
     }
 
-    /// Takes the next steps by a method.
+    /// Sets the method of the next steps.
     pub(crate) fn use_method(&mut self, method: Method) {
         self.stepper.use_method(method);
     }
 
-    /// Allows as many attempts at a step as a run to a time usually may take.
+    /// Allows the usual number of attempts for a run to a time.
     pub fn allow_until(&mut self, until: f64) {
         let due = self.schedule.iter().filter(|entry| entry.0 <= until).count();
         let states = self.circuit().n_states();
         self.stepper.allow(budget(until - self.time(), due + 1, states));
     }
 
-    /// Goes on until a time, s. An entry of the schedule that the clock cannot tell from it happens there, unless a valve
-    /// samples its command by it, and one that it cannot tell from the present happens now.
+    /// Continues until a time, s. Entries within the clock's resolution of that time are applied there, and those
+    /// within the resolution of the present time now. A sampling valve's entries are the exception.
     pub fn advance(
         &mut self,
         until: f64,
@@ -267,7 +267,7 @@ impl<R: Lane> Session<R> {
         }
     }
 
-    /// A column at the present state and inputs.
+    /// Returns a column at the present state and inputs.
     pub fn read(&mut self, column: usize) -> R {
         if !self.is_read {
             let y = self.settled();
@@ -278,46 +278,47 @@ impl<R: Lane> Session<R> {
         self.row[column]
     }
 
-    /// The numbers of a start at the present state.
+    /// Returns the start values at the present state.
     pub fn outside(&mut self) -> Vec<R> {
         self.assembly.outside(self.stepper.system(), self.stepper.state(), &mut self.net)
     }
 }
 
 impl Session {
-    /// The same, and bytes of it are taken by sessions of this description alone.
+    /// Does the same with saved bytes that only sessions of this description accept.
     pub fn of_description(mut self, json: &str) -> Self {
         let version = env!("CARGO_PKG_VERSION").bytes();
         self.mark = mark_of(json.bytes().chain(self.rtol.to_bits().to_le_bytes()).chain(version));
         self
     }
 
-    /// The inputs.
+    /// Returns the inputs.
     pub fn inputs(&self) -> &[Settable] {
         &self.assembly.variables.inputs
     }
 
-    /// The numbers of a start.
+    /// Returns the names of the start values.
     pub(super) fn starts(&self) -> &[(Starting, Vec<String>)] {
         &self.assembly.variables.starts
     }
 
-    /// Whether an input acts at once and has no history.
+    /// Returns whether an input acts at once and has no history.
     pub fn is_continuous(&self, input: usize) -> bool {
         !matches!(self.inputs()[input].target, Target::Timed(_))
     }
 
-    /// The outputs.
+    /// Returns the outputs.
     pub fn columns(&self) -> &[String] {
         self.assembly.columns()
     }
 
-    /// An output at the present state and inputs; compiled here, so that callers need not compile the equations again.
+    /// Returns an output at the present state and inputs. It is compiled here, so that callers need not compile the
+    /// equations again.
     pub fn now(&mut self, column: usize) -> f64 {
         self.read(column)
     }
 
-    /// The value of an input; the command is not a number while edges are set by themselves.
+    /// Returns the value of an input. The command is NaN while the edges are set directly.
     pub fn input(&self, input: usize) -> f64 {
         self.assembly.get(self.circuit(), input)
     }
@@ -363,7 +364,7 @@ impl Session {
         Ok(())
     }
 
-    /// Goes on until a time, s, with a budget of its own.
+    /// Continues until a time, s, with a separate limit on attempts.
     pub fn go_on(&mut self, until: f64, look: &mut Look<'_>) -> Result<(), Error> {
         if until.is_finite() {
             self.allow_until(until);
@@ -374,19 +375,19 @@ impl Session {
         gone
     }
 
-    /// From now on it follows the gas that it draws from outside, as [`Session::go_on`] takes it on. Saved bytes do not
-    /// contain it.
+    /// From now on, records the gas drawn from outside while [`Session::go_on`] runs. Saved bytes do not contain this
+    /// record.
     pub fn follow_drawn(&mut self) {
         self.drawn = Some(Box::new(Drawn::of(self.circuit())));
     }
 
-    /// Mass that came in from reservoirs and compressors since then, kg: of each path over the boundary what it gave on
-    /// balance, so that what leaves through an exhaust does not count. None where nobody follows it.
+    /// Returns the net mass that entered from each reservoir and compressor since then, kg. Gas that leaves through an
+    /// exhaust does not count. `None` if the gas is not recorded.
     pub fn drawn(&self) -> Option<f64> {
         self.drawn.as_ref().map(|own| own.mass())
     }
 
-    /// The same, with some columns at `times` s on the way, which ascend from the present on.
+    /// Does the same, and returns some columns at `times`, s, on the way. The times ascend from the present time.
     pub fn record(
         &mut self,
         until: f64,
@@ -412,7 +413,7 @@ impl Session {
         Ok(recorder.finish(self))
     }
 
-    /// The whole session as bytes; a failed one has none.
+    /// Returns the whole session as bytes, or `None` after a failure.
     pub fn save(&self) -> Result<Vec<u8>, Error> {
         self.alive()?;
         let Some(stepper) = self.stepper.save() else { return refuse("the session cannot go on") };
@@ -431,7 +432,7 @@ impl Session {
         Ok(bytes)
     }
 
-    /// Restores the session from saved bytes, bit for bit; a failed one too.
+    /// Restores the session from saved bytes, bit for bit, even after a failure.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), Error> {
         let Some(rest) = bytes.strip_prefix(MAGIC) else {
             return refuse("these bytes are not a session, or have another version of the format");
@@ -482,13 +483,13 @@ impl Session {
         Ok(())
     }
 
-    /// The names and units of the states.
+    /// Returns the names and units of the states.
     pub fn state_names(&self) -> &[(String, &'static str)] {
         self.circuit().state_names()
     }
 
-    /// The exact derivatives of rates and outputs by the states and by some inputs. Outputs are the columns but time
-    /// and command.
+    /// Returns the exact derivatives of rates and outputs by the states and by some inputs. Outputs are all columns
+    /// except time and command.
     pub fn linearise(&self, inputs: &[usize]) -> Result<Linear, Error> {
         self.alive()?;
         let commands: Vec<(usize, usize, f64)> = (inputs.iter().enumerate())
@@ -544,7 +545,7 @@ impl Session {
                     Target::Edges(_) => None,
                 };
                 if let Some(id) = id {
-                    // An edge moves with the command and by itself.
+                    // An edge moves with the command and independently.
                     let value = circuit.input(id) + seeded(0.0, n + k);
                     circuit.set_input(id, 0, value);
                 }

@@ -17,14 +17,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub const DIRECTIONS: usize = 8;
 pub(super) type Sensitive = Dual<f64, DIRECTIONS>;
 
-/// By which numbers of the starts to differentiate.
+/// Start values to differentiate by.
 #[derive(Clone, Debug)]
 pub enum ByStart {
-    /// By none of them.
+    /// No start value.
     None,
-    /// By each of them.
+    /// Every start value.
     All,
-    /// These, by their place in [`Drive::start_names`].
+    /// These start values, by index in [`Drive::start_names`].
     Of(Vec<usize>),
 }
 
@@ -56,7 +56,7 @@ pub struct Shooting {
     pub commands: Vec<f64>,
     /// s, increasing; the first is the start of the first segment, the last the end of the last one.
     pub sample_times: Vec<f64>,
-    /// Which samples begin a segment.
+    /// Sample index at which each segment starts.
     pub starts: Vec<usize>,
     /// The start of each segment, row by row; see [`Drive::start_names`].
     pub initial: Vec<f64>,
@@ -66,24 +66,24 @@ pub struct Shooting {
     pub with_initial: ByStart,
     /// Columns of a run.
     pub outputs: Vec<String>,
-    /// Of the integrator.
+    /// Relative tolerance of the integrator.
     pub options: Options,
-    /// The most threads that run segments at once.
+    /// Largest number of threads for segments.
     pub threads: usize,
 }
 
 /// The result; arrays row by row, derivatives last.
 #[derive(Clone, Debug)]
 pub struct Shot {
-    /// (samples, outputs); those of a segment's first sample are of its start.
+    /// (samples, outputs). The outputs of a segment's first sample belong to its start.
     pub values: Vec<f64>,
     /// (samples, outputs, directions)
     pub sensitivities: Vec<f64>,
-    /// (segments, states of a start): where each segment ends.
+    /// (segments, states of a start): the end of each segment.
     pub ends: Vec<f64>,
     /// (segments, states, directions)
     pub end_sensitivities: Vec<f64>,
-    /// Reason why a segment failed; its numbers from there on are not finite.
+    /// Reasons why segments failed. Later numbers of a failed segment are not finite.
     pub failures: Vec<Option<String>>,
     /// Number of derivatives of each value.
     pub directions: usize,
@@ -95,8 +95,8 @@ impl Drive {
         self.assembly().start_names()
     }
 
-    /// Runs the segments of `asked`, with exact derivatives of the discrete solution. The result does not
-    /// depend on the number of threads. `json` is the description that this drive was made of.
+    /// Runs the segments of `asked`, with exact derivatives of the discrete solution. The result does not depend on the
+    /// number of threads. `json` is the description of this drive.
     pub fn shoot(
         &self,
         json: &str,
@@ -111,7 +111,7 @@ impl Drive {
         let like = Some(self.circuit()).filter(|circuit| circuit.channels().is_empty());
         if all.directions == 1 && self.circuit().serves_all() {
             let own = Wired::<Dual<f64, 1>>::lifted(&Lifted::new(&seeds, 0), false, like);
-            // A number that the drive does not have, and refusals, are for numbers of any kind.
+            // The checks for unknown numbers and refusals hold for all scalar types.
             if let Some(own) = own.ok().filter(|own| own.assembly.circuit.serves_all()) {
                 return all.run(&[own.assembly], interrupted);
             }
@@ -121,7 +121,7 @@ impl Drive {
     }
 }
 
-/// Runs `plain`, or, where derivatives are asked for, what `lift` makes for each pass of directions.
+/// Runs `plain`, or with derivatives the assembly that `lift` makes for each pass of directions.
 pub(super) fn shoot<F: Fn(usize) -> Result<Assembly<Sensitive>, Error>>(
     plain: &Assembly,
     lift: impl FnOnce() -> Result<F, Error>,
@@ -192,7 +192,7 @@ struct All<'a> {
     directions: usize,
 }
 
-/// One run: the outputs at its samples, and its end.
+/// One run: the outputs at its samples, and its end state.
 struct Done<P> {
     rows: Vec<P>,
     end: Vec<P>,
@@ -200,7 +200,7 @@ struct Done<P> {
 }
 
 impl<'a> All<'a> {
-    /// What is asked of an assembly.
+    /// Checked request for an assembly.
     fn of(asked: &'a Shooting, plain: &Assembly) -> Result<Self, Error> {
         let states = check(asked, plain)?;
         let columns = asked.outputs.iter().map(|name| column(plain.columns(), name));
@@ -309,7 +309,7 @@ impl<'a> All<'a> {
         }
     }
 
-    /// Writes what one pass of one segment gave.
+    /// Writes the result of one pass of one segment.
     fn enter<P: Lane>(&self, shot: &mut Shot, segment: usize, pass: usize, done: Done<P>) {
         let first = pass * P::DIRECTIONS;
         let write = |values: &mut [f64], derivatives: &mut [f64], numbers: &[P]| {
@@ -342,13 +342,13 @@ pub(super) struct Tracker<'a, P> {
 }
 
 impl<'a, P: Lane> Tracker<'a, P> {
-    /// Of these columns at these times, s.
+    /// Returns these columns at these times, s.
     pub fn new(drive: &'a Assembly<P>, columns: &'a [usize], times: &'a [f64], net: Net<P>) -> Self {
         let row = vec![P::zero(); drive.columns().len()];
         Tracker { drive, columns, times, next: 0, net, row, rows: Vec::new() }
     }
 
-    /// The samples still due are those at the end.
+    /// The remaining samples are due at the end.
     fn finish(&mut self, session: &Session<P>) {
         let y = session.settled();
         while self.next < self.times.len() {

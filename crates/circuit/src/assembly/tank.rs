@@ -11,8 +11,8 @@ use physics::flow::LEAK_RATIO;
 use std::collections::BTreeMap;
 use std::iter;
 
-/// A volume without a piston, on a line with a restriction and perhaps a tube, and with a leak into the ambient air. A
-/// command is the share of the line's opening.
+/// A volume without a piston. It has a line with a restriction and an optional tube, and a leak into the ambient air. A
+/// command is the opening fraction of the line.
 #[derive(Clone, Debug)]
 pub struct Tank {
     assembly: Assembly,
@@ -20,14 +20,14 @@ pub struct Tank {
 
 type Spec = specification::Tank;
 
-/// Where the volume stands among the components of a tank, and the line.
+/// Indices of the volume and of the line among the components of a tank.
 const VOLUME: usize = 0;
 const LINE: usize = 1;
 
 /// A tank as components and joints.
 fn components<P: Lane>(lifted: &Lifted<Spec>) -> (Vec<Instance<P>>, Joints) {
     let number = |f: fn(&Spec) -> f64| Some((lifted.number(f), lifted.is_free(f)));
-    // The whole wall's conductance: a coefficient, W/(m2 K), on a wall of 1 m2.
+    // Conductance of the whole wall: a coefficient, W/(m2 K), on a wall of 1 m2.
     let volume = Instance::new("volume", "tank", |key| match key {
         "volume" => number(|s| s.volume.volume_m3),
         "wall_area" => Some((P::one(), false)),
@@ -80,7 +80,7 @@ fn components<P: Lane>(lifted: &Lifted<Spec>) -> (Vec<Instance<P>>, Joints) {
     (each, joints.into())
 }
 
-/// The equations, from numbers with or without derivatives.
+/// Returns the equations, from numbers with or without derivatives.
 fn wire<P: Lane>(lifted: &Lifted<Spec>) -> Result<Assembly<P>, Error>
 where
     Deps: Over<P>,
@@ -132,7 +132,7 @@ impl Tank {
         self.assembly.start_names()
     }
 
-    /// Runs the segments of `asked`, with exact derivatives, as [`Drive::shoot`](super::Drive::shoot) does.
+    /// Runs the segments of `asked` with exact derivatives, as [`Drive::shoot`](super::Drive::shoot) does.
     pub fn shoot(
         &self,
         json: &str,

@@ -1,5 +1,5 @@
-//! Delayed effects of commands: dead times, the travel of an armature, pulses. Time does not enter the
-//! equations: the schedule of a session sets what they read, and the integration ends on each entry exactly.
+//! Delayed effects of commands: dead times, armature travel, pulses. Time is not part of the equations. The schedule of
+//! a session sets the values that the equations read, and the integration ends exactly on each entry.
 
 use super::session::Session;
 use crate::circuit::Circuit;
@@ -9,7 +9,7 @@ use math::Lane;
 /// Timing of a command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Timing {
-    /// A spool takes the command behind its play after a dead time.
+    /// A spool follows the command after play and a dead time.
     Follow {
         part: PartId,
         /// Half of the width of the play.
@@ -17,23 +17,24 @@ pub enum Timing {
         /// Dead time, s.
         delay: f64,
     },
-    /// An armature travels to the command: after the dead time to there or back, s, in the time of a travel of one, s.
+    /// An armature travels to the command. It starts after the dead time of its direction, s, and moves at a rate given
+    /// by the time of a full travel, s.
     Travel {
         part: PartId,
         dead: [f64; 2],
         travel: [f64; 2],
         pulses: Option<Pulses>,
-        /// It starts where its first command has it; else at rest.
+        /// It starts at the position of its first command, otherwise at rest.
         stands: bool,
     },
-    /// An armature travels to one under a command 1 and to zero under -1, each as above; without a command it keeps its
-    /// position, and a travel that has begun goes on to its end.
+    /// An armature travels to one under a command of 1 and to zero under -1. Without a command it keeps its position,
+    /// after a started travel has ended.
     Keep { part: PartId, dead: [f64; 2], travel: [f64; 2] },
-    /// The mean of pulses.
+    /// Mean value of the pulses.
     Average { part: PartId, times: [f64; 2], dead: [f64; 2], pulses: Pulses },
 }
 
-/// Pulses of a width that is commanded.
+/// Pulses with a commanded width.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pulses {
     /// Period, s.
@@ -43,11 +44,11 @@ pub struct Pulses {
 /// Effect of an entry of a schedule on a timing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Due {
-    /// The value acts on the part.
+    /// Sets the value of the part.
     Act,
-    /// An armature starts: the value is where it goes.
+    /// Starts an armature towards the value.
     Start,
-    /// A pulse begins, and one ends.
+    /// Starts or ends a pulse.
     Rise,
     Fall,
 }
@@ -70,12 +71,12 @@ impl Timing {
         self.part().input(input)
     }
 
-    /// The command.
+    /// Sets the command.
     pub fn commanded(&self) -> InputId {
         self.input(signal::COMMANDED)
     }
 
-    /// Sets the part as if the command had stood for long; an armature goes there when the run begins.
+    /// Sets the part to the steady state of the command. An armature travels there when the run starts.
     pub(super) fn settled<R: Lane>(&self, circuit: &mut Circuit<R>, lane: usize, command: R) {
         circuit.set_input(self.commanded(), lane, command);
         let acts = match *self {
@@ -91,30 +92,30 @@ impl Timing {
         circuit.set_input(self.input(signal::ACTS), lane, acts);
     }
 
-    /// Whether the command is one of whole numbers.
+    /// Returns whether the command takes whole numbers only.
     pub fn is_whole(&self) -> bool {
         matches!(self, Timing::Travel { pulses: None, .. } | Timing::Keep { .. })
     }
 
-    /// Whether the first command of a run has acted for long when it begins.
+    /// Returns whether the first command of a run counts as settled at its start.
     pub fn stands_at_first(&self) -> bool {
         matches!(self, Timing::Follow { .. } | Timing::Travel { stands: true, .. })
     }
 
-    /// Where the command acts at once and smoothly, so that something can be differentiated by it.
+    /// Returns whether the command acts at once and smoothly, so that derivatives by it exist.
     pub fn smooth(&self) -> Option<InputId> {
         matches!(self, Timing::Follow { .. }).then(|| self.input(signal::ACTS))
     }
 }
 
-/// The mean share of a period for which a valve is open under pulses of a share d of it:
+/// Mean fraction of a period for which a valve is open under pulses of a fraction d of the period:
 ///
-///   0 for d T <= dead time on,   1 for (1 - d) T <= dead time off,   else d + (t_off - t_on)/T
+///   `0 for d T <= dead time on,   1 for (1 - d) T <= dead time off,   else d + (t_off - t_on)/T`
 ///
-/// It jumps at both: pulses that are too short do not move the armature.
+/// It jumps at both limits, because shorter pulses do not move the armature.
 ///
-/// T            period                                                s
-/// t_on, t_off  times from a command to the middle of the travel      s
+/// * `T`: period, s.
+/// * `t_on`, `t_off`: times from a command to the middle of the travel, s.
 fn average(d: f64, [on, off]: [f64; 2], dead: [f64; 2], Pulses { period }: Pulses) -> f64 {
     if d * period <= dead[0] {
         0.0
@@ -125,7 +126,7 @@ fn average(d: f64, [on, off]: [f64; 2], dead: [f64; 2], Pulses { period }: Pulse
     }
 }
 
-/// The middle of the play: it stays where the command is within half of its width.
+/// Returns the middle of the play. It stays while the command is within half of the play's width.
 pub(super) fn behind_play(remembered: f64, command: f64, play: f64) -> f64 {
     remembered.clamp(command - play, command + play)
 }
@@ -140,12 +141,12 @@ pub(super) enum What {
 }
 
 impl What {
-    /// Whether it depends on the command at its time.
+    /// Returns whether it depends on the command at its time.
     pub fn waits(self) -> bool {
         matches!(self, What::Timing(_, Due::Start | Due::Rise | Due::Fall))
     }
 
-    /// As a number, where there are so many inputs.
+    /// Returns it as a number, for this number of inputs.
     pub fn code(self, n_inputs: usize) -> u64 {
         let code = match self {
             What::Input(input) => input,
@@ -154,7 +155,7 @@ impl What {
         code as u64
     }
 
-    /// From a number, where there are so many inputs and timings.
+    /// Returns it from a number, for this number of inputs and timings.
     pub fn of(code: u64, n_inputs: usize, n_timings: usize) -> Option<Self> {
         let code = usize::try_from(code).ok()?;
         let Some(due) = code.checked_sub(n_inputs) else { return Some(What::Input(code)) };
@@ -163,11 +164,11 @@ impl What {
     }
 }
 
-/// Distance from its end of travel at which an armature has arrived.
+/// Distance from its end of travel at which an armature counts as arrived.
 const ARRIVED: f64 = 1e-9;
 
 impl<R: Lane> Session<R> {
-    /// A command from now on.
+    /// Applies a command from now on.
     pub(super) fn command(&mut self, timing: usize, value: f64) {
         let now = self.time();
         let what = self.timings()[timing];
@@ -187,7 +188,7 @@ impl<R: Lane> Session<R> {
                 self.act(what.input(signal::ACTS), average(value, times, dead, pulses));
             }
             Timing::Travel { pulses: None, .. } => self.switch(timing, value),
-            // Shorter than the dead time, a command does not move it.
+            // A command shorter than the dead time has no effect.
             Timing::Keep { .. } if value == 0.0 => self.forget(timing, Due::Start),
             Timing::Keep { .. } => self.switch(timing, f64::from(u8::from(value > 0.0))),
             Timing::Travel { pulses: Some(Pulses { period }), .. } => {
@@ -198,7 +199,7 @@ impl<R: Lane> Session<R> {
         }
     }
 
-    /// Where an armature goes by what it was told last, or stands: -1, 0 or 1.
+    /// Direction of an armature after its last switch: -1, 0 (at rest) or 1.
     fn goal(&self, timing: usize) -> f64 {
         let what = self.timings()[timing];
         let entry = |due: Due| self.schedule.iter().find(|entry| entry.1 == What::Timing(timing, due));
@@ -210,8 +211,8 @@ impl<R: Lane> Session<R> {
         (self.circuit().part_state(what.part(), self.state()).get(0) + speed * left).round()
     }
 
-    /// Switches an armature: it starts after the dead time, unless it is switched back before. Told again where it goes by
-    /// then, it does not begin anew.
+    /// Switches an armature. It starts after the dead time, unless it is switched back before. A repeated switch in the
+    /// present direction has no effect.
     fn switch(&mut self, timing: usize, to: f64) {
         let (Timing::Travel { dead, .. } | Timing::Keep { dead, .. }) = self.timings()[timing] else {
             return;
@@ -223,7 +224,7 @@ impl<R: Lane> Session<R> {
         self.later(self.time() + dead[usize::from(to == 0.0)], timing, Due::Start, to);
     }
 
-    /// Applies the entry of a timing that is due now.
+    /// Applies an entry of a timing that is due now.
     pub(super) fn happens(&mut self, timing: usize, due: Due, value: f64) {
         let (now, what) = (self.time(), self.timings()[timing]);
         match (due, what) {

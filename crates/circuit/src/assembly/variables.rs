@@ -26,7 +26,7 @@ pub struct Settable {
     pub name: String,
     /// Its unit in SI; `1` for a pure number.
     pub unit: &'static str,
-    /// The values that it may take, in the unit.
+    /// Allowed values, in the unit.
     pub bounds: Bounds,
     /// Its meaning, in words.
     pub meaning: &'static str,
@@ -51,65 +51,65 @@ impl Settable {
 /// Content of a column.
 #[derive(Clone, Copy, Debug)]
 pub enum Quantity {
-    /// s.
+    /// Time, s.
     Time,
-    /// m.
+    /// Position, m.
     Position(AxisId),
-    /// m/s.
+    /// Velocity, m/s.
     Velocity(AxisId),
-    /// m/s2.
+    /// Acceleration, m/s2.
     Acceleration(AxisId),
-    /// Positive where it opposes v > 0.
+    /// Friction, positive if it opposes v > 0.
     Friction(AxisId),
-    /// Positive where it pushes towards -x.
+    /// Force, positive if it pushes towards -x.
     EndStop(AxisId),
-    /// Pa absolute.
+    /// Pressure, Pa absolute.
     Pressure(GasId),
-    /// K.
+    /// Temperature, K.
     Temperature(GasId),
-    /// Net, into the node.
+    /// Net mass flow into the node.
     MassFlow(GasId),
-    /// A signal between parts: its index.
+    /// Signal between parts, by index.
     Signal(usize),
-    /// Of an input.
+    /// Value of an input.
     Input(InputId),
-    /// The sum through one or two paths.
+    /// Mass flow through the sum of one or two paths.
     Flow([Option<Path>; 2]),
-    /// Through all paths out of a reservoir.
+    /// Mass flow through all paths out of a reservoir.
     OutOf(GasId),
-    /// Of a part that has one.
+    /// State of a part that has one.
     Force(PartId),
-    /// Of the command of a valve; not a number while its edges are set by themselves.
+    /// Command of a valve. NaN while its edges are set directly.
     Command([InputId; 4]),
     /// One inner state of an axis' friction.
     Inner(AxisId, usize),
 }
 
-/// Numbers of a start that belong together.
+/// Start values that belong together.
 #[derive(Clone, Copy, Debug)]
 pub enum Starting {
     /// Pressure, Pa absolute, and temperature, K.
     Gas(GasId),
-    /// None: as the gas before it.
+    /// None: equal to the previous gas.
     Alike(GasId),
     /// Position, m, and velocity, m/s.
     Axis(AxisId),
     /// All inner states of an axis' friction.
     Inner(AxisId),
-    /// The position of a valve that keeps it, 0 or 1: its place among the signals.
+    /// Index of the signal of a bistable valve's position, 0 or 1.
     Kept(usize),
 }
 
 /// The names of a circuit.
 #[derive(Clone, Debug, Default)]
 pub struct Variables {
-    /// The first one is set by a plan of commands.
+    /// The first one is set by a command plan.
     pub inputs: Vec<Settable>,
     /// Names of the columns of a run.
     pub columns: Vec<String>,
     /// Content of each column.
     pub quantities: Vec<Quantity>,
-    /// Each with the names of its numbers.
+    /// Groups, each with the names of its numbers.
     pub starts: Vec<(Starting, Vec<String>)>,
 }
 
@@ -134,14 +134,14 @@ pub struct Assembly<P = f64> {
     pub timings: Arc<[Timing]>,
 }
 
-/// Opening of each edge of a proportional 5/3 valve for a command (supply to a, a to exhaust, supply to b, b to exhaust):
-/// u > 0 supply to a and b to exhaust with the share u, u < 0 the mirror.
+/// Returns the opening of each edge of a proportional 5/3 valve for a command (supply to a, a to exhaust, supply to b,
+/// b to exhaust). For u > 0, supply to a and b to exhaust are open by the fraction u. u < 0 is the mirror image.
 pub fn valve_openings<R: Real>(u: R) -> [R; 4] {
     let (extend, retract) = (u.max(R::zero()), (-u).max(R::zero()));
     [extend, retract, retract, extend]
 }
 
-/// The command that opens the edges so; not a number if none does.
+/// Returns the command that opens the edges in this way, or NaN if no command does.
 pub(super) fn command<R: Lane>(circuit: &Circuit<R>, edges: [InputId; 4]) -> R {
     let [a, b, c, d] = edges.map(|edge| circuit.input(edge));
     let is_one = (0..R::L).all(|lane| {
@@ -175,7 +175,7 @@ impl<P: Lane> Assembly<P> {
         self.variables.starts.iter().flat_map(|(_, names)| names.clone()).collect()
     }
 
-    /// Sets an input of one lane; what takes time has passed.
+    /// Sets an input of one lane. Delayed effects of the command have already ended.
     pub fn set<R: Lane>(&self, circuit: &mut Circuit<R>, input: usize, lane: usize, value: R) {
         match &self.variables.inputs[input].target {
             Target::Input(id) => circuit.set_input(*id, lane, value),
@@ -193,14 +193,14 @@ impl<P: Lane> Assembly<P> {
         }
     }
 
-    /// Sets the input of a plan of commands, if there is one.
+    /// Sets the input of a command plan, if there is one.
     pub fn set_command<R: Lane>(&self, circuit: &mut Circuit<R>, lane: usize, u: R) {
         if !self.variables.inputs.is_empty() {
             self.set(circuit, 0, lane, u);
         }
     }
 
-    /// The equations under a command, and their state from the numbers of a start.
+    /// Returns the equations under a command, and their state from the start values.
     pub fn begin(&self, start: &[P], u: P) -> (Circuit<P>, Vec<P>) {
         let mut circuit = Circuit::clone(&self.circuit);
         self.set_command(&mut circuit, 0, u);
@@ -221,7 +221,7 @@ impl<P: Lane> Assembly<P> {
         (circuit, y)
     }
 
-    /// The numbers of a start at state `y`.
+    /// Returns the start values at state `y`.
     pub fn outside(&self, circuit: &Circuit<P>, y: &[P], net: &mut Net<P>) -> Vec<P> {
         circuit.observe(y, net);
         let each = self.variables.starts.iter().flat_map(|(starting, _)| match *starting {
@@ -234,7 +234,7 @@ impl<P: Lane> Assembly<P> {
         each.collect()
     }
 
-    /// One row of the columns.
+    /// Returns one row of the columns.
     pub fn row<R: Lane>(&self, circuit: &Circuit<R>, t: R, y: &[R], net: &mut Net<R>, row: &mut [R]) {
         circuit.observe(y, net);
         for (value, quantity) in row.iter_mut().zip(&self.variables.quantities) {

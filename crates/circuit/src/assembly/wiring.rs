@@ -1,4 +1,4 @@
-//! Components and their joints become equations.
+//! Turns components and their joints into equations.
 
 use super::variables::{Assembly, Quantity, Settable, Starting, Target, Variables};
 use crate::circuit::{AxisId, Circuit, GasId};
@@ -18,14 +18,14 @@ use std::sync::Arc;
 /// Name of the ambient air in a joint.
 pub(super) const AMBIENT: &str = "ambient";
 
-/// Ports that are one point, and whether the air around is joined to them.
+/// Ports that form one point, and whether this point is open to the ambient air.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Joint {
     pub ports: Vec<PortId>,
     pub ambient: bool,
 }
 
-/// The joints of a circuit, and the treatment of those of two restrictions.
+/// The joints of a circuit, and the treatment of joints of two restrictions.
 #[derive(Clone, Debug)]
 pub(super) struct Joints {
     pub each: Vec<Joint>,
@@ -39,7 +39,7 @@ impl From<Vec<Joint>> for Joints {
 }
 
 impl Joints {
-    /// Restrictions that are merged.
+    /// Merged restrictions.
     fn chains<P: Lane>(&self, each: &[Instance<P>]) -> Vec<Chain> {
         if self.junctions == Junctions::Volume {
             return Vec::new();
@@ -56,11 +56,11 @@ pub(super) fn one_of<T: Into<String>>(names: impl Iterator<Item = T>) -> String 
     names.map(Into::into).collect::<Vec<String>>().join(", ")
 }
 
-/// The equations of components and joints, from numbers with or without derivatives.
+/// Returns the equations of components and joints, from numbers with or without derivatives.
 struct Wiring<'a, P> {
     each: &'a [Instance<P>],
     build: Build<P>,
-    /// The node at each port of each component.
+    /// Returns the node at each port of each component.
     nodes: Vec<Vec<Node>>,
     around: Option<GasId>,
     joint_volumes: Vec<(String, P)>,
@@ -90,7 +90,7 @@ where
         *self.around.get_or_insert_with(|| self.build.circuit.reservoir(pressure, temperature))
     }
 
-    /// The node of a joint.
+    /// Returns the node of a joint.
     fn join(&mut self, joint: &Joint) -> Result<(), Error> {
         let kind = |&(component, port): &PortId| self.each[component].kind().ports[port].kind;
         let node = match joint.ports.first().map(kind) {
@@ -181,7 +181,7 @@ where
 
     fn axis(&mut self, joint: &Joint) -> Result<AxisId, Error> {
         let (mut sum, mut force, mut incline, mut friction) = (None::<P>, P::zero(), None, None);
-        // What moves it, by its own line or as commanded; and what else has a mass.
+        // Components that prescribe the motion of a joint, and other components with a mass.
         let (mut name, mut load, mut driven, mut has_more) = ("", "", false, false);
         let each = self.each;
         for &(component, port) in &joint.ports {
@@ -242,7 +242,7 @@ where
     }
 }
 
-/// Refuses more states than there can be, with the components that bring most of them.
+/// Refuses a circuit with too many states. The message names the components with most of them.
 fn check_size(counts: &[(&str, usize)]) -> Result<(), Error> {
     let states: usize = counts.iter().map(|(_, count)| count).sum();
     if states <= Structure::MOST_STATES {
@@ -263,15 +263,15 @@ fn check_size(counts: &[(&str, usize)]) -> Result<(), Error> {
     ))
 }
 
-/// Components that are joined, as equations.
+/// Joined components as equations.
 pub(super) struct Wired<P> {
     pub circuit: Circuit<P>,
     /// The node at each port of each component.
     pub nodes: Vec<Vec<Node>>,
     pub pistons: Vec<Piston<P>>,
-    /// Name, meaning, and what it acts on.
+    /// Name, meaning, and target.
     pub inputs: Vec<(String, &'static str, Acts)>,
-    /// It was built like another circuit of the same parts, which has the names.
+    /// Whether the circuit reused the analysis of another circuit of the same parts, which has the names.
     pub is_like: bool,
     columns: Vec<(String, Quantity)>,
     pub starts: Vec<(Starting, Vec<String>)>,
@@ -282,7 +282,7 @@ pub(super) struct Wired<P> {
 /// Refuses contacts outside the stroke of their piston.
 fn check_met<P: Lane>(build: &Build<P>) -> Result<(), Error> {
     for (name, position, axis) in &build.met {
-        // The piston on the axis, or on one that is coupled to it.
+        // Returns the piston on the axis, or on a coupled axis.
         let near = build.coupled.iter().filter(|(axes, _)| axes.contains(axis));
         let near = near.flat_map(|(axes, play)| axes.map(|other| (other, play.get(0))));
         for (of, play) in near.chain([(*axis, 0.0)]) {
@@ -299,8 +299,8 @@ fn check_met<P: Lane>(build: &Build<P>) -> Result<(), Error> {
     Ok(())
 }
 
-/// Joins components, from numbers with or without derivatives. Where they make the parts of a circuit that there is,
-/// nothing is analysed or named again.
+/// Joins components, from numbers with or without derivatives. If an existing circuit has the same parts, its analysis
+/// and names are reused.
 pub(super) fn wire<P: Lane>(
     gas: &Gas<P>,
     is_air: bool,
@@ -343,7 +343,7 @@ where
     Ok(Wired { circuit, nodes, pistons, inputs, is_like: false, columns, starts, joint_volumes })
 }
 
-/// Components with their joints, not yet a system of equations.
+/// Components with their joints, before they become a system of equations.
 struct Joined<P> {
     build: Build<P>,
     nodes: Vec<Vec<Node>>,
@@ -389,7 +389,7 @@ where
         }
     }
     let Wiring { mut build, nodes, joint_volumes, chains, .. } = wiring;
-    // The ends of a cylinder follow from what is joined to it.
+    // The ends of a cylinder depend on the components joined to it.
     let mut order: Vec<usize> = (0..each.len()).collect();
     order.sort_by_key(|&i| each[i].kind().friction);
     for i in order {
@@ -411,7 +411,7 @@ where
 }
 
 impl<P: Lane> Wired<P> {
-    /// The circuit under the names that one of the same parts has, if it was built like that.
+    /// Returns the circuit under the names of a circuit of the same parts, if their analysis was reused.
     pub(super) fn named_like(self, other: &Assembly) -> Assembly<P> {
         if !self.is_like {
             return self.named().0;
@@ -424,7 +424,7 @@ impl<P: Lane> Wired<P> {
         Assembly { circuit: Arc::new(self.circuit), variables: other.variables.clone(), timings }
     }
 
-    /// The circuit under the names of its components.
+    /// Returns the circuit under the names of its components.
     pub(super) fn named(self) -> (Assembly<P>, Vec<Piston<P>>) {
         let Wired { circuit, pistons, inputs, mut columns, mut starts, .. } = self;
         let mut timings = Vec::new();
@@ -444,7 +444,7 @@ impl<P: Lane> Wired<P> {
             }
         };
         let inputs = inputs.into_iter().map(settable).collect();
-        // What nobody has as a column of its own: joints between two components.
+        // Adds a column for quantities that no component reports: joints between two components.
         for (starting, names) in &starts {
             if let Starting::Gas(node) = *starting
                 && !columns.iter().any(|(name, _)| *name == names[0])

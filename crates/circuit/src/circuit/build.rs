@@ -1,4 +1,4 @@
-//! A circuit from its parts: adding them, joining them, and the state that they start from.
+//! Building of a circuit from its parts: parts, connections, and the start state.
 
 use super::{AxisId, CarriageId, Circuit, GasId, PistonSide, Topology, next_filling};
 use crate::part::*;
@@ -11,7 +11,7 @@ use physics::mechanics::Inertia;
 use std::sync::{Arc, LazyLock};
 
 impl Topology {
-    /// That of no parts, which all circuits share until they are built.
+    /// Structure of an empty circuit, shared by all circuits until they are built.
     fn of_none() -> Arc<Self> {
         static NONE: LazyLock<Arc<Topology>> = LazyLock::new(|| {
             let structure = Arc::new(Structure::of(|_, _| (), &[], false));
@@ -23,7 +23,7 @@ impl Topology {
 }
 
 impl<R: Lane> Circuit<R> {
-    /// An empty circuit; the ambient pressure Pa acts on the outside of every piston.
+    /// Creates an empty circuit. The ambient pressure, Pa, acts on the outside of every piston.
     pub fn new(gas: impl Into<Gas<R>>, ambient_pressure: R, ambient_temperature: R) -> Self {
         Circuit {
             topology: Topology::of_none(),
@@ -41,7 +41,7 @@ impl<R: Lane> Circuit<R> {
         }
     }
 
-    /// Another number of what tells how it is made: FNV-1a of words.
+    /// Adds a number to the hash of the structure: FNV-1a of words.
     pub(crate) fn shape_by(&mut self, number: usize) {
         self.shape = (self.shape ^ number as u64).wrapping_mul(0x0100_0000_01b3).rotate_left(29);
     }
@@ -52,17 +52,17 @@ impl<R: Lane> Circuit<R> {
         self.parts.own(self.called.owners.len());
     }
 
-    /// The names of the states of a node of gas begin so.
+    /// Sets the prefix of the state names of a gas node.
     pub(crate) fn call_gas(&mut self, node: GasId, name: String) {
         self.called.gas.insert(node.0, name);
     }
 
-    /// The names of the states of an axis begin so.
+    /// Sets the prefix of the state names of an axis.
     pub(crate) fn call_axis(&mut self, axis: AxisId, name: String) {
         self.called.axes.insert(axis.0, name);
     }
 
-    /// Calls each state as `name` says, once the circuit is built and before it has copies.
+    /// Renames each state by `name`. The circuit must be built and must not have copies yet.
     pub(crate) fn call_states(&mut self, name: impl Fn(&str) -> String) {
         let topology = Arc::get_mut(&mut self.topology).expect("not shared yet");
         topology.names.iter_mut().for_each(|(own, _)| *own = name(own));
@@ -78,7 +78,7 @@ impl<R: Lane> Circuit<R> {
         self.axis_nodes - 1
     }
 
-    /// Gas at constant pressure Pa and temperature K.
+    /// Adds gas at constant pressure, Pa, and temperature, K.
     pub fn reservoir(&mut self, pressure: R, temperature: R) -> GasId {
         let node = self.next_gas();
         self.parts.reservoirs.push((Place::default(), Reservoir { pressure, temperature, node }));
@@ -86,7 +86,7 @@ impl<R: Lane> Circuit<R> {
         GasId(node)
     }
 
-    /// A volume that obeys `law`: a tank, or the dead volume of a chamber that faces enlarge.
+    /// Adds a volume that obeys `law`: a tank, or the dead volume of a chamber that faces enlarge.
     pub fn volume(
         &mut self,
         law: ChamberLaw,
@@ -111,7 +111,7 @@ impl<R: Lane> Circuit<R> {
         GasId(node)
     }
 
-    /// A volume starts with the pressure and temperature that another is given.
+    /// Makes a volume start with the pressure and temperature of another one.
     pub(crate) fn starts_as(&mut self, volume: GasId, other: GasId) {
         let volume = self.parts.volumes.iter_mut().find(|(_, part)| part.node == volume.0);
         volume.expect("a volume").1.starts_as = other.0;
@@ -121,18 +121,18 @@ impl<R: Lane> Circuit<R> {
         self.parts.reservoirs.iter().any(|(_, part)| part.node == id.0)
     }
 
-    /// A flow path from one gas node to another.
+    /// Adds a flow path from one gas node to another.
     pub fn between(&self, from: GasId, to: GasId) -> Between {
         Between { from, to, boundary: [self.is_reservoir(from), self.is_reservoir(to)] }
     }
 
-    /// A number that parts tell each other or themselves: its place among the signals.
+    /// Adds a signal between parts, and returns its index.
     pub(crate) fn signal(&mut self) -> usize {
         self.signals += 1;
         self.signals - 1
     }
 
-    /// A part whose nodes are there.
+    /// Adds a part whose nodes exist.
     pub(crate) fn add<T: Kept<R>>(&mut self, part: T) -> PartId {
         self.shape_by(T::KIND as usize);
         for path in part.paths() {
@@ -144,7 +144,7 @@ impl<R: Lane> Circuit<R> {
         PartId { kind: T::KIND, index: kept.len() - 1 }
     }
 
-    /// A restriction between two gas nodes, closed at first: its opening, 0 closed, 1 full.
+    /// Adds a restriction between two gas nodes, initially closed. Its opening is 0 for closed and 1 for full.
     pub fn restriction(&mut self, law: physics::flow::Iso6358<R>, from: GasId, to: GasId) -> InputId {
         let path = self.between(from, to);
         let part = Restriction { law, opening: R::zero(), closed: false, path };
@@ -154,12 +154,12 @@ impl<R: Lane> Circuit<R> {
         self.add(part).input(0)
     }
 
-    /// An axis that a carriage moves.
+    /// Adds an axis that a carriage moves.
     pub(crate) fn driven(&mut self) -> AxisId {
         AxisId(self.next_axis())
     }
 
-    /// A mass on a line inclined by `incline` rad (positive: x points up), with a constant force in +x.
+    /// Adds a mass on a line inclined by `incline` rad (positive: x points up), with a constant force in +x.
     pub fn axis(&mut self, mass: R, incline: R, external_force: R, friction: Option<Contact<R>>) -> AxisId {
         let node = self.next_axis();
         let weight = mass * R::c(STANDARD_GRAVITY) * incline.sin();
@@ -183,13 +183,13 @@ impl<R: Lane> Circuit<R> {
         AxisId(node)
     }
 
-    /// Something moves along with an axis by a ratio that depends on its position.
+    /// Adds a mass that moves with an axis by a ratio that depends on its position.
     pub(crate) fn moves(&mut self, axis: AxisId, law: Inertia<R>) {
         let of = self.parts.axes.iter_mut().find(|(_, part)| part.node == axis.0);
         of.expect("an axis").1.moves.push(law);
     }
 
-    /// One side of a piston: `grows` where the chamber grows with x, else it ends at `stroke` m.
+    /// Adds one side of a piston. If `grows`, the chamber grows with x. Otherwise it ends at `stroke` m.
     pub fn face(&mut self, gas: GasId, axis: AxisId, grows: bool, stroke: R, side: PistonSide<R>) {
         let offset = if grows { R::zero() } else { stroke };
         let PistonSide { area, perimeter, end_wall } = side;
@@ -207,7 +207,7 @@ impl<R: Lane> Circuit<R> {
         self.parts.faces.push((Place::default(), part));
     }
 
-    /// End stops of an axis, one at x = 0 and one at x = `stroke`, m.
+    /// Adds end stops of an axis, one at x = 0 and one at x = `stroke`, m.
     pub fn end_stops(&mut self, axis: AxisId, law: physics::mechanics::EndStop<R>, stroke: R) {
         let part = EndStops { law, covers: None, stroke, axis: axis.0, follows: None };
         self.parts.end_stops.push((Place::default(), part));
@@ -218,29 +218,29 @@ impl<R: Lane> Circuit<R> {
         &mut stops.expect("an axis with end stops").1
     }
 
-    /// Design data of the end stops of a cylinder, which has them.
+    /// Sets the design data of the end stops of a cylinder that has end stops.
     pub(crate) fn stops_follow(&mut self, axis: AxisId, follows: Follows<R>) {
         self.stops_of(axis).follows = Some(Box::new(follows));
     }
 
-    /// The covers behind the end stops of a cylinder, which has them.
+    /// Sets the covers behind the end stops of a cylinder that has end stops.
     pub fn covers(&mut self, axis: AxisId, covers: Covers<R>) {
         self.stops_of(axis).covers = Some(covers);
     }
 
-    /// A spring between an axis and the ground: stiffness, N/m, and the position where it has no force, m.
+    /// Adds a spring between an axis and the ground: stiffness, N/m, and the position without force, m.
     pub fn spring(&mut self, axis: AxisId, stiffness: R, rest_position: R) {
         self.parts.springs.push((Place::default(), Spring { stiffness, rest_position, axis: axis.0 }));
     }
 
-    /// Spring and damper between two axes.
+    /// Adds a spring and a damper between two axes.
     pub fn link(&mut self, from: AxisId, to: AxisId, stiffness: R, damping: R) -> PartId {
         self.add(Link { stiffness, damping, from: from.0, to: to.0 })
     }
 
-    /// Joins each axis that stands between two chambers of its own, with end stops, into one part: the
-    /// same equations, evaluated together. One with a cushion stays as it is, with the covers in its equations: part of
-    /// what its chambers leave goes to the volumes behind them.
+    /// Joins each axis with its two chambers and end stops into one part, if it has them. The equations stay the same
+    /// but are evaluated together. A cylinder with a cushion stays unchanged, with the covers in its equations, because
+    /// part of its outflow enters the volumes behind the covers.
     fn join_cylinders(&mut self) {
         let parts = &mut self.parts;
         for (place, axis) in std::mem::take(&mut parts.axes) {
@@ -281,8 +281,7 @@ impl<R: Lane> Circuit<R> {
 }
 
 impl<R: Lane> Circuit<R> {
-    /// Finishes the circuit as one of the same parts was: what follows from how they are joined is not sought again.
-    /// None where its parts are others.
+    /// Finishes the circuit with the analysis of a circuit of the same parts. `None` if the parts differ.
     pub(crate) fn build_like(mut self, other: &Circuit<f64>) -> Option<Self> {
         if self.shape != other.shape {
             return None;
@@ -302,8 +301,8 @@ impl<R: Lane> Circuit<R>
 where
     Deps: Over<R>,
 {
-    /// Finishes the circuit; with `ledger`, its mass, energy and entropy accounts are integrated along
-    /// without touching a step or a bit of the states.
+    /// Finishes the circuit. With `ledger`, its balances of mass, energy and entropy are integrated too. They change
+    /// neither a step nor a bit of the states.
     pub fn build(mut self, ledger: bool) -> Self {
         self.join_cylinders();
         let (states, channels) = self.parts.lay_out(&std::mem::take(&mut self.called));
@@ -314,7 +313,7 @@ where
         scale.extend(channels.iter().map(|_| f64::INFINITY));
         let events = self.parts.events();
         let topology = |structure| Topology { names, n_states, channels, structure, events };
-        // The pattern is that of everything open: it holds for every input and mode.
+        // The pattern assumes that everything is open, so that it holds for every input and mode.
         self.open = (0..self.parts.restrictions.len()).collect();
         self.topology = Arc::new(topology(Arc::new(Structure::of(|_, _| (), &[], false))));
         self.scale = scale.iter().map(|&scale| R::c(scale)).collect();
@@ -329,7 +328,7 @@ where
 }
 
 impl Circuit<f64> {
-    /// A servo axis driven by its jerk: rigid, and never giving way.
+    /// A servo axis driven by its jerk, rigid and without compliance.
     pub fn carriage(&mut self) -> (AxisId, CarriageId) {
         self.servo(Carriage::rigid())
     }
@@ -342,13 +341,13 @@ impl Circuit<f64> {
 }
 
 impl<R: Lane> Circuit<R> {
-    /// The state with every volume at (p Pa, T K) and every axis at (x m, v m/s); inner states zero.
-    /// Sets the modes of friction to match.
+    /// Returns the state with every volume at (p Pa, T K) and every axis at (x m, v m/s), with zero inner states. Sets
+    /// the modes of friction to match.
     pub fn initial(&mut self, gas: &[(GasId, R, R)], axes: &[(AxisId, R, R)]) -> Vec<R> {
         self.begin(&Given { gas, axes, ages: &[], inner: &[], signals: &[] })
     }
 
-    /// The state as given; sets all modes to match, and lays end stops that follow from the drive out for it.
+    /// Takes the state as given. Sets all modes to match, and designs derived end stops for it.
     pub fn begin(&mut self, given: &Given<R>) -> Vec<R> {
         if let Some(start) =
             given.gas.iter().map(|(_, pressure, _)| *pressure).reduce(|one, other| one.max(other))
@@ -365,7 +364,7 @@ impl<R: Lane> Circuit<R> {
         y
     }
 
-    /// Sets all modes to match state `y`, and what they demand of it.
+    /// Sets all modes to match state `y`, and the values that the modes require of the state.
     pub fn find_modes(&mut self, y: &mut [R]) {
         if self.topology.events.is_empty() {
             return;

@@ -1,6 +1,6 @@
-//! The usual drive, one cylinder whose chambers lead to reservoirs, evaluated without nodes in memory: the same
-//! functions of the same parts in the same order, so the bits are those of the parts joined by nodes. Both chambers
-//! are one computation on two numbers side by side; the Jacobian is taken by what enters chambers and axis.
+//! The usual drive, evaluated without nodes in memory: one cylinder whose chambers lead to reservoirs. The same
+//! functions of the same parts run in the same order, so the bits are equal to those with nodes. Both chambers are one
+//! computation on two numbers side by side. The Jacobian is taken by the inputs of chambers and axis.
 
 pub(crate) mod glance;
 
@@ -13,7 +13,7 @@ use ode::Dense;
 use physics::flow::{End, Iso6358};
 use physics::{Gas, IdealGas};
 
-/// A restriction between a chamber and a reservoir: which one, of which reservoir, and whether it is drawn towards the
+/// A restriction between a chamber and a reservoir: its index, its reservoir, and whether it is drawn towards the
 /// chamber.
 #[derive(Clone, Copy, Debug)]
 struct Edge {
@@ -29,8 +29,8 @@ struct Ports<P> {
     gain: Both<P>,
     reservoir: End<Both<P>>,
     temperature: Both<P>,
-    /// Gas flows out of a chamber above this pressure, Pa: that of the reservoir. At equal pressure a flow counts as
-    /// one in the direction in which the restriction is drawn.
+    /// Gas flows out of a chamber above this pressure, Pa: the pressure of the reservoir. At equal pressure, the flow
+    /// has the direction in which the restriction is drawn.
     limit: Both<P>,
     restriction: [Option<usize>; 2],
 }
@@ -45,7 +45,7 @@ pub(super) struct Fused<P> {
     ports: Vec<Ports<P>>,
 }
 
-/// The right-hand side of a circuit without nodes at `y`, plus what is known of it.
+/// Computes the right-hand side of a circuit without nodes at `y`, plus its known part.
 pub(super) struct Rates<'c, R: Lane> {
     pub circuit: &'c Circuit<R>,
     pub fused: &'c Fused<R>,
@@ -62,7 +62,7 @@ impl<R: Lane> Work for Rates<'_, R> {
     }
 }
 
-/// The same with its Jacobian.
+/// Computes the same with its Jacobian.
 pub(super) struct Linearised<'c, R: Lane> {
     pub circuit: &'c Circuit<R>,
     pub fused: &'c Fused<R>,
@@ -84,12 +84,12 @@ impl<R: Lane> Work for Linearised<'_, R> {
     }
 }
 
-/// Directions in which the axis is differentiated: by x, v, both pressures and an inner state. Of plain numbers three
-/// more, which are zero, fill whole registers of a processor.
+/// Directions of differentiation for the axis: x, v, both pressures and an inner state. Three more directions, which
+/// are zero, fill whole registers for plain numbers.
 const AXIS: usize = 5;
 const AXIS_OF_PLAIN: usize = 8;
 
-/// What follows from the states of both chambers.
+/// Quantities that follow from the states of both chambers.
 struct Chambers<S> {
     rates: [S; 2],
     volume: S,
@@ -98,7 +98,7 @@ struct Chambers<S> {
 }
 
 impl<R: Lane> Fused<R> {
-    /// Where the parts are those of such a drive, and its laws can be evaluated side by side.
+    /// Returns the evaluation if the parts form such a drive and its laws can be evaluated side by side.
     pub fn of(circuit: &Circuit<R>) -> Option<Self> {
         let parts = &circuit.parts;
         let [(_, cylinder)] = &parts.cylinders[..] else { return None };
@@ -133,7 +133,7 @@ impl<R: Lane> Fused<R> {
         Some(Fused { edges, volume: a.beside(b), face: face_a.beside(face_b), common, ports: Vec::new() })
     }
 
-    /// Takes over which restrictions are open, and what the reservoirs hold.
+    /// Copies the open restrictions and the state of the reservoirs.
     fn connect(&mut self, open: &[usize], parts: &Parts<R>) {
         let is_open = |edge: &&Edge| open.binary_search(&edge.restriction).is_ok();
         let mut each = self.edges.each_ref().map(|edges| edges.iter().filter(is_open));
@@ -141,7 +141,7 @@ impl<R: Lane> Fused<R> {
         loop {
             let edges = each.each_mut().map(Iterator::next);
             let of = |edge: Option<&Edge>| edge.map(|edge| &parts.restrictions[edge.restriction].1);
-            // Where one chamber has fewer, nothing passes a copy of the other's.
+            // If one chamber has fewer restrictions, it uses a copy of the other chamber's with zero flow.
             let Some(any) = of(edges[0]).or(of(edges[1])) else { break };
             let [law_a, law_b] = edges.map(|edge| &of(edge).unwrap_or(any).law);
             let number = |f: &dyn Fn(&Edge) -> R, without: R| Both(edges.map(|edge| edge.map_or(without, f)));
@@ -169,7 +169,7 @@ impl<R: Lane> Fused<R> {
         }
     }
 
-    /// Takes over how far an open restriction is.
+    /// Copies the opening of a restriction.
     fn open(&mut self, restriction: usize, gain: R) {
         for ports in &mut self.ports {
             if let Some(side) = ports.restriction.iter().position(|own| *own == Some(restriction)) {
@@ -180,7 +180,7 @@ impl<R: Lane> Fused<R> {
 }
 
 impl<P: Real> Fused<P> {
-    /// Both chambers at (x, v, m, U).
+    /// Returns both chambers at (x, v, m, U).
     #[inline(always)]
     fn chambers<S: Over<Both<P>>>(&self, least_wall: Both<P>, [x, v, m, u]: [S; 4]) -> Chambers<S> {
         let mut axis = AxisNode::at_rest();
@@ -207,8 +207,8 @@ impl<P: Real> Fused<P> {
 }
 
 impl<P: Real> Cylinder<P> {
-    /// The axis at (x, v). To be asked for before the chambers: the exponential of a friction law takes as long as they do,
-    /// and neither waits for the other.
+    /// Returns the axis at (x, v). Call it before the chambers: the exponential of a friction law takes as long as the
+    /// chambers, and the two then run in parallel.
     #[inline(always)]
     fn stands<S: Over<P>>(&self, motion: [S; 2]) -> AxisNode<S> {
         let mut axis = AxisNode::at_rest();
@@ -216,7 +216,8 @@ impl<P: Real> Cylinder<P> {
         axis
     }
 
-    /// That axis with its forces and acceleration at the pressures of both chambers; sets the rates of the inner states.
+    /// Returns the same axis with its forces and acceleration at the pressures of both chambers. Sets the rates of the
+    /// inner states.
     #[inline(always)]
     fn moves<S: Over<P>>(
         &self,
@@ -235,8 +236,8 @@ impl<P: Real> Cylinder<P> {
 }
 
 impl<R: Real> Cylinder<R> {
-    /// The rates of the velocity and of an inner state, where there is one, and their rows of the Jacobian, from the axis
-    /// at (x, v), directions 0 and 1, and both pressures, of which the slopes by x and by U are given.
+    /// Returns the rates of the velocity and of an inner state, if any, and their rows of the Jacobian. The axis is
+    /// given at (x, v), directions 0 and 1. Both pressures have given slopes by x and by U.
     #[inline(always)]
     fn differentiate<const D: usize>(
         &self,
@@ -274,21 +275,21 @@ impl<R: Real> Cylinder<R> {
 }
 
 impl<R: Lane> Circuit<R> {
-    /// Looks whether the circuit is one that is evaluated without nodes.
+    /// Checks whether the circuit can be evaluated without nodes.
     pub(super) fn fuse(mut self) -> Self {
         self.fused = Fused::of(&self).map(Box::new);
         self.connect();
         self
     }
 
-    /// Takes over open restrictions and reservoirs.
+    /// Copies the open restrictions and the reservoirs.
     pub(super) fn connect(&mut self) {
         if let Some(fused) = &mut self.fused {
             fused.connect(&self.open, &self.parts);
         }
     }
 
-    /// Takes over how far an open restriction is.
+    /// Copies the opening of a restriction.
     #[inline(always)]
     pub(super) fn widen(&mut self, restriction: usize) {
         if let Some(fused) = &mut self.fused {
@@ -296,8 +297,8 @@ impl<R: Lane> Circuit<R> {
         }
     }
 
-    /// The right-hand side without nodes, plus `known`. It is added number by number, before they are stored: what
-    /// reads them next need not wait until several are together.
+    /// Computes the right-hand side without nodes, plus `known`. The known part is added number by number before
+    /// storing, so that the next reader need not wait for several stores.
     #[inline(always)]
     fn fused_rates(&self, fused: &Fused<R>, y: &[R], known: &[R], out: &mut [R]) {
         let (_, cylinder) = &self.parts.cylinders[0];
@@ -323,7 +324,7 @@ impl<R: Lane> Circuit<R> {
         }
     }
 
-    /// The same with its Jacobian, which has the shape that [`ode::System::linearise`] asks for.
+    /// Computes the same with its Jacobian, which has the shape that [`ode::System::linearise`] requires.
     #[inline(always)]
     fn fused_jacobian<const D: usize>(
         &self,
@@ -344,9 +345,9 @@ impl<R: Lane> Circuit<R> {
         ];
         let chambers = fused.chambers(Both::same(cylinder.least_wall), seeded);
         let Chambers { rates, volume, pressure, .. } = chambers;
-        // The velocity enters by the work -p dV/dt alone, and dV/dt is dV/dx times it.
+        // The velocity enters only through the work -p dV/dt, and dV/dt is dV/dx times the velocity.
         let by_v = [Both::zero(), -(pressure.re * volume.eps[0])];
-        // By reference: to iterate over an array of numbers itself is to copy it.
+        // By reference, because iterating over an array by value copies it.
         for (side, first) in [2, 4].into_iter().enumerate() {
             let columns = [0, first, first + 1];
             for ((row, rate), by_v) in (first..).zip(&rates).zip(&by_v) {
@@ -357,7 +358,7 @@ impl<R: Lane> Circuit<R> {
                 }
             }
         }
-        // dp/dx and dp/dU of both chambers: a pressure depends on neither v nor m.
+        // dp/dx and dp/dU of both chambers. A pressure depends on neither v nor m.
         let by = [pressure.eps[0].0, pressure.eps[2].0];
         cylinder.differentiate(axis, pressure.re.0, z, &self.common, by, (f, jacobian));
         (f[0], jacobian[0][1]) = (v, R::one());

@@ -1,4 +1,4 @@
-//! Parts of valve symbols: boxes of 4 modules, flows within a box about its middle, actuators.
+//! Parts of valve symbols: boxes of 4 modules, flows within a box around its middle, actuators.
 
 use super::Stroke;
 
@@ -18,14 +18,14 @@ pub(super) const THREE_BOXES: Stroke = Stroke::at(
     0.0,
 );
 
-/// It takes any place between these.
+/// Returns a valve that can take any position between these.
 pub(super) const ENDLESS: Stroke =
     Stroke::at(&[Stroke::Line(&[[-6.0, 4.4], [6.0, 4.4]]), Stroke::Line(&[[-6.0, -0.4], [6.0, -0.4]])], 0.0);
 
 /// A port below the boxes, and one above.
 pub(super) const BELOW: &[Stroke] = &[Stroke::Line(&[[0.0, 0.0], [0.0, -1.0]])];
 pub(super) const ABOVE: &[Stroke] = &[Stroke::Line(&[[0.0, 4.0], [0.0, 5.0]])];
-/// A port below that is shut, and one above.
+/// A closed port below, and one above.
 pub(super) const SHUT: &[Stroke] =
     &[Stroke::Line(&[[0.0, 0.0], [0.0, 0.7]]), Stroke::Line(&[[-0.3, 0.7], [0.3, 0.7]])];
 pub(super) const SHUT_ABOVE: &[Stroke] =
@@ -33,31 +33,31 @@ pub(super) const SHUT_ABOVE: &[Stroke] =
 
 pub(super) const UP: &[Stroke] =
     &[Stroke::Line(&[[0.0, 0.0], [0.0, 4.0]]), Stroke::Head([[0.0, 4.0], [-0.35, 3.15], [0.35, 3.15]])];
-/// Of three ports: 1 to 2, with 3 shut; 2 to 3, with 1 shut.
+/// Flows of three ports: 1 to 2 with 3 shut, and 2 to 3 with 1 shut.
 pub(super) const FEEDS: &[Stroke] = &[Stroke::at(UP, -1.0), Stroke::at(SHUT, 1.0)];
 pub(super) const VENTS: &[Stroke] = &[
     Stroke::Line(&[[-1.0, 4.0], [1.0, 0.0]]),
     Stroke::Head([[1.0, 0.0], [0.93, 0.92], [0.31, 0.6]]),
     Stroke::at(SHUT, -1.0),
 ];
-/// Of five ports: 1 to 2 on the right; what comes from above; both, with 3 shut.
+/// Flows of five ports: 1 to 2 on the right, from above, and both with 3 shut.
 const SLANTS: &[Stroke] =
     &[Stroke::Line(&[[0.0, 0.0], [1.0, 4.0]]), Stroke::Head([[1.0, 4.0], [0.45, 3.26], [1.13, 3.09]])];
 const DOWN: &[Stroke] =
     &[Stroke::Line(&[[0.0, 4.0], [0.0, 0.0]]), Stroke::Head([[0.0, 0.0], [-0.35, 0.85], [0.35, 0.85]])];
 const CROSSES: &[Stroke] = &[Stroke::at(SLANTS, 0.0), Stroke::at(DOWN, -1.0), Stroke::at(SHUT, 1.0)];
 
-/// To the right of a box: a solenoid, a spring.
+/// Actuators on the right of a box: a solenoid, a spring.
 pub(super) const SOLENOID: &[Stroke] = &[
     Stroke::Line(&[[0.0, 1.0], [2.0, 1.0], [2.0, 3.0], [0.0, 3.0]]),
     Stroke::Line(&[[1.3, 3.0], [0.7, 1.0]]),
 ];
 pub(super) const SPRING: &[Stroke] =
     &[Stroke::Line(&[[0.0, 2.0], [0.2, 2.6], [0.6, 1.4], [1.0, 2.6], [1.4, 1.4], [1.8, 2.6], [2.0, 2.0]])];
-/// What is set steplessly is crossed by an arrow.
+/// An arrow crosses a symbol with stepless adjustment.
 pub(super) const ARROW: &[Stroke] =
     &[Stroke::Line(&[[0.0, 0.6], [1.4, 3.2]]), Stroke::Head([[1.7, 3.7], [1.15, 3.25], [1.6, 3.0]])];
-/// A ball in its seat, which a spring holds there.
+/// A ball in its seat, held by a spring.
 pub(super) const CHECK: Stroke = Stroke::at(
     &[
         Stroke::Line(&[[0.0, 0.0], [0.0, 1.2]]),
@@ -76,7 +76,8 @@ pub(super) const CHECK: Stroke = Stroke::at(
     0.0,
 );
 
-/// A 5/2 valve whose right box is at rest, moved by a solenoid on the left, and where its ports 1, 2, 4, 3, 5 are.
+/// Symbol of a 5/2 valve with the right box at rest and a solenoid on the left. The second list has the places of its
+/// ports 1, 2, 4, 3, 5.
 pub(super) const FIVE_TWO: Stroke = Stroke::at(
     &[
         TWO_BOXES,
@@ -94,7 +95,7 @@ pub(super) const FIVE_TWO: Stroke = Stroke::at(
 pub(super) const FIVE_TWO_PORTS: &[[f64; 2]] =
     &[[2.0, -1.0], [1.0, 5.0], [3.0, 5.0], [1.0, -1.0], [3.0, -1.0]];
 
-/// A 5/3 valve between two solenoids, what its centre may be, and where its ports are.
+/// Symbol of a 5/3 valve between two solenoids, the options of its centre, and the places of its ports.
 pub(super) const FIVE_THREE: Stroke = Stroke::at(
     &[
         THREE_BOXES,

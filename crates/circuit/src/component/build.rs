@@ -29,26 +29,26 @@ pub enum Acts {
 /// The piston of a cylinder.
 #[derive(Clone, Debug)]
 pub struct Piston<P> {
-    /// The axis.
+    /// Axis of the piston.
     pub axis: AxisId,
-    /// The name of its cylinder.
+    /// Name of its cylinder.
     pub name: String,
-    /// m.
+    /// Stroke, m.
     pub stroke: P,
     pub(crate) ends: Ends<P>,
     /// Areas on the sides of chambers a and b, m2.
     pub areas: [P; 2],
-    /// Volume that an end stop may use there, m3.
+    /// Volume that an end stop may use at each end, m3.
     pub dead_volumes: [P; 2],
 }
 
-/// A circuit that is being made of components.
+/// A circuit that is being assembled from components.
 pub struct Build<P> {
     /// The parts so far.
     pub circuit: Circuit<P>,
     /// The gas of the circuit.
     pub gas: Gas<P>,
-    /// Whether that is air.
+    /// Whether the gas is air.
     pub is_air: bool,
     /// Pressure, Pa, and temperature, K, of the ambient air.
     pub ambient: [P; 2],
@@ -60,23 +60,23 @@ pub struct Build<P> {
     pub masses: Vec<(P, P)>,
     /// Stiffness, N/m, and rest position, m, of springs on axes.
     pub springs: Vec<(AxisId, P, P)>,
-    /// Those of all cylinders so far.
+    /// Pistons of all cylinders so far.
     pub pistons: Vec<Piston<P>>,
     /// Contacts of masses: name, position, m, and axis.
     pub met: Vec<(String, P, AxisId)>,
-    /// Axes that move together but for a play, m.
+    /// Axes that move together, except for a play, m.
     pub coupled: Vec<([AxisId; 2], P)>,
     /// Restrictions that are always open.
     pub open: Vec<InputId>,
     /// Sonic conductance of each restriction and its ends.
     pub paths: Vec<(P, GasId, GasId)>,
-    /// No names: a circuit of the same parts has them.
+    /// Whether names are omitted, because a circuit of the same parts has them.
     pub is_like: bool,
     /// Name, meaning and target.
     pub inputs: Vec<(String, &'static str, Acts)>,
     /// Name and content.
     pub columns: Vec<(String, Quantity)>,
-    /// Each with the names of its numbers.
+    /// Groups, each with the names of its numbers.
     pub starts: Vec<(Starting, Vec<String>)>,
 }
 
@@ -87,7 +87,7 @@ impl<P: Lane> Build<P> {
         self.circuit.volume(law, dead_volume, wall, heat_transfer, wall_temperature)
     }
 
-    /// Gas starts at a pressure and a temperature.
+    /// Makes gas start at a pressure and a temperature.
     pub(crate) fn gas_starts(&mut self, node: GasId, name: impl std::fmt::Display) {
         if self.is_like {
             return;
@@ -97,27 +97,27 @@ impl<P: Lane> Build<P> {
         self.starts.push((Starting::Gas(node), names.to_vec()));
     }
 
-    /// A restriction that is always open.
+    /// Adds a restriction that is always open.
     pub fn passage(&mut self, law: Iso6358<P>, from: GasId, to: GasId) -> InputId {
         let edge = self.edge(law, from, to);
         self.open.push(edge);
         edge
     }
 
-    /// A restriction that is shut until its input opens it.
+    /// Adds a restriction that is shut until its input opens it.
     pub fn edge(&mut self, law: Iso6358<P>, from: GasId, to: GasId) -> InputId {
         self.paths.push((law.conductance, from, to));
         self.circuit.restriction(law, from, to)
     }
 
-    /// A part with flow paths, each of the conductance given.
+    /// Adds a part with flow paths of the given conductances.
     pub(super) fn flow_part<T: Kept<P>>(&mut self, part: T, conductances: &[P]) -> PartId {
         let paths = part.paths().iter().zip(conductances);
         self.paths.extend(paths.map(|(path, conductance)| (*conductance, path.from, path.to)));
         self.circuit.add(part)
     }
 
-    /// A part of another crate; for each of its flow paths the sonic conductance that end stops have to expect.
+    /// Adds a part of another crate. For each flow path, end stops are designed for its sonic conductance.
     pub fn own_part<T: Member + Part<P> + 'static>(&mut self, part: T, conductances: &[P]) -> PartId
     where
         Deps: Over<P>,
@@ -126,29 +126,29 @@ impl<P: Lane> Build<P> {
         self.flow_part(Foreign::new(part), conductances)
     }
 
-    /// A flow path between two gas nodes.
+    /// Adds a flow path between two gas nodes.
     pub fn between(&self, from: GasId, to: GasId) -> Between {
         self.circuit.between(from, to)
     }
 
-    /// A number that parts tell each other or themselves: its place among the signals.
+    /// Adds a signal between parts, and returns its index.
     pub fn signal(&mut self) -> usize {
         self.circuit.signal()
     }
 
-    /// A spring between a mass and the frame: stiffness, N/m, and the position where it has no force, m.
+    /// Adds a spring between a mass and the frame: stiffness, N/m, and the position without force, m.
     pub fn spring(&mut self, axis: AxisId, stiffness: P, rest_position: P) {
         self.circuit.spring(axis, stiffness, rest_position);
         self.springs.push((axis, stiffness, rest_position));
     }
 
-    /// A path that a signal opens.
+    /// Adds a path that a signal opens.
     pub(super) fn signal_edge(&mut self, edge: Edge<P>) -> Path {
         let conductance = edge.law.conductance;
         Path::along(self.flow_part(edge, &[conductance]), 0)
     }
 
-    /// The wall of volumes that stores heat, and the column of its temperature.
+    /// Adds the heat-storing wall of volumes, and the column of its temperature.
     pub fn wall(&mut self, of: &Instance<P>, nodes: &[GasId]) {
         let signal = self.circuit.signal();
         self.circuit.add(Wall {
@@ -162,13 +162,13 @@ impl<P: Lane> Build<P> {
         self.columns.push((format!("{}.wall_temperature_k", of.name), Quantity::Signal(signal)));
     }
 
-    /// A path that opens by itself.
+    /// Adds a path that opens without a command.
     pub fn check_valve(&mut self, law: Iso6358<P>, cracking_pressure: P, from: GasId, to: GasId) -> Path {
         let (conductance, path) = (law.conductance, self.circuit.between(from, to));
         Path::along(self.flow_part(CheckValve { law, cracking_pressure, path }, &[conductance]), 0)
     }
 
-    /// The columns of a motion: position, velocity, acceleration and friction, the first four outputs.
+    /// Adds the columns of a motion: position, velocity, acceleration and friction, the first four outputs.
     pub fn motion(&mut self, of: &Instance<P>, axis: AxisId) {
         if self.is_like {
             return;
@@ -184,7 +184,7 @@ impl<P: Lane> Build<P> {
         }
     }
 
-    /// The columns of the inner states of friction.
+    /// Adds the columns of the inner states of friction.
     pub fn inner_states(&mut self, of: &Instance<P>, axis: AxisId) {
         if self.is_like {
             return;
@@ -195,26 +195,26 @@ impl<P: Lane> Build<P> {
         }
     }
 
-    /// A supply, with its highest pressure, Pa absolute, and temperature, K.
+    /// Records a supply, with its highest pressure, Pa absolute, and temperature, K.
     pub(crate) fn supply(&mut self, pressure: P, temperature: P) {
         self.highest = Some(self.highest.map_or(pressure, |highest| highest.max(pressure)));
         self.hottest = temperature.max(self.hottest);
     }
 
-    /// The largest sonic conductance through which gas leaves a node.
+    /// Returns the largest sonic conductance through which gas leaves a node.
     pub fn widest(&self, node: GasId) -> P {
         let each = self.paths.iter().filter(|(_, from, to)| *from == node || *to == node);
         each.fold(P::zero(), |widest, (conductance, ..)| widest.max(*conductance))
     }
 
-    /// The input at this place of the kind's table.
+    /// Returns the input at this index of the kind's table.
     pub fn input(&mut self, of: &Instance<P>, input: usize, acts: Acts) {
         let (name, _, meaning) = of.kind().inputs[input];
         let name = if self.is_like { String::new() } else { format!("{}.{name}", of.name) };
         self.inputs.push((name, meaning, acts));
     }
 
-    /// The output at this place of the kind's table.
+    /// Returns the output at this index of the kind's table.
     pub fn column(&mut self, of: &Instance<P>, output: usize, quantity: Quantity) {
         if self.is_like {
             return;

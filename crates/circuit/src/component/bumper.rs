@@ -4,32 +4,32 @@ use crate::circuit::AxisId;
 use crate::part::{Bumper as Elastomer, Meets};
 use math::{Lane, Real};
 
-/// An elastomer that a mass runs into.
+/// An elastomer bumper that a mass hits.
 pub struct Bumper;
 
-/// The side of an axis on which a contact lies.
+/// Side of an axis on which a contact is placed.
 pub(super) const SIDE: Choice = Choice {
     name: "side",
     options: &["b", "a"],
     meaning: "Side: b is met in +x, like the end of chamber b, a in -x",
 };
 
-/// Where a component with a position and a side is met.
+/// Returns the position of contact of a component with a position and a side.
 pub(super) fn meets<P: Lane>(own: &Instance<P>, axis: AxisId, build: &mut Build<P>) -> Meets<P> {
     let position = own.number("position");
     build.met.push((own.name.clone(), position, axis));
     Meets { position, ahead: own.chosen(SIDE.name) == Some("b"), axis: axis.index() }
 }
 
-/// Newton steps; each halves the distance at least, and squares it in the end.
+/// Newton steps. Each at least halves the distance, and convergence is quadratic in the end.
 const STEPS: usize = 40;
 
-/// The product y of damping and speed of impact with which a contact F = k d^n (1 + lambda d') gives back the share e of
-/// the speed. From m v dv = -F dd on both ways,
+/// Returns the product y of damping and impact speed for which a contact F = k d^n (1 + lambda d') has the coefficient
+/// of restitution e. From m v dv = -F dd on both ways,
 ///
-///   y (1 + e) = ln((1 + y)/(1 - e y)),   or   y = g(y) = (1 - (1 + y) exp(-(1 + e) y))/e
+///   `y (1 + e) = ln((1 + y)/(1 - e y)),   or   y = g(y) = (1 - (1 + y) exp(-(1 + e) y))/e`
 ///
-/// whatever k, n and m are. Right of the root g is concave: Newton's method comes down to it from 1/e.
+/// independent of k, n and m. To the right of the root, g is concave. Newton's method converges to the root from 1/e.
 fn damped<P: Real>(e: P) -> P {
     let (one, a) = (P::one(), P::one() + e);
     (0..STEPS).fold(one / e, |y, _| {
@@ -91,7 +91,7 @@ const SYMBOL: Symbol = Symbol {
     ports: &[[0.0, 1.0]],
 };
 
-/// The direction in which it is met, by the side on which it stands.
+/// Returns the direction of contact for the side of the bumper.
 pub(super) const MET_FROM: &[(&str, &[Stroke])] = &[
     ("b", &[Stroke::Line(&[[0.0, 2.6], [1.2, 2.6]]), Stroke::Head([[1.8, 2.6], [1.1, 2.85], [1.1, 2.35]])]),
     ("a", &[Stroke::Line(&[[1.8, 2.6], [0.6, 2.6]]), Stroke::Head([[0.0, 2.6], [0.7, 2.85], [0.7, 2.35]])]),

@@ -12,7 +12,7 @@ use math::Lane;
 use physics::flow::{BORE_CONDUCTANCE, Iso6358};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Cylinders with two chambers. The port of a chamber has no volume of its own: the dead volume includes it.
+/// Cylinders with two chambers. The port of a chamber has no separate volume, because the dead volume includes it.
 const PORTS: &[Port] = &[chamber("a"), chamber("b"), axis("rod", true)];
 
 /// Parameters of every cylinder.
@@ -38,7 +38,7 @@ const PARAMETERS: &[Row] = table! {
         "Depth from which the damper acts fully";
 };
 
-/// Rows of the cushion at an end, by their keys.
+/// Returns the parameters of the cushion at an end, by their keys.
 macro_rules! cushion_rows {
     ($table:literal, [$length:ident, $plunger_diameter:ident, $needle_conductance:ident, $port_volume:ident, $check_conductance:ident, $cracking_pressure:ident, $bore_conductance:ident, $critical_pressure_ratio:ident, $transition:ident $(,)?]) => {
         table! {
@@ -135,7 +135,7 @@ fn chamber_law<P: Lane>(own: &Instance<P>) -> ChamberLaw {
     if own.choices[0] == 0 { ChamberLaw::EnergyBalance } else { ChamberLaw::AsPrinted }
 }
 
-/// Whether there is a cushion at an end.
+/// Returns whether an end has a cushion.
 fn cushioned<P: Lane>(own: &Instance<P>, end: &str) -> bool {
     let is_length = |key: &str| {
         key.strip_prefix("cushion_").and_then(|key| key.strip_suffix("_length")).is_some_and(|of| of == end)
@@ -144,23 +144,23 @@ fn cushioned<P: Lane>(own: &Instance<P>, end: &str) -> bool {
     rows.into_iter().any(|(row, number)| number.is_some() && is_length(row.key))
 }
 
-/// The volume at the port of a chamber: the chamber, or the one behind its cushion.
+/// Returns the volume at the port of a chamber: the chamber itself, or the volume behind its cushion.
 fn bring_port<P: Lane>(own: &Instance<P>, end: &str, ambient_temperature: P) -> Brings<P> {
     let behind = || own.number(&format!("cushion_{end}_port_volume"));
     let volume = if cushioned(own, end) { behind() } else { dead_volume(own, end) };
     Brings::Volume(vessel(own, volume, ambient_temperature))
 }
 
-/// The dead volume of the chamber at an end, m3.
+/// Returns the dead volume of the chamber at an end, m3.
 fn dead_volume<P: Lane>(own: &Instance<P>, end: &str) -> P {
     let mut each = own.kind().parameters.iter().zip(&own.numbers);
     let own = each.find(|(row, _)| row.key.strip_prefix("dead_volume_") == Some(end));
     own.and_then(|(_, number)| *number).expect("a number that was checked")
 }
 
-/// A chamber with this dead volume, m3.
+/// Adds a chamber with this dead volume, m3.
 fn vessel<P: Lane>(own: &Instance<P>, dead_volume: P, ambient_temperature: P) -> Vessel<P> {
-    // A wall that stores heat gives it by itself.
+    // A wall that stores heat gives the heat itself.
     let by_wall = own.given("wall_capacity").is_some();
     Vessel {
         law: chamber_law(own),
@@ -206,7 +206,7 @@ fn check(own: &Instance<f64>, has_rod: bool) -> Result<(), Error> {
     }
 }
 
-/// Area of the plunger at an end, m2.
+/// Returns the area of the plunger at an end, m2.
 fn plunger<P: Lane>(own: &Instance<P>, end: &str) -> P {
     let diameter = own.number(&format!("cushion_{end}_plunger_diameter"));
     P::c(0.25 * PI) * diameter * diameter
@@ -255,7 +255,7 @@ fn check_cushion(own: &Instance<f64>, end: &str) -> Result<(), Error> {
     Ok(())
 }
 
-/// The chamber at an end with this port: where there is a cushion a volume of its own, with the ways to the port.
+/// Returns the chamber at an end with this port. With a cushion, it is a separate volume with paths to the port.
 fn cushion<P: Lane>(
     own: &Instance<P>,
     end: &str,
@@ -309,8 +309,8 @@ fn cushion<P: Lane>(
     chamber
 }
 
-/// Volume that an end stop may use, m3: the dead volume, or so much that the plunger of a cushion is not through what lies
-/// behind it.
+/// Returns the volume that an end stop may use, m3. This is the dead volume, or a smaller volume that keeps the plunger
+/// inside its cushion.
 fn room<P: Lane>(own: &Instance<P>, end: &str, area: P) -> P {
     let chamber = dead_volume(own, end);
     if !cushioned(own, end) {
@@ -323,9 +323,9 @@ fn room<P: Lane>(own: &Instance<P>, end: &str, area: P) -> P {
 /// A chamber of a cylinder.
 struct Chamber {
     gas: GasId,
-    /// As in the key of its dead volume.
+    /// Letter of the chamber, as in the key of its dead volume.
     name: &'static str,
-    /// It grows with x.
+    /// Whether it grows with x.
     grows: bool,
     has_rod: bool,
 }
@@ -336,7 +336,7 @@ impl Chamber {
     }
 }
 
-/// What presses in one direction: the sum of the areas, and what an end stop may take up of it, m3.
+/// Returns the pressurised area in one direction, and the part of the volume that an end stop may use, m3.
 fn one_side<P: Lane>(
     own: &Instance<P>,
     chambers: &[Chamber],
@@ -352,8 +352,8 @@ fn one_side<P: Lane>(
     both.expect("a chamber on either side")
 }
 
-/// Adds faces, end stops, leaks and columns of a cylinder, each pair of chambers having a piston between them; gas
-/// leaves each chamber through `widest` m3/(s Pa) at most.
+/// Adds faces, end stops, leaks and columns of a cylinder. Each pair of chambers has a piston in between. Gas leaves
+/// each chamber through at most `widest` m3/(s Pa).
 fn compose<P: Lane>(own: &Instance<P>, chambers: &[Chamber], axis: AxisId, widest: P, build: &mut Build<P>) {
     let (bore, stroke, rod) = (own.number("bore"), own.number("stroke"), own.number("rod_diameter"));
     let mut sides: Vec<_> = chambers
@@ -361,7 +361,7 @@ fn compose<P: Lane>(own: &Instance<P>, chambers: &[Chamber], axis: AxisId, wides
         .map(|own| PistonSide::of_bore(bore, if own.has_rod { rod } else { P::zero() }))
         .collect();
     if chamber_law(own) == ChamberLaw::AsPrinted {
-        // pi (D x + 0.25 D^3) as printed, in metres: the second term is no area at all.
+        // The source prints pi (D x + 0.25 D^3). The second term does not have the dimension of an area.
         for side in &mut sides {
             (side.perimeter, side.end_wall) = (P::c(PI) * bore, P::c(0.25 * PI) * (bore * bore * bore));
         }
@@ -422,14 +422,14 @@ fn compose<P: Lane>(own: &Instance<P>, chambers: &[Chamber], axis: AxisId, wides
     build.inner_states(own, axis);
 }
 
-/// The barrel with an opening for the rod on the right.
+/// Draws the barrel with an opening for the rod on the right.
 const BARREL: Stroke =
     Stroke::Line(&[[12.0, 2.3], [12.0, 4.0], [0.0, 4.0], [0.0, 0.0], [12.0, 0.0], [12.0, 1.7]]);
 const PISTON: Stroke = Stroke::Line(&[[3.0, 0.0], [3.0, 4.0], [3.8, 4.0], [3.8, 0.0]]);
 const PORT_A: Stroke = Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]);
 const PORT_B: Stroke = Stroke::Line(&[[11.0, 0.0], [11.0, -1.0]]);
 const ROD: Stroke = Stroke::Line(&[[3.8, 2.3], [15.0, 2.3], [15.0, 1.7], [3.8, 1.7]]);
-/// Cushions, at the piston, with the arrow of what is set.
+/// Draws cushions at the piston, with an arrow if they are adjustable.
 const CUSHIONS: &[(&str, &[Stroke])] = &[
     (
         "cushion_a_length",
@@ -472,7 +472,7 @@ const RODLESS: Symbol = Symbol {
         PISTON,
         PORT_A,
         PORT_B,
-        // The carriage.
+        // Draws the carriage.
         Stroke::Line(&[[1.0, 4.5], [1.0, 6.0], [5.0, 6.0], [5.0, 4.5], [1.0, 4.5]]),
         Stroke::Line(&[[3.4, 4.0], [3.4, 4.5]]),
     ],
@@ -533,19 +533,19 @@ macro_rules! cylinder {
 }
 
 cylinder! {
-    /// No rod on either side.
+    /// A cylinder without a rod on either side.
     Rodless = "cylinder/rodless", "Rodless cylinder", rods [false, false], RODLESS
 }
 cylinder! {
-    /// A rod on both sides.
+    /// A cylinder with a rod on both sides.
     ThroughRod = "cylinder/through-rod", "Cylinder with a through rod", rods [true, true], THROUGH_ROD
 }
 cylinder! {
-    /// A rod on the side of chamber b.
+    /// A cylinder with a rod on the side of chamber b.
     SingleRod = "cylinder/single-rod", "Cylinder with a rod on the side of chamber b", rods [false, true], SINGLE_ROD
 }
 
-/// Pressure in chamber a pushes the rod out, a spring in chamber b pushes it back.
+/// Pressure in chamber a pushes the rod out, and a spring in chamber b pushes it back.
 pub struct SingleActing;
 
 impl Component for SingleActing {

@@ -11,51 +11,51 @@ use physics::written::Role;
 /// Addition to the parameters of a kind.
 #[derive(Clone, Copy, Debug)]
 pub enum Extra {
-    /// None: parameters only.
+    /// Parameters only.
     Nothing,
-    /// A formula, which gives this and has parameters of its own.
+    /// A formula for this quantity, with separate parameters.
     Formula(&'static Role),
     /// A table of points.
     Points(Points),
 }
 
-/// Points: numbers in columns, of which those of the first rise. What has a default may be left out of a point.
+/// Points: numbers in columns, with increasing values in the first. Columns with a default may be left out of a point.
 #[derive(Clone, Copy, Debug)]
 pub struct Points {
-    /// Their key in the table of a component.
+    /// Key in the table of a component.
     pub key: &'static str,
-    /// The numbers of a point, in their order.
+    /// Numbers of a point, in order.
     pub columns: &'static [Parameter],
     /// Whether the points are optional.
     pub optional: bool,
 }
 
 impl Extra {
-    /// Points that a component has to have.
+    /// Points that a component requires.
     pub const fn points(columns: &'static [Parameter]) -> Self {
         Extra::Points(Points { key: "points", columns, optional: false })
     }
 
-    /// The key of points.
+    /// Key of the points.
     pub fn key(&self) -> Option<&'static str> {
         if let Extra::Points(points) = self { Some(points.key) } else { None }
     }
 
-    /// Most points: each costs time at every evaluation.
+    /// Largest number of points, because each costs time at every evaluation.
     pub const MOST_POINTS: usize = 50;
 }
 
-/// The same of one component.
+/// Addition of one component.
 #[derive(Clone, Debug)]
 pub(crate) enum Given<P> {
     Nothing,
-    /// With the table of what it makes of the kind.
+    /// A formula with the table of the resulting component.
     Formula(&'static Written),
     Points(Vec<Vec<P>>),
 }
 
 impl Given<f64> {
-    /// What a component of a kind is given, checked.
+    /// Checked additions of a component of a kind.
     pub fn of(base: &'static Kind, spec: &specification::Component) -> Result<Self, Error> {
         let refuse = |what: String| Err(Error::Specification(format!("{}{what}", spec.name)));
         match (base.extra, &spec.formula, &spec.points) {
@@ -76,7 +76,7 @@ impl Given<f64> {
         }
     }
 
-    /// The same with points as numbers of another type.
+    /// Returns the same with points as numbers of another type.
     pub fn lift<P: Real>(&self) -> Given<P> {
         match self {
             Given::Nothing => Given::Nothing,
@@ -90,13 +90,13 @@ impl Given<f64> {
 }
 
 impl<P> Given<P> {
-    /// The table of a component of a kind.
+    /// Returns the table of a component of a kind.
     pub fn kind(&self, base: &'static Kind) -> &'static Kind {
         if let Given::Formula(written) = self { &written.kind } else { base }
     }
 }
 
-/// The fault of points, if any.
+/// Returns the error in points, if any.
 fn examined(columns: &[Parameter], points: &[Vec<f64>]) -> Result<(), String> {
     let most = Extra::MOST_POINTS;
     if !(2..=most).contains(&points.len()) {

@@ -6,10 +6,10 @@ use crate::assembly::Quantity;
 use crate::circuit::Path;
 use math::Lane;
 
-/// A one-way flow control: a needle beside a check valve.
+/// A one-way flow control: a needle parallel to a check valve.
 pub struct FlowControl;
 
-/// Port 1 is the valve's side, port 2 the cylinder's.
+/// Port 1 is on the valve's side, and port 2 on the cylinder's.
 impl Component for FlowControl {
     const KIND: Kind = Kind {
         key: "flow-control",

@@ -2,7 +2,7 @@ use super::{Build, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, t
 use crate::assembly::Quantity;
 use math::Lane;
 
-/// A joint of two masses that shows the force between them.
+/// A joint of two masses that measures the force between them.
 pub struct ForceSensor;
 
 impl Component for ForceSensor {

@@ -1,4 +1,4 @@
-//! Components whose equation is a formula of a user, with parameters of its own.
+//! Components whose equation is a user's formula with separate parameters.
 
 use super::{
     Acts, Build, Choice, Component, Extra, Given, Instance, KINDS, Kind, Row, Stroke, Symbol, Terminals,
@@ -16,7 +16,7 @@ use physics::flow::{FlowFormula, MASS_FLOW};
 use physics::mechanics::{FORCE, ForceFormula};
 use physics::written::{Known, OwnFormula, Refusal, Role, Text};
 
-/// A formula, and the table of the components that it makes.
+/// A formula, and the table of the resulting components.
 #[derive(Debug)]
 pub struct Written {
     pub kind: Kind,
@@ -25,7 +25,7 @@ pub struct Written {
 
 static KNOWN: Known<Written> = Known::new();
 
-/// The formula of a component of a kind that takes one.
+/// The formula of a component of a kind that accepts one.
 pub(crate) fn written(
     base: &'static Kind,
     role: &'static Role,
@@ -66,8 +66,8 @@ pub(crate) fn written(
     })
 }
 
-/// The table of the components of a kind that a formula makes, and warnings to its author; None where there is no
-/// such kind that takes a formula.
+/// Returns the table of the components that a formula makes from a kind, and warnings to the author. `None` if the kind
+/// does not exist or does not accept a formula.
 pub fn formula_kind(
     kind: &str,
     formula: &ComponentFormula,
@@ -78,7 +78,7 @@ pub fn formula_kind(
     Some(made.map(|written| (&written.kind, &written.own.warnings[..])))
 }
 
-/// The formula of a component with values of its parameters.
+/// Returns the formula of a component with values of its parameters.
 fn valued<P: Lane>(own: &Instance<P>) -> (&'static OwnFormula, Vec<P>) {
     let Given::Formula(written) = own.extra else { unreachable!("a component with a formula") };
     (written.own, own.numbers.iter().map(|number| number.expect("a number that was checked")).collect())
@@ -117,7 +117,7 @@ impl Component for Restriction {
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
         let (formula, values) = valued(own);
         let law = FlowFormula::new(formula, values, &build.gas, own.choices[0] == 1);
-        // What an end stop has to expect: the conductance that lets as much out of the supply when it is open.
+        // Conductance for the design of end stops: it passes the same flow from the supply when it is open.
         let [ambient, t] = [build.ambient[0], P::c(T_0)];
         let supply = build.highest.unwrap_or(ambient);
         let conductance = law.mass_flow(P::one(), [supply, t], [ambient, t]) / (supply * P::c(RHO_0));

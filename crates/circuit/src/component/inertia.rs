@@ -14,7 +14,7 @@ fn moves<P: Lane>(law: Inertia<P>, at: &Terminals, build: &mut Build<P>) {
     build.circuit.moves(axis, law);
 }
 
-/// A mass that the position of an axis determines, from a table.
+/// A mass whose value depends on the position of an axis, from a table.
 pub struct Table;
 
 impl Component for Table {

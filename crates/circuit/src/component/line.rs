@@ -113,11 +113,12 @@ impl Component for Line {
     }
 }
 
-/// Lengths for a speed of sound right to 1 %, by frequency, length and the speed of sound: (pi/6)^2/24 is 1 % of it.
+/// Number of lengths for which the speed of sound is right to 1 %, by frequency, length and speed of sound: (pi/6)^2/24
+/// is 1 %.
 const CELLS: f64 = 12.8;
 /// Nusselt number of laminar flow in a round pipe times the thermal conductivity of air, W/(m K).
 pub(super) const LAMINAR_HEAT: f64 = 3.66 * 0.026;
-/// Error scale of a mass flow by its cross-section, kg/(s m2): ambient air at the speed of sound.
+/// Error scale of a mass flow for each cross-section, kg/(s m2): ambient air at the speed of sound.
 const SCALE: f64 = 400.0;
 
 const SYMBOL: Symbol = Symbol {

@@ -15,7 +15,7 @@ pub struct Lumped;
 
 const PORTS: &[Port] = &[Port { volume: 0.0, ..gas("1") }, Port { volume: 0.0, ..gas("2") }];
 
-/// Parameters of every tube, and of a measured one.
+/// Parameters of every tube, and of a measured tube.
 const STEADY: [Row; 5] = *table! {
     length: "m", physics::above(0.0), "Length L";
     diameter: "m", physics::above(0.0), "Inner diameter d";
@@ -35,13 +35,13 @@ const WALL: [Row; 2] = *table! {
 const KIND: Kind =
     Kind { sources: &["iso6358-2013"], ports: PORTS, open: true, symbol: SYMBOL, ..Kind::PLAIN };
 
-/// Iterations for the halves of a tube: each leaves less than half of the error.
+/// Iterations for the halves of a tube. Each leaves less than half of the error.
 const ITERATIONS: usize = 60;
 
-/// Sonic conductance and critical pressure ratio of each of two equal paths that have C and b in series. By the series
-/// rule of ISO 6358-3, with u = 1 - b of a half,
+/// Returns sonic conductance and critical pressure ratio of each of two equal paths that have C and b in series. The
+/// series rule of ISO 6358-3 applies, with u = 1 - b of a half:
 ///
-///   C = g C_half,   1 - b = 2 u g^2,   g = (1 - u + u sqrt(2 u))/(1 + u^2)
+///   `C = g C_half,   1 - b = 2 u g^2,   g = (1 - u + u sqrt(2 u))/(1 + u^2)`
 fn halves<P: Real>([conductance, ratio]: [P; 2]) -> [P; 2] {
     let (one, two) = (P::one(), P::c(2.0));
     let g = |u: P| (one - u + u * (two * u).sqrt()) / (one + u * u);
@@ -89,15 +89,15 @@ impl Component for Lumped {
     }
 }
 
-/// A tube whose model follows from its length.
+/// A tube whose model depends on its length.
 pub struct Auto;
 
-/// Speed of sound by which a tube is short or long, m/s: of air at 20 degC.
+/// Speed of sound for the decision between short and long tubes, m/s: air at 20 degC.
 const SOUND: f64 = 343.2;
-/// Share of a wave length below which a tube is short.
+/// Fraction of a wave length below which a tube is short.
 const SHORT: f64 = 0.05;
 
-/// Whether waves are negligible up to the bandwidth.
+/// Returns whether waves are negligible up to the bandwidth.
 fn is_short<P: Lane>(own: &Instance<P>) -> bool {
     own.number("length").get(0) * own.number("bandwidth").get(0) < SHORT * SOUND
 }

@@ -43,7 +43,7 @@ impl Component for Motor {
     }
 }
 
-/// Whose stretch is the error scale, N.
+/// Force whose stretch is the error scale, N.
 const USUAL_FORCE: f64 = 100.0;
 
 const SYMBOL: Symbol = Symbol {

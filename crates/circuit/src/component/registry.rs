@@ -1,4 +1,4 @@
-//! Components of other crates, beside those of this one.
+//! Components of other crates, in addition to those of this crate.
 
 use super::{Brings, Build, Component, Instance, KINDS, Kind, Terminals};
 use crate::run::Error;
@@ -9,11 +9,11 @@ use std::sync::{PoisonError, RwLock};
 
 static OTHERS: RwLock<Vec<&'static dyn Registered>> = RwLock::new(Vec::new());
 
-/// Adds a kind of component to those that circuits may be made of, in this process. Adding it again changes nothing.
+/// Adds a kind of component that circuits may use, in this process. Adding the same kind again changes nothing.
 ///
 /// # Errors
 ///
-/// There is another component of this kind.
+/// Another component of this kind exists.
 pub fn register<C: Component>() -> Result<(), Error> {
     let own: &'static dyn Registered = const { &OfType::<C>(PhantomData) };
     let mut others = OTHERS.write().unwrap_or_else(PoisonError::into_inner);
@@ -36,24 +36,24 @@ pub fn kinds() -> Vec<&'static Kind> {
     KINDS.iter().copied().chain(others.iter().map(|other| other.kind())).collect()
 }
 
-/// The kind at a place of [`kinds`].
+/// Returns the kind at an index of [`kinds`].
 pub(super) fn kind(place: usize) -> &'static Kind {
     KINDS.get(place).copied().unwrap_or_else(|| at(place).kind())
 }
 
-/// The component of another crate at a place of [`kinds`].
+/// Returns the component of another crate at an index of [`kinds`].
 pub(super) fn at(place: usize) -> &'static dyn Registered {
     OTHERS.read().unwrap_or_else(PoisonError::into_inner)[place - KINDS.len()]
 }
 
-/// A component of another crate: over the numbers that circuits are made of, as an object.
+/// A component of another crate as an object, for the scalar types of circuits.
 pub(super) trait Registered: Send + Sync {
     fn of(&self) -> TypeId;
     fn kind(&self) -> &'static Kind;
     fn check(&self, own: &Instance<f64>) -> Result<(), Error>;
-    /// Its contribution to a joint, as numbers of the type of `own`.
+    /// Returns its contribution to a joint, as numbers of the type of `own`.
     fn bring(&self, own: &dyn Any, port: usize, ambient_temperature: &dyn Any) -> Box<dyn Any>;
-    /// What it brings to others in series, as numbers of the type of `own`.
+    /// Returns its contribution to others in series, as numbers of the type of `own`.
     fn series(&self, own: &dyn Any) -> Box<dyn Any>;
     fn compose(&self, own: &dyn Any, at: &Terminals, build: &mut dyn Any);
 }
@@ -86,7 +86,7 @@ where
     Some(())
 }
 
-/// Numbers with the derivatives that several shots carry.
+/// Numbers with derivatives for several shots.
 type Sensitive = Dual<f64, { crate::assembly::DIRECTIONS }>;
 
 impl<C: Component> Registered for OfType<C> {

@@ -40,7 +40,8 @@ const OUTPUTS: &[Variable] = &[
     ("relief_flow_kg_s", "kg/s", "mass flow from port 2 to port 3"),
 ];
 
-/// The seat and the relief, whose set pressure may be a signal; the input that is the number.
+/// Adds the seat and the relief. The set pressure may be a signal. Returns the input of the set pressure if it is a
+/// number.
 fn regulate<P: Lane>(
     own: &Instance<P>,
     at: &Terminals,
@@ -61,7 +62,7 @@ fn regulate<P: Lane>(
         set: set(build),
         paths: [build.circuit.between(one, two), build.circuit.between(two, out)],
     };
-    // Through the relief gas leaves what it protects: no cylinder's end stops follow from it.
+    // Gas leaves the protected volume through the relief. The relief therefore does not affect the design of end stops.
     let conductance = part.seat.conductance;
     let part = build.flow_part(part, &[conductance]);
     for path in [0, 1] {

@@ -4,7 +4,7 @@ use crate::assembly::Quantity;
 use crate::part::Lock;
 use math::Lane;
 
-/// Jaws that clamp a rod, or a slide.
+/// Jaws that clamp a rod or a slide.
 pub struct RodLock;
 
 impl Component for RodLock {

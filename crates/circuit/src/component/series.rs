@@ -12,12 +12,12 @@ use std::collections::BTreeMap;
 /// A component of a circuit, and one of its ports.
 pub(crate) type PortId = (usize, usize);
 
-/// Restrictions in a row with nothing but a joint between each two: each with the port at which the row enters it.
+/// Restrictions in a row, separated only by joints. Each has the port at which the row enters it.
 #[derive(Clone, Debug)]
 pub(crate) struct Chain(Vec<PortId>);
 
 impl Chain {
-    /// Those of a circuit, from the ports of its joints. A row without an end is none.
+    /// Returns the rows of a circuit, from the ports of its joints. A row needs an end: a closed ring is not included.
     pub fn find<'a, P: Lane>(each: &[Instance<P>], joints: impl Iterator<Item = &'a [PortId]>) -> Vec<Self> {
         let mut across = BTreeMap::new();
         for ports in joints {
@@ -47,7 +47,7 @@ impl Chain {
         self.0.iter().any(|(own, _)| *own == component)
     }
 
-    /// The component that its flow path is composed with.
+    /// Returns the component that composes its flow path.
     pub fn first(&self) -> usize {
         self.0[0].0
     }
@@ -57,12 +57,12 @@ impl Chain {
         [self.0[0], (last, 1 - entered)]
     }
 
-    /// Whether a port is between two of its restrictions.
+    /// Returns whether a port is between two of its restrictions.
     pub fn is_inside(&self, port: PortId) -> bool {
         port.1 < 2 && self.has(port.0) && !self.ends().contains(&port)
     }
 
-    /// What comes to the joint at each of its ends: half of the volume that its restrictions have between them, m3.
+    /// Returns the volume added to the joint at each end: half of the volume between its restrictions, m3.
     pub fn room<P: Lane>(&self, each: &[Instance<P>], ambient_temperature: P) -> Option<P> {
         let ports = self.0.iter().flat_map(|&(own, _)| [(own, 0), (own, 1)]);
         let inside = ports.filter(|port| self.is_inside(*port));
@@ -73,7 +73,8 @@ impl Chain {
         rooms.reduce(|sum, room| sum + room).map(|sum| P::c(0.5) * sum)
     }
 
-    /// Adds the flow path between the nodes at its ends, and what its components show: all of them pass the same.
+    /// Adds the flow path between the nodes at its ends, and the outputs of its components. The same flow passes all of
+    /// them.
     pub fn compose<P: Lane>(
         &self,
         each: &[Instance<P>],

@@ -4,7 +4,7 @@ use crate::assembly::Quantity;
 use crate::part::ShockAbsorber as Oil;
 use math::Lane;
 
-/// A hydraulic shock absorber that a mass runs into.
+/// A hydraulic shock absorber that a mass hits.
 pub struct ShockAbsorber;
 
 impl Component for ShockAbsorber {

@@ -41,7 +41,7 @@ impl Component for Silencer {
     }
 }
 
-/// Conductance with dirt.
+/// Returns the conductance with dirt.
 fn clogged<P: Lane>(own: &Instance<P>) -> P {
     own.number("conductance") * (P::one() - own.number("clogging"))
 }

@@ -2,7 +2,7 @@ use super::{Acts, Brings, Build, Component, Instance, Kind, Stroke, Symbol, Term
 use math::Lane;
 use std::f64::consts::FRAC_PI_2;
 
-/// A mass on a line of its own.
+/// A mass on a separate line.
 pub struct Slide;
 
 impl Component for Slide {

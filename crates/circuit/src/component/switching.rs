@@ -42,10 +42,11 @@ const PWM_MODEL: Choice = Choice {
 const NORMALLY: Choice =
     Choice { name: "normally", options: &["closed", "open"], meaning: "State without a command" };
 
-/// How a position opens an edge: shut up to the middle of the travel, so that no two edges of a port are open at once.
+/// Returns the opening of an edge by position. It is shut up to the middle of the travel, so that two edges of a port
+/// are never open together.
 pub(super) const OPENS: [f64; 2] = [-1.0, 2.0];
 pub(super) const SHUTS: [f64; 2] = [1.0, -2.0];
-/// An edge without another beside it. It is shut, and open, over the rounding of a travel.
+/// Returns the opening of a single edge. It is shut or open only within the rounding of a travel.
 const ALONE: [f64; 2] = [-SLACK, 1.0 + 2.0 * SLACK];
 const ALONE_SHUTS: [f64; 2] = [1.0 + SLACK, -1.0 - 2.0 * SLACK];
 const SLACK: f64 = 1e-8;
@@ -54,15 +55,15 @@ const SLACK: f64 = 1e-8;
 #[derive(Clone, Copy)]
 pub(super) struct Drives {
     pub has_pulses: bool,
-    /// The least command.
+    /// Least command.
     pub least: f64,
-    /// It starts where its first command has it; else at rest.
+    /// It starts at the position of its first command, otherwise at rest.
     pub stands: bool,
 }
 
 const PULSED: Drives = Drives { has_pulses: true, least: 0.0, stands: false };
 
-/// An armature with the times of its component: its position among the signals.
+/// Adds an armature with the times of its component, and returns the index of its position among the signals.
 pub(super) fn armature<P: Lane>(own: &Instance<P>, drives: Drives, build: &mut Build<P>) -> usize {
     let Drives { has_pulses, least, stands } = drives;
     let signal = build.circuit.signal();
@@ -110,7 +111,7 @@ fn edge<P: Lane>(
     })
 }
 
-/// Pulses whose period is shorter than the dead time on never move the armature.
+/// Pulses with a period shorter than the dead time on never move the armature.
 fn check_pulses(own: &Instance<f64>) -> Result<(), Error> {
     let [frequency, on, share] = ["pwm_frequency", "time_on", "travel_share"].map(|key| own.number(key));
     let dead = on * (1.0 - 0.5 * share);
@@ -236,7 +237,7 @@ impl Component for Switching32 {
     }
 }
 
-/// The four edges of a valve with five ports, from the signal of its position.
+/// Adds the four edges of a valve with five ports, from the signal of its position.
 pub(super) fn five<P: Lane>(
     own: &Instance<P>,
     at: &Terminals,

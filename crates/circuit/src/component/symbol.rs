@@ -1,21 +1,21 @@
-/// A stroke of a symbol; lengths in modules, x to the right, y up.
+/// A stroke of a symbol. Lengths are in modules, with x to the right and y up.
 #[derive(Clone, Copy, Debug)]
 pub enum Stroke {
-    /// From point to point.
+    /// Line from point to point.
     Line(&'static [[f64; 2]]),
-    /// The same, dashed: a pilot line.
+    /// Dashed line from point to point: a pilot line.
     Dashed(&'static [[f64; 2]]),
-    /// Centre, radius, and the angles, deg, from which to which it goes counterclockwise.
+    /// Arc: centre, radius, and the start and end angles, deg, counterclockwise.
     Arc([f64; 2], f64, [f64; 2]),
-    /// Centre and radius, filled.
+    /// Filled circle: centre and radius.
     Dot([f64; 2], f64),
-    /// Three corners, empty.
+    /// Empty triangle.
     Triangle([[f64; 2]; 3]),
-    /// Three corners, filled: the head of an arrow that begins at the first one.
+    /// Filled triangle: the head of an arrow, with its base point first.
     Head([[f64; 2]; 3]),
-    /// About this point.
+    /// Text centred at this point.
     Text([f64; 2], &'static str),
-    /// Strokes moved by this much, after left and right have changed places where asked.
+    /// Strokes moved by this offset, optionally after mirroring left and right.
     Moved(&'static [Stroke], [f64; 2], bool),
 }
 
@@ -24,9 +24,9 @@ pub enum Stroke {
 pub struct Symbol {
     /// Strokes that are always drawn.
     pub strokes: &'static [Stroke],
-    /// Strokes that are drawn where a choice has this option, or where the number with this key is given.
+    /// Strokes that are drawn if a choice has this option, or if the number with this key is given.
     pub when: &'static [(&'static str, &'static [Stroke])],
-    /// Places of the ports in their order, on whole modules at the rim of the symbol.
+    /// Places of the ports in their order, at whole modules on the edge of the symbol.
     pub ports: &'static [[f64; 2]],
 }
 

@@ -8,15 +8,15 @@ use std::ops::Deref;
 pub struct Row {
     /// Key, unit, bounds, default and meaning.
     pub parameter: Parameter,
-    /// What its default is assumed for; empty without a default, or if a source of the component has it.
+    /// Reason for an assumed default. Empty without a default, or if a source of the component has the default.
     pub assumed: &'static str,
-    /// What its default follows from; empty: from nothing.
+    /// Rule by which its default follows from other numbers. Empty without such a rule.
     pub follows: &'static str,
-    /// Required, unless this is given: the key of another number, or a choice, "throttles = both".
+    /// It is required unless this is given: the key of another number, or a choice, "throttles = both".
     pub unless: &'static str,
-    /// The table that it belongs to, which may be left out as a whole; empty where it belongs to none.
+    /// Optional table that contains it. Empty if it is not in a table.
     pub within: &'static str,
-    /// It acts only where this number is above zero, or this choice is made, "relieving = yes"; empty where it always does.
+    /// Condition for its effect: a number above zero, or a choice, "relieving = yes". Empty without a condition.
     pub only: &'static str,
     /// Its key in older files.
     pub was: &'static str,
@@ -30,8 +30,8 @@ impl Deref for Row {
     }
 }
 
-/// Parameters of a component, in the words of a table. Rows that several kinds have stand there by their name: `NAME;` for
-/// one, `..NAMES;` for some.
+/// Parameters of a component, in the words of a table. Rows that several kinds share are named: `NAME;` for one row,
+/// `..NAMES;` for several.
 #[macro_export]
 macro_rules! table {
     ($($(..$rows:ident)? $($key:ident $(: $unit:literal, $bounds:expr $(, default $default:expr)?
@@ -72,7 +72,7 @@ macro_rules! table {
     (@or $other:tt $own:expr) => { $own };
 }
 
-/// How many there are in all.
+/// Returns their total number.
 #[doc(hidden)]
 pub const fn count<T>(parts: &[&[T]]) -> usize {
     let (mut sum, mut i) = (0, 0);
@@ -83,7 +83,7 @@ pub const fn count<T>(parts: &[&[T]]) -> usize {
     sum
 }
 
-/// One after the other.
+/// Joins them one after the other.
 #[doc(hidden)]
 pub const fn join<T: Copy, const N: usize>(parts: &[&[T]]) -> [T; N] {
     let mut all = [parts[0][0]; N];
@@ -99,7 +99,7 @@ pub const fn join<T: Copy, const N: usize>(parts: &[&[T]]) -> [T; N] {
     all
 }
 
-/// Rows that flow paths by ISO 6358 share.
+/// Rows shared by flow paths by ISO 6358.
 pub const SUBSONIC_INDEX: Row = Row {
     parameter: Parameter {
         key: "subsonic_index",
@@ -115,7 +115,7 @@ pub const SUBSONIC_INDEX: Row = Row {
     only: "",
     was: "",
 };
-/// A row that flow paths by ISO 6358 share.
+/// A row shared by flow paths by ISO 6358.
 pub const LINEAR_ABOVE: Row = table! {
     linear_above: "1", physics::between(0.0, 1.0), default physics::flow::LINEAR_ABOVE, assumed "a modelling parameter",
         "Pressure ratio above which the flow is linear; of a check valve its share of the closing ratio";

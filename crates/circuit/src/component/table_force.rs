@@ -49,7 +49,7 @@ pub(super) const CURVE: Symbol = Symbol {
     ports: &[[0.0, 2.0]],
 };
 
-/// The curve through the points of a component.
+/// Returns the curve through the points of a component.
 pub(super) fn curve<P: Lane>(own: &Instance<P>, is_smooth: bool) -> Curve<P> {
     let points: Vec<[P; 2]> = own.points().iter().map(|point| [point[0], point[1]]).collect();
     if is_smooth { Curve::smooth(&points) } else { Curve::straight(&points) }
@@ -67,7 +67,7 @@ macro_rules! force {
             fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
                 let Some(axis) = at.axis(0) else { return };
                 let curve = curve(own, own.choices[0] == 1);
-                // End stops are laid out for it.
+                // Largest force, for the design of end stops.
                 let largest = own.points().iter().fold(P::zero(), |most, point| most.max(point[1].abs()));
                 let load = &mut build.masses[axis.index()].1;
                 *load = load.abs() + largest;

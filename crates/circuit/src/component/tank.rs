@@ -37,7 +37,7 @@ impl Component for Tank {
             law: ChamberLaw::EnergyBalance,
             dead_volume: own.number("volume"),
             wall: own.number("wall_area"),
-            // A wall that stores heat gives it by itself.
+            // A wall that stores heat gives the heat itself.
             heat_transfer: if own.given("wall_capacity").is_some() {
                 P::zero()
             } else {

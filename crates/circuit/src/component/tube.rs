@@ -50,7 +50,7 @@ impl Component for Tube {
     }
 }
 
-/// Sonic conductance and critical pressure ratio of the whole tube.
+/// Returns sonic conductance and critical pressure ratio of the whole tube.
 pub(super) fn steady<P: Lane>(own: &Instance<P>) -> [P; 2] {
     let (length, diameter) = (own.number("length"), own.number("diameter"));
     let square = diameter * diameter;

@@ -38,12 +38,12 @@ const DYNAMICS: [Row; 8] = *table! {
 
 const DYNAMIC: [&str; 5] = ["frequency", "delay", "hysteresis", "overlap", "leakage"];
 
-/// Whether the valve is more than edges that open with the command.
+/// Returns whether the valve is more than edges that open with the command.
 fn is_dynamic<P: Lane>(own: &Instance<P>) -> bool {
     DYNAMIC.iter().any(|key| own.number(key).get(0) != 0.0 || own.is_free(key))
 }
 
-/// The spool of a valve: its position among the signals.
+/// Adds the spool of a valve, and returns the index of its position among the signals.
 fn spool<P: Lane>(own: &Instance<P>, build: &mut Build<P>) -> usize {
     let signal = build.circuit.signal();
     let (acts, remembered, commanded) = (P::zero(), P::zero(), P::zero());
@@ -73,7 +73,7 @@ fn spool<P: Lane>(own: &Instance<P>, build: &mut Build<P>) -> usize {
     signal
 }
 
-/// What leaks past the edges of a spool, if anything: its place among the signals.
+/// Adds leakage past the edges of a spool, if any, and returns its index among the signals.
 fn leak<P: Lane>(own: &Instance<P>, position: usize, build: &mut Build<P>) -> Option<usize> {
     let leaks = own.number("leakage").get(0) != 0.0 || own.is_free("leakage");
     leaks.then(|| {
@@ -84,7 +84,7 @@ fn leak<P: Lane>(own: &Instance<P>, position: usize, build: &mut Build<P>) -> Op
     })
 }
 
-/// An edge that opens as the spool moves in a direction.
+/// Adds an edge that opens as the spool moves in a direction.
 fn edge<P: Lane>(
     own: &Instance<P>,
     (law, (signal, leak), direction): (&Iso6358<P>, (usize, Option<usize>), f64),
@@ -103,12 +103,12 @@ fn edge<P: Lane>(
     })
 }
 
-/// The conductance of an edge at an opening; zero if a point omits it.
+/// Conductance of an edge at an opening. Zero if a point omits it.
 const fn flow(key: &'static str, meaning: &'static str) -> Parameter {
     Parameter { key, unit: "m3/(s Pa)", bounds: physics::at_least(0.0), default: Some(0.0), meaning }
 }
 
-/// Its critical pressure ratio there.
+/// Critical pressure ratio at this opening.
 const fn ratio(key: &'static str, meaning: &'static str) -> Parameter {
     let bounds = Bounds { open_above: true, ..physics::within(0.0, 1.0) };
     Parameter { key, unit: "1", bounds, default: Some(0.0), meaning }
@@ -134,7 +134,7 @@ const FLOW_SHAPE: Choice = Choice {
     meaning: "A smooth curve without overshoot through the points of the flow table, or straight lines between them",
 };
 
-/// An edge by its columns of the flow table; none where it never opens.
+/// Returns an edge by its columns of the flow table, or `None` if it never opens.
 fn table_edge<P: Lane>(
     own: &Instance<P>,
     (column, usual_ratio): (usize, P),
@@ -169,7 +169,7 @@ fn table_edge<P: Lane>(
     Some(Path::along(build.flow_part(part, &[largest]), 0))
 }
 
-/// Checks of a flow table: keys that it replaces, and keys that it needs.
+/// Checks a flow table for keys that it replaces and keys that it needs.
 fn check_table(own: &Instance<f64>) -> Result<(), Error> {
     let (points, name) = (own.points(), &own.name);
     if points.is_empty() {

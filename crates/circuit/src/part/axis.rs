@@ -8,23 +8,23 @@ use physics::mechanics::Inertia;
 
 /// A mass that moves along one line, with friction: piston, slide and load.
 ///
-///   dx/dt = v,   m dv/dt = sum of forces - friction                   [N], +x
+///   `dx/dt = v,   m dv/dt = sum of forces - friction                   [N], +x`
 ///
-/// The weight m g sin(incline) and an external force act on it; pressures, springs and end
-/// stops are parts of their own. In the stick mode of a law that has one, v = 0 exactly.
+/// The weight m g sin(incline) and an external force act on it. Pressures, springs and end stops are separate parts. In
+/// the stick mode of a law that has this mode, v = 0 exactly.
 #[derive(Clone, Debug)]
 pub struct Axis<P> {
     /// Moving mass m, kg.
     pub mass: P,
-    /// Mass by which friction contains the acceleration, kg: it moves along.
+    /// Mass that friction adds to the acceleration term, kg. It moves with the piston.
     pub inertia: P,
     /// 1/(m + inertia), prepared.
     pub inverse_mass: P,
-    /// Weight along the axis, N, positive where it pulls towards -x.
+    /// Weight along the axis, N, positive if it pulls towards -x.
     pub weight: P,
     /// External force in +x, N: an input.
     pub external_force: P,
-    /// None: no friction.
+    /// `None`: no friction.
     pub friction: Option<Contact<P>>,
     /// A mass coupled by a ratio that depends on the position.
     pub(crate) moves: Vec<Inertia<P>>,
@@ -32,7 +32,7 @@ pub struct Axis<P> {
     pub mode: P,
     /// Largest error scale of each inner state, in its unit: see [`largest_scales`].
     pub(crate) largest_scales: Vec<f64>,
-    /// Its place among the axes of the net.
+    /// Index among the axes of the net.
     pub node: usize,
 }
 
@@ -59,15 +59,16 @@ impl<R: Lane> Axis<R> {
 
 /// The state of a law with one spring.
 const DEFLECTION: &str = "bristle_deflection_m";
-/// Largest error scale of a deflection, as a multiple of that at which the spring carries the whole friction force.
+/// Largest error scale of a deflection, as a multiple of the deflection at which the spring carries the whole friction
+/// force.
 const DEFLECTION_SCALE: f64 = 100.0;
-/// The same for what a deflection makes in sliding, where bristle damping may be far steeper than the spring.
+/// The same for the force of a deflection in sliding, where bristle damping may be much steeper than the spring.
 const SLIDING_SCALE: f64 = 1e4;
-/// Speeds at which that is looked at, m/s.
+/// Speeds of this evaluation, m/s.
 const SLIDING: [f64; 4] = [1e-3, 1e-2, 1e-1, 1.0];
 
-/// The largest error scales with which the tolerance still resolves the springs of a law; infinite where a state is
-/// none.
+/// Returns the largest error scales for which the tolerance still resolves the springs of a law. Infinite for a state
+/// that is not a deflection.
 pub(crate) fn largest_scales<R: Lane>(contact: &Contact<R>) -> Vec<f64> {
     let mut scales = vec![f64::INFINITY; contact.states().len()];
     if contact.states().first().is_some_and(|state| state.name == DEFLECTION) {
@@ -81,7 +82,7 @@ pub(crate) fn largest_scales<R: Lane>(contact: &Contact<R>) -> Vec<f64> {
     scales
 }
 
-/// That of the one spring of a law, m.
+/// Returns the scale of the single spring of a law, m.
 fn deflection_scale<R: Lane>(contact: &Contact<R>) -> f64 {
     let states = contact.states();
     let mut z = vec![R::zero(); states.len()];
@@ -111,7 +112,7 @@ const GAUSS: [(f64, f64); 4] = [
     (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
 ];
 
-/// The place at which the friction law of a mass is evaluated.
+/// Returns the values at which the friction law of a mass is evaluated.
 #[inline(always)]
 fn at<S: Real>(node: &AxisNode<S>) -> At<S> {
     At {
@@ -125,7 +126,7 @@ fn at<S: Real>(node: &AxisNode<S>) -> At<S> {
 }
 
 impl<P: Real> Axis<P> {
-    /// Whether its friction, if any, is evaluated in line, see [`Contact::is_usual`], and its mass is constant.
+    /// Returns whether its friction, if any, is evaluated inline (see [`Contact::is_usual`]), and its mass is constant.
     pub(crate) fn is_usual(&self) -> bool {
         self.friction.as_ref().is_none_or(Contact::is_usual) && self.moves.is_empty()
     }
@@ -141,8 +142,8 @@ impl<P: Real> Axis<P> {
         }
     }
 
-    /// Friction and acceleration, once all other forces are known; sets the rates of the inner states.
-    /// `USUAL` says that the friction is, see [`Contact::is_usual`].
+    /// Computes friction and acceleration from all other forces. Sets the rates of the inner states. `USUAL` states
+    /// that the friction is usual, see [`Contact::is_usual`].
     #[inline(always)]
     pub(crate) fn accelerate<S: Over<P>, const USUAL: bool>(
         &self,
@@ -166,7 +167,7 @@ impl<P: Real> Axis<P> {
         [node.v, node.a]
     }
 
-    /// The whole mass at a position, kg, and half of its slope, kg/m.
+    /// Returns the whole mass at a position, kg, and half of its slope, kg/m.
     fn moved<S: Over<P>>(&self, x: S) -> (S, S) {
         let own = (S::from(self.mass + self.inertia), S::zero());
         self.moves.iter().fold(own, |(mass, half), moves| {
@@ -175,17 +176,17 @@ impl<P: Real> Axis<P> {
         })
     }
 
-    /// The mass at a position, with what moves along there, kg.
+    /// Returns the mass at a position, including coupled masses, kg.
     pub(crate) fn mass_at(&self, x: P) -> P {
         self.moves.iter().fold(self.mass, |mass, moves| mass + moves.at(x)[0])
     }
 
-    /// Friction of steady sliding (after any transient) at a node, N.
+    /// Returns the friction of steady sliding (after any transient) at a node, N.
     pub(crate) fn steady_friction<S: Over<P>>(&self, node: &AxisNode<S>) -> S {
         self.friction.as_ref().map_or(S::zero(), |contact| contact.steady(&at(node)))
     }
 
-    /// The energy of its speed, of its height and of its bristles with inner states `z`, J.
+    /// Returns kinetic and potential energy, and the energy of bristles with inner states `z`, J.
     pub(super) fn stores_in<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> [S; 3] {
         let node = &net.axis[self.node];
         let kinetic = S::c(0.5) * self.moved(node.x).0 * node.v * node.v;
@@ -193,14 +194,14 @@ impl<P: Real> Axis<P> {
         [kinetic, S::from(self.weight) * node.x, bristles]
     }
 
-    /// What the axis with inner states `z` stores.
+    /// Returns the energy stored by the axis with inner states `z`, J.
     pub(super) fn stored_in<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> [S; 3] {
         let [kinetic, height, bristles] = self.stores_in(z, net);
         [S::zero(), kinetic + height + bristles, S::zero()]
     }
 
-    /// Rates of the accounts of the axis with inner states `z`, whose rates are `dz`. The work done on the damping of
-    /// bristles is left out: see [`Axis::damped_in`].
+    /// Computes rates of the balances of the axis with inner states `z`, whose rates are `dz`. Work on the damping of
+    /// bristles is not included: see [`Axis::damped_in`].
     pub(super) fn account_in<S: Over<P>>(
         &self,
         z: &[S],
@@ -223,17 +224,17 @@ impl<P: Real> Axis<P> {
         out[2] = heat / S::from(common.ambient_temperature);
     }
 
-    /// Whether the force contains the rate of a deflection.
+    /// Returns whether the force contains the rate of a deflection.
     pub(crate) fn is_damped(&self) -> bool {
         self.friction.as_ref().is_some_and(|contact| contact.law.is_damped())
     }
 
-    /// Number of events of its law: one if it sticks by a mode.
+    /// Returns the number of events of its law: one if it has a stick mode.
     pub(super) fn events_of_law(&self) -> usize {
         usize::from(self.friction.as_ref().is_some_and(|contact| contact.law.meta().sticks))
     }
 
-    /// Whether an event of the law's mode leaves it at rest.
+    /// Returns whether an event of the law's mode leaves it at rest.
     fn stops(&self) -> bool {
         self.friction.as_ref().is_some_and(|contact| contact.law.meta().stops)
     }
@@ -247,7 +248,7 @@ impl<P: Real> Axis<P> {
         self.contact().event(&at(&net.axis[self.node]), z, self.mode)
     }
 
-    /// Position, velocity and the inner states of friction as given.
+    /// Sets position, velocity and the inner states of friction as given.
     pub(super) fn begin_in(&self, given: &Given<P>, (motion, z): (&mut [P], &mut [P])) {
         if let Some(start) = given.axis(self.node) {
             motion[..2].copy_from_slice(&start);
@@ -263,18 +264,18 @@ impl<P: Real> Axis<P> {
     }
 }
 
-/// Newton in stick, m/s in slip: 1e-9 of either is far below what any step resolves.
+/// Newton in stick, m/s in slip: 1e-9 of either is much less than any step resolves.
 pub(super) const EVENT_TOLERANCE: f64 = 1e-9;
 
 impl<R: Lane> Axis<R> {
-    /// Adds to the accounts of a mass, whose states begin at `first` and those of its friction `inner` further, what
-    /// the damping of bristles took in a step:
+    /// Adds the work on the damping of bristles in a step to the balances of a mass. The states of the mass begin at
+    /// `first`, and those of its friction `inner` further on.
     ///
-    ///   W = int sigma1(v) v dz                                                     [J]
+    ///   `W = int sigma1(v) v dz                                                     [J]`
     ///
-    /// As an integral over time it would be wrong by far: where bristles follow the velocity within a fraction of the
-    /// step, dz/dt at the stages is no rate at which z goes on, only what the solution of the stage takes back. The
-    /// deflection along the step is that of the states, to their tolerance.
+    /// An integral over time would be wrong. If bristles follow the velocity within a fraction of the step, dz/dt at
+    /// the stages is not the true rate of z. The stage equations correct for this. The deflection along the step is
+    /// that of the states, to their tolerance.
     pub(crate) fn damped_in(
         &self,
         first: usize,
@@ -293,8 +294,8 @@ impl<R: Lane> Axis<R> {
         accounts[2] += work / common.ambient_temperature;
     }
 
-    /// Sets one lane's mode after its event, and its inner states that remember events; where the event leaves the
-    /// mass at rest, its velocity, and books the kinetic energy that friction takes.
+    /// Sets one lane's mode after its event, and its inner states that remember events. If the event leaves the mass at
+    /// rest, the velocity becomes zero, and the balance receives the kinetic energy.
     pub(super) fn switch_in(
         &mut self,
         lane: usize,
@@ -315,12 +316,14 @@ impl<R: Lane> Axis<R> {
         }
     }
 
-    /// The next mode of one lane, and its inner states that remember events; whether that leaves the mass at rest.
+    /// Returns the next mode of one lane, and its inner states that remember events. Also returns whether the mass is
+    /// then at rest.
     fn advance_mode(&mut self, lane: usize, z: &mut [R], net: &Net<R>) -> bool {
         let node = &net.axis[self.node];
         let mut after = z.to_vec();
         let mode = self.contact().next_mode(self.mode, &at(node), &mut after);
-        // One that stands and is pushed on in the same direction begins anew: else its event would come again at once.
+        // A mass at rest that is pushed on in the same direction starts a new breakaway. Otherwise its event would
+        // repeat at once.
         let goes_on = self.mode.get(lane) * mode.get(lane) > 0.0 && mode.get(lane) * node.v.get(lane) > 0.0;
         self.mode.put(lane, mode.get(lane));
         for (z, after) in z.iter_mut().zip(&after) {
@@ -329,8 +332,8 @@ impl<R: Lane> Axis<R> {
         self.stops() && !goes_on
     }
 
-    /// The mode at these nodes, where none is known yet: stuck where the velocity is zero and the force too small.
-    /// What sticks has no velocity, whatever is differentiated.
+    /// Returns the mode at these nodes, without a known mode: stick if the velocity is zero and the force too small. A
+    /// mass in stick has no velocity and no derivative of the velocity.
     pub(super) fn find_mode_in(&mut self, (motion, z): (&mut [R], &mut [R]), net: &Net<R>) {
         self.mode = self.contact().first_mode(&at(&net.axis[self.node]), z);
         for lane in 0..R::L {
@@ -343,8 +346,8 @@ impl<R: Lane> Axis<R> {
         }
     }
 
-    /// A mass that slides in one direction has no velocity in the other: between looks, and within the tolerance of
-    /// the look, the error of a step may give it one.
+    /// A mass that slides in one direction cannot have a velocity in the other. The error of a step may still produce
+    /// one, between checks and within the tolerance of the check.
     pub(super) fn settle_in(&self, motion: &mut [R]) {
         if self.stops() {
             let (v, zero) = (&mut motion[1], R::Plain::zero());
@@ -354,7 +357,8 @@ impl<R: Lane> Axis<R> {
     }
 }
 
-/// Within `impl Part`: the events of a mass with friction, whose inner states begin at `$inner` among those of the part.
+/// Inside `impl Part`: the events of a mass with friction, whose inner states begin at `$inner` among those of the
+/// part.
 macro_rules! events_of_a_mass {
     ($self:ident => $axis:expr, $inner:expr) => {
         fn n_events(&$self) -> usize {

@@ -6,14 +6,14 @@ use crate::net::Net;
 use math::{Over, Real};
 
 gathered! {
-    /// An elastomer that a mass runs into, by Hunt and Crossley:
+    /// An elastomer that a mass hits, by Hunt and Crossley:
     ///
-    ///   F = F_r (d/d_r)^n (1 + lambda d'),  not below zero                    [N]
+    ///   `F = F_r (d/d_r)^n (1 + lambda d'),  not below zero                    [N]`
     ///
-    /// d       depth, from x_0 on in +x or in -x                 m
-    /// F_r     static force at the depth d_r                     N
-    /// n       exponent                                          -
-    /// lambda  damping, in proportion to the static force        s/m
+    /// * `d`: depth, from x_0 on in +x or in -x, m.
+    /// * `F_r`: static force at the depth d_r, N.
+    /// * `n`: exponent.
+    /// * `lambda`: damping, in proportion to the static force, s/m.
     pub struct Bumper {
         numbers { rated_force, rated_depth, exponent, damping }
         laws { meets: Meets }
@@ -21,8 +21,8 @@ gathered! {
     }
 }
 
-/// Depth, as a share of the rated one, from which on it counts: so small that no tolerance resolves its force, and a
-/// power of it still has a slope.
+/// Least effective depth as a fraction of the rated depth. No tolerance resolves its force, and a power of it still has
+/// a slope.
 const LEAST_DEPTH: f64 = 1e-12;
 
 impl<P: Real> Bumper<P> {

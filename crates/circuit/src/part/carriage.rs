@@ -7,17 +7,16 @@ use std::f64::consts::TAU;
 physics::parameters! {
     /// A servo axis: a commanded motion of piecewise constant jerk, and the carriage that follows it.
     ///
-    ///   commanded   dx/dt = v,  dv/dt = a,  da/dt = jerk
-    ///   following   dv_f/dt = w^2 (x - x_f) + 2 zeta w (v - v_f),  dx_f/dt = v_f
-    ///   carriage    x_f + r/kappa sin(kappa x_f),  so its velocity is v_f [1 + r cos(kappa x_f)]
-    ///   giving way  m dv_f/dt = F - c v_f
+    ///   `commanded   dx/dt = v,  dv/dt = a,  da/dt = jerk`
+    ///   `following   dv_f/dt = w^2 (x - x_f) + 2 zeta w (v - v_f),  dx_f/dt = v_f`
+    ///   `carriage    x_f + r/kappa sin(kappa x_f),  so its velocity is v_f [1 + r cos(kappa x_f)]`
+    ///   `compliance  m dv_f/dt = F - c v_f`
     ///
-    /// A position loop of natural frequency w with the velocity fed forward: no lag at constant speed.
-    /// The ripple is that of a ball screw or of cogging, once every 2 pi/kappa. The axis is infinitely
-    /// strong: no force bends its motion, but while it gives way (admittance control: a virtual mass m
-    /// and damper c let the force F on the carriage move it until there is none). Position, velocity
-    /// and acceleration are states, so that the commanded motion is exact and the equations stay free
-    /// of time. A carriage that does not follow is its command: x_f = x, v_f = v.
+    /// A position loop of natural frequency w with velocity feedforward: no lag at constant speed. The ripple is that
+    /// of a ball screw or of cogging, with period 2 pi/kappa. The axis is infinitely strong, so that no force changes
+    /// its motion. The exception is admittance control: a virtual mass m and damper c then let the force F on the
+    /// carriage move it until F is zero. Position, velocity and acceleration are states, so that the commanded motion
+    /// is exact and the equations stay free of time. A carriage without lag equals its command: x_f = x, v_f = v.
     pub struct Carriage {
         /// Jerk: an input
         jerk: "m/s3", physics::any(), default 0.0;
@@ -29,29 +28,29 @@ physics::parameters! {
         ripple: "-", physics::at_least(0.0), default 0.0;
         /// Wave number kappa of the ripple
         wave_number: "1/m", physics::above(0.0), default 1.0;
-        /// Virtual mass m while it gives way
+        /// Virtual mass m during admittance control
         virtual_mass: "kg", physics::above(0.0), default 1.0;
-        /// Virtual damping c while it gives way
+        /// Virtual damping c during admittance control
         virtual_damping: "N s/m", physics::at_least(0.0), default 0.0;
-        /// 1 while it gives way, else 0: an input
+        /// 1 during admittance control, else 0: an input
         giving_way: "-", physics::at_least(0.0), default 0.0;
     } with {
-        /// Place among the axes of the net
+        /// Index among the axes of the net
         node: usize,
-        /// It follows its command and is not the command itself
+        /// Whether it follows its command with a lag
         follows: bool,
-        /// Its velocity ripples
+        /// Whether its velocity ripples
         ripples: bool,
-        /// Its input may let it give way
+        /// Whether its input may enable admittance control
         can_give_way: bool,
     }
 }
 
-/// Offset of x_f, v_f within the states of a carriage that follows.
+/// Offset of x_f, v_f within the states of a carriage with lag.
 pub(crate) const FOLLOWER: usize = 3;
 
 impl<P: Real> Carriage<P> {
-    /// An axis that is its command, and never gives way.
+    /// Creates an axis that equals its command, without compliance.
     pub fn rigid() -> Self {
         let (zero, one) = (P::zero(), P::one());
         Carriage {
@@ -70,17 +69,17 @@ impl<P: Real> Carriage<P> {
         }
     }
 
-    /// One that follows with a natural frequency in rad/s and a damping ratio.
+    /// Creates an axis that follows with a natural frequency in rad/s and a damping ratio.
     pub fn following(self, frequency: P, damping_ratio: P) -> Self {
         Carriage { frequency, damping_ratio, follows: true, ..self }
     }
 
-    /// One whose velocity ripples by this share, once every `pitch` m.
+    /// Adds a velocity ripple of this amplitude with the period `pitch`, m.
     pub fn rippling(self, ripple: P, pitch: P) -> Self {
         Carriage { ripple, wave_number: P::c(TAU) / pitch, ripples: true, ..self }
     }
 
-    /// One that can give way: to a spring of `stiffness` N/m critically damped, with this time constant, s.
+    /// Adds admittance control for a spring of `stiffness` N/m, critically damped, with this time constant, s.
     pub fn yielding(self, stiffness: P, time: P) -> Self {
         Carriage {
             virtual_mass: stiffness * time * time,
@@ -90,12 +89,12 @@ impl<P: Real> Carriage<P> {
         }
     }
 
-    /// Where x_f, v_f lie within the own states.
+    /// Returns the offset of x_f, v_f within the part's states.
     pub(crate) fn follower(&self) -> usize {
         if self.follows { FOLLOWER } else { 0 }
     }
 
-    /// x_f and v_f.
+    /// Returns x_f and v_f.
     #[inline(always)]
     fn followed<S: Over<P>>(&self, y: Own<S>) -> [S; 2] {
         if self.follows {
@@ -106,7 +105,7 @@ impl<P: Real> Carriage<P> {
         }
     }
 
-    /// What becomes of an acceleration once the carriage gives way to the force on it.
+    /// Returns the acceleration under admittance control.
     #[inline(always)]
     fn yielded<S: Over<P>>(&self, a: S, v: S, net: &Net<S>) -> S {
         if !self.can_give_way {

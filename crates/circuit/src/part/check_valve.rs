@@ -6,10 +6,10 @@ use physics::flow::Iso6358;
 use std::slice;
 
 gathered! {
-    /// A flow path that opens by itself in one direction; see [`Iso6358::one_way`].
+    /// A flow path that opens without a command in one direction. See [`Iso6358::one_way`].
     pub struct CheckValve {
         numbers {
-            /// Pressure difference from which on it opens, Pa.
+            /// Pressure difference at which it opens, Pa.
             cracking_pressure,
         }
         laws { law: Iso6358 }

@@ -8,28 +8,28 @@ use std::slice;
 gathered! {
     /// The gas between two cells of a line, which has inertia and friction:
     ///
-    ///   l/A m' = p1 - p2 - (f l/d + zeta) m |m|/(2 rho A^2),   rho = (rho1 + rho2)/2
-    ///   f Re = 64 below Re = 2000, 0.3164 Re^0.75 above Re = 4000, smoothly between
+    ///   `l/A m' = p1 - p2 - (f l/d + zeta) m |m|/(2 rho A^2),   rho = (rho1 + rho2)/2`
+    ///   `f Re = 64 below Re = 2000, 0.3164 Re^0.75 above Re = 4000, smoothly between`
     ///
-    /// Its kinetic energy l m^2/(2 rho A) is taken from, and given back to, the cell to which it flows; so friction warms
-    /// that cell, and energy is kept exactly. Source of f: [modelica-straight-pipe].
+    /// Its kinetic energy l m^2/(2 rho A) is exchanged with the cell to which it flows. Friction therefore warms that
+    /// cell, and energy is conserved exactly. Source of f: [modelica-straight-pipe].
     ///
-    /// Gas that would leave a cell faster than sound is held back by what its momentum flux rho w^2 is above that at the
-    /// speed of sound, k p: so a shock empties no cell.
+    /// Gas that would leave a cell faster than sound is held back by the excess of its momentum flux rho w^2 over k p,
+    /// the momentum flux at the speed of sound. A shock therefore empties no cell.
     ///
-    /// m     mass flow, the state       kg/s
-    /// A, d  cross-section, diameter    m2, m
-    /// l     length                     m
-    /// zeta  coefficient of local loss  -
+    /// * `m`: mass flow, the state, kg/s.
+    /// * `A`, `d`: cross-section, diameter, m2 and m.
+    /// * `l`: length, m.
+    /// * `zeta`: coefficient of local loss.
     pub struct Column {
         numbers {
             /// l/A, 1/m.
             inertance,
-            /// Re by the mass flow, d/(A mu), s/kg.
+            /// Factor from mass flow to Re, d/(A mu), s/kg.
             reynolds,
-            /// Of f Re: mu l/(2 d^2 A), times the factor on the friction of a smooth pipe.
+            /// Factor of f Re: mu l/(2 d^2 A), times the factor on the friction of a smooth pipe.
             friction,
-            /// Of |m|: zeta/(2 A^2), 1/m4.
+            /// Factor of |m|: zeta/(2 A^2), 1/m4.
             loss,
             /// 1/A, 1/m2.
             per_area,
@@ -38,23 +38,23 @@ gathered! {
         same {
             /// Absolute error scale of the mass flow, kg/s.
             scale: f64,
-            /// Where the mass flow stands among the signals.
+            /// Index of the mass flow among the signals.
             signal: usize,
             path: Between,
         }
     }
 }
 
-/// Reynolds numbers up to which the flow is laminar, and from which on it is turbulent.
+/// Reynolds numbers below which the flow is laminar and above which it is turbulent.
 const LAMINAR: f64 = 2000.0;
 const TURBULENT: f64 = 4000.0;
 
-/// The friction factor of a smooth pipe times the Reynolds number.
+/// Returns the friction factor of a smooth pipe times the Reynolds number.
 #[inline(always)]
 fn friction<S: Real>(reynolds: S) -> S {
     let u = path::clip((reynolds - S::c(LAMINAR)) * S::c(1.0 / (TURBULENT - LAMINAR)));
     let share = u * u * (S::c(3.0) - S::c(2.0) * u);
-    // Of a number that is never zero: its roots have a slope.
+    // The argument is never zero, so that its roots have a slope.
     let root = reynolds.max(S::c(LAMINAR)).sqrt();
     let blasius = S::c(0.3164) * root * root.sqrt();
     S::c(64.0).fma(S::one() - share, blasius * share)
@@ -65,7 +65,7 @@ impl<P: Real> Column<P> {
         [&net[self.path.from], &net[self.path.to]]
     }
 
-    /// One by the mean density, m3/kg.
+    /// Returns the reciprocal of the mean density, m3/kg.
     #[inline(always)]
     fn specific_volume<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>) -> S {
         let [one, two] = self.ends(net);
@@ -105,7 +105,7 @@ impl<P: Real> Column<P> {
         S::from(self.inertance) * m_dot * specific * (rate - lighter)
     }
 
-    /// The cell to which it flows.
+    /// Returns the cell to which it flows.
     fn receiver<S: Real>(&self, m_dot: S, net: &Net<S>) -> S {
         let [one, two] = self.ends(net);
         S::select(m_dot.lt(S::zero()), one.t, two.t)
@@ -133,7 +133,7 @@ impl<P: Real> Part<P> for Column<P> {
         (m_dot, m_dot.lt(S::zero()))
     }
 
-    /// Runs before the cells take up what has come to them.
+    /// It runs before the cells update their states.
     #[inline(always)]
     fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnMut<S>, net: &mut Net<S>, common: &Common<P>) {
         let [m_dot] = y.first();

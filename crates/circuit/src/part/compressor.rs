@@ -7,28 +7,29 @@ use crate::net::Net;
 use math::{Lane, Over, Real};
 
 gathered! {
-    /// A mass flow into a node that a pressure switch turns off above `stop_pressure` and on below `start_pressure`, Pa:
-    /// `mass_flow`, kg/s, at `temperature`, K. What it takes from the ambient air and its work cross the boundary.
+    /// A mass flow into a node that a pressure switch turns off above `stop_pressure` and on below `start_pressure`,
+    /// Pa: `mass_flow`, kg/s, at `temperature`, K. The gas that it takes from the ambient air and its work cross the
+    /// boundary.
     pub struct Compressor {
         numbers {
             mass_flow,
             temperature,
             start_pressure,
             stop_pressure,
-            /// One while it runs, zero while it stands.
+            /// One while it runs, zero at rest.
             mode,
         }
         laws {}
         same {
             node: GasId,
-            /// The node is a reservoir: what it delivers stays outside.
+            /// The node is a reservoir, so the delivered gas stays outside the balance.
             boundary: bool,
         }
     }
 }
 
 impl<P: Real> Part<P> for Compressor<P> {
-    /// Along its one path, which comes from outside.
+    /// Flow along its single path, which comes from outside.
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, _net: &Net<S>) -> (S, S::Mask) {
         (S::from(self.mass_flow * self.mode), S::zero().lt(S::zero()))
@@ -89,7 +90,7 @@ impl<P: Real> Part<P> for Compressor<P> {
         &mut self.mode
     }
 
-    /// At the start it runs where the pressure is below that at which it stops, as one that was turned on does.
+    /// At the start it runs if the pressure is below the stop pressure, like a compressor that was just turned on.
     fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, net: &Net<P>)
     where
         P: Lane,

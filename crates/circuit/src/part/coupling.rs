@@ -6,8 +6,8 @@ use math::{Over, Real};
 use physics::mechanics::EndStop;
 
 gathered! {
-    /// A coupling with play between two axes: within the play they do not feel each other, beyond it, on either side,
-    /// they meet as at an end stop.
+    /// A coupling with play between two axes. Within the play the force is zero. Beyond it, on either side, they meet
+    /// as at an end stop.
     ///
     ///   F = f(z - g/2, z') - f(-z - g/2, -z'),   z = x_from - x_to          [N], in +x on `to`, -F on `from`
     pub struct Coupling {
@@ -21,7 +21,7 @@ gathered! {
 }
 
 impl<P: Real> Coupling<P> {
-    /// z and its rate.
+    /// Returns z and its rate.
     fn apart<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
         let (one, two) = (&net.axis[self.from], &net.axis[self.to]);
         (one.x - two.x, one.v - two.v)

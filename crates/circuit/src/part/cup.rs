@@ -9,9 +9,9 @@ use std::slice;
 gathered! {
     /// The cup of a quick exhaust valve: a flow path that opens as the pressure before it rises above that at `pilot`:
     ///
-    ///   s = 3 u^2 - 2 u^3,   u = clip((p_from - p_pilot)/dp, 0, 1)
+    ///   `s = 3 u^2 - 2 u^3,   u = clip((p_from - p_pilot)/dp, 0, 1)`
     ///
-    /// dp  difference from which on it is fully open  Pa
+    /// * `dp`: difference at which it is fully open, Pa.
     pub struct Cup {
         numbers { switching_pressure }
         laws { law: Iso6358 }

@@ -6,34 +6,34 @@ use physics::flow::Iso6358;
 use std::slice;
 
 gathered! {
-    /// A plunger on a piston that enters a bore in the cover and shuts the way out of the chamber. What it leaves of
-    /// the chamber goes to the port behind the bore:
+    /// A plunger on a piston that enters a bore in the cover and shuts the direct path out of the chamber. The volume
+    /// that it displaces goes to the port behind the bore:
     ///
-    ///   V_chamber -= A_b (s - q),   V_port += A_b (s - q),   F_s = (p_port - p_chamber) A_b (1 - q')
+    ///   `V_chamber -= A_b (s - q),   V_port += A_b (s - q),   F_s = (p_port - p_chamber) A_b (1 - q')`
     ///
-    /// s    distance of the piston from the cover                                  m
-    /// A_b  area of the plunger                                                    m2
-    /// l    length of the plunger: it enters at s = l                              m
-    /// q    how far it is out of the bore, s - l; 0 where s < l - w/2, a parabola over the width w around s = l   m
-    /// F_s  force on the piston away from the cover, beside that of its face       N
+    /// * `s`: distance of the piston from the cover, m.
+    /// * `A_b`: area of the plunger, m2.
+    /// * `l`: length of the plunger: it enters at s = l, m.
+    /// * `q`: distance of the plunger from the bore, s - l, m. Zero for s < l - w/2, and a parabola over the width w around s = l.
+    /// * `F_s`: force on the piston away from the cover, in addition to the force of its face, N.
     ///
-    /// Through the bore gas passes by the share q/(q + w) of its conductance. The forces are the pressures times the
-    /// derivatives of the same volumes, so that energy closes exactly.
+    /// The bore passes the fraction q/(q + w) of its conductance. The forces are the pressures times the derivatives of
+    /// the same volumes, so that energy is conserved exactly.
     pub struct Cushion {
         numbers {
             area,
             length,
             /// Width w of the transition, m.
             transition,
-            /// Where the cover is: zero, or the stroke, m.
+            /// Position of the cover: zero, or the stroke, m.
             offset,
         }
         laws { bore: Iso6358 }
         same {
             axis: usize,
-            /// The chamber grows with x (side a).
+            /// Whether the chamber grows with x (side a).
             grows: bool,
-            /// From the chamber to the port.
+            /// Path from the chamber to the port.
             path: Between,
         }
     }
@@ -44,7 +44,7 @@ impl<P: Real> Cushion<P> {
         if self.grows { value } else { -value }
     }
 
-    /// (s, q, q') of the piston at a position.
+    /// Returns (s, q, q') of the piston at a position.
     fn stands<S: Over<P>>(&self, x: S) -> [S; 3] {
         let (s, w) = (S::from(self.offset) + self.signed(x), S::from(self.transition));
         let half = S::c(0.5);

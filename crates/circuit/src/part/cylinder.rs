@@ -8,12 +8,12 @@ use crate::net::Net;
 use math::{Lane, Over, Real};
 use physics::constants::P_0;
 
-/// A double-acting cylinder: an axis between two chambers, with end stops. The same laws as its
-/// parts joined by hand, but what passes between them stays in registers: half the work.
+/// A double-acting cylinder: an axis between two chambers, with end stops. It has the same laws as its separate parts,
+/// but the values between them stay in registers. This halves the work.
 ///
-/// States: x, v, m_a, U_a, m_b, U_b, then the inner states of the friction law. `USUAL` says that its
-/// friction is, see [`physics::friction::Contact::is_usual`], and its gas ideal: others are a kind of their own, so that
-/// an ordinary drive does not pay for them with registers.
+/// States: x, v, m_a, U_a, m_b, U_b, then the inner states of the friction law. `USUAL` states that its friction is
+/// usual (see [`physics::friction::Contact::is_usual`]) and its gas ideal. Other cylinders are a separate kind, so that
+/// an ordinary drive does not use registers for them.
 #[derive(Clone, Debug)]
 pub struct Cylinder<P, const USUAL: bool = true> {
     /// Piston, rod and load.
@@ -22,22 +22,22 @@ pub struct Cylinder<P, const USUAL: bool = true> {
     pub volumes: [Volume<P>; 2],
     /// The sides of the piston in chambers a and b.
     pub faces: [Face<P>; 2],
-    /// What the piston meets at both ends.
+    /// Contacts of the piston at both ends.
     pub stops: EndStops<P>,
-    /// Share of each dead volume that must be left: before the piston meets what lies far behind the end of its stroke,
-    /// the share that is left there.
+    /// Least remaining fraction of each dead volume. Before the piston meets the covers far behind its stroke, it is
+    /// the remaining fraction there.
     least_room: [P; 2],
-    /// Least wall of a chamber, m2, once it has.
+    /// Least wall area of a chamber, m2, once the covers are active.
     pub(crate) least_wall: P,
-    /// It has, in some lane.
+    /// Whether they are active in any lane.
     pub(crate) met: bool,
 }
 
-/// Where the states of the two chambers and of the friction law begin.
+/// First states of the two chambers and of the friction law.
 pub(crate) const CHAMBERS: [usize; 2] = [2, 4];
 pub(crate) const INNER: usize = 6;
 
-/// A cylinder with friction that is not usual, or a gas that is not ideal.
+/// A cylinder with other friction, or with a real gas.
 pub type OtherCylinder<P> = Cylinder<P, false>;
 
 impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
@@ -60,9 +60,10 @@ impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
 }
 
 impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
-    /// Far behind the end of its stroke the piston meets the covers, where there are any, and has swept all of the
-    /// wall: it leaves no less than none, else heat would flow from cold to hot. Both are left out of the equations
-    /// until a step would end there: where no piston comes, they cost nothing and move no bit.
+    /// Far behind the end of its stroke, the piston meets the covers, if there are any, and has swept the whole wall.
+    /// The wall area then stays at zero. A negative area would let heat flow from cold to hot. Covers and wall limit
+    /// are omitted from the equations until a step would end there. They cost nothing and move no bit in normal
+    /// operation.
     pub(crate) fn new(
         axis: Axis<R>,
         volumes: [Volume<R>; 2],
@@ -82,7 +83,8 @@ impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
         Cylinder { axis, volumes, faces, stops, least_room, least_wall: R::c(f64::NEG_INFINITY), met: false }
     }
 
-    /// Brings what lies far behind the end of the stroke into the equations of a lane; true where it was left out.
+    /// Adds the effects far behind the end of the stroke to the equations of a lane. Returns true if they were omitted
+    /// before.
     pub(crate) fn meet(&mut self, lane: usize) -> bool {
         let left_out = self.least_room.iter().any(|least| least.get(lane) > LEAST_ROOM);
         if left_out {
@@ -96,8 +98,8 @@ impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
 }
 
 impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
-    /// `so_far` where both chambers have room and gas at every state within `spread` of `y`, minus one in each lane
-    /// where one may have none.
+    /// Returns `so_far` if both chambers have room and gas at every state within `spread` of `y`. A lane that may have
+    /// none gets minus one.
     #[inline(always)]
     pub(crate) fn holds(
         &self,
@@ -130,7 +132,7 @@ impl<P: Real, const USUAL: bool> Cylinder<P, USUAL> {
         self.volumes.iter().zip(&self.faces)
     }
 
-    /// The speed with which the mass has as much energy as the gas of the whole cylinder at standard pressure.
+    /// Returns the speed at which the mass has as much energy as the gas of the whole cylinder at standard pressure.
     pub(crate) fn swing_speed(&self, common: &Common<P>) -> P {
         let dead = self.volumes[0].dead_volume + self.volumes[1].dead_volume;
         let swept = P::c(0.5) * (self.faces[0].area + self.faces[1].area) * self.stops.stroke;
@@ -138,7 +140,7 @@ impl<P: Real, const USUAL: bool> Cylinder<P, USUAL> {
         (P::c(2.0) * energy / (self.axis.mass + self.axis.inertia)).sqrt()
     }
 
-    /// What chamber a, chamber b and the stops store.
+    /// Returns the energy stored in chamber a, chamber b and the stops.
     fn others_stored<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, common: &Common<P>) -> [[S; 3]; 3] {
         let [a, b] = &self.volumes;
         [a.stored(y, net, common), b.stored(y, net, common), self.stops.stored(y, net, common)]
@@ -168,7 +170,7 @@ impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
 
     #[inline(always)]
     fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, common: &Common<P>) {
-        // Where they stand: numbers with many derivatives take long to copy.
+        // By reference, because numbers with many derivatives take long to copy.
         let own = y.after(0);
         let axis = &mut net.axis[self.axis.node];
         self.axis.stand([own[0], own[1]], axis);

@@ -6,12 +6,12 @@ use physics::flow::{Iso6358, opened};
 use std::slice;
 
 gathered! {
-    /// An edge of a valve that a position opens:
+    /// An edge of a valve that opens with a position:
     ///
-    ///   s = clip(offset + slope x, 0, 1) + leak
+    ///   `s = clip(offset + slope x, 0, 1) + leak`
     ///
-    /// x     position of the spool or the armature, a signal                -
-    /// leak  share of the conductance that leaks, a signal too, if any does  -
+    /// * `x`: position of the spool or the armature, a signal.
+    /// * `leak`: leaking fraction of the conductance, a signal, if there is leakage.
     pub struct Edge {
         numbers { offset, slope }
         laws { law: Iso6358 }

@@ -5,18 +5,18 @@ use math::{Over, Real};
 use physics::flow::Iso6358;
 
 gathered! {
-    /// An ejector: a nozzle from node 1 to node 3, and what its jet sucks from node 2 to node 3, as if there were a
-    /// pressure p_low behind a restriction:
+    /// An ejector: a nozzle from node 1 to node 3. Its jet sucks gas from node 2 to node 3, as from a restriction in
+    /// front of a pressure p_low:
     ///
-    ///   p_low = p3 + y (p_min - p3),   y = clip((p1 - p3)/dp_work, 0, 1)
+    ///   `p_low = p3 + y (p_min - p3),   y = clip((p1 - p3)/dp_work, 0, 1)`
     ///
-    /// p_min    pressure that it reaches without suction flow   Pa
-    /// dp_work  difference at which it reaches that             Pa
+    /// * `p_min`: lowest pressure, reached without suction flow, Pa.
+    /// * `dp_work`: pressure difference of the nozzle at which p_min is reached, Pa.
     pub struct Ejector {
         numbers { lowest_pressure, working_difference }
         laws { nozzle: Iso6358, suction: Iso6358 }
         same {
-            /// Of the nozzle and the suction.
+            /// Flow paths of the nozzle and the suction.
             paths: [Between; 2],
         }
     }

@@ -7,35 +7,35 @@ use physics::mechanics::EndStop;
 /// An end stop at x = 0 and one at x = stroke.
 #[derive(Clone, Debug)]
 pub struct EndStops<P> {
-    /// The force of either stop.
+    /// Parameters of the force of either stop.
     pub law: EndStop<P>,
-    /// The covers behind stops that can be pressed through.
+    /// Covers behind stops that can be fully compressed.
     pub covers: Option<Covers<P>>,
     /// Stroke, m.
     pub stroke: P,
     /// Index of the axis of the piston in the net.
     pub axis: usize,
-    /// Design data of stops that the description leaves open.
+    /// Design data of stops without described values.
     pub(crate) follows: Option<Box<Follows<P>>>,
 }
 
 /// Growth of a default stop with a start pressure above the supply pressure.
 #[derive(Clone, Debug)]
 pub(crate) struct Follows<P> {
-    /// The stop of a start without.
+    /// The stop for a start without excess pressure.
     pub law: EndStop<P>,
-    /// Its damping follows from the drive, too.
+    /// Whether its damping is derived, too.
     pub damped: bool,
     /// Highest pressure of the supplies, Pa absolute.
     pub supply: P,
     /// Stiffness for each Pa above it, N/(m Pa).
     pub rise: P,
-    /// Highest pressure of the start, where it is more, Pa absolute.
+    /// Highest pressure of the start if it is larger, Pa absolute.
     pub start: P,
 }
 
 impl<P: Real> Follows<P> {
-    /// The stop of a start with a highest pressure, Pa absolute. Its damping ratio stays.
+    /// Returns the stop for the highest pressure of a start, Pa absolute. Its damping ratio stays.
     pub fn law(&self, start: P) -> EndStop<P> {
         let EndStop { stiffness, damping, damping_depth } = self.law.clone();
         let more = self.rise * (start - self.supply).max(P::zero());
@@ -44,16 +44,16 @@ impl<P: Real> Follows<P> {
     }
 }
 
-/// The covers of a cylinder: a second contact, beside that of the stop, of whatever comes so deep. It is left out of
-/// the equations until a step would end there: where no piston comes, it costs nothing and moves no bit.
+/// The covers of a cylinder: a second contact, in addition to the stop, at a greater depth. It is omitted from the
+/// equations until a step would end there. It costs nothing and moves no bit in normal operation.
 #[derive(Clone, Debug)]
 pub struct Covers<P> {
     pub law: EndStop<P>,
     /// Depth at which the contact begins, m, behind the stops at x = 0 and at x = stroke.
     pub behind: [P; 2],
-    /// Share of the dead volume that is left there, -.
+    /// Fraction of the dead volume that remains there, -.
     pub left: f64,
-    /// The depths again, of the lanes that have come so far; infinite in the others.
+    /// The depths in the lanes with active covers. Infinite in the other lanes.
     met: [P; 2],
     awake: bool,
 }
@@ -89,7 +89,7 @@ impl<R: Lane> EndStops<R> {
 }
 
 impl<R: Lane> Covers<R> {
-    /// A lane without covers: no cover at any depth.
+    /// Depth of a lane without covers.
     fn gather(each: &[&EndStops<f64>]) -> Self {
         let own: Vec<_> = each.iter().map(|part| part.covers.as_ref()).collect();
         let laws: Vec<_> =
@@ -107,7 +107,7 @@ impl<R: Lane> Covers<R> {
 }
 
 impl<R: Lane> EndStops<R> {
-    /// Lays a stop that follows from the drive out for the highest pressure of a start, Pa absolute.
+    /// Designs a derived stop for the highest pressure of a start, Pa absolute.
     pub(crate) fn lay_out(&mut self, start: R) {
         if let Some(follows) = &mut self.follows {
             follows.start = follows.supply.max(start);
@@ -115,7 +115,7 @@ impl<R: Lane> EndStops<R> {
         }
     }
 
-    /// Brings the covers into the equations of a lane.
+    /// Adds the covers to the equations of a lane.
     pub(crate) fn meet(&mut self, lane: usize) {
         if let Some(covers) = &mut self.covers {
             for (met, behind) in covers.met.iter_mut().zip(&covers.behind) {
@@ -127,7 +127,7 @@ impl<R: Lane> EndStops<R> {
 }
 
 impl<P: Real> Covers<P> {
-    /// Penetration of a piston in contact with a stop into the cover behind it.
+    /// Returns the penetration into the cover behind a stop, for a piston in contact with the stop.
     fn depth<S: Over<P>>(&self, depth: S, direction: S) -> S {
         let [at_a, at_b] = self.met.map(S::from);
         depth - S::select(direction.lt(S::zero()), at_b, at_a)
@@ -140,7 +140,7 @@ impl<P: Real> Covers<P> {
 }
 
 impl<P: Real> EndStops<P> {
-    /// (penetration, closing speed) of whichever stop is nearer, and that stop's direction of push.
+    /// Returns (penetration, closing speed) of the nearer stop, and its direction of push.
     #[inline(always)]
     fn contact<S: Over<P>>(&self, x: S, v: S) -> (S, S, S) {
         let over = x - S::from(self.stroke);
@@ -160,7 +160,7 @@ impl<P: Real> EndStops<P> {
         cover.map_or(stop, |cover| stop + cover)
     }
 
-    /// Force that pushes back, N, of the stop and of the cover behind it.
+    /// Returns the restoring force, N, of the stop and of the cover behind it.
     #[inline(always)]
     fn force<S: Over<P>>(&self, (depth, closing, direction): (S, S, S)) -> S {
         let stop = self.law.force(depth, closing);
@@ -170,7 +170,7 @@ impl<P: Real> EndStops<P> {
         }
     }
 
-    /// Distance from `x` to each of the stops, m.
+    /// Returns the distance from `x` to each of the stops, m.
     pub(super) fn ahead(&self, x: P) -> [P; 2] {
         [x, self.stroke - x]
     }
@@ -185,13 +185,13 @@ impl<P: Real> EndStops<P> {
 }
 
 impl EndStops<f64> {
-    /// Depth, m, and force that pushes back, N, of whichever stop is touched.
+    /// Returns depth, m, and restoring force, N, of the touched stop.
     pub(crate) fn pressed(&self, x: f64, v: f64) -> (f64, f64) {
         let contact = self.contact(x, v);
         (contact.0.max(0.0), self.force(contact))
     }
 
-    /// Whether a piston that is so deep in the stop at this end presses on the cover.
+    /// Returns whether a piston at this depth in the stop presses on the cover.
     pub(crate) fn in_cover(&self, depth: f64, at_b: bool) -> bool {
         self.covers.as_ref().is_some_and(|covers| depth > covers.behind[usize::from(at_b)])
     }
@@ -219,8 +219,8 @@ impl<P: Real> Part<P> for EndStops<P> {
         damper::CHANNELS.to_vec()
     }
 
-    /// The work done on the stop. A piston that leaves faster than the stop can follow feels nothing of
-    /// it, so its steps may be long: what the spring holds, and gives to the damper, is no integral.
+    /// Returns the work done on the stop. A piston that leaves faster than the stop can follow is free of the stop, and
+    /// its steps may be long. The energy that the spring holds and gives to the damper is therefore not an integral.
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let node = &net.axis[self.axis];
         let contact = self.contact(node.x, node.v);

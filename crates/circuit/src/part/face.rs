@@ -6,10 +6,10 @@ use math::{Lane, Over, Real};
 physics::parameters! {
     /// One side of a piston: joins a gas node to an axis.
     ///
-    ///   V += A l,  l = x or stroke - x,  wall += perimeter l + ends,  F = +-(p - p_ambient) A
+    ///   `V += A l,  l = x or stroke - x,  wall += perimeter l + ends,  F = +-(p - p_ambient) A`
     ///
-    /// Gauge pressure pushes: summed over both faces this is p_a A_a - p_b A_b - p_ambient (A_a - A_b),
-    /// as the ambient acts on the rods' ends. Source: [bejan2016].
+    /// The gauge pressure pushes. The sum over both faces is p_a A_a - p_b A_b - p_ambient (A_a - A_b), because the
+    /// ambient pressure acts on the rods' ends. Source: [bejan2016].
     pub struct Face {
         /// Area on which the pressure acts
         area: "m2", physics::above(0.0);
@@ -22,13 +22,13 @@ physics::parameters! {
         /// Stroke at which the chamber's length is zero (side b), or zero (side a)
         offset: "m", physics::at_least(0.0);
     } with {
-        /// Place among the gas nodes of the net
+        /// Index among the gas nodes of the net
         gas: usize,
-        /// Place among the axes of the net
+        /// Index among the axes of the net
         axis: usize,
-        /// The chamber grows with x (side a)
+        /// Whether the chamber grows with x (side a)
         grows: bool,
-        /// The gas is a reservoir: the piston does not change it
+        /// Whether the gas is a reservoir that the piston does not change
         held: bool,
     }
 }
@@ -41,7 +41,7 @@ impl<P: Real> Face<P> {
 }
 
 impl<P: Real> Face<P> {
-    /// Adds what the piston leaves free to the volume.
+    /// Adds the free volume in front of the piston.
     #[inline(always)]
     pub(crate) fn enlarge<S: Over<P>>(&self, axis: &AxisNode<S>, node: &mut GasNode<S>) {
         let length = S::from(self.offset) + self.signed(axis.x);
@@ -64,7 +64,7 @@ impl<P: Real> Face<P> {
 }
 
 impl<R: Lane> Face<R> {
-    /// What the piston at `x` leaves free of a chamber with this dead volume, m3.
+    /// Returns the free volume of a chamber with the piston at `x` and with this dead volume, m3.
     #[inline(always)]
     pub(super) fn room(&self, x: R::Plain, dead_volume: R::Plain) -> R::Plain {
         self.area.plain().fma(self.offset.plain() + self.sign.plain() * x, dead_volume)
@@ -79,7 +79,7 @@ impl<P: Real> Part<P> for Face<P> {
         }
         let node = &mut net.gas[self.gas];
         self.enlarge(&net.axis[self.axis], node);
-        // Far behind the end of its stroke a piston has swept all of the wall.
+        // Far behind the end of its stroke, a piston has swept the whole wall.
         node.wall = node.wall.max(S::zero());
     }
 
@@ -95,7 +95,7 @@ impl<P: Real> Part<P> for Face<P> {
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let work = |pressure: S| self.signed(pressure * S::from(self.area) * net.axis[self.axis].v);
         out[0] = -work(S::from(common.ambient_pressure));
-        // Gas that takes no notice of the piston works on it from outside.
+        // A reservoir works on the piston from outside.
         if self.held {
             out[0] += work(net.gas[self.gas].p);
         }

@@ -1,4 +1,4 @@
-//! Parts of other crates, stored as objects: a circuit knows them by their trait only.
+//! Parts of other crates, stored as objects: a circuit uses only their trait.
 
 use super::path::Between;
 use super::{Common, Given, Input, Own, OwnMut, Part, State};
@@ -9,12 +9,12 @@ use std::any::{Any, TypeId};
 use std::fmt::Debug;
 use std::marker::PhantomData;
 
-/// A part as a struct over every scalar: [`own_part!`](crate::own_part) makes one.
+/// A part as a struct over every scalar type. [`own_part!`](crate::own_part) makes such a struct.
 pub trait Family: 'static {
     /// The part with numbers of a type.
     type Of<R: Lane>: Part<R> + Clone + Debug + Send + Sync + 'static;
 
-    /// One of lanes from one for each lane.
+    /// Makes the part of lanes from one part for each lane.
     fn gather<R: Lane>(each: &[&Self::Of<f64>]) -> Self::Of<R>;
 }
 
@@ -27,8 +27,8 @@ pub trait Member {
 /// Directions of the derivatives that the integrator takes of a right-hand side.
 type Seeded<R> = Dual<R, { ode::DIRECTIONS }>;
 
-/// A part of another crate. It runs over the scalars that an integrator and a linearisation need: those of its numbers,
-/// duals of them, and dependencies.
+/// A part of another crate. It supports the scalar types of an integrator and a linearisation: its numbers, duals of
+/// them, and dependencies.
 #[derive(Debug)]
 pub struct Foreign<P> {
     part: Box<dyn Object<P>>,
@@ -43,7 +43,7 @@ impl<P> Clone for Foreign<P> {
 }
 
 impl<P: Lane> Foreign<P> {
-    /// A part as it is composed.
+    /// Returns a part during composition.
     pub(crate) fn new<T: Member + Part<P> + 'static>(part: T) -> Self
     where
         Deps: Over<P>,
@@ -54,7 +54,7 @@ impl<P: Lane> Foreign<P> {
         foreign
     }
 
-    /// One of numbers that the pattern of the equations need not be found for any more.
+    /// Returns a part of numbers for which the pattern of the equations is already known.
     fn gathered<F: Family>(part: F::Of<P>) -> Self {
         let runs = [Some(at::<P, P, F::Of<P>>()), Some(at::<P, Seeded<P>, F::Of<P>>()), None];
         Foreign { part: Box::new(part), runs, family: const { &OfType::<F>(PhantomData) } }
@@ -69,7 +69,7 @@ impl<P: Lane> Foreign<P> {
 }
 
 impl<P: Real> Foreign<P> {
-    /// The part's functions over a scalar.
+    /// Functions of the part for one scalar type.
     #[inline]
     fn over<S: Over<P>>(&self) -> (&'static dyn Run<P, S>, &dyn Any) {
         let found = self.runs.iter().flatten().find_map(|one| one.downcast_ref::<At<P, S>>());
@@ -77,17 +77,17 @@ impl<P: Real> Foreign<P> {
     }
 }
 
-/// At which scalars a part runs, each as an [`At`].
+/// The scalar types of a part, each as an [`At`].
 type Runs = [Option<&'static (dyn Any + Send + Sync)>; 3];
 
-/// The functions of a part whose numbers are `P`, over `S`.
+/// The functions of a part with numbers `P`, for the scalar type `S`.
 struct At<P: 'static, S: 'static>(&'static dyn Run<P, S>);
 
 fn at<P: Real, S: Over<P>, T: Part<P> + 'static>() -> &'static (dyn Any + Send + Sync) {
     const { &At::<P, S>(&OfType::<T>(PhantomData)) }
 }
 
-/// Stands for a type.
+/// A marker for a type.
 struct OfType<T>(PhantomData<fn() -> T>);
 
 impl<T> Debug for OfType<T> {
@@ -97,7 +97,7 @@ impl<T> Debug for OfType<T> {
 }
 
 trait Gathers: Debug + Send + Sync {
-    /// A part of the type that is asked for: of lanes, or of numbers with derivatives.
+    /// Returns a part of the requested type: of lanes, or of numbers with derivatives.
     fn gather(&self, to: TypeId, each: &[&dyn Any]) -> Box<dyn Any>;
 }
 
@@ -120,7 +120,7 @@ fn of<T: 'static>(part: &dyn Any) -> &T {
     part.downcast_ref().expect("the part's own type")
 }
 
-/// Functions of a part with its own numbers.
+/// Functions of a part for its own numbers.
 trait Object<P>: Debug + Send + Sync {
     fn copy(&self) -> Box<dyn Object<P>>;
     fn any(&self) -> &dyn Any;
@@ -230,7 +230,7 @@ impl<P: Real, T: Part<P> + Clone + Debug + Send + Sync + 'static> Object<P> for 
     }
 }
 
-/// Functions of a part over a scalar.
+/// Functions of a part for one scalar type.
 trait Run<P, S: Real>: Send + Sync {
     fn place(&self, part: &dyn Any, y: Own<S>, net: &mut Net<S>, common: &Common<P>);
     fn shape(&self, part: &dyn Any, net: &mut Net<S>);
@@ -281,7 +281,7 @@ impl<P: Real, S: Over<P>, T: Part<P> + 'static> Run<P, S> for OfType<T> {
     }
 }
 
-/// Hands on to the part a function that runs over a scalar.
+/// Forwards a function over a scalar type to the part.
 macro_rules! over {
     ($self:ident, $S:ident, $function:ident($($argument:expr),*)) => {{
         let (run, part) = $self.over::<$S>();
@@ -392,8 +392,8 @@ impl<P: Real> Part<P> for Foreign<P> {
     }
 }
 
-/// Declares a part of another crate: numbers, one in each lane; laws with numbers of their own, which have a `gather`; and
-/// what is the same in all lanes.
+/// Declares a part of another crate. It has numbers with one value in each lane, laws that implement `gather`, and
+/// fields that are the same in all lanes.
 #[macro_export]
 macro_rules! own_part {
     ($(#[$attribute:meta])* pub struct $name:ident {

@@ -6,8 +6,8 @@ use math::{Over, Real};
 use physics::mechanics::ForceFormula;
 
 gathered! {
-    /// A force on an axis that is a formula of a user; see [`ForceFormula`]. Whether it stores what it takes is not known:
-    /// all of its work stands in an account.
+    /// A force on an axis, given by a user's formula. See [`ForceFormula`]. It may store energy or not. All of its work
+    /// is therefore in a balance.
     pub struct FormulaForce {
         numbers { command }
         laws { law: ForceFormula }

@@ -6,10 +6,10 @@ use physics::flow::FlowFormula;
 use std::slice;
 
 gathered! {
-    /// A flow path whose mass flow is a formula of a user; see [`FlowFormula`].
+    /// A flow path whose mass flow is given by a user's formula. See [`FlowFormula`].
     pub struct FormulaPath {
         numbers {
-            /// The share that a command opens.
+            /// Fraction that a command opens.
             opening,
         }
         laws { law: FlowFormula }

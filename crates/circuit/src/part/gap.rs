@@ -6,7 +6,7 @@ use physics::flow::Laminar;
 use std::slice;
 
 gathered! {
-    /// A narrow gap through which gas leaks; see [`Laminar`].
+    /// A narrow gap with a leak. See [`Laminar`].
     pub struct Gap {
         numbers {}
         laws { law: Laminar }

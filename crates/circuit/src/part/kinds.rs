@@ -4,12 +4,12 @@ use super::{Of, Place, State};
 use crate::ledger::{Channel, Kind};
 use std::collections::BTreeMap;
 
-/// Names of parts for people: a cylinder is a cylinder, whatever its friction.
+/// Names of parts for users: every cylinder has the same name, independent of its friction.
 #[derive(Default)]
 pub(super) struct Names(BTreeMap<&'static str, usize>);
 
 impl Names {
-    /// The next part of this kind: "Cylinder 0", "Cylinder 1", ...
+    /// Returns the name of the next part of this kind: "Cylinder 0", "Cylinder 1", ...
     pub(super) fn next(&mut self, kind: &'static str) -> String {
         let kind = kind.trim_start_matches("Other");
         let count = self.0.entry(kind).or_default();
@@ -18,7 +18,7 @@ impl Names {
     }
 }
 
-/// Names of the components of parts and of the nodes: the beginnings of the names of their states.
+/// Names of the components and nodes of parts: the prefixes of their state names.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Called {
     pub owners: Vec<String>,
@@ -27,8 +27,8 @@ pub(crate) struct Called {
 }
 
 impl Called {
-    /// What the states of the `i`-th part of a kind are called by, of which these have the others: its owner, with a
-    /// number where that has several.
+    /// Returns the prefix of the state names of the `i`-th part of a kind: its owner, with a number if the owner has
+    /// several such parts.
     pub(super) fn part(&self, owners: &[usize], i: usize, name: &str) -> String {
         let kind = |name: &str| name.to_lowercase().replace(' ', "_");
         let own = |owner: &&usize| **owner == owners[i];
@@ -46,7 +46,7 @@ impl Called {
         }
     }
 
-    /// The name of a state of a part.
+    /// Returns the name of a state of a part.
     pub(super) fn state(&self, part: &str, state: &State) -> String {
         let node = |names: &BTreeMap<usize, String>, what: &str, node: usize| {
             names.get(&node).map_or_else(|| format!("{what}_{node}."), Clone::clone) + state.name
@@ -59,7 +59,7 @@ impl Called {
     }
 }
 
-/// The parts of a kind of lanes, from those of the kind of each lane.
+/// Returns the parts of a kind of lanes, from those of each lane.
 pub(super) fn side_by_side<T, U>(each: &[&Vec<(Place, T)>], gather: fn(&[&T]) -> U) -> Vec<(Place, U)> {
     let part = |i: usize| {
         let own: Vec<&T> = each.iter().map(|parts| &parts[i].1).collect();
@@ -68,7 +68,7 @@ pub(super) fn side_by_side<T, U>(each: &[&Vec<(Place, T)>], gather: fn(&[&T]) ->
     (0..each[0].len()).map(part).collect()
 }
 
-/// A part with what it brings to the states and accounts of a circuit.
+/// A part with its states and balances of a circuit.
 pub(super) struct Brought<'p> {
     pub kind: &'static str,
     pub place: &'p mut Place,
@@ -76,7 +76,7 @@ pub(super) struct Brought<'p> {
     pub channels: Vec<(&'static str, Kind)>,
 }
 
-/// Gives every part its place; the states' names and scales in that order, then the accounts.
+/// Gives every part its indices: the states' names and scales in that order, then the balances.
 pub(super) fn place(mut parts: Vec<Brought>, called: &Called) -> (Vec<(String, State)>, Vec<Channel>) {
     let (mut states, mut channels) = (Vec::new(), Vec::new());
     let (mut named, mut counted) = (Names::default(), Names::default());
@@ -99,9 +99,9 @@ pub(super) fn place(mut parts: Vec<Brought>, called: &Called) -> (Vec<(String, S
     (states, channels)
 }
 
-/// Lists the kinds of part: their storage, and the loops that run through every part of a circuit.
-/// The kinds of an ordinary drive are `usual`; the loops over the others lie in functions of their own,
-/// so that a circuit without them does not pay for them with registers.
+/// Lists the kinds of part: their storage, and the loops over every part of a circuit. The kinds of an ordinary drive
+/// are `usual`. The loops over the others are separate functions, so that a circuit without them does not use registers
+/// for them.
 macro_rules! parts {
     (usual: $($usual:ident: $usual_part:ident),*; others: $($other:ident: $other_part:ident),* $(,)?) => {
         parts!(@storage $($usual: $usual_part,)* $($other: $other_part),*);
@@ -162,7 +162,7 @@ macro_rules! parts {
                 matches!(self, PartKind::Cylinder | PartKind::Reservoir | PartKind::Restriction)
             }
 
-            /// Whether circuits of such numbers may have it; nothing is compiled for one that they never have.
+            /// Whether circuits of this scalar type may contain it. Nothing is compiled for impossible kinds.
             const fn is_for<P: Real>(self) -> bool {
                 P::GENERAL || self.is_usual()
             }
@@ -172,11 +172,11 @@ macro_rules! parts {
             }
         }
 
-        /// The parts of a circuit by kind, each with the place of its states.
+        /// The parts of a circuit by kind, each with the indices of its states.
         #[derive(Clone, Debug)]
         pub(crate) struct Parts<P> {
             $(pub $field: Vec<(Place, $part<P>)>,)*
-            /// The kinds beside the usual ones that there are parts of.
+            /// The other kinds that have parts.
             present: Vec<PartKind>,
         }
 
@@ -195,14 +195,14 @@ macro_rules! parts {
         })*
 
         impl<P> Parts<P> {
-            /// Whether it has parts of other than the usual kinds.
+            /// Returns whether it has parts of other than the usual kinds.
             pub fn has_others(&self) -> bool {
                 !self.present.is_empty()
             }
         }
 
         impl<P: Real> Parts<P> {
-            /// Every flow path: the kind of its part, which of them, which path of that, and its ends.
+            /// Returns every flow path: the kind and index of its part, the index of the path, and its ends.
             pub fn paths(&self) -> impl Iterator<Item = (PartKind, usize, usize, Between)> {
                 let mut all = Vec::new();
                 $(for (index, (_, part)) in self.$field.iter().enumerate() {
@@ -212,7 +212,7 @@ macro_rules! parts {
                 all.into_iter()
             }
 
-            /// Number of states of the parts of each owner; parts without an owner first.
+            /// Returns the number of states of the parts of each owner. Parts without an owner come first.
             pub fn count_states(&self, owners: usize) -> Vec<usize> {
                 let mut counts = vec![0; owners + 1];
                 $(for (place, part) in &self.$field {
@@ -227,7 +227,7 @@ macro_rules! parts {
                 }
             }
 
-            /// Mass flow along one of them, kg/s.
+            /// Returns the mass flow along a path, kg/s.
             pub fn flow<S: Over<P>>(&self, (kind, index, path): (PartKind, usize, usize), net: &Net<S>) -> S {
                 match kind {
                     $(PartKind::$part if PartKind::$part.is_for::<P>() => self.$field[index].1.flow(path, net).0,)*
@@ -235,7 +235,7 @@ macro_rules! parts {
                 }
             }
 
-            /// The force of a part, N.
+            /// Returns the force of a part, N.
             pub fn force<S: Over<P>>(&self, part: PartId, net: &Net<S>) -> S {
                 match part.kind {
                     $(PartKind::$part if PartKind::$part.is_for::<P>() => self.$field[part.index].1.force(net),)*
@@ -243,14 +243,14 @@ macro_rules! parts {
                 }
             }
 
-            /// Gives every part without an owner an owner.
+            /// Assigns an owner to every part without one.
             pub fn own(&mut self, owner: usize) {
                 $(for (place, _) in self.$field.iter_mut().filter(|(place, _)| place.owner == 0) {
                     place.owner = owner;
                 })*
             }
 
-            /// Gives every part its place; the states' names and scales in that order, then the accounts.
+            /// Gives every part its indices: the states' names and scales in that order, then the balances.
             pub fn lay_out(&mut self, called: &Called) -> (Vec<(String, State)>, Vec<Channel>) {
                 let all = [$((PartKind::$part, self.$field.len())),*];
                 let others = all.into_iter().filter(|(kind, count)| *count > 0 && !kind.is_usual());
@@ -265,8 +265,8 @@ macro_rules! parts {
         }
 
         impl<P: Real> Parts<P> {
-            /// Gives every part the place that it has in a circuit of the same parts; the states' scales in that order.
-            /// None where there are others.
+            /// Gives every part the indices from a circuit of the same parts, and the states' scales in that order.
+            /// `None` if there are other parts.
             pub fn lay_out_like(&mut self, other: &Parts<f64>) -> Option<Vec<f64>> {
                 let mut scales = Vec::new();
                 self.present.clone_from(&other.present);
@@ -284,7 +284,7 @@ macro_rules! parts {
                 Some(scales)
             }
 
-            /// Every input, with the name of its part: "Cylinder 0: external force".
+            /// Returns every input, with the name of its part: "Cylinder 0: external force".
             pub fn inputs(&self) -> Vec<(InputId, String, &'static Input)> {
                 let (mut all, mut named) = (Vec::new(), Names::default());
                 $(for (index, (_, part)) in self.$field.iter().enumerate() {
@@ -297,7 +297,7 @@ macro_rules! parts {
                 all
             }
 
-            /// Name, unit and bounds of an input.
+            /// Returns name, unit and bounds of an input.
             pub fn what_input(&self, id: InputId) -> &'static Input {
                 match id.kind {
                     $(PartKind::$part => &Part::<P>::inputs(&self.$field[id.index].1)[id.input],)*
@@ -341,7 +341,7 @@ macro_rules! parts {
         }
 
         impl<R: Lane> Parts<R> {
-            /// Every event.
+            /// Returns every event.
             pub fn events(&self) -> Vec<EventId> {
                 let mut all = Vec::new();
                 $(for (index, (_, part)) in self.$field.iter().enumerate() {
@@ -403,7 +403,7 @@ macro_rules! parts {
                 }
             }
 
-            /// One circuit of lanes from one for each lane.
+            /// Returns one circuit of lanes from one for each lane.
             pub fn gather(each: &[&Parts<f64>]) -> Self {
                 Parts {
                     $($field: if PartKind::$part.is_for::<R>() {
@@ -427,7 +427,7 @@ macro_rules! parts {
                 })*
                 sum
             }
-            /// The energy of each store, J.
+            /// Returns the energy of each store, J.
             pub fn stores<S: Over<P>>(&self, y: &[S], net: &Net<S>, common: &Common<P>) -> Vec<S> {
                 let mut stores = Vec::new();
                 $(for (at, part) in &self.$field {

@@ -5,19 +5,20 @@ use math::{Lane, Over, Real};
 use physics::flow::Iso6358;
 use std::slice;
 
-/// How far above the pressure at which it falls shut the inlet must be for it to open, so that both are not one event
-/// (assumed).
+/// Least ratio of the inlet's opening pressure to its closing pressure, so that both are not one event (assumed).
 const ABOVE_RESET: f64 = 1.2;
 
 gathered! {
-    /// The seat of a soft-start valve: a flow path that is a needle until the pressure behind it has risen, then open:
+    /// The seat of a soft-start valve. The flow path is a needle until the pressure behind it has risen, then it is
+    /// open:
     ///
-    ///   opens  where p2 - p_amb > s (p1 - p_amb) and p1 > 1.2 p_reset;   falls shut where p1 < p_reset
+    /// * It opens if `p2 - p_amb > s (p1 - p_amb)` and `p1 > 1.2 p_reset`.
+    /// * It closes if `p1 < p_reset`.
     ///
-    /// s  share of the inlet's gauge pressure   -
+    /// * `s`: fraction of the inlet's gauge pressure.
     pub struct Latch {
         numbers {
-            /// Share of the conductance that is open while it is shut.
+            /// Fraction of the conductance while it is shut.
             needle_share,
             opening_share,
             reset_pressure,
@@ -31,7 +32,7 @@ gathered! {
 }
 
 impl<P: Real> Latch<P> {
-    /// How far the pressures are from where it opens, Pa; negative beyond.
+    /// Distances of the pressures from the opening condition, Pa. Negative beyond it.
     fn before_opening(&self, net: &Net<P>) -> P {
         let (p1, p2) = (net[self.path.from].p, net[self.path.to].p);
         let share = self.opening_share * (p1 - self.ambient_pressure) - (p2 - self.ambient_pressure);

@@ -13,15 +13,15 @@ physics::parameters! {
         /// Damping c
         damping: "N s/m", physics::at_least(0.0), default 0.0;
     } with {
-        /// Place among the axes of the net
+        /// Index among the axes of the net
         from: usize,
-        /// Place among the axes of the net
+        /// Index among the axes of the net
         to: usize,
     }
 }
 
 impl<P: Real> Part<P> for Link<P> {
-    /// Force in +x on `to`, N.
+    /// Returns the force in +x on `to`, N.
     #[inline(always)]
     fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
         let (one, two) = (&net.axis[self.from], &net.axis[self.to]);

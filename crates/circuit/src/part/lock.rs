@@ -4,26 +4,27 @@ use crate::ledger::Kind;
 use crate::net::Net;
 use math::{Over, Real};
 
-/// Time within which what the jaws have slipped is forgotten, s: it delays the first yielding back after a slide.
+/// Time constant of forgetting the slip of the jaws, s. It delays the first elastic return after a slide.
 const FORGETS: f64 = 1e-4;
 
 gathered! {
-    /// Jaws that clamp a rod: an elastic grip that slips above the force that they hold.
+    /// Jaws that clamp a rod: an elastic grip that slips above its holding force.
     ///
-    ///   F = clip(k (z + T v), -y F_h, y F_h)      z' = v - (z - w)/tau,   w = clip(z, -y F_h/k, y F_h/k)       [N], in -x
+    ///   `F = clip(k (z + T v), -y F_h, y F_h)      z' = v - (z - w)/tau,   w = clip(z, -y F_h/k, y F_h/k)       [N], in -x`
     ///
-    /// w stores k w^2/2; all else that F takes becomes heat: F is never less than k w against the motion.
+    /// w stores the energy k w^2/2. The rest of the work of F becomes heat: F is never less than k w against the
+    /// motion.
     ///
-    /// y    how far the jaws are shut, 0 to 1        -
-    /// F_h  holding force                            N
-    /// k    stiffness of grip and rod                N/m
-    /// T    time constant of its damping             s
+    /// * `y`: closing of the jaws, 0 to 1.
+    /// * `F_h`: holding force, N.
+    /// * `k`: stiffness of grip and rod, N/m.
+    /// * `T`: time constant of the damping, s.
     pub struct Lock {
         numbers { holding_force, stiffness, damping_time }
         laws {}
         same {
             axis: usize,
-            /// Where y and z stand among the signals.
+            /// Indices of y and z among the signals.
             shut: usize,
             deflection: usize,
             /// Error scale of z, m.
@@ -33,12 +34,12 @@ gathered! {
 }
 
 impl<P: Real> Lock<P> {
-    /// The greatest force that it can carry now, N.
+    /// Returns the largest force that it can carry now, N.
     fn limit<S: Over<P>>(&self, net: &Net<S>) -> S {
         S::from(self.holding_force) * clip(net.signal[self.shut])
     }
 
-    /// Force of the grip at the distance `z` from its rest, N.
+    /// Returns the force of the grip at the distance `z` from its rest position, N.
     fn grip<S: Over<P>>(&self, z: S, net: &Net<S>) -> S {
         let limit = self.limit(net);
         (S::from(self.stiffness) * z).max(-limit).min(limit)

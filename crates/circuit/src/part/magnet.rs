@@ -5,21 +5,21 @@ use crate::net::Net;
 use math::{Lane, Over, Real};
 use std::f64::consts::PI;
 
-/// Metres: far below what any step resolves.
+/// Metres: much less than any step resolves.
 const TOLERANCE: f64 = 1e-9;
 
 gathered! {
     /// Magnets that couple two axes:
     ///
-    ///   F = F_h sin(pi D/L_p) + c D',   D = x_from - x_to                 [N], in +x on `to`, -F on `from`
+    ///   `F = F_h sin(pi D/L_p) + c D',   D = x_from - x_to                 [N], in +x on to, -F on from`
     ///
-    /// until |D| reaches L_p/2, where the force is the greatest; then none, until |D| is below L_p/4 again. Decoupled they
-    /// hold the energy that they have at L_p/4, so that coupling anew takes and gives nothing; what is left of it at L_p/2
-    /// becomes heat. Whether an approach ends coupled, its energy decides.
+    /// This holds until |D| reaches L_p/2, where the force is largest. Then the force is zero until |D| is below L_p/4 again.
+    /// Decoupled magnets keep their energy at L_p/4, so that the new coupling neither takes nor gives energy. The
+    /// remaining energy at L_p/2 becomes heat. The energy of an approach decides whether it ends coupled.
     ///
-    /// F_h  holding force     N
-    /// L_p  pole pitch        m
-    /// c    damping           N s/m
+    /// * `F_h`: holding force, N.
+    /// * `L_p`: pole pitch, m.
+    /// * `c`: damping, N s/m.
     pub struct Magnet {
         numbers {
             holding_force,
@@ -32,20 +32,20 @@ gathered! {
         same {
             from: usize,
             to: usize,
-            /// Where the mode stands among the signals.
+            /// Index of the mode among the signals.
             signal: usize,
         }
     }
 }
 
 impl<P: Real> Magnet<P> {
-    /// D and its rate.
+    /// Returns D and its rate.
     fn apart<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
         let (one, two) = (&net.axis[self.from], &net.axis[self.to]);
         (one.x - two.x, one.v - two.v)
     }
 
-    /// F_h L_p/pi (1 - cos(pi D/L_p)), with D = L_p/4 where they are decoupled.
+    /// F_h L_p/pi (1 - cos(pi D/L_p)), with D = L_p/4 for decoupled magnets.
     fn energy<S: Over<P>>(&self, net: &Net<S>) -> S {
         let pitch = S::from(self.pole_pitch);
         let mode = S::from(self.mode);

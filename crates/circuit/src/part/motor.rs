@@ -5,15 +5,15 @@ use crate::net::Net;
 use math::{Over, Real};
 
 gathered! {
-    /// A motor that moves a mass at a velocity u, however much force that takes, through a spring and a damper:
+    /// A motor that moves a mass at a velocity u with any necessary force, through a spring and a damper:
     ///
-    ///   d' = u - v,   F = k d + c (u - v)              [N], in +x on the mass
-    ///   I' = F,       W' = F v
+    ///   `d' = u - v,   F = k d + c (u - v)              [N], in +x on the mass`
+    ///   `I' = F,       W' = F v`
     ///
-    /// so in steady motion v = u. I over a time is the mean force, W the work done on the mass.
+    /// so in steady motion v = u. I over a time is the mean force, and W is the work done on the mass.
     ///
-    /// k, c  stiffness, damping   N/m, N s/m
-    /// d     stretch              m
+    /// * `k`, `c`: stiffness, damping, N/m and N s/m.
+    /// * `d`: stretch, m.
     pub struct Motor {
         numbers { velocity, stiffness, damping }
         laws {}
@@ -21,14 +21,14 @@ gathered! {
             /// Absolute error scale of the stretch, m.
             scale: f64,
             axis: usize,
-            /// Where stretch, impulse and work stand among the signals.
+            /// Indices of stretch, impulse and work among the signals.
             signals: [usize; 3],
         }
     }
 }
 
 impl<P: Real> Motor<P> {
-    /// How much faster the motor is than the mass, m/s.
+    /// Returns the velocity of the motor relative to the mass, m/s.
     fn closing<S: Over<P>>(&self, net: &Net<S>) -> S {
         S::from(self.velocity) - net.axis[self.axis].v
     }

@@ -1,4 +1,4 @@
-//! Flow paths: their flows and accounts.
+//! Flow paths: their flows and balances.
 
 use super::{
     Common,
@@ -10,19 +10,18 @@ use crate::net::Net;
 use math::{Over, Real};
 use physics::Virial;
 
-/// The ends of a flow path. Gas passes it without a change of enthalpy, and arrives with the temperature of where it
-/// comes from.
+/// The ends of a flow path. Gas passes it at constant enthalpy, and arrives with the temperature of its source.
 #[derive(Clone, Copy, Debug)]
 pub struct Between {
-    /// Flow from here counts positive.
+    /// Flow out of this node is positive.
     pub from: GasId,
-    /// Flow to here counts positive.
+    /// Flow into this node is positive.
     pub to: GasId,
-    /// An end is a reservoir: its flow crosses the boundary.
+    /// Whether an end is a reservoir, so that its flow crosses the boundary.
     pub(crate) boundary: [bool; 2],
 }
 
-/// Takes mass, kg/s, with the enthalpy of where it comes from, and gives it to the other end; a boundary keeps no account.
+/// Moves mass, kg/s, with the enthalpy of its source from one end to the other. A boundary keeps no balance.
 #[inline(always)]
 pub(crate) fn post<S: Real>(net: &mut Net<S>, path: Between, flow: (S, S::Mask)) {
     let Between { from, to, .. } = path;
@@ -34,7 +33,7 @@ pub(crate) fn post<S: Real>(net: &mut Net<S>, path: Between, flow: (S, S::Mask))
     }
 }
 
-/// The same of an ideal gas.
+/// Does the same for an ideal gas.
 #[inline(always)]
 pub(crate) fn post_ideal<S: Real>(net: &mut Net<S>, path: Between, (m_dot, backward): (S, S::Mask)) {
     let (one, two) = (&net.gas[path.from.0], &net.gas[path.to.0]);
@@ -56,7 +55,7 @@ fn exchange<S: Real>(net: &mut Net<S>, path: Between, m_dot: S, h_dot: S) {
     }
 }
 
-/// Accounts of a flow path.
+/// Returns the balances of a flow path.
 pub(super) const CHANNELS: [(&str, Kind); 5] = [
     ("mass over the boundary", Kind::Mass),
     ("enthalpy over the boundary", Kind::Energy),
@@ -65,7 +64,7 @@ pub(super) const CHANNELS: [(&str, Kind); 5] = [
     ("mixing", Kind::EntropyOfGas),
 ];
 
-/// Rates of the accounts of a flow path with a mass flow, and where it goes backward.
+/// Computes the rates of the balances of a flow path for a mass flow and its direction.
 pub(super) fn throttling<P: Real, S: Over<P>>(
     net: &Net<S>,
     path: Between,
@@ -82,7 +81,7 @@ pub(super) fn throttling<P: Real, S: Over<P>>(
     let h_dot = m_dot * S::from(common.gas.cp) * t_up;
     let zero = S::zero();
     let sign = |boundary: bool, s: S| if boundary { s } else { zero };
-    // Into the circuit: out of a reservoir at `from`, or back from one at `to`.
+    // Flow into the circuit: out of a reservoir at `from`, or back from a reservoir at `to`.
     let one_in = |flow: S| sign(from_boundary, flow) - sign(to_boundary, flow);
     let carried =
         |boundary: bool, p: S| if boundary { m_dot * specific_entropy(t_up, p, common) } else { zero };
@@ -98,7 +97,7 @@ pub(super) fn throttling<P: Real, S: Over<P>>(
     out[4] = S::select(backward, into_backward, into_forward);
 }
 
-/// The same of a gas that is not ideal: a throttle keeps its enthalpy, mixing its energy.
+/// The same for a real gas. A throttle keeps its enthalpy, and mixing keeps its energy.
 fn throttling_of<P: Real, S: Over<P>>(
     virial: &Virial<P>,
     net: &Net<S>,
@@ -126,7 +125,8 @@ fn throttling_of<P: Real, S: Over<P>>(
     out[4] = S::select(backward, sign(!from_boundary, mixing), sign(!to_boundary, mixing));
 }
 
-/// A part of circuits: numbers, one in each lane; laws with numbers of their own; and what is the same in all lanes.
+/// Declares a part of circuits. It has numbers with one value in each lane, laws, and fields that are the same in all
+/// lanes.
 macro_rules! gathered {
     ($(#[$attribute:meta])* pub struct $name:ident {
         numbers { $($(#[$number_attribute:meta])* $number:ident),* $(,)? }
@@ -155,10 +155,10 @@ macro_rules! gathered {
 }
 pub(super) use gathered;
 
-/// How far beyond it an event at a pressure may be taken, Pa: far below what any step resolves.
+/// Tolerance of an event at a pressure, Pa: much less than any step resolves.
 pub(super) const PRESSURE_TOLERANCE: f64 = 1e-3;
 
-/// A share between zero and one.
+/// Limits a fraction to zero and one.
 #[inline(always)]
 pub(super) fn clip<S: Real>(share: S) -> S {
     share.max(S::zero()).min(S::one())

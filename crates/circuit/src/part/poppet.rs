@@ -7,14 +7,14 @@ use physics::flow::Iso6358;
 use std::slice;
 
 gathered! {
-    /// The poppet of a piloted check valve: a flow path that opens by the share
+    /// The poppet of a piloted check valve: a flow path with the opening fraction
     ///
-    ///   s = clip((p1 - p2 + a max(p_x - p_amb, 0) - p_c)/dp_full, 0, 1)
+    ///   `s = clip((p1 - p2 + a max(p_x - p_amb, 0) - p_c)/dp_full, 0, 1)`
     ///
-    /// a        area of the pilot piston over that of the seat       -
-    /// p_x      pressure at `pilot`; the other side of its piston is open to the ambient air, and it only pushes   Pa
-    /// p_c      cracking pressure                                    Pa
-    /// dp_full  rise above it at which the poppet is fully open      Pa
+    /// * `a`: area of the pilot piston relative to the seat.
+    /// * `p_x`: pressure at `pilot`, Pa. The other side of the pilot piston is open to the ambient air, and it only pushes.
+    /// * `p_c`: cracking pressure, Pa.
+    /// * `dp_full`: rise above it at which the poppet is fully open, Pa.
     pub struct Poppet {
         numbers { pilot_ratio, cracking_pressure, full_opening_rise, ambient_pressure }
         laws { law: Iso6358 }

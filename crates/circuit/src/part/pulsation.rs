@@ -5,11 +5,13 @@ use crate::net::Net;
 use math::{Over, Real};
 
 gathered! {
-    /// A reservoir whose pressure swings about a mean, p = p_m + A s, by two states of its own, so that time stays out:
+    /// A reservoir whose pressure oscillates about a mean, p = p_m + A s. Two additional states keep time out of the
+    /// equations:
     ///
-    ///   s' = w c,   c' = -w s                            s = sin(w t),  c = cos(w t)
+    ///   `s' = w c,   c' = -w s                            s = sin(w t),  c = cos(w t)`
     ///
-    /// A  amplitude   Pa      w  angular frequency   rad/s
+    /// * `A`: amplitude, Pa.
+    /// * `w`: angular frequency, rad/s.
     pub struct Pulsation {
         numbers { mean, amplitude, angular_frequency }
         laws {}

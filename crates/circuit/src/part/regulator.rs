@@ -5,25 +5,25 @@ use math::{Over, Real};
 use physics::flow::Iso6358;
 
 gathered! {
-    /// A pressure regulator: a seat from node 1 to node 2 that the pressure behind it closes, with a lag, and a relief
-    /// from node 2 to node 3:
+    /// A pressure regulator. Its seat from node 1 to node 2 is closed by the pressure behind it, with a lag. Its relief
+    /// leads from node 2 to node 3:
     ///
-    ///   y'  = (clip((p_set - p2)/dp_full, 0, 1) - y)/tau
-    ///   y_r = clip((p2 - p_set - dp_on)/dp_relief, 0, 1)
+    ///   `y'  = (clip((p_set - p2)/dp_full, 0, 1) - y)/tau`
+    ///   `y_r = clip((p2 - p_set - dp_on)/dp_relief, 0, 1)`
     ///
-    /// y, y_r  shares of the conductances that are open   -
-    /// p_set   set pressure, absolute: a number, or a signal   Pa
-    /// dp_full drop below it at which the seat is open    Pa
-    /// tau     time constant of the seat                  s
+    /// * `y`, `y_r`: open fractions of the conductances.
+    /// * `p_set`: set pressure (a number or a signal), Pa absolute.
+    /// * `dp_full`: drop below the set pressure at which the seat is fully open, Pa.
+    /// * `tau`: time constant of the seat, s.
     pub struct Regulator {
         numbers { set_pressure, full_opening_drop, time_constant, relief_offset, relief_rise }
         laws { seat: Iso6358, relief: Iso6358 }
         same {
-            /// Where the seat's share stands among the signals.
+            /// Index of the opening of the seat among the signals.
             signal: usize,
-            /// Where the set pressure stands among the signals, if it is one.
+            /// Index of the set pressure among the signals, if it is a signal.
             set: Option<usize>,
-            /// Of the seat and the relief.
+            /// Flow paths of the seat and the relief.
             paths: [Between; 2],
         }
     }
@@ -35,7 +35,7 @@ impl<P: Real> Regulator<P> {
         self.set.map_or(S::from(self.set_pressure), |signal| net.signal[signal])
     }
 
-    /// The share to which the seat opens at a set pressure and a pressure behind it, Pa.
+    /// Returns the opening fraction of the seat at a set pressure and a pressure behind it, Pa.
     fn target<S: Over<P>>(&self, set_pressure: S, p: S) -> S {
         clip((set_pressure - p) / S::from(self.full_opening_drop))
     }

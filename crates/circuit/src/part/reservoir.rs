@@ -4,15 +4,15 @@ use math::{Over, Real};
 use physics::chamber::GasState;
 
 physics::parameters! {
-    /// Gas at constant pressure and temperature: supply, ambient, or a chamber held by a regulator.
-    /// Its node is filled when the net is made and when an input changes; no flow changes it.
+    /// Gas at constant pressure and temperature: supply, ambient, or a chamber held by a regulator. Its node is set
+    /// when the net is made and when an input changes. No flow changes it.
     pub struct Reservoir {
         /// Absolute pressure
         pressure: "Pa", physics::above(0.0);
         /// Temperature
         temperature: "K", physics::above(0.0);
     } with {
-        /// Place among the gas nodes of the net
+        /// Index among the gas nodes of the net
         node: usize,
     }
 }

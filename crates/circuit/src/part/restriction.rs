@@ -10,9 +10,9 @@ use std::slice;
 pub struct Restriction<P> {
     /// The flow at full opening.
     pub law: Iso6358<P>,
-    /// Opening, 0 to 1: the share of the full conductance. An input: it may change at any time.
+    /// Opening, 0 to 1: the fraction of the full conductance. An input: it may change at any time.
     pub opening: P,
-    /// No flow in any lane.
+    /// Whether no flow passes in any lane.
     pub(crate) closed: bool,
     /// Its ends.
     pub path: Between,
@@ -29,8 +29,8 @@ impl<R: Lane> Restriction<R> {
     }
 }
 
-/// A flow through a gain. Where one is shut that is open in another lane, or on the other side, nothing passes, even at
-/// a state within a step that has no flow which is a number.
+/// Returns the flow with a gain. A restriction may be shut here but open in another lane or on the other side. Its flow
+/// is then exactly zero, even at a trial state whose flow is NaN.
 #[inline(always)]
 pub(crate) fn passing<P: Real, S: Over<P>>(m_dot: S, gain: P) -> S {
     let is_number = m_dot.abs().lt(S::c(f64::INFINITY));
@@ -39,7 +39,7 @@ pub(crate) fn passing<P: Real, S: Over<P>>(m_dot: S, gain: P) -> S {
 }
 
 impl<P: Real> Restriction<P> {
-    /// The gain of its law at its opening.
+    /// Gain of its law at its opening.
     #[inline(always)]
     pub(crate) fn gain(&self) -> P {
         self.opening * self.law.gain
@@ -78,7 +78,7 @@ impl<P: Real> Part<P> for Restriction<P> {
         (passing(m_dot, self.gain()), backward)
     }
 
-    /// The circuit lets what is open pass by itself.
+    /// The circuit handles open restrictions itself.
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, _net: &mut Net<S>, _common: &Common<P>) {}
 
@@ -87,7 +87,7 @@ impl<P: Real> Part<P> for Restriction<P> {
     }
 }
 
-/// A restriction that gas passes which is not ideal. The circuit leaves it to the exchange of others.
+/// A restriction with a real gas. The circuit leaves it to the exchange of the other kinds.
 #[derive(Clone, Debug)]
 pub struct OtherRestriction<P>(pub(crate) Restriction<P>);
 

@@ -4,15 +4,15 @@ use crate::net::Net;
 use math::{Over, Real};
 use physics::constants::P_0;
 
-/// Rates of x and v where x follows u as a system of second order whose speed is bounded:
+/// Computes the rates of x and v for a second-order system with limited speed, in which x follows u:
 ///
-///   x' = v,   v' = 2 zeta w (clip(w/(2 zeta) (u - x), -v_max, v_max) - v)
+///   `x' = v,   v' = 2 zeta w (clip(w/(2 zeta) (u - x), -v_max, v_max) - v)`
 ///
-/// so x'' + 2 zeta w x' + w^2 x = w^2 u while it is not clipped, and a steady v_max where it is.
+/// so x'' + 2 zeta w x' + w^2 x = w^2 u below the limit, and a steady v_max at the limit.
 ///
-/// w      natural angular frequency         rad/s
-/// zeta   damping ratio                     -
-/// v_max  largest speed                     of x, per s
+/// * `w`: natural angular frequency, rad/s.
+/// * `zeta`: damping ratio.
+/// * `v_max`: largest speed of x, unit of x per s.
 #[inline(always)]
 pub(super) fn follows<S: Real>([x, v]: [S; 2], u: S, [w, zeta, top]: [S; 3]) -> [S; 2] {
     let double = zeta + zeta;
@@ -21,14 +21,14 @@ pub(super) fn follows<S: Real>([x, v]: [S; 2], u: S, [w, zeta, top]: [S; 3]) -> 
 }
 
 gathered! {
-    /// A pressure that follows a command, Pa; see [`follows`].
+    /// A pressure that follows a command, Pa. See [`follows`].
     pub struct SecondOrder {
         numbers { command, angular_frequency, damping_ratio }
         laws {}
         same {
             /// Absolute error scale of the rate, Pa/s.
             rate_scale: f64,
-            /// Where x stands among the signals.
+            /// Index of x among the signals.
             signal: usize,
         }
     }

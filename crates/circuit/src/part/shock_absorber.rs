@@ -6,18 +6,18 @@ use crate::net::Net;
 use math::{Over, Real};
 
 gathered! {
-    /// A shock absorber: oil through holes while it is pushed in, a spring that pushes it out, and its body behind.
+    /// A shock absorber: oil through holes during compression, a return spring, and its body behind.
     ///
-    ///   F = (F_0 + c v^2 [v > 0]) min(s/s_0, 1) + k s + k_b (s - S) [s > S],   c = c_0 + (c_1 - c_0) s/S      [N]
+    ///   `F = (F_0 + c v^2 [v > 0]) min(s/s_0, 1) + k s + k_b (s - S) [s > S],   c = c_0 + (c_1 - c_0) s/S      [N]`
     ///
-    /// s          how far it is pushed in, from x_0 on in +x or in -x      m
-    /// v          speed at which it is pushed in                           m/s
-    /// F_0, k     force of its spring at first, and stiffness              N, N/m
-    /// s_0        depth over which the force comes at the first touch       m
-    /// c_0, c_1   damping at the begin and at the end of its stroke S      N s2/m2
-    /// k_b        stiffness of its body                                    N/m
+    /// * `s`: compression, from x_0 on in +x or in -x, m.
+    /// * `v`: speed of compression, m/s.
+    /// * `F_0`, `k`: preload and stiffness of its spring, N and N/m.
+    /// * `s_0`: depth over which the force builds up at the first touch, m.
+    /// * `c_0`, `c_1`: damping at the start and at the end of its stroke S, N s2/m2.
+    /// * `k_b`: stiffness of its body, N/m.
     ///
-    /// The mass is not tied to it: one that comes back leaves it behind, and it is out again when the mass comes next.
+    /// The mass is not attached to it. A mass that moves back leaves it, and it is extended again at the next contact.
     pub struct ShockAbsorber {
         numbers { stroke, preload, contact_depth, stiffness, damping, end_damping, body_stiffness }
         laws { meets: Meets }
@@ -31,7 +31,7 @@ impl<P: Real> ShockAbsorber<P> {
         (depth - S::from(self.stroke)).max(S::zero())
     }
 
-    /// Force that pushes back, N.
+    /// Returns the restoring force, N.
     fn pushes<S: Over<P>>(&self, (depth, closing): (S, S)) -> S {
         let (s, v) = (depth.max(S::zero()), closing.max(S::zero()));
         let [preload, k, c, c_end, body] =

@@ -7,7 +7,7 @@ use crate::net::Net;
 use math::{Over, Real};
 use physics::flow::leaking;
 
-/// The inputs of a valve: the acting command, the state of its play, and the given command.
+/// Signals of a valve: the acting command, the state of its play, and the given command.
 pub(crate) const ACTS: usize = 0;
 pub(crate) const REMEMBERED: usize = 1;
 pub(crate) const COMMANDED: usize = 2;
@@ -42,7 +42,7 @@ gathered! {
         numbers { acts, remembered, commanded }
         laws {}
         same {
-            /// Where its position stands among the signals.
+            /// Index of its position among the signals.
             signal: usize,
         }
     }
@@ -58,13 +58,13 @@ impl<P: Real> Part<P> for Held<P> {
 }
 
 gathered! {
-    /// A spool of second order whose speed is bounded; see [`follows`]. Its position goes from -1 to 1, its top speed is
-    /// in 1/s.
+    /// A spool of second order with limited speed. See [`follows`]. Its position goes from -1 to 1, and its top speed
+    /// is in 1/s.
     pub struct Spool {
         numbers { acts, remembered, commanded, angular_frequency, damping_ratio, top_speed }
         laws {}
         same {
-            /// Where its position stands among the signals.
+            /// Index of its position among the signals.
             signal: usize,
         }
     }
@@ -74,7 +74,7 @@ impl<P: Real> Part<P> for Spool<P> {
     commanded!("command that acts", COMMAND);
 
     fn states(&self) -> Vec<State> {
-        // The speed of a full stroke within one radian.
+        // Speed of a full stroke within one radian.
         vec![State::own("position", "1", 1.0), State::own("speed_1_s", "1/s", SPEED)]
     }
 
@@ -96,17 +96,17 @@ impl<P: Real> Part<P> for Spool<P> {
 }
 
 gathered! {
-    /// The share of its conductance that leaks past each edge of a spool, one number for all of them:
+    /// Leaking fraction of the conductance past each edge of a spool, one number for all edges:
     ///
-    ///   l exp(-|x|/x_l)
+    ///   `l exp(-|x|/x_l)`
     ///
-    /// l    the share that leaks at x = 0             -
-    /// x_l  position over which the leak falls to 1/e  -
+    /// * `l`: leaking fraction at x = 0.
+    /// * `x_l`: position over which the leak falls to 1/e.
     pub struct SpoolLeak {
         numbers { leak, width }
         laws {}
         same {
-            /// Where the position stands among the signals, and where the share.
+            /// Indices of the position and of the fraction among the signals.
             position: usize,
             signal: usize,
         }
@@ -125,12 +125,12 @@ impl<P: Real> Part<P> for SpoolLeak<P> {
 const SPEED: f64 = 100.0;
 
 gathered! {
-    /// An armature that travels at the rate that is set: x' = r. Whoever sets the rate ends it with the travel.
+    /// An armature that travels at a set rate: x' = r. The schedule that sets the rate also ends it after the travel.
     pub struct Armature {
         numbers { acts, remembered, commanded }
         laws {}
         same {
-            /// Where its position stands among the signals.
+            /// Index of its position among the signals.
             signal: usize,
         }
     }

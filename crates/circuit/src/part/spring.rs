@@ -10,7 +10,7 @@ physics::parameters! {
         /// Position without force
         rest_position: "m", physics::any(), default 0.0;
     } with {
-        /// Place among the axes of the net
+        /// Index among the axes of the net
         axis: usize,
     }
 }

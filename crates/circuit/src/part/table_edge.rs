@@ -9,11 +9,11 @@ use std::slice;
 gathered! {
     /// An edge of a valve whose conductance and critical pressure ratio are given over the position x of the spool:
     ///
-    ///   C = C_max s(x),   b = b(x)
+    ///   `C = C_max s(x),   b = b(x)`
     ///
-    /// C_max  largest conductance that is given, that of the law   m3/(s Pa)
-    /// s      share of it, a curve through points                  -
-    /// b      critical pressure ratio, a curve through points      -
+    /// * `C_max`: largest given conductance, which is the one of the law, m3/(s Pa).
+    /// * `s`: fraction of C_max, a curve through points.
+    /// * `b`: critical pressure ratio, a curve through points.
     pub struct TableEdge {
         numbers {}
         laws { law: Iso6358, share: Curve, ratio: Curve }

@@ -5,7 +5,7 @@ use crate::net::Net;
 use math::{Lane, Over, Real};
 use physics::curve::Curve;
 
-/// Seconds: far below what any step resolves.
+/// Seconds: much less than any step resolves.
 const TOLERANCE: f64 = 1e-9;
 
 /// The variable that a force depends on.
@@ -17,9 +17,9 @@ pub enum Along {
 }
 
 gathered! {
-    /// A force in +x on an axis that a curve gives. Over the position it stores the energy -int F dx; over velocity or
-    /// time its work comes from outside. Time is a state: the equations do not know it, and each point of the curve is an
-    /// event, so that no step misses one.
+    /// A force in +x on an axis, given by a curve. Over the position it stores the energy -int F dx. Over velocity or
+    /// time, its work comes from outside. Time is a state, because the equations do not contain time. Each point of the
+    /// curve is an event, so that no step misses one.
     pub struct TableForce {
         numbers {
             /// Number of points passed.
@@ -29,7 +29,7 @@ gathered! {
         same {
             along: Along,
             axis: usize,
-            /// Where the time since the start stands among the signals.
+            /// Index of the time since the start among the signals.
             time: usize,
         }
     }
@@ -96,7 +96,7 @@ impl<P: Real> Part<P> for TableForce<P> {
         usize::from(self.is_timed())
     }
 
-    /// Time to the next point.
+    /// Returns the time to the next point.
     fn event(&self, _event: usize, _y: Own<P>, net: &Net<P>) -> P {
         let each = (0..self.curve.places().count()).rev().zip(self.curve.places().rev());
         each.fold(P::one(), |next, (k, place)| {

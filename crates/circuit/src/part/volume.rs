@@ -3,17 +3,18 @@ use crate::ledger::Kind;
 use crate::net::{GasNode, Net};
 use math::{Lane, Over, Real};
 use physics::chamber::{AsPrinted, EnergyBalance, Exchange, GasState};
-// The standard reference atmosphere: of the error scales, and where entropy is zero.
+// The standard reference atmosphere, for error scales and as the zero of entropy.
 use physics::constants::{P_0, T_0};
 use physics::heat;
 
-/// Share of the dead volume at which the piston has reached the cover: a gap of no height cannot be filled.
+/// Fraction of the dead volume at which the piston has reached the cover, because a gap of zero height cannot be
+/// filled.
 pub(crate) const LEAST_ROOM: f64 = 1e-3;
-/// Share of the gas in the dead volume at standard conditions, by mass and by energy, below which a chamber is empty:
-/// far below what any tolerance resolves.
+/// Fraction of the gas in the dead volume at standard conditions, by mass and by energy, below which a chamber is
+/// empty. It is much less than any tolerance resolves.
 pub(crate) const LEAST_GAS: f64 = 1e-9;
 
-/// The balance that a volume obeys, with its own states.
+/// State variables of a volume's balance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChamberLaw {
     /// Mass and energy, states (m, U).
@@ -23,9 +24,9 @@ pub enum ChamberLaw {
 }
 
 physics::parameters! {
-    /// Uniform gas in a rigid volume plus whatever the faces of pistons leave free.
+    /// Uniform gas in a rigid volume plus the free volume in front of the pistons.
     pub struct Volume {
-        /// Volume that no piston takes
+        /// Volume outside the strokes of pistons
         dead_volume: "m3", physics::above(0.0);
         /// Wetted wall of the dead volume
         dead_wall: "m2", physics::at_least(0.0);
@@ -34,11 +35,11 @@ physics::parameters! {
         /// Wall temperature
         wall_temperature: "K", physics::above(0.0);
     } with {
-        /// Place among the gas nodes of the net
+        /// Index among the gas nodes of the net
         node: usize,
-        /// The node with whose gas it starts.
+        /// Node whose gas it has at the start.
         starts_as: usize,
-        /// The balance that it obeys
+        /// Balance of the volume
         law: ChamberLaw,
         /// Absolute error scales of the two states
         scales: [f64; 2],
@@ -56,8 +57,8 @@ impl<R: Lane> Volume<R> {
     }
 }
 
-/// ln x for an account. A trial stage may lie outside the physics, and its accounts may say anything but no number:
-/// with or without ledger, the same steps are taken.
+/// ln x for a balance. A trial stage may be outside the physical range. Its balances may have any value except NaN, so
+/// that the steps are the same with and without a ledger.
 pub(super) fn log<S: Real>(x: S) -> S {
     x.max(S::c(f64::MIN_POSITIVE)).ln()
 }
@@ -76,7 +77,7 @@ pub(super) fn specific_entropy<P: Real, S: Over<P>>(t: S, p: S, common: &Common<
 }
 
 impl<P: Real> Volume<P> {
-    /// The volume without pistons, and no flow.
+    /// Sets the volume without pistons, and zero flow.
     #[inline(always)]
     pub(crate) fn reset<S: Over<P>>(&self, node: &mut GasNode<S>) {
         node.volume = S::from(self.dead_volume);
@@ -86,7 +87,7 @@ impl<P: Real> Volume<P> {
         node.h_dot = S::zero();
     }
 
-    /// Pressure and temperature from the states.
+    /// Computes pressure and temperature from the states.
     #[inline(always)]
     pub(crate) fn fill<S: Over<P>>(&self, y: [S; 2], node: &mut GasNode<S>, common: &Common<P>) {
         node.fill(match self.law {
@@ -95,7 +96,7 @@ impl<P: Real> Volume<P> {
         });
     }
 
-    /// The same of a gas that is not ideal, with its enthalpy, after `fill`.
+    /// Does the same for a real gas, with its enthalpy, after `fill`.
     #[inline(always)]
     pub(super) fn fill_real<S: Over<P>>(
         &self,
@@ -106,14 +107,14 @@ impl<P: Real> Volume<P> {
     ) {
         let Some(virial) = &common.gas.virial else { return };
         let (p, t, h) = virial.p_t_h(&common.gas, y, node.volume);
-        // Where the coefficient is zero, the ratios are one: the bits of the ideal gas.
+        // If the coefficient is zero, the ratios are one and the bits are those of the ideal gas.
         let inverse_p = node.inverse_p * (node.p / p);
         let inverse_sqrt_t = node.inverse_sqrt_t * (node.t / t).sqrt();
         node.fill(GasState { p, t, inverse_p, inverse_sqrt_t });
         enthalpy[self.node] = h;
     }
 
-    /// The states at a pressure and temperature.
+    /// Returns the states at a pressure and temperature.
     pub(super) fn start(&self, [p, t]: [P; 2], node: &GasNode<P>, common: &Common<P>) -> [P; 2] {
         if let Some(virial) = &common.gas.virial {
             return virial.initial(&common.gas, p, t, node.volume);
@@ -124,7 +125,7 @@ impl<P: Real> Volume<P> {
         }
     }
 
-    /// Rates of the states, once all flows are known.
+    /// Computes the rates of the states from all flows.
     #[inline(always)]
     pub(crate) fn rates<S: Over<P>>(&self, node: &mut GasNode<S>, common: &Common<P>) -> [S; 2] {
         node.heat =
@@ -144,8 +145,8 @@ impl<P: Real> Volume<P> {
 }
 
 impl<R: Lane> Volume<R> {
-    /// `so_far` where there is gas in the volume and more than the share `least_room` of the dead volume is left,
-    /// minus one in each lane where there is not.
+    /// Returns `so_far` if the volume has gas and more than the fraction `least_room` of the dead volume is left. Other
+    /// lanes get minus one.
     #[inline(always)]
     pub(crate) fn holds(
         &self,

@@ -4,25 +4,25 @@ use crate::net::Net;
 use math::{Lane, Over, Real};
 use physics::heat;
 
-/// The wall of volumes as a store of heat, at one temperature:
+/// The wall of volumes as a heat store at one temperature:
 ///
-///   C T_w' = -sum Q_i + h A_out (T_amb - T_w),   Q_i = alpha A_i (T_w - T_i)            [W]
+///   `C T_w' = -sum Q_i + h A_out (T_amb - T_w),   Q_i = alpha A_i (T_w - T_i)            [W]`
 ///
-/// C      heat capacity                              J/K
-/// alpha  coefficient of heat transfer to the gas    W/(m2 K)
-/// A_i    wetted wall of a volume                    m2
-/// h      coefficient to the air around, on A_out    W/(m2 K)
+/// * `C`: heat capacity, J/K.
+/// * `alpha`: coefficient of heat transfer to the gas, W/(m2 K).
+/// * `A_i`: wetted wall of a volume, m2.
+/// * `h`: coefficient of heat transfer to the ambient air, on A_out, W/(m2 K).
 ///
-/// The volumes have no heat transfer of their own.
+/// The volumes then have no other heat transfer.
 #[derive(Clone, Debug)]
 pub struct Wall<P> {
     pub capacity: P,
     pub heat_transfer: P,
     /// h A_out, W/K.
     pub outward: P,
-    /// Temperature at the start, K.
+    /// Start temperature, K.
     pub start: P,
-    /// Where its temperature stands among the signals.
+    /// Index of its temperature among the signals.
     pub signal: usize,
     pub nodes: Vec<usize>,
 }

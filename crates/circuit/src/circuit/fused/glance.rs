@@ -1,15 +1,15 @@
-//! What a trajectory shows of the usual drive at one state, evaluated without nodes too.
+//! Fast outputs of the usual drive at one state, also evaluated without nodes.
 
 use super::super::{AxisId, Circuit, GasId};
 use super::Chambers;
 use crate::part::cylinder::INNER;
 use math::Both;
 
-/// Position, velocity, acceleration, friction, end stop force towards -x; pressure, temperature and net mass flow of chamber
-/// a, then of b: as the nodes have them.
+/// Position, velocity, acceleration, friction, end stop force towards -x. Then pressure, temperature and net mass flow
+/// of chamber a, then of b, as in the nodes.
 pub(crate) type Glance = [f64; 11];
 
-/// Places of a [`Glance`].
+/// Indices of a [`Glance`].
 pub(crate) mod place {
     pub const POSITION: usize = 0;
     pub const VELOCITY: usize = 1;
@@ -22,14 +22,14 @@ pub(crate) mod place {
 }
 
 impl Circuit<f64> {
-    /// The axis and the chambers of a circuit that can be glanced at.
+    /// Axis and chambers of a circuit that has fast outputs.
     pub(crate) fn glanced(&self) -> Option<(AxisId, [GasId; 2])> {
         self.fused.as_ref()?;
         let (_, cylinder) = &self.parts.cylinders[0];
         Some((AxisId(cylinder.axis.node), cylinder.volumes.each_ref().map(|volume| GasId(volume.node))))
     }
 
-    /// Of a circuit that can be glanced at: what it shows at a state.
+    /// Returns the fast outputs of such a circuit at a state.
     #[inline(always)]
     pub(crate) fn glance(&self, y: &[f64]) -> Glance {
         let fused = self.fused.as_ref().expect("a circuit without nodes");
