@@ -5,7 +5,7 @@ use std::fmt;
 pub struct Dimension([f64; 4]);
 
 const BASE: [&str; 4] = ["m", "kg", "s", "K"];
-/// Powers that differ by less are equal: thirds and the like are not exact.
+/// Powers that differ by less are equal, because fractions such as thirds are not exact.
 const SAME: f64 = 1e-9;
 
 /// SI units without prefix.
@@ -30,13 +30,13 @@ const SPOKEN: [&str; 27] = [
 ];
 
 impl Dimension {
-    /// That of a plain number.
+    /// Returns the dimension of a pure number.
     pub const NONE: Self = Dimension([0.0; 4]);
 
     /// Reads an SI unit: `N s/m`, `1/Pa`, `W/(m2 K)`; `-` or nothing for a pure number.
     pub fn of_unit(unit: &str) -> Result<Self, String> {
         let clean = unit.replace(['^', '·', '*'], " ").replace('²', "2").replace('³', "3");
-        // `^` may stand between symbol and power: "m^2" has become "m 2".
+        // `^` may be written between symbol and power: "m^2" has become "m 2".
         let mut text = String::new();
         for c in clean.chars() {
             if (c.is_ascii_digit() || c == '-') && text.ends_with(' ') && unit.contains('^') {
@@ -55,17 +55,17 @@ impl Dimension {
         Ok(total)
     }
 
-    /// Dimension of a product.
+    /// Returns the dimension of a product.
     pub fn times(self, other: Self) -> Self {
         Dimension(std::array::from_fn(|i| self.0[i] + other.0[i]))
     }
 
-    /// Dimension of a quotient.
+    /// Returns the dimension of a quotient.
     pub fn over(self, other: Self) -> Self {
         self.times(other.to_power(-1.0))
     }
 
-    /// Dimension of a power.
+    /// Returns the dimension of a power.
     pub fn to_power(self, power: f64) -> Self {
         Dimension(self.0.map(|own| own * power))
     }
@@ -77,7 +77,7 @@ impl PartialEq for Dimension {
     }
 }
 
-/// A product of symbols with powers, parentheses around it or not.
+/// Reads a product of symbols with powers, with or without parentheses.
 fn product(text: &str) -> Result<Dimension, String> {
     let text = text.trim();
     let text = text.strip_prefix('(').and_then(|text| text.strip_suffix(')')).unwrap_or(text);

@@ -7,12 +7,12 @@ use std::collections::{BTreeMap, HashMap};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Id(pub(crate) usize);
 
-/// The most nodes of a graph.
+/// Largest number of nodes of a graph.
 pub(crate) const MOST_NODES: usize = 2000;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Operation {
-    /// The bits of a number.
+    /// Bits of a number.
     Number(u64),
     Parameter(usize),
     Input(usize),
@@ -33,7 +33,7 @@ pub(crate) enum Operation {
     Power(Id, Id),
     Least(Id, Id),
     Greatest(Id, Id),
-    /// c where a < b, else d.
+    /// c if a < b, else d.
     Select(Id, Id, Id, Id),
 }
 
@@ -58,7 +58,7 @@ impl Operation {
         }
     }
 
-    /// The value, given those of the arguments; `given` is what a parameter or an input has.
+    /// Returns the value, given the values of the arguments. `given` has the values of parameters and inputs.
     #[inline(always)]
     pub(crate) fn value<S: Real>(&self, of: impl Fn(Id) -> S, given: impl Fn(&Operation) -> S) -> S {
         use Operation::*;
@@ -89,14 +89,14 @@ impl Operation {
 #[derive(Clone, Debug)]
 pub(crate) struct Node {
     pub operation: Operation,
-    /// None for the number zero, which has every dimension.
+    /// `None` for the number zero, which has every dimension.
     pub dimension: Option<Dimension>,
     pub range: Range,
-    /// Made of parameters and numbers alone.
+    /// Whether it consists of parameters and numbers only.
     pub constant: bool,
 }
 
-/// The values that formulas compute, each once, in an order in which they can be computed.
+/// The values that formulas compute, each once, in a possible order of computation.
 #[derive(Clone, Debug, Default)]
 pub struct Graph {
     pub(crate) nodes: Vec<Node>,
@@ -109,21 +109,21 @@ pub struct Graph {
 pub type Scope = BTreeMap<String, Id>;
 
 impl Graph {
-    /// A constant of the law; parameters are numbered as they are made.
+    /// A constant of the law. Parameters are numbered in the order of creation.
     pub fn parameter(&mut self, dimension: Dimension, range: Range) -> Id {
         self.parameters += 1;
         let operation = Operation::Parameter(self.parameters - 1);
         self.node(Node { operation, dimension: Some(dimension), range, constant: true })
     }
 
-    /// Variables of an evaluation; inputs are numbered as they are made.
+    /// A variable of an evaluation. Inputs are numbered in the order of creation.
     pub fn input(&mut self, dimension: Dimension, range: Range) -> Id {
         self.inputs += 1;
         let operation = Operation::Input(self.inputs - 1);
         self.node(Node { operation, dimension: Some(dimension), range, constant: false })
     }
 
-    /// The same value where it is computed already.
+    /// Returns the existing node of the same value, or adds it.
     pub(crate) fn node(&mut self, node: Node) -> Id {
         if let Some(id) = self.known.get(&node.operation) {
             return *id;
@@ -138,17 +138,17 @@ impl Graph {
         &self.nodes[id.0]
     }
 
-    /// Dimension of a node; none where it is open.
+    /// Returns the dimension of a node, or `None` if it is open.
     pub fn dimension(&self, id: Id) -> Option<Dimension> {
         self.at(id).dimension
     }
 
-    /// Whether a node is an input.
+    /// Returns whether a node is an input.
     pub fn is_input(&self, id: Id) -> bool {
         matches!(self.at(id).operation, Operation::Input(_))
     }
 
-    /// The number that a node is, if it is one.
+    /// Returns the number of a constant node.
     pub fn number(&self, id: Id) -> Option<f64> {
         match self.at(id).operation {
             Operation::Number(bits) => Some(f64::from_bits(bits)),
@@ -156,7 +156,7 @@ impl Graph {
         }
     }
 
-    /// Everything that these values are computed from, themselves included, in order.
+    /// Returns all nodes that these values are computed from, including themselves, in order.
     pub fn reached(&self, from: &[Id]) -> Vec<Id> {
         let mut needed = vec![false; self.nodes.len()];
         for id in from {
@@ -172,7 +172,7 @@ impl Graph {
         (0..self.nodes.len()).filter(|i| needed[*i]).map(Id).collect()
     }
 
-    /// All that is made of parameters and numbers alone, by node; zero elsewhere.
+    /// Returns the values of all nodes that consist of parameters and numbers only. Others are zero.
     pub fn constants<P: Real>(&self, parameters: &[P]) -> Vec<P> {
         let mut values = vec![P::zero(); self.nodes.len()];
         for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.constant) {

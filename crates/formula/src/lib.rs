@@ -1,18 +1,18 @@
 //! Formulas that a user writes, checked before they run.
 //!
-//!   text -> expression with places -> graph (names, dimensions, ranges) -> program -> values
+//!   `text -> expression with places -> graph (names, dimensions, ranges) -> program -> values`
 //!
-//! A graph refuses what has the wrong dimension, what could divide by zero, and names that it does not
-//! know, each with its place. A program is a flat list of operations on numbered registers, evaluated
-//! over any [`math::Real`]; nothing is executed but these operations.
+//! A graph rejects wrong dimensions, possible divisions by zero, and unknown names, each with its place. A program is a
+//! flat list of operations on numbered registers, evaluated over any [`math::Real`]. Only these operations are
+//! executed.
 //!
-//! How a formula is rounded, so that it gives the bits of the same law written in Rust:
+//! Rounding rules of a formula. They give the bits of the same law written in Rust:
 //!
-//! - Operations run as they are written: from left to right, * and / before + and -, ^ before both.
-//! - a*b + c and c + a*b are rounded once (fused); of two products the right one is. a - b*c is not fused.
-//! - x/p, with p made of parameters and numbers alone and x not, is x times 1/p.
-//! - x^2, x^3, ... are products; x^0.5 is a square root.
-//! - A name that `let` gives is rounded to a number of its own.
+//! * Operations run as written: from left to right, * and / before + and -, and ^ before both.
+//! * `a*b + c` and `c + a*b` are rounded once (fused). With two products, the right one is fused. `a - b*c` is not fused.
+//! * x/p is x times 1/p if p consists of parameters and numbers only and x does not.
+//! * x^2, x^3, ... are products. x^0.5 is a square root.
+//! * A name defined by `let` is rounded to a separate number.
 
 #![warn(missing_docs)]
 

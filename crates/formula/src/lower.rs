@@ -1,4 +1,4 @@
-//! From an expression to nodes of a graph: names, dimensions, ranges, rounding.
+//! Translation of an expression to nodes of a graph: names, dimensions, ranges, rounding.
 
 use crate::dimension::Dimension;
 use crate::graph::{Graph, Id, MOST_NODES, Node, Operation, Scope};
@@ -30,7 +30,7 @@ const MOST_FACTORS: f64 = 32.0;
 type Lowered = Result<Id, Problem>;
 
 impl Graph {
-    /// The value of an expression.
+    /// Returns the value of an expression.
     pub fn lower(&mut self, expression: &Expression, scope: &Scope) -> Lowered {
         if self.nodes.len() > MOST_NODES {
             let what = format!("the law has more than {MOST_NODES} operations");
@@ -169,7 +169,7 @@ impl Graph {
         Ok(self.make(operation, Some(Dimension::NONE), range))
     }
 
-    /// `a` where the condition holds, else `b`.
+    /// `a` if the condition holds, else `b`.
     fn choose(&mut self, condition: &Expression, a: Id, b: Id, scope: &Scope) -> Lowered {
         match &condition.kind {
             Kind::Pair("and", sides) => {
@@ -213,7 +213,7 @@ impl Graph {
         self.node(Node { operation, dimension, range, constant })
     }
 
-    /// A number; zero has every dimension, others are pure.
+    /// A number. Zero has every dimension, and other numbers are pure.
     fn constant(&mut self, value: f64) -> Id {
         let value = value + 0.0; // no minus nought
         let dimension = (value != 0.0).then_some(Dimension::NONE);
@@ -254,8 +254,8 @@ impl Graph {
         self.make(Operation::Fused(a, b, c), self.multiplied(a, b).or(self.dimension(c)), range)
     }
 
-    /// c + (x - c) w and x w + c (1 - w), with 0 <= w <= 1, lie between c and x: of the levels of a Stribeck
-    /// curve, say. Intervals alone do not see it, as they forget that both c are the same.
+    /// c + (x - c) w and x w + c (1 - w), with 0 <= w <= 1, are between c and x. An example is the level of a Stribeck
+    /// curve. Interval arithmetic does not find this, because it forgets that both c are equal.
     fn blend(&self, a: Id, b: Id, c: Id) -> Option<Range> {
         let weight = |w: Id| self.at(w).range.within(0.0, 1.0);
         let one_less = |id: Id, w: Id| match self.at(id).operation {

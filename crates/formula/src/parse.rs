@@ -1,9 +1,9 @@
 use crate::problem::{Place, Problem};
 use crate::token::{Token, tokens};
 
-/// The longest formula, in characters.
+/// Largest length of a formula, in characters.
 pub const MOST_CHARACTERS: usize = 4000;
-/// The deepest nesting of parentheses, signs and powers.
+/// Deepest nesting of parentheses, signs and powers.
 const DEEPEST: usize = 60;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -58,7 +58,7 @@ struct Parser {
     end: Place,
 }
 
-/// Signs that bind two sides from left to right, the weakest first. `not` stands before level 2.
+/// Signs that bind two sides from left to right, the weakest first. `not` is placed before level 2.
 const LEVELS: [&[&str]; 5] = [&["or"], &["and"], &["<=", ">=", "<", ">"], &["+", "-"], &["*", "/"]];
 const COMPARISON: usize = 2;
 
@@ -67,7 +67,7 @@ impl Parser {
         self.tokens.get(self.at).map_or(self.end, |(_, place)| *place)
     }
 
-    /// Takes the next token where it is `sign`.
+    /// Takes the next token if it is `sign`.
     fn takes(&mut self, sign: &'static str) -> bool {
         let is = match self.tokens.get(self.at) {
             Some((Token::Sign(found), _)) => *found == sign,

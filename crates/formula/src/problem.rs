@@ -5,7 +5,7 @@ use std::fmt;
 pub struct Place {
     /// First byte.
     pub start: usize,
-    /// Byte behind the last one.
+    /// Byte after the last one.
     pub end: usize,
 }
 
@@ -15,10 +15,10 @@ impl Place {
     }
 }
 
-/// Why a formula is refused.
+/// Reason for the rejection of a formula.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
-    /// The fault.
+    /// The error.
     pub what: String,
     /// Its place in the formula.
     pub place: Option<Place>,
@@ -27,17 +27,18 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// A fault at a place, and its remedy.
+    /// Returns an error at a place, and its remedy.
     pub fn new(what: impl Into<String>, place: Place, remedy: impl Into<String>) -> Self {
         Problem { what: what.into(), place: Some(place), remedy: remedy.into() }
     }
 
-    /// Of a formula as a whole.
+    /// Returns an error that concerns the whole formula.
     pub fn of_all(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Problem { what: what.into(), place: None, remedy: remedy.into() }
     }
 
-    /// Line of the formula (from 1), column (from 1), that line's text, and a caret under the place.
+    /// Returns the line of the formula (from 1), the column (from 1), the text of that line, and a caret under the
+    /// place.
     pub fn shown(&self, formula: &str) -> Option<(usize, usize, String, String)> {
         let place = self.place?;
         let before: Vec<char> = formula.chars().take(place.start).collect();
@@ -55,7 +56,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// The most similar name, and all known names.
+/// Returns the most similar name, and all known names.
 pub fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
     let mut known: Vec<&str> = known.collect();
     known.sort_unstable();
@@ -67,7 +68,7 @@ pub fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
     format!("{guess}Known: {}.", known.join(", "))
 }
 
-/// Letters to insert, leave out or change.
+/// Returns the number of letters to insert, omit or change.
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

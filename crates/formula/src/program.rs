@@ -2,18 +2,18 @@ use crate::graph::{Graph, Id, Operation};
 use crate::problem::Problem;
 use math::Real;
 
-/// The most values that an evaluation keeps at once.
+/// Largest number of values that an evaluation keeps at once.
 pub const MOST_REGISTERS: usize = 256;
 
-/// Operations on numbered registers. The first registers hold constants, then come the inputs that are
-/// used; what follows is taken again as soon as a value is no longer needed.
+/// Operations on numbered registers. The first registers hold constants, followed by the used inputs. A later register
+/// is reused as soon as its value is no longer needed.
 #[derive(Clone, Debug)]
 pub struct Program {
     steps: Vec<Step>,
     registers: usize,
-    /// Which nodes of the graph the first registers hold.
+    /// Nodes of the graph in the first registers.
     constants: Vec<usize>,
-    /// Which inputs the next registers hold.
+    /// Inputs in the next registers.
     inputs: Vec<usize>,
     outputs: Vec<u8>,
 }
@@ -48,7 +48,7 @@ enum Code {
 }
 
 impl Code {
-    /// None for what is there before the program runs.
+    /// `None` for values that exist before the program runs.
     fn of(operation: &Operation) -> Option<Code> {
         Some(match operation {
             Operation::Number(_) | Operation::Parameter(_) | Operation::Input(_) => return None,
@@ -145,22 +145,22 @@ impl Program {
         Ok(Program { steps: steps.collect(), registers: next, constants, inputs, outputs })
     }
 
-    /// Number of operations.
+    /// Returns the number of operations.
     pub fn len(&self) -> usize {
         self.steps.len()
     }
 
-    /// Whether there is nothing to run.
+    /// Returns whether the program is empty.
     pub fn is_empty(&self) -> bool {
         self.steps.is_empty()
     }
 
-    /// The constants that this program takes, from all of [`Graph::constants`].
+    /// Returns the constants of this program, from all of [`Graph::constants`].
     pub fn own<P: Real>(&self, constants: &[P]) -> Vec<P> {
         self.constants.iter().map(|id| constants[*id]).collect()
     }
 
-    /// Runs with its own constants, lifted by `lift`, and the inputs; writes the outputs.
+    /// Runs with its constants, lifted by `lift`, and the inputs. Writes the outputs.
     #[inline]
     pub fn run<P: Real, S: Real>(
         &self,

@@ -1,7 +1,7 @@
-/// The values that a quantity can have: an interval with open or closed ends.
+/// Possible values of a quantity: an interval with open or closed ends.
 ///
-/// It encloses the values for every parameter within its bounds and every state and velocity; that each
-/// of them is reached is not claimed. Infinite ends never belong to it.
+/// It contains the values for every parameter within its bounds and every state and velocity. It may contain other
+/// values too. Infinite ends are never included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     low: End,
@@ -11,7 +11,7 @@ pub struct Range {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct End {
     at: f64,
-    /// The end itself is a value.
+    /// Whether the end itself is a value.
     reached: bool,
 }
 
@@ -36,7 +36,7 @@ impl Range {
         high: End { at: f64::INFINITY, reached: false },
     };
 
-    /// From `low` to `high`; whether each end belongs to it.
+    /// Creates a range from `low` to `high`, with each end included or not.
     pub fn new(low: f64, high: f64, reached: [bool; 2]) -> Self {
         Range { low: End::new(low, reached[0]), high: End::new(high, reached[1]) }
     }
@@ -64,7 +64,7 @@ impl Range {
         self.low.at >= low && self.high.at <= high
     }
 
-    /// The least range that holds both.
+    /// Returns the smallest range that contains both.
     pub(crate) fn or(self, other: Self) -> Self {
         Range { low: least(&[self.low, other.low]), high: greatest(&[self.high, other.high]) }
     }
@@ -92,13 +92,13 @@ impl Range {
         Range { low: least(&ends), high: greatest(&ends) }
     }
 
-    /// x x.
+    /// Returns the range of x x.
     pub(crate) fn squared(self) -> Self {
         let size = self.size();
         size.times(size)
     }
 
-    /// 1/x of a range that does not contain zero.
+    /// Returns the range of 1/x for a range without zero.
     pub(crate) fn inverse(self) -> Self {
         let one_over = |end: End, sign: f64| match end.at {
             0.0 => End::new(sign * f64::INFINITY, false),
@@ -128,12 +128,12 @@ impl Range {
         self.negative().min(other.negative()).negative()
     }
 
-    /// A function that grows with its argument.
+    /// Returns the range of an increasing function.
     pub(crate) fn through(self, f: impl Fn(f64) -> f64) -> Self {
         Range { low: self.low.map(&f), high: self.high.map(&f) }
     }
 
-    /// One that rounds to its limits, which are reached then.
+    /// Returns the range of a function that can round to its limits, which are then included.
     pub(crate) fn saturating(self, f: impl Fn(f64) -> f64, low: f64, high: f64) -> Self {
         let end = |end: End| if end.at == low || end.at == high { End::new(end.at, true) } else { end };
         let own = self.through(f);
@@ -153,7 +153,7 @@ impl Range {
 }
 
 fn product(a: End, b: End) -> End {
-    // Zero that is reached stays zero whatever it is multiplied with; zero times infinite is a limit.
+    // An included zero stays zero in every product. Zero times infinity is a limit.
     if a.at == 0.0 || b.at == 0.0 {
         let reached = (a.at == 0.0 && a.reached) || (b.at == 0.0 && b.reached);
         return End::new(0.0, reached);
@@ -172,7 +172,7 @@ fn greatest(ends: &[End]) -> End {
     End::new(at, ends.iter().any(|end| end.at == at && end.reached))
 }
 
-/// The lower of two upper ends.
+/// Returns the lower of two upper ends.
 fn lower_of(a: End, b: End) -> End {
     match a.at.total_cmp(&b.at) {
         std::cmp::Ordering::Less => a,

@@ -10,7 +10,7 @@ pub(crate) enum Token {
 
 const SIGNS: [&str; 13] = ["<=", ">=", "**", "+", "-", "*", "/", "^", "(", ")", ",", "<", ">"];
 
-/// The tokens of a formula with their places.
+/// Returns the tokens of a formula with their places.
 pub(crate) fn tokens(formula: &str) -> Result<Vec<(Token, Place)>, Problem> {
     let text: Vec<char> = formula.chars().collect();
     let mut out = Vec::new();
@@ -61,7 +61,7 @@ fn foreign(c: char, place: Place) -> Problem {
     Problem::new(format!("the character '{c}' has no meaning here"), place, remedy)
 }
 
-/// Where a number that begins at `at` ends; a letter that follows it counts as a part of it.
+/// Returns the end of a number that begins at `at`. A letter after the number counts as part of it.
 fn number_end(text: &[char], mut at: usize) -> usize {
     while at < text.len() {
         let exponent_sign = matches!(text[at], '+' | '-') && matches!(text[at - 1], 'e' | 'E');

@@ -1,9 +1,9 @@
-//! Two numbers side by side: what the two sides of a piston have in common is computed once.
+//! Two numbers side by side. Computations that both sides of a piston share are done once.
 
 use crate::real::Real;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// Two numbers. Every operation is that of each of them, so the bits agree; over `f64` the compiler makes one vector
+/// Two numbers. Every operation acts on each number, so the bits agree. Over `f64`, the compiler makes one vector
 /// instruction of both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(16))]

@@ -1,24 +1,24 @@
-//! Sparsity from the type: a "number" that only remembers which states it depends on.
+//! Sparsity from the type: a "number" that only records the states it depends on.
 
 use crate::dual::Dual;
 use crate::real::{Over, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// A set of some of the states. Run once through a right-hand side it gives their columns of the Jacobian's pattern; both
-/// sides of a `select` count, so that the pattern holds for every value and mode.
+/// A set of some of the states. One run of a right-hand side with such sets gives the columns of the Jacobian's
+/// pattern. Both sides of a `select` count, so that the pattern holds for every value and mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Deps(u64);
 
 impl Deps {
-    /// The largest number of states that a set can hold: a pattern of more takes several runs.
+    /// Largest number of states in a set. A pattern of more states takes several runs.
     pub const CAPACITY: usize = 64;
 
-    /// The set `{i}`; that of none if `i >= CAPACITY`.
+    /// Returns the set `{i}`, or the empty set if `i >= CAPACITY`.
     pub fn of(i: usize) -> Self {
         Deps(u32::try_from(i).ok().and_then(|i| 1_u64.checked_shl(i)).unwrap_or(0))
     }
 
-    /// Whether variable `i` is in the set.
+    /// Returns whether variable `i` is in the set.
     pub fn contains(&self, i: usize) -> bool {
         self.0 >> i & 1 == 1
     }
@@ -44,7 +44,7 @@ macro_rules! union_operator {
     ($($trait:ident $method:ident),*) => {$(
         impl $trait for Deps {
             type Output = Self;
-            // The set of a product is the union: the operator of the trait does not matter here.
+            // The set of a product is the union: the operator has no influence here.
             #[allow(clippy::suspicious_arithmetic_impl)]
             fn $method(self, other: Self) -> Self {
                 self.union(other)

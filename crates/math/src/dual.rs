@@ -3,8 +3,8 @@
 use crate::real::{Function, Lane, Over, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// `re + sum_i eps[i] e_i` with `e_i e_j = 0`: a value with `N` directional derivatives, over any
-/// `Real`, so that lanes have derivatives and derivatives have lanes.
+/// `re + sum_i eps[i] e_i` with `e_i e_j = 0`: a value with `N` directional derivatives. It works over any `Real`, so
+/// that lanes can have derivatives and derivatives can have lanes.
 #[derive(Clone, Copy, Debug)]
 pub struct Dual<R, const N: usize> {
     /// The value.
@@ -13,7 +13,8 @@ pub struct Dual<R, const N: usize> {
     pub eps: [R; N],
 }
 
-/// Carries out an operation over `R`, out of line where that is [large](Real::LARGE). Not even a closure is left elsewhere.
+/// Runs an operation over `R`, out of line if `R` is [large](Real::LARGE). Not even a closure is compiled at another
+/// place.
 macro_rules! once {
     ($operation:expr) => {
         if R::LARGE { R::once(|| $operation) } else { $operation }
@@ -21,8 +22,7 @@ macro_rules! once {
 }
 
 impl<R: Real, const N: usize> Dual<R, N> {
-    /// This value with derivatives made from those of `self`, in its place: numbers of derivatives of
-    /// derivatives are large.
+    /// Replaces the derivatives of this value in place, because numbers with second derivatives are large.
     #[inline(always)]
     fn with(mut self, re: R, f: impl Fn(usize, R) -> R) -> Self {
         self.re = re;
@@ -32,7 +32,7 @@ impl<R: Real, const N: usize> Dual<R, N> {
         self
     }
 
-    /// The independent variable of direction `i`.
+    /// Returns the independent variable of direction `i`.
     #[inline(always)]
     pub fn variable(re: R, i: usize) -> Self {
         let mut eps = [R::zero(); N];
@@ -40,7 +40,7 @@ impl<R: Real, const N: usize> Dual<R, N> {
         Dual { re, eps }
     }
 
-    /// `f` with value `re` and derivative `slope` with respect to `self`.
+    /// Returns `f` with value `re` and derivative `slope` with respect to `self`.
     #[inline(always)]
     fn chain(self, re: R, slope: R) -> Self {
         once!(self.with(re, |_, eps| eps * slope))
@@ -124,7 +124,7 @@ impl<R: Real, const N: usize> Real for Dual<R, N> {
 
     const GENERAL: bool = N == OF_ANY_KIND;
     const LARGE: bool = N > 1;
-    /// Derivatives of derivatives: in line, a right-hand side would not fit the processor's caches.
+    /// Second derivatives: inlined, a right-hand side would exceed the processor's caches.
     #[inline(never)]
     fn once<T>(operation: impl FnOnce() -> T) -> T {
         operation()
@@ -211,10 +211,10 @@ impl<R: Real, const N: usize> Over<R> for Dual<R, N> {
     }
 }
 
-/// Numbers of so many derivatives serve systems of any kind.
+/// Numbers with this many derivatives serve systems of any kind.
 const OF_ANY_KIND: usize = 8;
 
-/// Step control and events look at the value alone.
+/// Step control and events use only the value.
 impl<const N: usize> Lane for Dual<f64, N> {
     type Plain = f64;
     const L: usize = 1;

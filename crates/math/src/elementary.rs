@@ -1,41 +1,40 @@
 //! Elementary functions on `f64`: the same bits on every machine, and vectorisable by the compiler.
 //!
-//! The libm of an operating system differs from the next one in the last bits, and a call into it
-//! cannot be vectorised. The functions here use only operations that IEEE 754 rounds correctly
-//! (+, -, *, /, fused multiply-add) and integer operations on the bits, in a fixed order; a choice
-//! is a select on values, never a jump. So a loop over an array becomes vector code with the
-//! scalar's bits. Only the sign and payload of a NaN are left to the machine.
+//! The libm functions of operating systems differ in the last bits, and a call into them cannot be vectorised. The
+//! functions here use only operations that IEEE 754 rounds correctly (+, -, *, /, fused multiply-add) and integer
+//! operations on the bits. Their order is fixed. A choice is a select on values, never a jump. A loop over an array
+//! therefore becomes vector code with the scalar's bits. Only the sign and payload of a NaN depend on the machine.
 //!
-//! Conventions of this file
+//! Conventions of this file:
 //!
-//!   ulp      distance between the two doubles around the exact result
-//!   hi, lo   an unevaluated sum: hi is the rounded value, lo what the rounding lost
-//!   k        the integer taken out by a range reduction, as a double
+//! * `ulp`: distance between the two doubles around the exact result.
+//! * `hi`, `lo`: an unevaluated sum of the rounded value and its rounding error.
+//! * `k`: the integer removed by a range reduction, as a double.
 //!
-//! The polynomials are minimax fits of this project (Remez exchange in 60-digit arithmetic, fitted
-//! with the leading terms fixed, coefficients then rounded to double); each doc block states the
-//! interval and the error of the fit. Errors "measured" are bounds, rounded up, on 20 million
-//! arguments against 113-bit arithmetic. The methods are range reduction and error-free transforms.
+//! The polynomials are minimax fits of this project: a Remez exchange in 60-digit arithmetic with fixed leading terms,
+//! and coefficients rounded to double afterwards. Each doc block states the interval and the error of the fit. Errors
+//! "measured" are bounds, rounded up, on 20 million arguments against 113-bit arithmetic. The methods are range
+//! reduction and error-free transforms.
 
 use crate::real::Real;
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, LN_2, LOG2_E};
 
-/// Adding 1.5 * 2^52 leaves no bits for a fraction: the sum is rounded to an integer, which then
-/// stands in the lowest bits of the sum. Holds for |x| < 2^51.
+/// Adding 1.5 * 2^52 leaves no bits for a fraction. The sum is rounded to an integer, which is then in the lowest bits
+/// of the sum. Holds for |x| < 2^51.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
-/// 2^52: or-ing an integer < 2^52 into its bits makes 2^52 + that integer. So an integer becomes a
-/// double in vector code too, where AVX2 has no instruction for it.
+/// 2^52: or-ing an integer < 2^52 into its bits makes 2^52 + that integer. This converts an integer to a double in
+/// vector code too, for which AVX2 has no instruction.
 const TWO_52: f64 = 4_503_599_627_370_496.0;
 const TWO_54: f64 = 18_014_398_509_481_984.0;
 const FRACTION_BITS: u32 = 52;
 const FRACTION_MASK: u64 = (1 << FRACTION_BITS) - 1;
 const EXPONENT_BIAS: u64 = 1023;
 const SIGN_MASK: u64 = 1 << 63;
-/// 2^32 rad: up to here the reduction is verified; beyond it `sin` and `cos` give NaN, as an angle
-/// that large is a mistake.
+/// 2^32 rad: the reduction is verified up to this value. Beyond it, `sin` and `cos` return NaN, because an angle of
+/// this size is a mistake.
 const ANGLE_LIMIT: f64 = 4_294_967_296.0;
 
-/// Numbers whose bits are at hand: one double, or a register of them.
+/// Numbers with accessible bits: one double, or a register of them.
 pub trait Bits: Real {
     /// The bits of each as an integer.
     type Word: Copy;
@@ -125,8 +124,8 @@ fn exp_series<T: Bits>(r: T) -> T {
 /// exp(x + lo), |lo| <= ulp(x): the one body of `exp` and `pow`.
 #[inline(always)]
 fn exp_sum<T: Bits>(x: T, lo: T) -> T {
-    // Beyond these bounds the result is inf and 0 anyway; inside them k fits two exponents.
-    // Written so that a NaN fails the comparison and stays.
+    // Beyond these bounds the result is inf or 0 in any case. Inside them, k fits two exponents. The comparison is
+    // written so that a NaN fails it and stays.
     let x = T::select(T::c(710.0).lt(x), T::c(710.0), x);
     let x = T::select(x.lt(T::c(-746.0)), T::c(-746.0), x);
     let (r, r_lo, twice_bias) = reduce_exponent(x, lo);
@@ -139,12 +138,12 @@ fn exp_sum<T: Bits>(x: T, lo: T) -> T {
 
 /// exp(x).
 ///
-///   exp(x) = 2^k exp(r),  k = round(x / ln 2),  r = x - k ln 2 in two doubles
+///   `exp(x) = 2^k exp(r),  k = round(x / ln 2),  r = x - k ln 2 in two doubles`
 ///   exp(r) = 1 + r + r^2 q(r), the sum 1 + r kept exactly until the last addition
 ///
-/// Range: all doubles. exp(0) = 1 exactly; > 709.7827 gives inf; the result is subnormal below
-/// -708.4 (gradual underflow is kept) and 0 below -745.14; NaN gives NaN.
-/// Error: 0.65 ulp measured; a subnormal result is rounded twice, 0.9 ulp.
+/// Range: all doubles. exp(0) = 1 exactly. The result is inf above 709.7827, subnormal below -708.4 (gradual
+/// underflow), 0 below -745.14, and NaN for NaN. Error: 0.65 ulp measured; a subnormal result is rounded twice, 0.9
+/// ulp.
 #[inline(always)]
 pub fn exp<T: Bits>(x: T) -> T {
     exp_sum(x, T::zero())
@@ -174,12 +173,12 @@ fn ln_limits(x: f64, finite: f64) -> f64 {
 
 /// ln(x).
 ///
-///   x = 2^k (1 + f),  s = f / (2 + f),  z = s^2
-///   ln(1 + f) = 2 artanh(s) = f - f^2/2 + s (f^2/2 + z R(z)),  z <= 0.0295
-///   ln(x) = k ln 2 + ln(1 + f), the sum of k ln 2 (high part) and f kept exactly
+///   `x = 2^k (1 + f),  s = f / (2 + f),  z = s^2`
+///   `ln(1 + f) = 2 artanh(s) = f - f^2/2 + s (f^2/2 + z R(z)),  z <= 0.0295`
+///   `ln(x) = k ln 2 + ln(1 + f), the sum of k ln 2 (high part) and f kept exactly`
 ///
-/// Range: all positive doubles, subnormal ones included; ln(1) = 0 exactly, ln(0) = ln(-0) = -inf,
-/// ln(inf) = inf, x < 0 and NaN give NaN. Fit of R: 2^-59.5 of ln(1 + f).
+/// Range: all positive doubles, including subnormal ones. ln(1) = 0 exactly, ln(0) = ln(-0) = -inf, and
+/// ln(inf) = inf. Negative x and NaN give NaN. Fit of R: 2^-59.5 of ln(1 + f).
 /// Error: 0.85 ulp measured.
 #[inline(always)]
 pub fn ln(x: f64) -> f64 {
@@ -199,9 +198,9 @@ pub fn ln(x: f64) -> f64 {
     ln_limits(x, hi + (lo + (small - half_square)))
 }
 
-/// ln(x) as hi + lo, relative error 2^-63.9, for finite x > 0; beyond that hi as of `ln`.
+/// ln(x) as hi + lo, relative error 2^-63.9, for finite x > 0. For other x, hi is that of `ln`.
 ///
-///   ln(1 + f) = 2 s + s z (2/3 + z R(z)),  with s, z, the bracket and the products in two doubles
+///   `ln(1 + f) = 2 s + s z (2/3 + z R(z)),  with s, z, the bracket and the products in two doubles`
 #[inline(always)]
 fn ln_two(x: f64) -> (f64, f64) {
     const TWO_THIRDS: f64 = 2.0 / 3.0;
@@ -240,11 +239,11 @@ fn ln_series(z: f64) -> f64 {
 
 /// x to the power y, for x >= 0.
 ///
-///   pow(x, y) = exp(y ln x), with ln x and the product in two doubles
+///   `pow(x, y) = exp(y ln x), with ln x and the product in two doubles`
 ///
-/// Range: x >= 0 and all y. pow(x, 0) = 1 and pow(1, y) = 1 for every x and y, NaN included (as
-/// IEEE 754 has it); pow(x, 1) = x; pow(0, y > 0) = 0, pow(0, y < 0) = inf; x < 0 gives NaN, for
-/// integer y too: laws that need a signed power write |x|^y and the sign. Overflow to inf and
+/// Range: x >= 0 and all y. pow(x, 0) = 1 and pow(1, y) = 1 for every x and y, including NaN, as in IEEE 754. pow(x, 1)
+/// = x. pow(0, y > 0) = 0 and pow(0, y < 0) = inf. x < 0 gives NaN, even for integer y: laws with a signed power write
+/// |x|^y and the sign. Overflow to inf and
 /// gradual underflow as in `exp`.
 /// Error: 0.75 ulp measured.
 #[inline(always)]
@@ -252,7 +251,7 @@ pub fn pow(x: f64, y: f64) -> f64 {
     let (l, l_lo) = ln_two(x);
     let (p, p_rounding) = two_product(y, l);
     let p_lo = y.mul_add(l_lo, p_rounding);
-    // Beyond the range of exp the low part is no number any more (inf - inf).
+    // Beyond the range of exp, the low part is NaN (inf - inf).
     let p_lo = if p.abs() < 800.0 { p_lo } else { 0.0 };
     let power = exp_sum(p, p_lo);
     if (y == 0.0) | (x == 1.0) { 1.0 } else { power }
@@ -261,9 +260,9 @@ pub fn pow(x: f64, y: f64) -> f64 {
 /// |x| = k pi/2 + r + r_lo for |x| < ANGLE_LIMIT.
 /// Returns (r, r_lo, bits whose lowest two are k mod 4).
 ///
-/// pi/2 in three doubles (161 bits). |x| - k FRAC_PI_2 is exact in one fused multiply-add, as both
-/// terms are multiples of 2^-53 and the difference is below 1; the second product is split
-/// exactly, so that a difference that cancels keeps its digits.
+/// The constant is pi/2 in three doubles (161 bits). The difference |x| - k FRAC_PI_2 is exact in one fused multiply-add, because both terms are
+/// multiples of 2^-53 and the difference is below 1. The second product is split exactly, so that a difference with
+/// cancellation keeps its digits.
 #[inline(always)]
 fn reduce_angle(magnitude: f64) -> (f64, f64, u64) {
     const FRAC_PI_2_MID: f64 = 6.123_233_995_736_766e-17;
@@ -277,8 +276,8 @@ fn reduce_angle(magnitude: f64) -> (f64, f64, u64) {
 
 /// sin(r + r_lo) and cos(r + r_lo) for |r| <= pi/4.
 ///
-///   sin r = r + r z S(z),  cos r = 1 - z/2 + z^2 C(z),  z = r^2
-///   sin(r + r_lo) = sin r + r_lo cos r,  cos(r + r_lo) = cos r - r_lo r
+///   `sin r = r + r z S(z),  cos r = 1 - z/2 + z^2 C(z),  z = r^2`
+///   `sin(r + r_lo) = sin r + r_lo cos r,  cos(r + r_lo) = cos r - r_lo r`
 ///
 /// Fits: S 2^-58 of sin r, C 2^-64. 1 - z/2 is kept exactly until the last addition.
 #[inline(always)]
@@ -316,7 +315,7 @@ fn sin_turned(magnitude: f64, quarter_turns: u64) -> f64 {
 
 /// sin(x), x in rad.
 ///
-///   |x| = k pi/2 + r,  sin |x| = +-sin r for even k, +-cos r for odd k,  sin(-x) = -sin(x)
+///   `|x| = k pi/2 + r,  sin |x| = +-sin r for even k, +-cos r for odd k,  sin(-x) = -sin(x)`
 ///
 /// Range: |x| < 2^32; beyond it, at inf and NaN the result is NaN. sin(-0) = -0.
 /// Error: 0.81 ulp measured over the whole range, multiples of pi/2 included.
@@ -337,14 +336,14 @@ pub fn cos(x: f64) -> f64 {
 
 /// tanh(x).
 ///
-///   E = exp(2 |x|) - 1 = (2^k - 1) + 2^k (r + r^2 q(r))
-///   tanh |x| = E / (E + 2) = Q,  and 1 - 2 / (E + 2) where E > 16
+///   `E = exp(2 |x|) - 1 = (2^k - 1) + 2^k (r + r^2 q(r))`
+///   `tanh |x| = E / (E + 2) = Q,  and 1 - 2 / (E + 2) where E > 16`
 ///
-/// No cancellation at small x, where k = 0. What rounding took from E, E + 2 and the quotient is
-/// put back to first order, with 1 / (E + 2) = (1 - Q) / 2; the second form does not need that.
+/// No cancellation at small x, where k = 0. The rounding errors of E, E + 2 and the quotient are corrected to first
+/// order, with 1 / (E + 2) = (1 - Q) / 2. The second form does not need this.
 ///
-/// Range: all doubles; odd bit for bit, tanh(-0) = -0; exactly +-1 from |x| = 19.07; NaN gives NaN.
-/// Error: 0.97 ulp measured.
+/// Range: all doubles. The function is odd bit for bit, with tanh(-0) = -0. It is exactly +-1 from |x| = 19.07. NaN
+/// gives NaN. Error: 0.97 ulp measured.
 #[inline(always)]
 pub fn tanh(x: f64) -> f64 {
     let magnitude = x.abs();

@@ -22,13 +22,13 @@ pub use real::{Function, Lane, Over, Real, Task, Work, field, power};
 #[cfg(target_feature = "avx2")]
 pub use registers::{V4, has_eight, with_eight};
 
-/// Whether this processor has registers of eight numbers: not one that the build knows of.
+/// Returns whether this processor has registers of eight numbers. The build does not know this.
 #[cfg(not(target_feature = "avx2"))]
 pub fn has_eight() -> bool {
     false
 }
 
-/// Carries out a task on eight numbers at once: see [`has_eight`].
+/// Runs a task on eight numbers at once: see [`has_eight`].
 #[cfg(not(target_feature = "avx2"))]
 pub fn with_eight<T: Task>(_task: T) -> T::Out {
     panic!("this processor has no registers of eight numbers")

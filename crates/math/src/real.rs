@@ -6,9 +6,8 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A number of a physical law: value, dual number, set of lanes, or set of dependencies.
 ///
-/// There is no `if` on a `Real`: [`Real::select`] takes both sides, which must be finite wherever
-/// the other side is chosen, as a derivative of the side not taken is multiplied by nothing but
-/// still computed.
+/// A `Real` cannot be a condition of `if`. [`Real::select`] evaluates both sides, and both must be finite, because the
+/// derivatives of the side not taken are also computed.
 pub trait Real:
     Copy
     + Debug
@@ -24,74 +23,75 @@ pub trait Real:
     + SubAssign
     + MulAssign
 {
-    /// The truth values of a comparison, one for each lane.
+    /// Truth values of a comparison, one for each lane.
     type Mask: Copy;
 
-    /// Whether systems of any kind run on it; else those alone that bring their Jacobian: nothing is compiled for others.
+    /// Whether systems of any kind use it. Otherwise only systems with their own Jacobian do, and nothing is compiled
+    /// for others.
     const GENERAL: bool = true;
 
-    /// Whether operations of dual numbers over this type are large, and so carried out of line.
+    /// Whether operations of dual numbers over this type are large and therefore out of line.
     const LARGE: bool = false;
 
-    /// Carries out an operation of a dual number over this type; out of line where such numbers are large.
+    /// Runs an operation of a dual number over this type, out of line if such numbers are large.
     #[inline(always)]
     fn once<T>(operation: impl FnOnce() -> T) -> T {
         operation()
     }
-    /// The constant `x`.
+    /// Returns the constant `x`.
     fn c(x: f64) -> Self;
-    /// `self * a + b`, rounded once (in the value; a derivative is rounded as it comes).
+    /// Returns `self * a + b`, rounded once in the value. Derivatives are rounded normally.
     fn fma(self, a: Self, b: Self) -> Self;
-    /// Square root.
+    /// Returns the square root.
     fn sqrt(self) -> Self;
-    /// e to the power of this.
+    /// Returns e to the power of this.
     fn exp(self) -> Self;
-    /// Natural logarithm.
+    /// Returns the natural logarithm.
     fn ln(self) -> Self;
-    /// `self^exponent` for `self > 0`.
+    /// Returns `self^exponent` for `self > 0`.
     fn pow(self, exponent: Self) -> Self;
-    /// Sine of an angle in rad.
+    /// Returns the sine of an angle in rad.
     fn sin(self) -> Self;
-    /// Cosine of an angle in rad.
+    /// Returns the cosine of an angle in rad.
     fn cos(self) -> Self;
-    /// Hyperbolic tangent.
+    /// Returns the hyperbolic tangent.
     fn tanh(self) -> Self;
-    /// Where this is less than the other.
+    /// Returns the mask in which this is less than the other.
     fn lt(self, other: Self) -> Self::Mask;
-    /// `self * a + b` with a constant `a`.
+    /// Returns `self * a + b` with a constant `a`.
     #[inline(always)]
     fn fma_c(self, a: f64, b: Self) -> Self {
         self.fma(Self::c(a), b)
     }
-    /// `a` where `mask` holds, else `b`.
+    /// Returns `a` if `mask` holds, else `b`.
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
-    /// The same value; its derivatives are those of `x` by a slope.
+    /// Returns the same value with the derivatives of `x` times a slope.
     #[inline(always)]
     fn sloped(self, _x: Self, _slope: impl FnOnce() -> Self) -> Self {
         self
     }
 
-    /// 0.
+    /// Returns 0.
     #[inline(always)]
     fn zero() -> Self {
         Self::c(0.0)
     }
-    /// 1.
+    /// Returns 1.
     #[inline(always)]
     fn one() -> Self {
         Self::c(1.0)
     }
-    /// Absolute value.
+    /// Returns the absolute value.
     #[inline(always)]
     fn abs(self) -> Self {
         Self::select(self.lt(Self::zero()), -self, self)
     }
-    /// The lesser of both; this one where they are equal.
+    /// Returns the lesser of both, or this one if they are equal.
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         Self::select(other.lt(self), other, self)
     }
-    /// The greater of both; this one where they are equal.
+    /// Returns the greater of both, or this one if they are equal.
     #[inline(always)]
     fn max(self, other: Self) -> Self {
         Self::select(self.lt(other), other, self)
@@ -100,19 +100,20 @@ pub trait Real:
 
 /// States over parameters: `S: Over<P>` can hold every `P` as a constant and branches on the same lanes.
 pub trait Over<P: Real>: Real<Mask = P::Mask> + From<P> {
-    /// `self * a`: the derivatives of a parameter by a state are zero, and are not multiplied.
+    /// Returns `self * a`. The derivatives of a parameter by a state are zero and are not multiplied.
     #[inline(always)]
     fn times(self, a: P) -> Self {
         self * Self::from(a)
     }
 
-    /// `self * a + b`, rounded once in the value.
+    /// Returns `self * a + b`, rounded once in the value.
     #[inline(always)]
     fn times_plus(self, a: P, b: Self) -> Self {
         self.fma(Self::from(a), b)
     }
 
-    /// A function of few numbers. Its derivatives by these are found first where there are more directions than numbers.
+    /// A function of a small number of arguments. Its derivatives by these are computed first if there are more
+    /// directions than arguments.
     #[inline(always)]
     fn composed<const K: usize>(f: &impl Function<P, K>, x: [Self; K]) -> Self {
         f.at(x)
@@ -123,93 +124,93 @@ impl<P: Real> Over<P> for P {}
 
 /// A function of K numbers of any kind.
 pub trait Function<P: Real, const K: usize> {
-    /// Its value at `x`.
+    /// Returns its value at `x`.
     fn at<S: Over<P>>(&self, x: [S; K]) -> S;
 }
 
-/// A piece of work on numbers of one type. Its method must be in line always, with all that it calls often.
+/// A piece of work on numbers of one type. Its method must be inlined, with every function that it calls often.
 pub trait Work {
-    /// What comes of it.
+    /// Result of the work.
     type Out;
-    /// Does it.
+    /// Does the work.
     fn work(self) -> Self::Out;
 }
 
-/// A task that any numbers side by side serve.
+/// A task that works for any numbers side by side.
 pub trait Task {
-    /// What comes of it.
+    /// Result of the task.
     type Out;
-    /// Carries it out.
+    /// Runs the task.
     fn run<R: Lane<Plain = R>>(self) -> Self::Out;
 }
 
-/// A number made of `L` independent `f64` lanes, or of one `f64` and its derivatives; used by step control
-/// and loading only.
+/// A number made of `L` independent `f64` lanes, or of one `f64` and its derivatives. Only step control and loading use
+/// it.
 pub trait Lane: Real + From<Self::Plain> {
     /// The number without its derivatives.
     type Plain: Lane<Mask = Self::Mask, Plain = Self::Plain>;
-    /// How many lanes.
+    /// Number of lanes.
     const L: usize;
-    /// How many derivatives the number carries.
+    /// Number of derivatives.
     const DIRECTIONS: usize = 0;
 
-    /// Does work where the compiler may use all instructions that these numbers are made for.
+    /// Does work with all instructions that these numbers are made for.
     #[inline(always)]
     fn within<W: Work>(work: W) -> W::Out {
         work.work()
     }
 
-    /// The number in a lane.
+    /// Returns the number in a lane.
     fn get(&self, lane: usize) -> f64;
     /// Sets one lane to a constant.
     fn put(&mut self, lane: usize, value: f64);
 
-    /// The value without derivatives.
+    /// Returns the value without derivatives.
     fn plain(&self) -> Self::Plain;
 
-    /// The same derivatives with another value.
+    /// Returns the same derivatives with another value.
     #[inline(always)]
     fn with_value(self, value: Self::Plain) -> Self {
         Self::from(value)
     }
 
-    /// `self * a`.
+    /// Returns `self * a`.
     #[inline(always)]
     fn scale(self, a: Self::Plain) -> Self {
         self * Self::from(a)
     }
 
-    /// `self * a + b`.
+    /// Returns `self * a + b`.
     #[inline(always)]
     fn fma_plain(self, a: Self::Plain, b: Self) -> Self {
         self.fma(Self::from(a), b)
     }
 
-    /// Where a mask holds: bit `i` of lane `i`.
+    /// Returns a mask as bits: bit `i` is lane `i`.
     fn mask_bits(mask: Self::Mask) -> u64;
 
-    /// The mask that holds in these lanes.
+    /// Returns the mask that holds in these lanes.
     fn mask_of(bits: u64) -> Self::Mask;
 
-    /// Takes one lane over as it is, derivatives included.
+    /// Copies one lane unchanged, including derivatives.
     #[inline(always)]
     fn take(&mut self, lane: usize, from: &Self) {
         self.put(lane, from.get(lane));
     }
 
-    /// The value (part 0) or the derivative in direction `part - 1`, of a number of one lane.
+    /// Returns the value (part 0) or the derivative in direction `part - 1`, of a number of one lane.
     #[inline(always)]
     fn part(&self, _part: usize) -> f64 {
         self.get(0)
     }
 
-    /// The number of these parts.
+    /// Returns the number with these parts.
     #[inline(always)]
     fn from_parts(part: impl Fn(usize) -> f64) -> Self {
         Self::c(part(0))
     }
 
-    /// One number from one `f64` for each lane.
+    /// Returns one number from one `f64` for each lane.
     #[inline(always)]
     fn from_lanes(f: impl Fn(usize) -> f64) -> Self {
         let mut out = Self::zero();
@@ -219,17 +220,17 @@ pub trait Lane: Real + From<Self::Plain> {
         out
     }
 
-    /// One number from a number of the struct of each lane. A function, not a closure of any type: it is compiled once for
-    /// each struct, and not for each of its fields.
+    /// Returns one number from a field of each lane's struct. The argument is a function, not a closure of any type, so
+    /// that it is compiled once for each struct and not for each field.
     fn of_each<T>(each: &[&T], number: fn(&T) -> f64) -> Self {
         Self::from_lanes(|lane| number(each[lane]))
     }
 }
 
-/// The most lanes of any number.
+/// Largest number of lanes.
 const MOST_LANES: usize = 16;
 
-/// A field of the struct of each lane, without memory of its own.
+/// A field of each lane's struct, as a type without memory.
 pub struct Fields<'e, U> {
     each: [&'e U; MOST_LANES],
     lanes: usize,
@@ -243,7 +244,7 @@ impl<'e, U> std::ops::Deref for Fields<'e, U> {
     }
 }
 
-/// A field of the struct of each lane; see [`Lane::of_each`].
+/// A field of each lane's struct. See [`Lane::of_each`].
 #[inline(never)]
 pub fn field<'e, T, U>(each: &[&'e T], field: fn(&'e T) -> &'e U) -> Fields<'e, U> {
     let mut fields = [field(each[0]); MOST_LANES];
@@ -253,7 +254,7 @@ pub fn field<'e, T, U>(each: &[&'e T], field: fn(&'e T) -> &'e U) -> Fields<'e, 
     Fields { each: fields, lanes: each.len() }
 }
 
-/// `base^exponent`, out of line: for a law of which an exponent of two or a half is the usual case.
+/// Returns `base^exponent`, out of line, for laws whose usual exponent is two or a half.
 #[inline(never)]
 pub fn power<S: Real>(base: S, exponent: S) -> S {
     base.pow(exponent)

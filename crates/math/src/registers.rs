@@ -1,10 +1,10 @@
-//! Four or eight `f64` in one register of the processor that this is compiled for.
+//! Four or eight `f64` in one register of the target processor.
 //!
-//! Every operation is one instruction that IEEE 754 rounds as it does that of `f64`, or the same sequence of them, so
-//! the bits are those of `f64`. A plain array leaves to the compiler over which of two indices it vectorises.
+//! Every operation is one instruction, or a sequence of instructions, that IEEE 754 rounds like the operation on `f64`.
+//! The bits are therefore those of `f64`. With a plain array, the compiler chooses which of two indices it vectorises.
 
-// Each intrinsic needs a processor that has it. `V4` is there only where the whole build asks for such a one; `V8` has
-// no name elsewhere, and `with_eight` hands it out after it has asked the processor.
+// Each intrinsic needs a processor that supports it. `V4` exists only if the whole build requires such a processor.
+// `V8` has no public name, and `with_eight` provides it after a check of the processor.
 #![allow(unsafe_code)]
 
 use crate::elementary::{self, Bits};
@@ -47,7 +47,7 @@ macro_rules! register {
         impl From<[f64; $n]> for $name {
             #[inline(always)]
             fn from(numbers: [f64; $n]) -> Self {
-                // Both are as many doubles.
+                // Both have the same number of doubles.
                 $name(unsafe { std::mem::transmute::<[f64; $n], $register>(numbers) })
             }
         }
@@ -55,7 +55,7 @@ macro_rules! register {
         impl $name {
             #[inline(always)]
             fn array(self) -> [f64; $n] {
-                // Both are as many doubles.
+                // Both have the same number of doubles.
                 unsafe { std::mem::transmute::<$register, [f64; $n]>(self.0) }
             }
 
@@ -176,7 +176,7 @@ macro_rules! register {
             #[inline(always)]
             fn get(&self, lane: usize) -> f64 {
                 assert!(lane < $n);
-                // Both are as many doubles; read where it is, a number is no load of all of them.
+                // Both have the same number of doubles. Reading one number in place does not load all of them.
                 unsafe { std::ptr::from_ref(self).cast::<f64>().add(lane).read() }
             }
             #[inline(always)]
@@ -237,13 +237,13 @@ register! {
             fn wide<W: Work>(work: W) -> W::Out {
                 work.work()
             }
-            // Who can name this type has it from `with_eight`.
+            // A caller that can name this type has it from `with_eight`.
             unsafe { wide(work) }
         }
     }
 }
 
-/// Whether this processor has registers of eight numbers.
+/// Returns whether this processor has registers of eight numbers.
 pub fn has_eight() -> bool {
     is_x86_feature_detected!("avx512f")
         && is_x86_feature_detected!("avx512bw")
@@ -251,11 +251,11 @@ pub fn has_eight() -> bool {
         && is_x86_feature_detected!("avx512vl")
 }
 
-/// Carries out a task on eight numbers at once.
+/// Runs a task on eight numbers at once.
 ///
 /// # Panics
 ///
-/// Where this processor has no registers of eight: see [`has_eight`].
+/// For processors without registers of eight: see [`has_eight`].
 pub fn with_eight<T: Task>(task: T) -> T::Out {
     assert!(has_eight(), "this processor has no registers of eight numbers");
     task.run::<V8>()

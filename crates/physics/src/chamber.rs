@@ -1,4 +1,4 @@
-//! Balances of a chamber, each in the states that it owns.
+//! Balances of a chamber, for each choice of state variables.
 
 mod as_printed;
 mod energy_balance;
@@ -8,7 +8,7 @@ use math::Real;
 pub use as_printed::AsPrinted;
 pub use energy_balance::EnergyBalance;
 
-/// What the gas of a chamber is at, with what flows ask of it.
+/// State of the gas in a chamber, with the derived quantities that flows need.
 #[derive(Clone, Copy, Debug)]
 pub struct GasState<S> {
     /// Pressure, Pa absolute.
@@ -22,15 +22,15 @@ pub struct GasState<S> {
 }
 
 impl<S: Real> GasState<S> {
-    /// At a pressure, Pa, and temperature, K.
+    /// Creates the state at a pressure, Pa, and temperature, K.
     #[inline(always)]
     pub fn at(p: S, t: S) -> Self {
         GasState { p, t, inverse_p: S::one() / p, inverse_sqrt_t: S::one() / t.sqrt() }
     }
 }
 
-/// What a chamber exchanges: net mass flow kg/s and enthalpy flow W into it, its volume m3 with
-/// rate m3/s, and heat from the wall W.
+/// Exchange of a chamber: net mass flow, kg/s, and enthalpy flow, W, into it, its volume, m3, with rate, m3/s, and heat
+/// from the wall, W.
 #[derive(Clone, Copy, Debug)]
 pub struct Exchange<S> {
     /// Mass flow into it, kg/s.

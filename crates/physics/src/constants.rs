@@ -1,5 +1,5 @@
-//! Numbers of nature and of standards, each once on this side; `pneudrive/constants.py` has those that Python needs, and
-//! a test holds the two equal.
+//! Physical and standard constants, each defined once in Rust. `pneudrive/constants.py` has those for Python, and a
+//! test checks that the two agree.
 
 /// Standard acceleration of gravity, m/s2 (exact by definition). Source: [bipm2019].
 pub const STANDARD_GRAVITY: f64 = 9.806_65;

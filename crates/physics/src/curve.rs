@@ -2,8 +2,8 @@
 
 use math::{Lane, Over, Real};
 
-/// Slopes at points that rise, for the monotone cubic of Fritsch and Butland: smooth, without overshoot, level at both
-/// ends. Source: [fritsch1984].
+/// Returns slopes at increasing points, for the monotone cubic of Fritsch and Butland: smooth, without overshoot, level
+/// at both ends. Source: [fritsch1984].
 pub fn monotone_slopes<P: Real>(points: &[[P; 2]]) -> Vec<P> {
     let n = points.len();
     let width = |k: usize| points[k + 1][0] - points[k][0];
@@ -23,7 +23,7 @@ pub fn monotone_slopes<P: Real>(points: &[[P; 2]]) -> Vec<P> {
     (0..n).map(slope).collect()
 }
 
-/// A curve from the first to the last of some points, level beyond them, with its slope and its integral.
+/// A curve from the first to the last of some points, constant beyond them, with its slope and its integral.
 #[derive(Clone, Debug)]
 pub struct Curve<P> {
     pieces: Vec<Piece<P>>,
@@ -42,13 +42,13 @@ struct Piece<P> {
 }
 
 impl<P: Real> Curve<P> {
-    /// Straight lines between points that rise.
+    /// Creates straight lines between increasing points.
     pub fn straight(points: &[[P; 2]]) -> Self {
         let zero = P::zero();
         Self::of(points, |k, _| [points[k + 1][1] - points[k][1], zero, zero])
     }
 
-    /// The monotone cubic through points that rise.
+    /// Creates the monotone cubic through increasing points.
     pub fn smooth(points: &[[P; 2]]) -> Self {
         let slopes = monotone_slopes(points);
         Self::of(points, |k, h| {
@@ -69,7 +69,7 @@ impl<P: Real> Curve<P> {
         Curve { pieces: pieces.collect() }
     }
 
-    /// The piece that x lies in, the nearest one beyond them, and its t between 0 and 1.
+    /// Returns the piece that contains x, or the nearest one, and its t between 0 and 1.
     #[inline(always)]
     fn at<S: Over<P>>(&self, x: S) -> (Piece<S>, S) {
         let mut found = self.pieces[0].map(S::from);
@@ -80,39 +80,39 @@ impl<P: Real> Curve<P> {
         (found, ((x - found.x) / found.width).max(S::zero()).min(S::one()))
     }
 
-    /// f(x).
+    /// Returns f(x).
     #[inline(always)]
     pub fn value<S: Over<P>>(&self, x: S) -> S {
         let (piece, t) = self.at(x);
         piece.value(t)
     }
 
-    /// f'(x).
+    /// Returns f'(x).
     #[inline(always)]
     pub fn slope<S: Over<P>>(&self, x: S) -> S {
         let (piece, t) = self.at(x);
         let [c1, c2, c3] = piece.rises;
         let slope = (c1 + t * (S::c(2.0) * c2 + t * S::c(3.0) * c3)) / piece.width;
         let off = x - (piece.x + t * piece.width);
-        // Level beyond the ends; a rounding is no distance.
+        // The curve is constant beyond the ends. Rounding does not count as a distance.
         let beyond = (piece.width * S::c(1e-12)).lt(off.abs());
         S::select(beyond, S::zero(), slope)
     }
 
-    /// The integral of f from the first point to x.
+    /// Returns the integral of f from the first point to x.
     #[inline(always)]
     pub fn integral<S: Over<P>>(&self, x: S) -> S {
         let (piece, t) = self.at(x);
         piece.integral(t) + piece.value(t) * (x - (piece.x + t * piece.width))
     }
 
-    /// The largest value at a point.
+    /// Returns the largest value at a point.
     pub fn largest(&self) -> P {
         let each = self.pieces.iter().flat_map(|piece| [piece.value(P::zero()), piece.value(P::one())]);
         each.reduce(Real::max).expect("a piece")
     }
 
-    /// The places of the points.
+    /// Returns the positions of the points.
     pub fn places(&self) -> impl DoubleEndedIterator<Item = P> + '_ {
         let last = self.pieces.last().map(|piece| piece.x + piece.width);
         self.pieces.iter().map(|piece| piece.x).chain(last)
@@ -120,7 +120,7 @@ impl<P: Real> Curve<P> {
 }
 
 impl<R: Lane> Curve<R> {
-    /// Lane `i` takes `each[i]`; all have the same number of points.
+    /// Creates lane `i` from `each[i]`. All have the same number of points.
     pub fn gather(each: &[&Curve<f64>]) -> Self {
         let number =
             |k: usize, of: &dyn Fn(&Piece<f64>) -> f64| R::from_lanes(|lane| of(&each[lane].pieces[k]));

@@ -49,7 +49,7 @@ pub use stribeck::{Shape, Stribeck, weight};
 pub use temperature::Heating;
 pub use wear::Wear;
 
-/// Where a law is evaluated.
+/// Arguments at which a law is evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct At<S> {
     /// Sliding velocity, m/s.
@@ -67,13 +67,13 @@ pub struct At<S> {
 }
 
 impl<S: Real> At<S> {
-    /// At rest at x = 0 under ambient pressure, with no force applied.
+    /// Returns the state of rest at x = 0 under ambient pressure, without applied force.
     pub fn at_rest() -> Self {
         let o = S::zero();
         At { v: o, x: o, gauge_a: o, gauge_b: o, applied: o, prepared: o }
     }
 
-    /// The same place in other numbers.
+    /// Returns the same arguments in other numbers.
     pub fn map<T>(&self, f: impl Fn(S) -> T) -> At<T> {
         let At { v, x, gauge_a, gauge_b, applied, prepared } = *self;
         At {
@@ -86,13 +86,13 @@ impl<S: Real> At<S> {
         }
     }
 
-    /// The same with gauge pressures, Pa, in chambers a and b.
+    /// Returns the same with gauge pressures, Pa, in chambers a and b.
     pub fn pressed(self, gauge_a: S, gauge_b: S) -> Self {
         At { gauge_a, gauge_b, ..self }
     }
 }
 
-/// Levels that dependences act on, before the law is evaluated.
+/// Force levels that dependences change, before the law is evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct Levels<S> {
     /// Coulomb force Fc, N.
@@ -101,18 +101,19 @@ pub struct Levels<S> {
     pub breakaway: S,
     /// Viscous coefficient Fv, N s/m.
     pub viscous: S,
-    /// What a contact deflected towards +x adds to Fc and Fs, and one towards -x subtracts: see [`Sense::Deflection`].
+    /// Addition to Fc and Fs for a contact deflected towards +x, and the same subtraction towards -x: see
+    /// [`Sense::Deflection`].
     pub lean: [S; 2],
 }
 
 impl<S: Real> Levels<S> {
-    /// The same in both directions.
+    /// Creates equal levels in both directions.
     #[inline(always)]
     pub fn new(coulomb: S, breakaway: S, viscous: S) -> Self {
         Levels { coulomb, breakaway, viscous, lean: [S::zero(); 2] }
     }
 
-    /// Under the seal lips of a contact that has some.
+    /// Returns the levels under the seal lips of a contact, if it has any.
     #[inline(always)]
     fn under<P: Real>(self, lips: Option<&SealLips<P>>, at: &At<S>) -> Self
     where
@@ -124,44 +125,44 @@ impl<S: Real> Levels<S> {
         }
     }
 
-    /// Each level in other numbers.
+    /// Returns each level in other numbers.
     #[inline(always)]
     pub fn map<T>(&self, f: impl Fn(S) -> T) -> Levels<T> {
         let Levels { coulomb, breakaway, viscous, lean } = *self;
         Levels { coulomb: f(coulomb), breakaway: f(breakaway), viscous: f(viscous), lean: lean.map(f) }
     }
 
-    /// Those in the direction that has the sign of `way`.
+    /// Returns the levels in the direction that has the sign of `way`.
     #[inline(always)]
     fn towards(&self, way: S) -> Self {
         let [coulomb, breakaway] = self.lean.map(|lean| S::select(way.lt(S::zero()), -lean, lean));
         Levels::new(self.coulomb + coulomb, self.breakaway + breakaway, self.viscous)
     }
 
-    /// Fc and Fs times a factor.
+    /// Returns Fc and Fs times a factor.
     #[inline(always)]
     fn times(&self, factor: S) -> Self {
         let lean = self.lean.map(|lean| lean * factor);
         Levels { coulomb: self.coulomb * factor, breakaway: self.breakaway * factor, lean, ..*self }
     }
 
-    /// Fc and Fs plus a force, N.
+    /// Returns Fc and Fs plus a force, N.
     #[inline(always)]
     fn plus(&self, force: S) -> Self {
         Levels { coulomb: self.coulomb + force, breakaway: self.breakaway + force, ..*self }
     }
 
-    /// Fc + (Fs - Fc) weight, N.
+    /// Returns Fc + (Fs - Fc) weight, N.
     #[inline(always)]
     fn at(&self, weight: S) -> S {
         (self.breakaway - self.coulomb).fma(weight, self.coulomb)
     }
 }
 
-/// Least share of a level that a dependence may leave.
+/// Least fraction of a level that a dependence may leave.
 const FLOOR: f64 = 0.01;
 
-/// Steady sliding, N:  level sgn(v) + Fv v, where v = 0 counts as positive.
+/// Returns steady sliding, N: level sgn(v) + Fv v. v = 0 counts as positive.
 fn sliding<S: Real>(v: S, level: S, viscous: S) -> S {
     let sign = S::select(v.lt(S::zero()), -S::one(), S::one());
     sign * level + viscous * v
@@ -178,17 +179,17 @@ pub struct InnerState {
     pub scale: f64,
 }
 
-/// The most inner states that a contact has: those of its law, and of what acts on it.
+/// Largest number of inner states of a contact: those of its law and of its modifiers.
 pub const MOST_INNER: usize = 16;
 
-/// Choices of a description that select code; each law uses those it knows.
+/// Choices of a description that select code. Each law uses the choices that it knows.
 #[derive(Clone, Debug, Default)]
 pub struct Choices {
     /// Shape of the Stribeck curve, unless the exponent gives it.
     pub shape: Option<Shape>,
-    /// Elements of a law of elements, stiffness in N/m; empty: the default of the law.
+    /// Elements of a law of elements, stiffness in N/m. Empty for the default of the law.
     pub elements: Vec<Element<f64>>,
-    /// How the state of a rate-and-state contact evolves.
+    /// Evolution law of the state of a rate-and-state contact.
     pub evolution: Evolution,
 }
 
@@ -197,11 +198,11 @@ pub struct Choices {
 pub struct Claims {
     /// F(-v, -z) = -F(v, z).
     pub odd: bool,
-    /// The force depends on the path, not on the speed along it (without viscous friction).
+    /// The force depends on the path and not on the speed (without viscous friction).
     pub rate_independent: bool,
-    /// A load that oscillates below breakaway does not make it creep.
+    /// A load that oscillates below breakaway does not cause creep.
     pub no_drift: bool,
-    /// It never produces energy for any parameters; else [`AnyLaw::warning`] says when it may.
+    /// The law never produces energy for any parameters. Otherwise [`AnyLaw::warning`] reports when it may.
     pub always_passive: bool,
 }
 
@@ -211,9 +212,9 @@ impl Claims {
         Claims { odd: true, rate_independent: false, no_drift: false, always_passive: false };
 }
 
-/// A law as a description gives it.
+/// A law as a description specifies it.
 pub trait Described: Sized {
-    /// From the values of its parameters, in their order.
+    /// Creates the law from the values of its parameters, in their order.
     fn build(values: &[f64], choices: &Choices) -> Self;
 
     /// Warning about these parameters with these levels, if any.
@@ -230,7 +231,7 @@ pub trait Law<P: Real> {
     const TITLE: &'static str;
     /// Key in references.bib.
     const SOURCE: &'static str;
-    /// The inner states; for a law of elements, those of its default elements.
+    /// Inner states. For a law of elements, those of its default elements.
     const STATES: &'static [InnerState] = &[];
     /// The law sticks by a mode (0, or the direction of slip by its sign), with located events.
     const STICKS: bool = false;
@@ -238,9 +239,10 @@ pub trait Law<P: Real> {
     const BRISTLES: bool = false;
     /// The force contains the rate of the first inner state: see [`Law::damping`].
     const DAMPED: bool = false;
-    /// An event of the mode leaves the velocity at zero exactly, unless it goes on in the same direction.
+    /// Whether an event of the mode leaves the velocity at exactly zero, unless the motion continues in the same
+    /// direction.
     const STOPS: bool = true;
-    /// Which quantity shows the direction on which its levels may depend.
+    /// Quantity that shows the direction on which its levels may depend.
     const SENSE: Sense = if Self::STICKS { Sense::Mode } else { Sense::Velocity };
     /// A description may list its elements.
     const ELEMENTS: bool = false;
@@ -249,66 +251,67 @@ pub trait Law<P: Real> {
     /// Claims of the law, which the conformance tests check.
     const CLAIMS: Claims = Claims::USUAL;
 
-    /// Fc, Fs and Fv before any dependence. A law without one of them gives what stands for it: without Fs
-    /// its Fc, without Fv zero. What acts on the law scales them; the law must use what it is handed.
+    /// Returns Fc, Fs and Fv before any dependence. A law without one of them returns its equivalent: Fc for Fs, and
+    /// zero for Fv. Modifiers scale these levels, and the law must use the levels that it receives.
     fn levels(&self) -> Levels<P>;
 
-    /// The inner states of these parameters.
+    /// Returns the inner states of these parameters.
     fn states(&self) -> &'static [InnerState] {
         Self::STATES
     }
 
-    /// Mass, kg, by which the force contains the acceleration: F = `force` + inertia dv/dt.
+    /// Mass, kg, that the force adds to the acceleration term: F = `force` + inertia dv/dt.
     fn inertia(&self) -> P {
         P::zero()
     }
 
-    /// What depends on the velocity alone (an exponential, mostly), computed ahead of the forces so
-    /// that the processor works on both at once; of the usual laws only.
+    /// Returns a value that depends only on the velocity (usually an exponential). It is computed ahead of the forces,
+    /// so that the processor works on both at once. Only the usual laws have it.
     fn prepare<S: Over<P>>(&self, _v: S) -> S {
         S::zero()
     }
 
-    /// Friction force, N, positive where it opposes v > 0, and the rates of the inner states.
+    /// Returns the friction force, N, positive if it opposes v > 0, and the rates of the inner states.
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S;
 
-    /// Stiffness, N/m, of the spring whose deflection is the first inner state, if the law has one.
+    /// Returns the stiffness, N/m, of the spring whose deflection is the first inner state, if the law has such a
+    /// spring.
     fn spring(&self) -> Option<P> {
         None
     }
 
-    /// Coefficient of the rate of the first inner state in the force, N s/m; a law without it has zero.
+    /// Returns the coefficient of the first inner state's rate in the force, N s/m. Zero for a law without this term.
     fn damping<S: Over<P>>(&self, _v: S) -> S {
         S::zero()
     }
 
-    /// Rate at which the contact slips for good, m/s, with the rates that `force` gave: its magnitude renews
-    /// the contact.
+    /// Returns the rate of irreversible slip of the contact, m/s, with the rates that `force` gave. Its magnitude
+    /// renews the contact.
     fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
         if self.spring().is_some() { v - dz[0] } else { v }
     }
 
-    /// Whether a mass that starts with these inner states slips, instead of moving elastically in stick.
+    /// Returns whether a mass that starts with these inner states slips, instead of moving elastically in stick.
     fn slips_at(&self, at: &At<P>, _levels: &Levels<P>, _z: &[P]) -> P::Mask {
         P::zero().lt(at.v.abs())
     }
 
-    /// Positive while the mode holds, with inner states `z`.
+    /// Returns a value that is positive while the mode holds, with inner states `z`.
     fn event<S: Over<P>>(&self, _at: &At<S>, _levels: &Levels<S>, _z: &[S], _mode: P) -> S {
         S::one()
     }
 
-    /// The mode after the event, with the levels of stick; changes the inner states that remember events.
+    /// Returns the mode after the event, with the levels of stick. Changes the inner states that remember events.
     fn next_mode(&self, _mode: P, _at: &At<P>, _levels: &Levels<P>, _z: &mut [P]) -> P {
         P::zero()
     }
 
-    /// Energy stored in the inner states, J.
+    /// Returns the energy stored in the inner states, J.
     fn stored<S: Over<P>>(&self, z: &[S]) -> S {
         self.spring().map_or(S::zero(), |stiffness| S::c(0.5) * S::from(stiffness) * z[0] * z[0])
     }
 
-    /// Heat produced, W: the power of the force minus what the inner states store.
+    /// Returns the heat, W: the power of the force minus the power stored in the inner states.
     fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
         match self.spring() {
             Some(stiffness) => force * v - S::from(stiffness) * z[0] * dz[0],
@@ -316,10 +319,10 @@ pub trait Law<P: Real> {
         }
     }
 
-    /// Steady sliding at velocity `v` (after any transient), N.
+    /// Returns steady sliding at velocity `v` (after any transient), N.
     fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S;
 
-    /// The same for a law that depends on the place beyond its levels.
+    /// Returns the same for a law that also depends on position or pressures directly.
     fn steady_at<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>) -> S {
         self.steady(at.v, levels)
     }
@@ -332,9 +335,9 @@ pub struct Meta {
     pub key: &'static str,
     /// Its name for people.
     pub title: &'static str,
-    /// Key in references.bib; empty: none.
+    /// Key in references.bib. Empty without a source.
     pub source: &'static str,
-    /// In the order in which the law takes their values.
+    /// Parameters in the order of their values.
     pub parameters: &'static [Parameter],
     /// See [`Law::STATES`].
     pub states: &'static [InnerState],
@@ -354,15 +357,15 @@ pub struct Meta {
     pub claims: Claims,
 }
 
-/// Lists the laws. Those of an ordinary drive are `usual`: they are evaluated in line, the others in a
-/// function of their own, so that they do not cost the usual ones registers. [`Formula`] stands
-/// beside them: each of its laws has a table of its own.
+/// Lists the laws. The laws of an ordinary drive are `usual`. They are evaluated inline, and the others in a separate
+/// function, so that they do not use registers of the usual laws. [`Formula`] is separate: each of its laws has its own
+/// table.
 macro_rules! laws {
     (usual: $($usual:ident),*; others: $($other:ident),* $(,)?) => {
         laws!($($usual,)* $($other,)*);
 
         impl<P: Real> AnyLaw<P> {
-            /// See [`Law::prepare`]; only the usual laws do.
+            /// See [`Law::prepare`]. Only the usual laws have it.
             #[inline(always)]
             pub fn prepare<S: Over<P>>(&self, v: S) -> S {
                 match self {
@@ -387,7 +390,7 @@ macro_rules! laws {
                 }
             }
 
-            /// Whether steady friction depends on more than velocity and levels: on place or pressures.
+            /// Whether steady friction depends on position or pressures, in addition to velocity and levels.
             fn is_of_place(&self) -> bool {
                 matches!(self, AnyLaw::FilmLuGre(_) | AnyLaw::Formula(_))
             }
@@ -423,7 +426,7 @@ macro_rules! laws {
         },)*];
 
         impl AnyLaw<f64> {
-            /// The law called `key`, its parameters from `value(name)`; None for an unknown key.
+            /// Returns the law with this `key`, with its parameters from `value(name)`. `None` for an unknown key.
             pub fn build(
                 key: &str,
                 value: &mut dyn FnMut(&Parameter) -> f64,
@@ -436,7 +439,7 @@ macro_rules! laws {
                 None
             }
 
-            /// The same law with its parameters as other numbers, from `value(parameter)`.
+            /// Returns the same law with its parameters as other numbers, from `value(parameter)`.
             pub fn lifted<P: Real>(&self, value: &mut dyn FnMut(&Parameter) -> P) -> AnyLaw<P> {
                 match self {
                     $(AnyLaw::$name(law) => {
@@ -450,21 +453,21 @@ macro_rules! laws {
                 }
             }
 
-            /// Warning about this parameter set with these levels, if any.
+            /// Returns a warning about this parameter set with these levels, if any.
             pub fn warning(&self, levels: &Levels<f64>) -> Option<String> {
                 match self { $(AnyLaw::$name(law) => law.warning(levels),)* AnyLaw::Formula(law) => law.warning(levels) }
             }
         }
 
         impl<P: Real> AnyLaw<P> {
-            /// Whether the force contains the rate of the first inner state.
+            /// Returns whether the force contains the rate of the first inner state.
             pub fn is_damped(&self) -> bool {
                 match self { $(AnyLaw::$name(_) => <$name<P> as Law<P>>::DAMPED,)* AnyLaw::Formula(_) => false }
             }
         }
 
         impl<R: Lane> AnyLaw<R> {
-            /// Lane `i` takes the law `each[i]`; all must be of one kind.
+            /// Creates lane `i` from the law `each[i]`. All must be of one kind.
             pub fn gather(each: &[&AnyLaw<f64>]) -> Self {
                 match each[0] {
                     $(AnyLaw::$name(_) => AnyLaw::$name($name::gather(&math::field(each, |law| match law {
@@ -480,7 +483,7 @@ macro_rules! laws {
         }
 
         impl<P: Real> AnyLaw<P> {
-            /// Its entry in the registry, or that of the custom law.
+            /// Returns its entry in the registry, or that of the custom law.
             pub fn meta(&self) -> &'static Meta {
                 let key = match self {
                     $(AnyLaw::$name(_) => <$name<P> as Law<P>>::KEY,)*
@@ -506,11 +509,13 @@ macro_rules! laws {
             pub fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S {
                 match self { $(AnyLaw::$name(law) => law.force(at, levels, z, dz, mode),)* AnyLaw::Formula(law) => law.force(at, levels, z, dz) }
             }
-            /// Deflection, m, at which the element of this inner state slips in the level Fs, if it is that of one.
+            /// Returns the deflection, m, at which the element of this inner state slips in the level Fs, if the state
+            /// belongs to an element.
             pub fn element_limit(&self, state: usize) -> Option<P> {
                 match self { AnyLaw::MaxwellSlip(law) => law.limit(state), _ => None }
             }
-            /// Share of the level from which a contact slips that does not drift below, if it slips before the level.
+            /// Returns the fraction of the level at which a contact without drift begins to slip, if it slips before
+            /// the level.
             pub fn slips_from(&self) -> Option<P> {
                 match self { AnyLaw::ElastoPlastic(law) => Some(law.breakaway_share), _ => None }
             }
@@ -539,7 +544,7 @@ macro_rules! laws {
             pub(super) fn heat<S: Over<P>>(&self, v: S, force: S, z: &[S], dz: &[S]) -> S {
                 match self { $(AnyLaw::$name(law) => law.heat(v, force, z, dz),)* AnyLaw::Formula(law) => law.heat(v, force, z, dz) }
             }
-            /// Steady sliding at a place and pressures, for laws that depend on them.
+            /// Returns steady sliding at a position and pressures, for laws that depend on them.
             pub fn steady_at<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>) -> S {
                 match self { $(AnyLaw::$name(law) => law.steady_at(at, levels),)* AnyLaw::Formula(law) => law.steady(at, levels) }
             }

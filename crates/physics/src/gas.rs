@@ -12,12 +12,12 @@ use std::ops::Deref;
 #[derive(Clone, Copy, Debug)]
 pub struct Gas<P> {
     ideal: IdealGas<P>,
-    /// The numbers of the virial coefficient; None: ideal gas.
+    /// Numbers of the virial coefficient. `None` for an ideal gas.
     pub virial: Option<Virial<P>>,
 }
 
 impl<P: Real> Gas<P> {
-    /// With the numbers of a virial coefficient.
+    /// Creates the gas with the numbers of a virial coefficient.
     #[must_use]
     pub fn with(self, virial: Option<Virial<P>>) -> Self {
         Gas { virial, ..self }
@@ -25,7 +25,7 @@ impl<P: Real> Gas<P> {
 }
 
 impl<R: Lane> Gas<R> {
-    /// Lane `i` takes `each[i]`; all are ideal, or none.
+    /// Creates lane `i` from `each[i]`. All are ideal, or none.
     pub fn gather(each: &[&Gas<f64>]) -> Self {
         let virial = each.iter().map(|gas| gas.virial.as_ref()).collect::<Option<Vec<_>>>();
         Gas {

@@ -1,7 +1,7 @@
-//! The laws of a pneumatic drive, one a file, each generic over the scalar.
+//! The laws of a pneumatic drive, one in each file, generic over the scalar.
 //!
-//! Signs: x and v grow towards chamber b's end (chamber a grows); mass flow is positive into a
-//! chamber; friction opposes v; pressures are absolute.
+//! Signs: x and v grow towards the end of chamber b (chamber a grows). Mass flow is positive into a chamber. Friction
+//! opposes v. Pressures are absolute.
 
 #![warn(missing_docs)]
 

@@ -1,5 +1,5 @@
-//! A parameter is listed once: name, unit, bounds, default, meaning. From the list come the struct,
-//! its lift to lanes, the checks, and the tables of schema and documentation.
+//! A parameter is listed once: name, unit, bounds, default, meaning. The list gives the struct, its lift to lanes, the
+//! checks, and the tables of schema and documentation.
 
 /// The values that a parameter may take.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,22 +14,22 @@ pub struct Bounds {
     pub open_above: bool,
 }
 
-/// Largest size of a finite number of a description, SI: squares and products of such numbers stay finite.
+/// Largest size of a finite number of a description, SI. Squares and products of such numbers stay finite.
 pub const LARGEST: f64 = 1e30;
 
-/// Whether a number is finite, but too large for a description.
+/// Returns whether a number is finite but too large for a description.
 pub fn is_huge(x: f64) -> bool {
     x.is_finite() && x.abs() > LARGEST
 }
 
 impl Bounds {
-    /// Whether a value lies within the bounds.
+    /// Returns whether a value is within the bounds.
     pub fn contain(&self, x: f64) -> bool {
         let above = if self.open { x > self.lower } else { x >= self.lower };
         above && !is_huge(x) && if self.open_above { x < self.upper } else { x <= self.upper }
     }
 
-    /// The rule that a value breaks, in words.
+    /// Returns the rule that a value breaks, as text.
     pub fn rule(&self, x: f64) -> String {
         if is_huge(x) { format!("at most {LARGEST:e} in size") } else { self.to_string() }
     }
@@ -91,9 +91,9 @@ pub struct Parameter {
     pub meaning: &'static str,
 }
 
-/// Declares a law's or part's parameters: a struct generic over the scalar, `PARAMETERS`, and `gather`
-/// (one struct of lanes from a struct for each lane).
-/// Fields after `with` are choices: they select code, are the same in every lane, and are no numbers.
+/// Declares the parameters of a law or part: a struct generic over the scalar, `PARAMETERS`, and `gather`. The latter
+/// makes one struct of lanes from a struct for each lane.
+/// Fields after `with` are choices. They select code, are the same in every lane, and are not numbers.
 #[macro_export]
 macro_rules! parameters {
     ($(#[$attribute:meta])* pub struct $name:ident {
@@ -120,7 +120,7 @@ macro_rules! parameters {
         }
 
         impl $name<f64> {
-            /// The values in the order of `PARAMETERS`, then the choices.
+            /// Creates it from values in the order of `PARAMETERS`, then the choices.
             #[allow(dead_code)] // parts that are written out field by field do without
             pub fn from_values(values: &[f64] $($(, $choice: $choice_type)*)?) -> Self {
                 let mut values = values.iter().copied();
@@ -132,7 +132,7 @@ macro_rules! parameters {
         }
 
         impl $name<f64> {
-            /// The same choices with other numbers, in the order of `PARAMETERS`.
+            /// Returns the same choices with other numbers, in the order of `PARAMETERS`.
             #[allow(dead_code)]
             pub fn lifted<P: math::Real>(&self, values: &[P]) -> $name<P> {
                 let mut values = values.iter().copied();
@@ -144,7 +144,7 @@ macro_rules! parameters {
         }
 
         impl<R: math::Real> $name<R> {
-            /// Two of them side by side, with the choices of the first.
+            /// Returns two of them side by side, with the choices of the first.
             #[allow(dead_code)]
             pub fn beside(&self, other: &Self) -> $name<math::Both<R>> {
                 $name {
@@ -155,7 +155,7 @@ macro_rules! parameters {
         }
 
         impl<R: math::Lane> $name<R> {
-            /// Lane `i` takes the parameters of `each[i]`.
+            /// Creates lane `i` from the parameters of `each[i]`.
             #[inline(never)]
             pub fn gather(each: &[&$name<f64>]) -> Self {
                 $name {

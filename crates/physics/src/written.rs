@@ -1,4 +1,4 @@
-//! Formulas of a user over names with units, read in one place: for friction laws and for components.
+//! User formulas over names with units, read in one place for friction laws and for components.
 
 mod own;
 
@@ -31,18 +31,18 @@ pub struct ParameterText {
     pub bounds: Bounds,
     /// Value where a description gives none, if there is one.
     pub default: Option<f64>,
-    /// What it is, in words.
+    /// Meaning, as text.
     pub meaning: String,
 }
 
-/// Why formulas are refused.
+/// Reason for the rejection of formulas.
 #[derive(Clone, Debug)]
 pub struct Refusal {
     /// Place: `force`, `let.g`, `states.z.rate`, `parameters.vs.unit`.
     pub key: String,
-    /// The formula there, if it is one.
+    /// The formula at this place, if it is a formula.
     pub formula: String,
-    /// The fault, its place in the formula, and the remedy.
+    /// The error, its place in the formula, and the remedy.
     pub problem: Problem,
 }
 
@@ -61,7 +61,7 @@ impl fmt::Display for Refusal {
 }
 
 impl Refusal {
-    /// A refusal of something other than a formula.
+    /// Rejects something other than a formula.
     pub fn of(key: impl Into<String>, what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Refusal { key: key.into(), formula: String::new(), problem: Problem::of_all(what, remedy) }
     }
@@ -77,12 +77,12 @@ pub(crate) fn refuse<T>(
     Err(Refusal::of(key, what, remedy))
 }
 
-/// The dimension of a unit of ours.
+/// Returns the dimension of a unit in our tables.
 pub(crate) fn dimension(unit: &str) -> Dimension {
     Dimension::of_unit(unit).expect("a unit")
 }
 
-/// The dimension of a unit that an author gives.
+/// Returns the dimension of a unit that an author writes.
 pub(crate) fn unit(key: &str, unit: &str) -> Compiled<Dimension> {
     Dimension::of_unit(unit).or_else(|what| {
         let remedy = "Formulas are in SI: m, kg, s, K, N, Pa, J, W, Hz, rad, their powers, products and quotients, \
@@ -95,8 +95,8 @@ pub(crate) fn range(bounds: &Bounds) -> Range {
     Range::new(bounds.lower, bounds.upper, [!bounds.open, !bounds.open_above])
 }
 
-/// Every name is one, is free, and is given once; counts are within limits. `given` are the variables, `states` the
-/// names of states and their rates.
+/// Checks that every name is valid, free and unique, and that counts are within limits. `given` are the variables,
+/// `states` the names of states and their rates.
 pub(crate) fn check_names<'a>(
     name: &str,
     (parameters, lets): (&[ParameterText], &[(String, String)]),
@@ -131,7 +131,7 @@ pub(crate) fn check_names<'a>(
     Ok(())
 }
 
-/// What exceeds its limit, if anything: name, count, limit.
+/// Returns the first excess, if any: name, count, limit.
 pub(crate) fn check_counts(counts: &[(&str, usize, usize)]) -> Compiled<()> {
     match counts.iter().find(|(_, count, most)| count > most) {
         Some((what, count, most)) => {
@@ -177,12 +177,12 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// A formula with one of our units.
+    /// Reads a formula with one of our units.
     pub fn formula(&mut self, key: &str, formula: &str, unit: &str) -> Compiled<Id> {
         self.formula_of(key, formula, dimension(unit), unit)
     }
 
-    /// A formula with a given dimension, and its name.
+    /// Reads a formula with a given dimension, and its name.
     pub fn formula_of(&mut self, key: &str, formula: &str, dimension: Dimension, unit: &str) -> Compiled<Id> {
         let id = self.value(key, formula, None)?;
         match self.graph.dimension(id) {
@@ -194,7 +194,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The value of a formula; in the `i`-th let, later ones are not there yet.
+    /// Returns the value of a formula. In the `i`-th let, later ones are not defined yet.
     fn value(&mut self, key: &str, formula: &str, i: Option<usize>) -> Compiled<Id> {
         let refuse = |problem| Refusal { key: key.into(), formula: formula.into(), problem };
         let expression = parse(formula).map_err(refuse)?;
@@ -222,7 +222,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// Warnings about names that `by` does not use.
+    /// Returns warnings about names that `by` does not use.
     pub fn unused(&self, used: &[Id], by: &str) -> Vec<String> {
         let reached = self.graph.reached(used);
         let idle = |id: &Id| !reached.contains(id);
@@ -242,14 +242,14 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// A refusal of a formula as a whole.
+/// Rejects a formula as a whole.
 pub(crate) fn of_whole(key: &str, formula: &str, what: String) -> Refusal {
     let place = Some(Place { start: 0, end: formula.chars().count() });
     let problem = Problem { what, place, remedy: String::new() };
     Refusal { key: key.into(), formula: formula.into(), problem }
 }
 
-/// Parameters as those of a law of the core.
+/// Returns parameters in the form of the core's laws.
 pub(crate) fn leaked(texts: &[ParameterText]) -> &'static [Parameter] {
     let parameters = texts.iter().map(|p| Parameter {
         key: leak(&p.key),
@@ -265,20 +265,20 @@ pub(crate) fn leak(text: &str) -> &'static str {
     Box::leak(text.to_string().into_boxed_str())
 }
 
-/// Compiled formulas of a process by their text; they stay until the process ends.
+/// Compiled formulas of a process by their text. They stay until the process ends.
 pub struct Known<T: 'static>(std::sync::Mutex<Option<HashMap<String, &'static T>>>);
 
-/// Texts that a process keeps.
+/// Largest number of texts that a process keeps.
 const MOST_KNOWN: usize = 10_000;
 
 impl<T> Known<T> {
-    /// Nothing yet.
+    /// Creates an empty store.
     #[allow(clippy::new_without_default)]
     pub const fn new() -> Self {
         Known(std::sync::Mutex::new(None))
     }
 
-    /// The result compiled from a text, now or before.
+    /// Returns the result compiled from a text, now or before.
     pub fn get(
         &self,
         text: String,

@@ -43,35 +43,36 @@ pub const MASS_FLOW: Role = Role {
 };
 const N: usize = 4;
 
-/// Where a formula is checked: pressures, Pa, ratios p_down/p_up, temperatures, K, openings.
+/// Points at which a formula is checked: pressures, Pa, ratios p_down/p_up, temperatures, K, openings.
 const PRESSURES: [f64; 4] = [2e4, 1e5, 7e5, 2e6];
 const RATIOS: [f64; 7] = [1e-3, 0.2, 0.5, 0.8, 0.98, 0.9999, 1.0];
 const TEMPERATURES: [f64; 3] = [200.0, 293.15, 400.0];
 const OPENINGS: [f64; 4] = [0.0, 1e-3, 0.5, 1.0];
-/// Flow at equal pressures that counts as rounding, share of the flow at half the pressure.
+/// Flow at equal pressures that counts as rounding, relative to the flow at half the pressure.
 const ROUNDING: f64 = 1e-9;
 
-/// A flow path whose mass flow is a formula of a user:
+/// A flow path whose mass flow is given by a user's formula:
 ///
-///   m_dot = f(p_up, p_down, t_up, opening)      from the higher pressure to the lower          [kg/s]
+///   `m_dot = f(p_up, p_down, t_up, opening)      from the higher pressure to the lower          [kg/s]`
 ///
-/// It is odd in its ends: from node 2 to node 1 it is the same formula with the ends exchanged; or, `one_way`, nothing.
+/// The law is odd in its ends: from node 2 to node 1, the ends are exchanged in the formula. With `one_way`, this flow
+/// is zero.
 #[derive(Clone, Debug)]
 pub struct FlowFormula<P> {
     /// m_dot, with the values of its parameters and of the gas.
     pub formula: Formula<P>,
-    /// No flow from end 2 to end 1.
+    /// Whether flow from end 2 to end 1 is zero.
     pub one_way: bool,
 }
 
 impl<P: Real> FlowFormula<P> {
-    /// Of parameters in their order, for a gas.
+    /// Creates it from parameters in their order, for a gas.
     pub fn new(own: &'static OwnFormula, mut values: Vec<P>, gas: &IdealGas<P>, one_way: bool) -> Self {
         values.extend([gas.gas_constant, gas.heat_capacity_ratio, P::c(RHO_0), P::c(T_0)]);
         FlowFormula { formula: Formula::new(own, values), one_way }
     }
 
-    /// Mass flow from end 1 to end 2, kg/s, of pressures, Pa, and temperatures, K.
+    /// Returns the mass flow from end 1 to end 2, kg/s, for pressures, Pa, and temperatures, K.
     #[inline]
     pub fn mass_flow<S: Over<P>>(&self, opening: S, [p1, t1]: [S; 2], [p2, t2]: [S; 2]) -> S {
         let backward = p1.lt(p2);
@@ -83,7 +84,7 @@ impl<P: Real> FlowFormula<P> {
 }
 
 impl FlowFormula<f64> {
-    /// Refuses invalid values of the formula; the message says where.
+    /// Refuses invalid values of the formula. The message names the place.
     pub fn examine(&self) -> Result<(), String> {
         let own = self.formula.own;
         for p_up in PRESSURES {
@@ -121,7 +122,7 @@ impl FlowFormula<f64> {
 }
 
 impl<R: Lane> FlowFormula<R> {
-    /// Lane `i` takes the numbers of `each[i]`.
+    /// Creates lane `i` from the numbers of `each[i]`.
     pub fn gather(each: &[&FlowFormula<f64>]) -> Self {
         let formula = Formula::gather(&math::field(each, |own| &own.formula));
         FlowFormula { formula, one_way: each[0].one_way }

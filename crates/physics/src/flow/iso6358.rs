@@ -2,11 +2,11 @@ use crate::constants::{P_0, RHO_0, T_0};
 use crate::gas::IdealGas;
 use math::{Over, Real, power};
 
-/// Pressure ratio above which the flow is linear, unless a drive says otherwise (assumed).
+/// Pressure ratio above which the flow is linear, unless a drive specifies it (assumed).
 pub const LINEAR_ABOVE: f64 = 0.999;
 
-/// Largest critical ratio of a check valve as a share of the ratio at which it shuts, and least such ratio (assumed):
-/// both act only where the pressure before it is hardly above its cracking pressure.
+/// Largest critical ratio of a check valve relative to its closing ratio, and least closing ratio (assumed). Both
+/// matter only if the upstream pressure is hardly above the cracking pressure.
 const MOST_OF_CRACKED: f64 = 0.9;
 const LEAST_CRACKED: f64 = 1e-3;
 
@@ -22,7 +22,7 @@ pub struct End<S> {
 }
 
 impl<S: Real> End<S> {
-    /// At a pressure, Pa, with 1/sqrt(T), 1/K^0.5.
+    /// Creates the end at a pressure, Pa, with 1/sqrt(T), 1/K^0.5.
     #[inline(always)]
     pub fn at(p: S, inverse_sqrt_t: S) -> Self {
         End { p, inverse_p: S::one() / p, choked: p * inverse_sqrt_t }
@@ -32,20 +32,21 @@ impl<S: Real> End<S> {
 crate::parameters! {
     /// Mass flow through a pneumatic component, with r = p2/p1 and p1 the upstream pressure:
     ///
-    ///   m_dot = C p1 rho0 sqrt(T0/T1) phi(r)                                   [kg/s]
-    ///   phi = 1                                    r <= b          (choked)
-    ///   phi = [1 - ((r - b)/(1 - b))^2]^m          b < r <= beta   (subsonic)
-    ///   phi = phi(beta) (1 - r)/(1 - beta)         beta < r <= 1   (linear)
+    ///   `m_dot = C p1 rho0 sqrt(T0/T1) phi(r)                                   [kg/s]`
+    ///   `phi = 1                                    r <= b          (choked)`
+    ///   `phi = [1 - ((r - b)/(1 - b))^2]^m          b < r <= beta   (subsonic)`
+    ///   `phi = phi(beta) (1 - r)/(1 - beta)         beta < r <= 1   (linear)`
     ///
-    /// C    sonic conductance             m3/(s Pa)   b   critical pressure ratio   -
-    /// m    subsonic index                -           T1  upstream temperature      K
-    /// beta ratio above which the flow is linear; a modelling parameter: the standard's law has an
-    ///      infinite slope at r = 1. Raising it from 0.999 to 0.9999 moves the position of the
-    ///      reference drive by about 20 um.
+    /// * `C`: sonic conductance, m3/(s Pa).
+    /// * `b`: critical pressure ratio.
+    /// * `m`: subsonic index.
+    /// * `T1`: upstream temperature, K.
+    /// * `beta`: ratio above which the flow is linear, because the standard's law has an infinite slope at r = 1.
     ///
-    /// Both directions: the flow is odd in the ends. C is measured with air; another gas flows with
-    /// C_air sqrt(R/R_air) psi(k)/psi(k_air) and rho0 = 100 kPa/(R T0), see `for_gas`.
-    /// Source: [iso6358-2013].
+    /// The ratio beta is a modelling parameter. The position of the reference drive moves by about 20 um between 0.999 and 0.9999.
+    ///
+    /// The flow is odd in the ends. C is measured with air. Another gas flows with C_air sqrt(R/R_air) psi(k)/psi(k_air)
+    /// and rho0 = 100 kPa/(R T0), see `for_gas`. Source: [iso6358-2013].
     pub struct Iso6358 {
         /// Sonic conductance C, for air
         conductance: "m3/(s Pa)", crate::above(0.0);
@@ -69,14 +70,14 @@ crate::parameters! {
     }
 }
 
-/// psi(k) of choked flow of an ideal gas, (2/(k+1))^((k+1)/(2(k-1))) sqrt(k): conductances of two
-/// gases in the same orifice are as sqrt(R) psi. Source: [iso6358-2013].
+/// Returns psi(k) of choked flow of an ideal gas, (2/(k+1))^((k+1)/(2(k-1))) sqrt(k). Conductances of two gases in the
+/// same orifice are proportional to sqrt(R) psi. Source: [iso6358-2013].
 pub fn choked_factor<P: Real>(k: P) -> P {
     let (one, two) = (P::one(), P::c(2.0));
     k.sqrt() * (two / (k + one)).pow((k + one) / (two * (k - one)))
 }
 
-/// 1/(1 - b), the bracket of the subsonic law at `linear_above`, and the slope of the linear part.
+/// Returns 1/(1 - b), the bracket of the subsonic law at `linear_above`, and the slope of the linear part.
 #[inline(always)]
 fn shape<S: Real>(b: S, m: S, linear_above: S, elliptic: bool) -> [S; 3] {
     let inverse_span = S::one() / (S::one() - b);
@@ -87,7 +88,7 @@ fn shape<S: Real>(b: S, m: S, linear_above: S, elliptic: bool) -> [S; 3] {
 }
 
 impl<P: Real> Iso6358<P> {
-    /// The law for a component of sonic conductance `c`, measured with air, through which `gas` flows.
+    /// Returns the law of a component with sonic conductance `c`, measured with air, for the flow of `gas`.
     pub fn for_gas(
         c: P,
         b: P,
@@ -120,7 +121,7 @@ impl<P: Real> Iso6358<P> {
         }
     }
 
-    /// The same law with another critical pressure ratio.
+    /// Returns the same law with another critical pressure ratio.
     #[inline(always)]
     pub fn with_ratio<S: Over<P>>(&self, b: S) -> Iso6358<S> {
         let (m, linear_above) = (S::from(self.subsonic_index), S::from(self.linear_above));
@@ -138,7 +139,7 @@ impl<P: Real> Iso6358<P> {
         }
     }
 
-    /// phi(r), 0 <= r <= 1.
+    /// Returns phi(r), 0 <= r <= 1.
     #[inline(always)]
     pub fn phi<S: Over<P>>(&self, r: S) -> S {
         let b = S::from(self.critical_pressure_ratio);
@@ -151,13 +152,13 @@ impl<P: Real> Iso6358<P> {
         S::select(b.lt(r), above_critical, S::one())
     }
 
-    /// Mass flow from end 1 to end 2 alone, kg/s: through a valve that opens against a spring, with r_c = 1 - p_c/p1 in
-    /// place of 1, p_c the cracking pressure, Pa, and `w1` 1/sqrt(T1):
+    /// Returns the mass flow from end 1 to end 2 only, kg/s, through a valve that opens against a spring. The ratio 1
+    /// is replaced by r_c = 1 - p_c/p1, with the cracking pressure p_c, Pa. `w1` is 1/sqrt(T1):
     ///
-    ///   phi(r; r_c) = [1 - ((r - b)/(r_c - b))^2]^m                                     b < r <= r_c
+    ///   `phi(r; r_c) = [1 - ((r - b)/(r_c - b))^2]^m                                     b < r <= r_c`
     ///
-    /// and so the usual phi at b + (r - b)(1 - b)/(r_c - b), with its linear part; zero above r_c. Where p1 comes near p_c
-    /// and r_c near b, b is no more than [`MOST_OF_CRACKED`] of r_c. Source: [iso6358-2013].
+    /// This is the usual phi at b + (r - b)(1 - b)/(r_c - b), with its linear part, and zero above r_c. If p1 is near
+    /// p_c and r_c near b, b is limited to [`MOST_OF_CRACKED`] of r_c. Source: [iso6358-2013].
     #[inline(always)]
     pub fn one_way<S: Over<P>>(&self, cracking: S, p1: S, w1: S, p2: S) -> S {
         let (one, b) = (S::one(), S::from(self.critical_pressure_ratio));
@@ -167,14 +168,14 @@ impl<P: Real> Iso6358<P> {
         S::from(self.gain) * p1 * w1 * self.phi(r.min(one))
     }
 
-    /// Mass flow from end 1 to end 2, kg/s, through the share `opening` of the conductance, and where
-    /// it goes from 2 to 1; `w` is 1/sqrt(T) at each end.
+    /// Returns the mass flow from end 1 to end 2, kg/s, through the fraction `opening` of the conductance, and the mask
+    /// of flow from 2 to 1. `w` is 1/sqrt(T) at each end.
     #[inline(always)]
     pub fn mass_flow<S: Over<P>>(&self, opening: S, p1: S, w1: S, p2: S, w2: S) -> (S, S::Mask) {
         self.flow(opening, &End::at(p1, w1), &End::at(p2, w2))
     }
 
-    /// The same between two ends.
+    /// Returns the same between two ends.
     #[inline(always)]
     pub fn flow<S: Over<P>>(&self, opening: S, one: &End<S>, two: &End<S>) -> (S, S::Mask) {
         let backward = one.p.lt(two.p);
@@ -182,13 +183,13 @@ impl<P: Real> Iso6358<P> {
         (choked * self.share(backward, one, two), backward)
     }
 
-    /// Choked flow from end 1 to end 2 for a gain of one, backward or not, Pa/K^0.5.
+    /// Returns the choked flow from end 1 to end 2 for a gain of one, in either direction, Pa/K^0.5.
     #[inline(always)]
     pub fn choked<S: Over<P>>(&self, backward: S::Mask, one: &End<S>, two: &End<S>) -> S {
         S::select(backward, -two.choked, one.choked)
     }
 
-    /// The share of it that passes, phi of the pressure ratio.
+    /// Returns the passing fraction of the choked flow: phi of the pressure ratio.
     #[inline(always)]
     pub fn share<S: Over<P>>(&self, backward: S::Mask, one: &End<S>, two: &End<S>) -> S {
         self.phi(S::select(backward, one.p * two.inverse_p, two.p * one.inverse_p))

@@ -4,25 +4,27 @@ use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
 crate::parameters! {
-    /// Armstrong: seven parameters, with presliding, a memory of the velocity and static friction that rises in a stop.
+    /// Armstrong: seven parameters, with presliding, a memory of the velocity, and static friction that rises during a
+    /// stop.
     ///
-    ///   stick:  F = kt z + Fv v,   dz/dt = v              ends where kt |z| = Fc + E while v loads the contact
-    ///   slip:   F = G sgn(v) + Fv v,   G = Fc + E/[1 + (u/vs)^2]                           [N], opposes v > 0
-    ///           ends where v = 0
-    ///   E = (Fs - Fc) [1 - l gamma/(t + gamma)]           static friction above Fc after a stop of length t
-    ///   tau du/dt = v - u                                 frictional memory
+    ///   `stick:  F = kt z + Fv v,   dz/dt = v`
+    ///           It ends at `kt |z| = Fc + E` while v loads the contact.
+    ///   `slip:   F = G sgn(v) + Fv v,   G = Fc + E/[1 + (u/vs)^2]                           [N], opposes v > 0`
+    ///           It ends at `v = 0`.
+    ///   `E = (Fs - Fc) [1 - l gamma/(t + gamma)]           static friction above Fc after a stop of length t`
+    ///   `tau du/dt = v - u                                 frictional memory`
     ///
-    /// At the beginning of a stop t = 0, and l becomes the share of Fs - Fc that G lacks then: E goes on from the value of the
-    /// arrival, Ea = G - Fc, as Ea + (Fs - Fc - Ea) t/(t + gamma). While it slips, E stays (as t = 0 and l that of the breakaway,
-    /// so that t > 0 says that it sticks). A drive begins well rested, l = 0.
+    /// At the start of a stop t = 0, and l becomes the missing fraction of Fs - Fc in G: E continues from its value at
+    /// the arrival, Ea = G - Fc, as Ea + (Fs - Fc - Ea) t/(t + gamma). During slip, E is constant (t = 0 and l from the
+    /// breakaway), so that t > 0 indicates stick. A drive begins well rested, l = 0.
     ///
-    /// Three choices where the source leaves one or cannot be a differential equation: (1) its u is v delayed by tau; here it
-    /// is a first-order lag of the same time constant: at the frequency w its phase is -atan(w tau) in place of -w tau and its
-    /// amplitude 1/sqrt(1 + (w tau)^2) in place of 1, 0.009 rad and 4.2 % off at w tau = 0.3. (2) In slip z follows,
-    /// dz/dt = v - |v| kt z/G, so that a stop begins with the force with which slip ended, not with none.
-    /// (3) Viscous friction also acts in stick: it damps the spring kt.
-    /// Always passive: with the store kt z^2/2 the heat of slip is |v| (G - kt z sgn v + (kt z)^2/G) + Fv v^2 > 0.
-    /// Source: [armstrong1994].
+    /// Three choices are made where the source leaves one open or is not a differential equation. (1) The u of the
+    /// source is v delayed by tau. Here it is a first-order lag with the same time constant. At the frequency w, its
+    /// phase is -atan(w tau) instead of -w tau, and its amplitude 1/sqrt(1 + (w tau)^2) instead of 1. The differences
+    /// are 0.009 rad and 4.2 % at w tau = 0.3. (2) In slip z follows, dz/dt = v - |v| kt z/G, so that a stop starts
+    /// with the force at the end of slip, not with zero. (3) Viscous friction also acts in stick, where it damps the
+    /// spring kt. Always passive: with the store kt z^2/2 the heat of slip is |v| (G - kt z sgn v + (kt z)^2/G) + Fv
+    /// v^2 > 0. Source: [armstrong1994].
     pub struct Armstrong {
         /// Coulomb force Fc
         coulomb: "N", above(0.0);
@@ -41,7 +43,7 @@ crate::parameters! {
     }
 }
 
-/// Where z, u, t and l stand among the inner states.
+/// Indices of z, u, t and l among the inner states.
 const Z: usize = 0;
 const U: usize = 1;
 const T: usize = 2;
@@ -54,14 +56,14 @@ impl Described for Armstrong<f64> {
 }
 
 impl<P: Real> Armstrong<P> {
-    /// E/(Fs - Fc): the present share of static friction.
+    /// Returns E/(Fs - Fc): the present fraction of static friction.
     #[inline(always)]
     fn rested<S: Over<P>>(&self, z: &[S]) -> S {
         let gamma = S::from(self.recovery_time);
         S::one() - z[L] * gamma / (z[T] + gamma)
     }
 
-    /// 1/[1 + (u/vs)^2].
+    /// Returns 1/[1 + (u/vs)^2].
     #[inline(always)]
     fn weight<S: Over<P>>(&self, u: S) -> S {
         weight(u, self.stribeck_velocity, P::c(2.0), Shape::Lorentzian)
@@ -111,7 +113,7 @@ impl<P: Real> Law<P> for Armstrong<P> {
     fn event<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], mode: P) -> S {
         let elastic = S::from(self.bristle_stiffness) * z[Z];
         let loading = S::select(elastic.lt(S::zero()), -at.v, at.v);
-        // Where the level falls below a contact that is being unloaded, it goes on unloading.
+        // If the level falls below a contact during unloading, the unloading continues.
         let holds = (levels.towards(elastic).at(self.rested(z)) - elastic.abs()).max(-loading);
         S::select(dry::is_stick(mode), holds, S::from(mode) * at.v)
     }

@@ -9,16 +9,16 @@ const SMALLEST_BASE: f64 = 1e-12;
 crate::parameters! {
     /// Bouc-Wen: a hysteresis loop of free shape, independent of the rate.
     ///
-    ///   dz/dt = v - [b |v| q + (1 - b) v |q|] |q|^(n-1),    q = sigma0 z/Fc
-    ///   F = sigma0 z + Fv v                                            [N], opposes v > 0
+    ///   `dz/dt = v - [b |v| q + (1 - b) v |q|] |q|^(n-1),    q = sigma0 z/Fc`
+    ///   `F = sigma0 z + Fv v                                            [N], opposes v > 0`
     ///
-    /// The classic F = alpha k x + (1 - alpha) k h, dh/dt = A v - beta |v| |h|^(n-1) h - gamma v |h|^n has one parameter
-    /// too many. Here A = 1, (1 - alpha) k = sigma0, beta = b (sigma0/Fc)^n, gamma = (1 - b)(sigma0/Fc)^n, so that the plateau
-    /// is Fc. Its part alpha k x is a spring of position, no friction: it is described as the drive's spring.
-    /// b = 1, n = 1 is `dahl`; b = 1/2 unloads along a straight line of slope sigma0. b < 1/2, that is |gamma| > beta, is
-    /// refused: the loop would give energy. With b >= 1/2 it is always passive: the heat is
-    /// sigma0 |z| |q|^n [b |v| + (1 - b) v sgn z] + Fv v^2. A load that oscillates below Fc drifts.
-    /// Source: [wen1976].
+    /// The classic form F = alpha k x + (1 - alpha) k h, dh/dt = A v - beta |v| |h|^(n-1) h - gamma v |h|^n has one
+    /// parameter too many. Here A = 1, (1 - alpha) k = sigma0, beta = b (sigma0/Fc)^n, gamma = (1 - b)(sigma0/Fc)^n, so
+    /// that the plateau is Fc. The part alpha k x is a spring of position and not friction, so it belongs to the
+    /// drive's spring. b = 1, n = 1 is `dahl`. b = 1/2 unloads along a straight line of slope sigma0. b < 1/2, that is
+    /// |gamma| > beta, is rejected, because the loop would produce energy. With b >= 1/2 it is always passive: the heat
+    /// is sigma0 |z| |q|^n [b |v| + (1 - b) v sgn z] + Fv v^2. A load that oscillates below Fc drifts. Source:
+    /// [wen1976].
     pub struct BoucWen {
         /// Force Fc of the plateau
         coulomb: "N", above(0.0);

@@ -6,7 +6,7 @@ use math::{Over, Real};
 /// The mean deflection of the bristles.
 pub(super) const DEFLECTION: InnerState = InnerState { name: "bristle_deflection_m", unit: "m", scale: 1e-3 };
 
-/// [`crate::parameters!`] of a law of bristles: those of the Stribeck curve, of the bristles, then the law's own.
+/// [`crate::parameters!`] of a bristle law: those of the Stribeck curve, of the bristles, and then specific ones.
 macro_rules! bristle_parameters {
     ($(#[$attribute:meta])* pub struct $name:ident { $($own:tt)* }) => {
         $crate::friction::stribeck::stribeck_parameters! {
@@ -39,14 +39,14 @@ macro_rules! bristle_parameters {
         }
 
         impl<P: math::Real> $name<P> {
-            /// sigma1(v).
+            /// Returns sigma1(v).
             #[inline(always)]
             fn damping_at<S: math::Over<P>>(&self, v: S) -> S {
                 let (sigma_1, fade_velocity) = (self.bristle_damping, self.damping_fade_velocity);
                 $crate::friction::bristles::damping(v, sigma_1, fade_velocity, self.faded)
             }
 
-            /// sigma0 z + sigma1(v) dz/dt + Fv v.
+            /// Returns sigma0 z + sigma1(v) dz/dt + Fv v.
             #[inline(always)]
             fn force_of<S: math::Over<P>>(&self, v: S, viscous: S, elastic: S, rate: S) -> S {
                 viscous.fma(v, self.damping_at(v).fma(rate, elastic))
@@ -56,7 +56,7 @@ macro_rules! bristle_parameters {
 }
 pub(super) use bristle_parameters;
 
-/// sigma1(v) = sigma1 exp(-(v/vd)^2), N s/m; constant where it is not `faded`.
+/// Returns sigma1(v) = sigma1 exp(-(v/vd)^2), N s/m. Constant unless it is `faded`.
 #[inline(always)]
 pub(super) fn damping<P: Real, S: Over<P>>(v: S, sigma_1: P, fade_velocity: P, faded: bool) -> S {
     if faded {
@@ -69,9 +69,9 @@ pub(super) fn damping<P: Real, S: Over<P>>(v: S, sigma_1: P, fade_velocity: P, f
 
 /// Conditions under which bristles cannot produce energy.
 ///
-/// Passive where Fv >= sigma1 (Fs - Fc)/Fc, or with a fade where sigma1 vd/sqrt(2 e) <= 4 Fc. The
-/// conditions are those of LuGre [barabanov2000]; an elasto-plastic law meets them too, as it differs only
-/// where the bristles push less than the level.
+/// Passive if Fv >= sigma1 (Fs - Fc)/Fc, or with a fade if sigma1 vd/sqrt(2 e) <= 4 Fc. The conditions are those of
+/// LuGre [barabanov2000]. An elasto-plastic law meets them too, because it differs only at bristle forces below the
+/// level.
 pub(super) struct Passivity {
     pub damping: f64,
     /// Infinite: the damping does not fade.

@@ -4,10 +4,10 @@ use super::{
 };
 use math::{Lane, Over, Real};
 
-/// Friction modifiers beside seal lips; each by itself, with any law that allows it.
+/// Friction modifiers in addition to seal lips. Each works with any law that allows it.
 ///
-/// The levels Fc and Fs of the law pass through: seal lips, position, direction, temperature, wear (these are
-/// what the seals give), then the guide's side load, then the age of the contact.
+/// Seal lips, position, direction, temperature and wear modify the levels Fc and Fs of the law in this order. They give
+/// the levels of the seals. The guide's side load and then the age of the contact are added.
 #[derive(Clone, Debug)]
 pub struct Composition<P> {
     /// Dependence on the position along the stroke.
@@ -49,8 +49,8 @@ impl<P> Composition<P> {
     }
 }
 
-/// The friction of a moving mass: a law and its modifiers. Its inner states are those of the law,
-/// then the relaxed deflection, the age of the contact, its warming, the distance slid.
+/// The friction of a moving mass: a law and its modifiers. Its inner states are those of the law, then the relaxed
+/// deflection, the age of the contact, its temperature rise, and the sliding distance.
 #[derive(Clone, Debug)]
 pub struct Contact<P> {
     /// The law that gives the force.
@@ -70,25 +70,25 @@ impl<P: Real> From<AnyLaw<P>> for Contact<P> {
 }
 
 impl<P: Real> Contact<P> {
-    /// The law with `seal_lips` and modifiers.
+    /// Creates the law with `seal_lips` and modifiers.
     pub fn new(law: AnyLaw<P>, seal_lips: Option<SealLips<P>>, composition: Composition<P>) -> Self {
         let composition = (!composition.is_none()).then(|| Box::new(composition));
         Contact { usual: composition.is_none() && law.is_usual(), law, seal_lips, composition }
     }
 
-    /// Whether steady friction depends on the velocity alone.
+    /// Returns whether steady friction depends only on the velocity.
     #[inline(always)]
     pub fn is_of_velocity(&self) -> bool {
         self.seal_lips.is_none() && self.composition.is_none() && !self.law.is_of_place()
     }
 
-    /// With other numbers of the same law.
+    /// Returns it with other numbers of the same law.
     #[must_use]
     pub fn with_law(&self, law: AnyLaw<P>) -> Self {
         Contact { law, seal_lips: self.seal_lips.clone(), composition: self.composition.clone(), ..*self }
     }
 
-    /// Whether the law is evaluated in line: it is one of the usual ones, with seal lips only.
+    /// Returns whether the law is evaluated inline: a usual law with at most seal lips.
     #[inline(always)]
     pub fn is_usual(&self) -> bool {
         self.usual
@@ -96,7 +96,7 @@ impl<P: Real> Contact<P> {
 }
 
 impl<R: Lane> Contact<R> {
-    /// Lane `i` takes `each[i]`; all must be of one kind.
+    /// Creates lane `i` from `each[i]`. All must be of one kind.
     pub fn gather(each: &[&Contact<f64>]) -> Self {
         macro_rules! part {
             ($kind:ident, $of:expr) => {
@@ -127,7 +127,7 @@ impl<R: Lane> Contact<R> {
     }
 }
 
-/// Names of the inner states of modifiers, for any law.
+/// Returns the names of the inner states of modifiers, for any law.
 pub const COMPOSITION_STATES: [&str; 4] =
     [relaxation::STATE.name, dwell::STATE, temperature::STATE.name, wear::STATE.name];
 
@@ -148,7 +148,7 @@ impl<P: Real> Contact<P> {
         self.composition.as_ref()?.wear.as_ref()
     }
 
-    /// Places of age, warming and distance slid among the inner states, if present.
+    /// Returns the indices of age, temperature rise and sliding distance among the inner states, if present.
     #[inline(always)]
     fn places(&self) -> [usize; 3] {
         let age = self.law.states().len() + usize::from(self.relaxation().is_some());
@@ -156,7 +156,7 @@ impl<P: Real> Contact<P> {
         [age, warming, warming + usize::from(self.heating().is_some())]
     }
 
-    /// The inner states, in their order.
+    /// Returns the inner states, in their order.
     pub fn states(&self) -> Vec<InnerState> {
         let mut states = self.law.states().to_vec();
         states.extend(self.relaxation().map(|_| relaxation::STATE));
@@ -166,7 +166,7 @@ impl<P: Real> Contact<P> {
         states
     }
 
-    /// The same in surroundings of this temperature, K.
+    /// Returns the same in surroundings of this temperature, K.
     pub fn surrounded(mut self, ambient: P) -> Self {
         if let Some(heating) = self.composition.as_mut().and_then(|composition| composition.heating.as_mut())
         {
@@ -175,17 +175,17 @@ impl<P: Real> Contact<P> {
         self
     }
 
-    /// Mass, kg, by which the force contains the acceleration.
+    /// Returns the mass, kg, that the force adds to the acceleration term.
     pub fn inertia(&self) -> P {
         self.law.inertia()
     }
 
-    /// Index of the inner state that is the age of the contact.
+    /// Returns the index of the age of the contact among the inner states.
     pub fn age_index(&self) -> Option<usize> {
         self.dwell().map(|_| self.places()[0])
     }
 
-    /// Keys in references.bib of the law and its modifiers.
+    /// Returns the keys in references.bib of the law and its modifiers.
     pub fn sources(&self) -> Vec<&'static str> {
         let mut sources: Vec<&str> =
             Some(self.law.meta().source).filter(|key| !key.is_empty()).into_iter().collect();
@@ -194,19 +194,19 @@ impl<P: Real> Contact<P> {
         sources
     }
 
-    /// Levels of the seals: those of the law, under pressure.
+    /// Returns the levels of the seals: those of the law, under pressure.
     #[inline(always)]
     fn seals<S: Over<P>>(&self, at: &At<S>) -> Levels<S> {
         self.law.levels().map(S::from).under(self.seal_lips.as_ref(), at)
     }
 
-    /// [`Contact::force`] of a contact that is usual.
+    /// [`Contact::force`] for a usual contact.
     #[inline(always)]
     pub fn usual_force<S: Over<P>>(&self, at: &At<S>, inner: &[S], rates: &mut [S], mode: P) -> S {
         self.law.usual_force(at, self.seal_lips.as_ref(), inner, rates, mode)
     }
 
-    /// Friction force, N, positive where it opposes v > 0, and the rates of the inner states.
+    /// Returns the friction force, N, positive if it opposes v > 0, and the rates of the inner states.
     pub fn force<S: Over<P>>(&self, at: &At<S>, inner: &[S], rates: &mut [S], mode: P) -> S {
         let Some(composition) = &self.composition else {
             return self.law.force(at, &self.seals(at), inner, rates, mode);
@@ -234,7 +234,7 @@ impl<P: Real> Contact<P> {
         force
     }
 
-    /// Force that the age of the contact adds to Fc and Fs, N.
+    /// Returns the force that the age of the contact adds to Fc and Fs, N.
     #[inline(always)]
     fn increment<S: Over<P>>(&self, at: &At<S>, inner: &[S]) -> S {
         match (self.dwell(), inner.get(self.places()[0])) {
@@ -243,12 +243,12 @@ impl<P: Real> Contact<P> {
         }
     }
 
-    /// Fc and Fs with all modifiers.
+    /// Returns Fc and Fs with all modifiers.
     pub fn levels<S: Over<P>>(&self, at: &At<S>, inner: &[S], mode: P) -> Levels<S> {
         self.levels_but_age(at, inner, mode).plus(self.increment(at, inner))
     }
 
-    /// The same without age; without inner states: of a contact at ambient temperature at the start.
+    /// Returns the same without age. Without inner states, the contact is at ambient temperature and at the start.
     fn levels_but_age<S: Over<P>>(&self, at: &At<S>, inner: &[S], mode: P) -> Levels<S> {
         let mut levels = self.seals(at);
         if let Some(composition) = &self.composition {
@@ -273,13 +273,13 @@ impl<P: Real> Contact<P> {
         levels
     }
 
-    /// Positive while the mode of the law holds.
+    /// Returns a value that is positive while the mode of the law holds.
     pub fn event<S: Over<P>>(&self, at: &At<S>, inner: &[S], mode: P) -> S {
         let own = &inner[..self.law.states().len()];
         self.law.event(at, &self.levels(at, inner, mode), own, mode)
     }
 
-    /// The mode of a mass that starts at this velocity with these inner states.
+    /// Returns the mode of a mass that starts at this velocity with these inner states.
     pub fn first_mode(&self, at: &At<P>, inner: &[P]) -> P {
         let way = P::select(at.v.lt(P::zero()), -P::one(), P::one());
         let levels = self.levels(at, inner, way);
@@ -287,14 +287,14 @@ impl<P: Real> Contact<P> {
         P::select(slips, way, P::zero())
     }
 
-    /// The mode after an event of `mode`; changes the inner states that remember events.
+    /// Returns the mode after an event of `mode`. Changes the inner states that remember events.
     pub fn next_mode(&self, mode: P, at: &At<P>, inner: &mut [P]) -> P {
-        // For the law in stick: what decides is which way the applied force would move the mass.
+        // Arguments for the law in stick: the applied force decides the direction of motion.
         let levels = self.levels(at, inner, P::zero());
         self.law.next_mode(mode, at, &levels, &mut inner[..self.law.states().len()])
     }
 
-    /// Energy stored in the inner states, J.
+    /// Returns the energy stored in the inner states, J.
     pub fn stored<S: Over<P>>(&self, inner: &[S]) -> S {
         let n = self.law.states().len();
         let of_all = self.law.stored(&inner[..n]);
@@ -304,7 +304,7 @@ impl<P: Real> Contact<P> {
         }
     }
 
-    /// Heat produced, W, with the force and the rates that [`Contact::force`] gave.
+    /// Returns the heat, W, from the force and the rates that [`Contact::force`] gave.
     pub fn heat<S: Over<P>>(&self, v: S, force: S, inner: &[S], rates: &[S]) -> S {
         let n = self.law.states().len();
         let of_all = self.law.heat(v, force, &inner[..n], &rates[..n]);
@@ -317,8 +317,8 @@ impl<P: Real> Contact<P> {
         }
     }
 
-    /// Steady sliding at `at.v` (after any transient), N, at ambient temperature with the wear of the start: both
-    /// change too slowly to be a transient.
+    /// Returns steady sliding at `at.v` (after any transient), N, at ambient temperature and with the initial wear.
+    /// Both change too slowly to be a transient.
     pub fn steady<S: Over<P>>(&self, at: &At<S>) -> S {
         let mode = P::select(at.v.lt(S::zero()), -P::one(), P::one());
         let mut levels = self.levels_but_age(at, &[], mode);
@@ -330,8 +330,8 @@ impl<P: Real> Contact<P> {
 }
 
 impl Contact<f64> {
-    /// Warnings about this friction, with gauge pressures between zero and `gauge` Pa in
-    /// either chamber and positions between 0 and `stroke` m.
+    /// Returns warnings about this friction, for gauge pressures between zero and `gauge` Pa in either chamber and
+    /// positions between 0 and `stroke` m.
     pub fn warnings(&self, gauge: f64, stroke: f64) -> Vec<String> {
         let pressed = self.seal_lips.is_some() || self.dwell().is_some();
         let corners: &[[f64; 2]] =
@@ -352,7 +352,7 @@ impl Contact<f64> {
         of_law.into_iter().chain(inverted).collect()
     }
 
-    /// The levels furthest apart from each other that this contact can have at these pressures.
+    /// Returns the levels with the largest difference that this contact can have at these pressures.
     fn extremes(&self, at: &At<f64>, stroke: f64) -> Vec<Levels<f64>> {
         let seals = self.seals(at);
         let Some(composition) = &self.composition else { return vec![seals] };

@@ -5,8 +5,8 @@ use math::{Over, Real};
 crate::parameters! {
     /// Coulomb and viscous friction.
     ///
-    ///   F(v) = Fc sgn(v) + Fv v                                       [N], opposes v > 0
-    ///   at rest: F = applied force, as long as |applied| <= Fc
+    ///   `F(v) = Fc sgn(v) + Fv v                                       [N], opposes v > 0`
+    ///   at rest: `F` = applied force, as long as `|applied| <= Fc`
     ///
     /// Sticking is exact: v = 0 until the applied force reaches Fc. No Stribeck effect, no
     /// presliding, no memory. Source: [armstrong1994].

@@ -7,15 +7,15 @@ use math::{Over, Real};
 const SMALLEST_BASE: f64 = 1e-12;
 
 crate::parameters! {
-    /// Dahl: presliding that depends on the path alone, not on how fast it is passed.
+    /// Dahl: presliding that depends on the path only, not on the speed.
     ///
-    ///   dz/dt = v |1 - q sgn v|^i sgn(1 - q sgn v),    q = sigma0 z/Fc
-    ///   F = sigma0 z + Fv v                                            [N], opposes v > 0
+    ///   `dz/dt = v |1 - q sgn v|^i sgn(1 - q sgn v),    q = sigma0 z/Fc`
+    ///   `F = sigma0 z + Fv v                                            [N], opposes v > 0`
     ///
-    /// z  deflection, m; sigma0 z is the F of Dahl, who writes dF/dx = sigma0 |1 - (F/Fc) sgn v|^i. From rest, i = 1:
-    /// F = Fc [1 - exp(-sigma0 x/Fc)]. No Stribeck effect, no breakaway force above Fc; a load that oscillates below
-    /// Fc drifts. An exponent below 1 is not taken: its rate has no slope at |F| = Fc.
-    /// Always passive: the heat is sigma0 z (v - dz/dt) + Fv v^2, and v - dz/dt never has the other sign than z.
+    /// z is the deflection, m. sigma0 z is the F of Dahl, who writes dF/dx = sigma0 |1 - (F/Fc) sgn v|^i. From rest, i
+    /// = 1: F = Fc [1 - exp(-sigma0 x/Fc)]. The law has neither a Stribeck effect nor a breakaway force above Fc. A
+    /// load that oscillates below Fc drifts. An exponent below 1 is rejected, because its rate has no slope at |F| =
+    /// Fc. Always passive: the heat is sigma0 z (v - dz/dt) + Fv v^2, and v - dz/dt never has the opposite sign of z.
     /// Source: [dahl1968].
     pub struct Dahl {
         /// Coulomb force Fc

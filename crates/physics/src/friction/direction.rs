@@ -5,24 +5,23 @@ use math::{Over, Real};
 /// Quantity that shows the direction of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sense {
-    /// The sign of v: of a law that slips by |v| times a function, so that nothing jumps with it.
+    /// The sign of v, for a law that slips by |v| times a function, so that nothing jumps with the sign.
     Velocity,
-    /// The sign of the mode, and at rest that of the force which it holds.
+    /// The sign of the mode, and at rest the sign of the force in stick.
     Mode,
-    /// The sign of each deflection, see [`Levels::towards`]: of a law that slips or breaks away by the force of its
-    /// springs. That of v may change while they press as hard as they can: a level that jumped with it would drive
-    /// the mass back at once, again and again.
+    /// The sign of each deflection, see [`Levels::towards`], for a law that slips or breaks away by the force of its
+    /// springs. The sign of v may change while the springs carry their largest force. A level that jumped with v would
+    /// drive the mass back at once, again and again.
     Deflection,
 }
 
 crate::parameters! {
-    /// Friction that depends on the direction of motion, as lip seals have it: on any law, both levels
-    /// times a factor for each direction.
+    /// Friction that depends on the direction of motion, as with lip seals. It works with any law: both levels are
+    /// multiplied by a factor for each direction.
     ///
-    /// The direction is the sign of v; for a law that sticks exactly it is its mode, and at rest that of
-    /// the force which it holds; for a law that slips or breaks away by the force of
-    /// its springs (`gms`, `rate-and-state`, `armstrong` in stick) that of each deflection.
-    /// Source: [assumed].
+    /// The direction is usually the sign of v. For a law that sticks exactly, it is the mode, and at rest the sign of
+    /// the force in stick. A law may also slip or break away by the force of its springs (`gms`, `rate-and-state`,
+    /// `armstrong` in stick). Then the direction is the sign of each deflection. Source: [assumed].
     pub struct Direction {
         /// Factor for v > 0
         positive: "-", above(0.0), default 1.0;

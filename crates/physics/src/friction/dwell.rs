@@ -7,7 +7,7 @@ use math::{Lane, Over, Real};
 pub enum Growth {
     /// 1 - exp(-(phi/tau)^m): bounded. Source: [kato1972].
     Saturating,
-    /// ln(1 + phi/tau): without bound, so for the decades of age that were measured. Source: [dieterich1979].
+    /// ln(1 + phi/tau): without bound, and therefore for the measured decades of age only. Source: [dieterich1979].
     Logarithmic,
     /// phi/(phi + tau): bounded. Source: [armstrong1994].
     Hyperbolic,
@@ -35,7 +35,7 @@ impl Growth {
         }
     }
 
-    /// Psi at phi/tau; the exponent is that of the saturating growth.
+    /// Returns Psi at phi/tau. The exponent belongs to the saturating growth.
     #[inline(always)]
     pub fn at<S: Real>(self, ratio: S, exponent: S) -> S {
         match self {
@@ -49,40 +49,40 @@ impl Growth {
     }
 }
 
-/// (phi/tau) below this is taken as this in the saturating growth, whose slope at zero would be infinite: it
-/// changes the level by less than 2e-5 of the increment for exponents from 0.4.
+/// Lower limit of phi/tau in the saturating growth, whose slope at zero would be infinite. It changes the level by less
+/// than 2e-5 of the increment for exponents from 0.4.
 const SMALLEST_RATIO: f64 = 1e-12;
 
-/// The speed, m/s, up to which the age of sliding is resolved accurately enough for the level.
+/// Speed, m/s, up to which the age in sliding is resolved accurately enough for the level.
 const FAST: f64 = 1.0;
 
-/// The longest stop that warnings consider, s: a day.
+/// Longest stop that warnings consider, s: a day.
 pub(super) const LONGEST_STOP: f64 = 86_400.0;
 
-/// Largest gap between bristles and their limit at breakaway, share of the increment: the
-/// peak loses less than this of it. Assumed; a smaller one makes flatter peaks.
+/// Largest distance of bristles from their limit at breakaway, relative to the increment. The peak loses less than this
+/// fraction of the increment. Assumed: a smaller value makes flatter peaks.
 const LACKING: f64 = 0.04;
 
-/// The least such gap, share of the limit, so that small increments do not make a kink.
+/// Least such distance, relative to the limit, so that small increments do not cause a kink.
 const LEAST_LACKING: f64 = 1.5e-3;
 
-/// Sliding slower than this, m/s, ages like this: a contact of a million years.
+/// Slower sliding, m/s, ages like this speed: a contact of a million years.
 const SLOWEST: f64 = 1e-18;
 
 crate::parameters! {
     /// Friction that grows with the age of the contact (dwell), on any law:
     ///
-    ///   dphi/dt = (1 - phi |w|/L) r        age of the contact                 s
-    ///   Fd = b0 (1 + b_a (p_a - p_amb) + b_b (p_b - p_amb)) Psi(phi)          [N], added to Fc and Fs
-    ///   r = 1 while phi |w| < L; else from 0 to 1 (a smooth step) as w/v goes from 1 - e to 1,
-    ///   e = max(0.04 Fd/Fs, 0.0015), with the Fs that holds at that age
+    ///   `dphi/dt = (1 - phi |w|/L) r        age of the contact                 s`
+    ///   `Fd = b0 (1 + b_a (p_a - p_amb) + b_b (p_b - p_amb)) Psi(phi)          [N], added to Fc and Fs`
+    ///   `r = 1 while phi |w| < L; else from 0 to 1 (a smooth step) as w/v goes from 1 - e to 1,`
+    ///   `e = max(0.04 Fd/Fs, 0.0015), with the Fs at that age`
     ///
-    /// w is the plastic slip rate (v - dz/dt for bristles, v for a law that sticks exactly), so that the
-    /// elastic motion before breakaway renews nothing. Nor does the creep of bristles that have not reached
-    /// their limit: it stops the ageing, but only slip of the whole contact (w = v) makes it younger. In a
-    /// stop phi grows as time; in steady sliding phi = L/|v|. The stiffness of bristles does not depend on
-    /// phi: their store stays that of the law, and so does passivity, with Fs + Fd as breakaway force.
-    /// Source: [dieterich1979] for phi; r is assumed (docs/theory/friction.md); for Psi see [`Growth`].
+    /// Here w is the plastic slip rate: v - dz/dt for bristles, v for a law that sticks exactly. The elastic motion
+    /// before breakaway therefore renews nothing. Nor does the creep of bristles below their limit. It stops the ageing, but only
+    /// slip of the whole contact (w = v) makes the contact younger. In a stop phi grows with time. In steady sliding,
+    /// phi = L/|v|. The stiffness of bristles does not depend on phi. Their stored energy is therefore that of the law,
+    /// which keeps passivity, with Fs + Fd as breakaway force. Sources: [dieterich1979] for phi. The factor r is
+    /// assumed (docs/theory/friction.md). For Psi see [`Growth`].
     pub struct Dwell {
         /// Increment b0
         increment: "N", at_least(0.0);
@@ -105,13 +105,14 @@ crate::parameters! {
 }
 
 impl<R: Lane> Dwell<R> {
-    /// From the values of [`Dwell::PARAMETERS`], in their order.
+    /// Creates it from the values of [`Dwell::PARAMETERS`], in their order.
     pub fn new(
         growth: Growth,
         [increment, time, exponent, distance, pressure_a, pressure_b]: [R; 6],
     ) -> Self {
-        // An error of phi must not cost more than the same share of b0: where Psi is nearly linear below
-        // tau, tau itself; where it rises steeply from zero, the age at which m (phi/tau)^m is that share.
+        // Returns the error scale of phi: an error of phi must not cost more than the same fraction of b0. If Psi is
+        // nearly linear below tau, this is tau itself. If Psi rises steeply from zero, it is the age at which m
+        // (phi/tau)^m equals that fraction.
         let time_s = time.get(0);
         let scale = match growth {
             Growth::Logarithmic | Growth::Hyperbolic => time_s,
@@ -125,13 +126,13 @@ impl<R: Lane> Dwell<R> {
 }
 
 impl Dwell<f64> {
-    /// The greatest increment that a stop can leave, N, at these gauge pressures.
+    /// Returns the largest increment that a stop can leave, N, at these gauge pressures.
     pub(super) fn largest(&self, at: &At<f64>) -> f64 {
         self.increment(at, LONGEST_STOP)
     }
 }
 
-/// Its state.
+/// Returns its state.
 pub(super) const STATE: &str = "contact_age_s";
 
 impl<P: Real> Dwell<P> {
@@ -139,25 +140,25 @@ impl<P: Real> Dwell<P> {
         InnerState { name: STATE, unit: "s", scale: self.scale }
     }
 
-    /// Psi(phi).
+    /// Returns Psi(phi).
     #[inline(always)]
     fn growth<S: Over<P>>(&self, age: S) -> S {
         self.growth.at(age / S::from(self.time), S::from(self.exponent))
     }
 
-    /// Fd at the age phi, N.
+    /// Returns Fd at the age phi, N.
     #[inline(always)]
     pub fn increment<S: Over<P>>(&self, at: &At<S>, age: S) -> S {
         let pressed = S::from(self.pressure_a).fma(at.gauge_a, S::from(self.pressure_b) * at.gauge_b);
         S::from(self.increment) * (S::one() + pressed).max(S::zero()) * self.growth(age)
     }
 
-    /// dphi/dt for the plastic slip rate w, and the share that the increment has of the breakaway force.
+    /// Returns dphi/dt for the plastic slip rate w, and the increment relative to the breakaway force.
     #[inline(always)]
     pub fn rate<S: Over<P>>(&self, age: S, v: S, slip: S, share: S) -> S {
         let o = S::one();
         let left = o - age * slip.abs() / S::from(self.distance);
-        // At rest nothing slips as a whole, whatever relaxes.
+        // At rest, the contact as a whole does not slip, even during relaxation.
         let along = S::select(S::zero().lt(v), slip, S::zero());
         let forwards = S::select(v.lt(S::zero()), -slip, along) / v.abs().max(S::c(SLOWEST));
         let lacking = (S::c(LACKING) * share).max(S::c(LEAST_LACKING));
@@ -165,7 +166,7 @@ impl<P: Real> Dwell<P> {
         left * S::select(left.lt(S::zero()), way * way * (S::c(3.0) - way - way), o)
     }
 
-    /// Age in steady sliding at velocity v, s.
+    /// Returns the age in steady sliding at velocity v, s.
     pub fn steady<S: Over<P>>(&self, v: S) -> S {
         S::from(self.distance) / v.abs().max(S::c(SLOWEST))
     }

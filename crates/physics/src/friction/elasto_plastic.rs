@@ -5,27 +5,26 @@ use math::{Over, Real};
 use std::f64::consts::PI;
 
 bristle_parameters! {
-    /// Elasto-plastic bristles: elastic up to a share of their greatest deflection, so that nothing
-    /// drifts below breakaway.
+    /// Elasto-plastic bristles: elastic up to a fraction of their largest deflection, without drift below breakaway.
     ///
-    ///   dz/dt = v - w,    w = alpha |v| sigma0 z / g(v)       plastic slip rate
-    ///   g(v) = Fc + (Fs - Fc) exp(-|v/vs|^n)
-    ///   alpha = 0 for q <= c or v z < 0,  1/2 - 1/2 cos(pi (q - c)/(1 - c)) for c < q < 1,  1 above,
-    ///   with q = sigma0 |z| / g(v)
-    ///   F = sigma0 z + sigma1(v) dz/dt + Fv v                          [N], opposes v > 0
-    ///   sigma1(v) = sigma1 exp(-(v/vd)^2), constant where no vd is given
+    ///   `dz/dt = v - w,    w = alpha |v| sigma0 z / g(v)       plastic slip rate`
+    ///   `g(v) = Fc + (Fs - Fc) exp(-|v/vs|^n)`
+    ///   `alpha = 0 for q <= c or v z < 0,  1/2 - 1/2 cos(pi (q - c)/(1 - c)) for c < q < 1,  1 above,`
+    ///   `with q = sigma0 |z| / g(v)`
+    ///   `F = sigma0 z + sigma1(v) dz/dt + Fv v                          [N], opposes v > 0`
+    ///   `sigma1(v) = sigma1 exp(-(v/vd)^2), constant without vd`
     ///
-    /// LuGre is alpha = 1. Up to c g/sigma0 a deflection comes back without loss; c is a share of the
-    /// present greatest deflection, so that it keeps its meaning where the level grows with pressure
-    /// or age. Passive under the conditions of LuGre. Source: [dupont2002].
+    /// LuGre is alpha = 1. Up to c g/sigma0, a deflection returns without loss. Here c is relative to the present
+    /// largest deflection, so that it keeps its meaning if the level grows with pressure or age. Passive under the conditions
+    /// of LuGre. Source: [dupont2002].
     pub struct ElastoPlastic {
         /// Share c of the greatest deflection at which slip begins
         breakaway_share: "-", between(0.0, 1.0), default 0.9;
     }
 }
 
-/// alpha: share of the motion that is slip, for bristles deflected to the share `q` of their limit that begin to slip at
-/// the share `begin`; `loading` has the sign of v z.
+/// Returns alpha, the fraction of the motion that is slip. The bristles are deflected to the fraction `q` of their
+/// limit, and slip begins at the fraction `begin`. `loading` has the sign of v z.
 #[inline(always)]
 pub fn plastic_share<S: Real>(begin: S, loading: S, q: S) -> S {
     let way = ((q - begin) / (S::one() - begin)).max(S::zero()).min(S::one());

@@ -3,37 +3,37 @@ use super::{At, FLOOR, InnerState, Law, Levels, sliding};
 use crate::parameter::{above, any, at_least};
 use math::{Over, Real};
 
-/// Exponent of the steady film over the velocity. Assumed: the source's own value could not be read.
+/// Exponent of the steady film over the velocity. Assumed: the value of the source is not accessible.
 const FILM_EXPONENT: f64 = 2.0 / 3.0;
 
-/// |v|/vb below this is taken as this in the steady film, whose slope at rest would be infinite: it changes the
-/// film by less than 1e-8 of its greatest.
+/// Lower limit of |v|/vb in the steady film, whose slope at rest would be infinite. It changes the film by less than
+/// 1e-8 of its largest thickness.
 const SMALLEST_RATIO: f64 = 1e-12;
 
-/// Film thickness h, relative: 0 is a contact without film, 1 - Fc/Fs the greatest film.
+/// Relative film thickness h: 0 is a contact without film, and 1 - Fc/Fs is the thickest film.
 const FILM: InnerState = InnerState { name: "film_thickness", unit: "-", scale: 1.0 };
 
 bristle_parameters! {
     /// Modified LuGre of Yanada and Tran: bristles under a film of lubricant that grows and shrinks with a lag.
     ///
-    ///   dz/dt = v - sigma0 |v| z / g(v, h)
-    ///   g(v, h) = Fc + max((1 - h) Fs - Fc, 0) exp(-|v/vs|^n)
-    ///   dh/dt = (h_ss - h) [(1 - r)/tau + r/tau_0],    h_ss = (1 - Fc/Fs) min(|v|/vb, 1)^(2/3)
-    ///   tau = tau_p for h <= h_ss (the film grows), tau_n for h > h_ss;   r = exp(-(v/vr)^2)
-    ///   vs = vs_0 + s_a (p_a - p_amb) + s_b (p_b - p_amb), not less than a hundredth of vs_0
-    ///   F = sigma0 z + sigma1(v) dz/dt + Fv (v + Tf dv/dt)             [N], opposes v > 0
+    ///   `dz/dt = v - sigma0 |v| z / g(v, h)`
+    ///   `g(v, h) = Fc + max((1 - h) Fs - Fc, 0) exp(-|v/vs|^n)`
+    ///   `dh/dt = (h_ss - h) [(1 - r)/tau + r/tau_0],    h_ss = (1 - Fc/Fs) min(|v|/vb, 1)^(2/3)`
+    ///   `tau = tau_p for h <= h_ss (the film grows), tau_n for h > h_ss;   r = exp(-(v/vr)^2)`
+    ///   `vs = vs_0 + s_a (p_a - p_amb) + s_b (p_b - p_amb), not less than a hundredth of vs_0`
+    ///   `F = sigma0 z + sigma1(v) dz/dt + Fv (v + Tf dv/dt)             [N], opposes v > 0`
     ///
-    /// h    film thickness over the thickness at which no solid contact is left      -
-    /// Tf   lead of viscous friction: Fv Tf moves along as a mass (`inertia`)        s
+    /// * `h`: film thickness relative to the thickness without solid contact.
+    /// * `Tf`: lead of viscous friction: Fv Tf moves along as a mass (`inertia`), s.
     ///
-    /// Below vb friction is not a function of velocity: faster changes open a loop, the wider the higher the
-    /// frequency. At rest the film is squeezed out with tau_0, so breakaway grows exponentially with the stop,
-    /// from what the last sliding left to Fs.
+    /// Below vb, friction is not a function of velocity. Faster changes open a loop, which is wider at higher
+    /// frequency. At rest the film is squeezed out with tau_0. Breakaway then grows exponentially with the stop, from
+    /// the value after the last sliding to Fs.
     ///
-    /// The source switches to tau_0 at v = 0 exactly, which bristles never reach: r does it below vr, and from
-    /// 3 vr on it takes less than 1.3e-4 of the rate. max() is a guard for levels that fall under pressure:
-    /// elsewhere h <= 1 - Fc/Fs. Passive under the conditions of LuGre, as g lies between Fc and Fs.
-    /// Source: [tran2013]; of it the abstract could be read, not the tables of values.
+    /// The source switches to tau_0 at v = 0 exactly, which bristles never reach. Here r does this below vr, and from 3
+    /// vr on it contributes less than 1.3e-4 of the rate. max() protects against levels that fall under pressure.
+    /// Otherwise h <= 1 - Fc/Fs. Passive under the conditions of LuGre, because g is between Fc and Fs. Source:
+    /// [tran2013]. Only its abstract was accessible, not the tables of values.
     pub struct FilmLuGre {
         /// Velocity vb above which the film is thickest
         film_velocity: "m/s", above(0.0);
@@ -55,7 +55,7 @@ bristle_parameters! {
 }
 
 impl<P: Real> FilmLuGre<P> {
-    /// s(v) with the Stribeck velocity under pressure.
+    /// Returns s(v) with the Stribeck velocity under pressure.
     fn pressed_weight<S: Over<P>>(&self, at: &At<S>) -> S {
         let vs = S::from(self.stribeck_velocity);
         let (a, b) = (S::from(self.stribeck_velocity_a), S::from(self.stribeck_velocity_b));
@@ -63,14 +63,14 @@ impl<P: Real> FilmLuGre<P> {
         self.weight(at.v * (vs / pressed))
     }
 
-    /// h_ss: the film of steady sliding.
+    /// Returns h_ss: the film of steady sliding.
     fn steady_film<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
         let greatest = (S::one() - levels.coulomb / levels.breakaway).max(S::zero());
         let ratio = (v.abs() / S::from(self.film_velocity)).min(S::one()).max(S::c(SMALLEST_RATIO));
         greatest * ratio.pow(S::c(FILM_EXPONENT))
     }
 
-    /// dh/dt, 1/s.
+    /// Returns dh/dt, 1/s.
     fn film_rate<S: Over<P>>(&self, v: S, h: S, levels: &Levels<S>) -> S {
         let missing = self.steady_film(v, levels) - h;
         let moving = S::select(
@@ -83,7 +83,7 @@ impl<P: Real> FilmLuGre<P> {
         missing * (moving + resting * (S::from(P::one() / self.film_rest_time) - moving))
     }
 
-    /// g(v, h), N.
+    /// Returns g(v, h), N.
     fn level<S: Over<P>>(&self, at: &At<S>, h: S, levels: &Levels<S>) -> S {
         let excess = ((S::one() - h) * levels.breakaway - levels.coulomb).max(S::zero());
         excess.fma(self.pressed_weight(at), levels.coulomb)

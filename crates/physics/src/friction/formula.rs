@@ -13,19 +13,19 @@ use std::sync::Mutex;
 
 pub use text::{ParameterText, Problem, Refusal, StateText, Text};
 
-/// The most inner states of a custom law.
+/// Largest number of inner states of a custom law.
 pub const MOST_STATES: usize = 8;
 
-/// Variables of a formula, in the order of a graph's inputs; then the states, then their rates.
+/// Variables of a formula in the order of a graph's inputs, followed by the states and their rates.
 const VARIABLES: [(&str, &str); 4] = [("v", "m/s"), ("x", "m"), ("pressure_a", "Pa"), ("pressure_b", "Pa")];
 const LEVELS: [(&str, &str); 3] = [("coulomb", "N"), ("breakaway", "N"), ("viscous", "N s/m")];
 const FIRST_STATE: usize = VARIABLES.len() + LEVELS.len();
 
-/// A checked law: the part common to all sets of its parameters. Each text is compiled once
-/// and kept for the life of the process, so that names and tables are as static as those of other laws.
+/// A checked law: the part common to all sets of its parameters. Each text is compiled once and kept for the life of
+/// the process, so that names and tables are static as in other laws.
 #[derive(Debug)]
 pub struct OwnLaw {
-    /// Its entry, as those of the registry.
+    /// Its entry, in the form of the registry.
     pub meta: Meta,
     /// Warnings to the author.
     pub warnings: Vec<String>,
@@ -40,14 +40,14 @@ pub struct OwnLaw {
     /// Names of the states in formulas, and their bounds.
     keys: Vec<&'static str>,
     kept: Vec<Bounds>,
-    /// The values that passed the checks last: a fit repeats them often.
+    /// The last values that passed the checks, because a fit repeats them often.
     good: Mutex<Vec<f64>>,
 }
 
 /// A custom law with values for its parameters.
 ///
-/// What is made of parameters alone is computed ahead, in the scalar of the parameters; the rest runs as a
-/// [`Program`] over the scalar of the states. A custom law has no mode and no events.
+/// Terms of parameters only are computed in advance, in the scalar type of the parameters. The rest runs as a
+/// [`Program`] over the scalar type of the states. A custom law has neither a mode nor events.
 #[derive(Clone, Debug)]
 pub struct Formula<P> {
     /// The part common to all sets of parameters.
@@ -67,7 +67,7 @@ impl OwnLaw {
 }
 
 impl<P: Real> Formula<P> {
-    /// The law with these parameters, in the order of `meta.parameters`.
+    /// Creates the law with these parameters, in the order of `meta.parameters`.
     pub fn new(law: &'static OwnLaw, parameters: Vec<P>) -> Self {
         let constants = law.graph.constants(&parameters);
         let of = |program: Option<&Program>| program.map_or(Vec::new(), |program| program.own(&constants));
@@ -102,7 +102,7 @@ impl<P: Real> Formula<P> {
         self.motion_in(S::from, at, levels, z, dz)
     }
 
-    /// [`Formula::force`] in any scalar that parameters can be lifted to.
+    /// [`Formula::force`] in any scalar type that parameters can be lifted to.
     #[inline]
     fn motion_in<S: Real>(
         &self,
@@ -147,7 +147,7 @@ impl<P: Real> Formula<P> {
         force * v - self.stored_in(|p| Dual::from(S::from(p)), &along).eps[0]
     }
 
-    /// Steady sliding at `at`, N; for laws that depend on position and pressures, at these.
+    /// Returns steady sliding at `at`, N. A law that depends on position and pressures uses the given ones.
     pub fn steady<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>) -> S {
         match &self.law.steady {
             Some(steady) => {
@@ -163,7 +163,7 @@ impl<P: Real> Formula<P> {
     }
 }
 
-/// The value of a graph's input.
+/// Returns the value of a graph's input.
 #[inline(always)]
 fn input<S: Real>(k: usize, at: &At<S>, levels: &Levels<S>, z: &[S]) -> S {
     match k {
@@ -179,7 +179,7 @@ fn input<S: Real>(k: usize, at: &At<S>, levels: &Levels<S>, z: &[S]) -> S {
 }
 
 impl Formula<f64> {
-    /// The same law with its parameters as other numbers, in their order.
+    /// Returns the same law with its parameters as other numbers, in their order.
     pub fn lifted<P: Real>(&self, values: &[P]) -> Formula<P> {
         Formula::new(self.law, values.to_vec())
     }
@@ -191,7 +191,7 @@ impl Formula<f64> {
 }
 
 impl<R: Lane> Formula<R> {
-    /// Lane `i` takes the parameters of `each[i]`; all must be of one law.
+    /// Creates lane `i` from the parameters of `each[i]`. All must be of one law.
     pub fn gather(each: &[&Formula<f64>]) -> Self {
         let law = each[0].law;
         assert!(each.iter().all(|other| std::ptr::eq(other.law, law)), "lanes must share one friction law");

@@ -6,14 +6,15 @@ use math::{Over, Real};
 stribeck_parameters! {
     /// Karnopp: a band |v| <= Dv in which the mass counts as at rest.
     ///
-    ///   F(v) = [Fc + (Fs - Fc) s(v)] sgn(v) + Fv v,  s = exp(-|v/vs|^n)                   [N], opposes v > 0
-    ///   |v| <= Dv: v = 0 and F = applied force, as long as |applied| <= Fs
+    ///   `F(v) = [Fc + (Fs - Fc) s(v)] sgn(v) + Fv v,  s = exp(-|v/vs|^n)                   [N], opposes v > 0`
+    ///   `|v| <= Dv: v = 0 and F = applied force, as long as |applied| <= Fs`
     ///
-    /// As modes: slip in the direction s = +-1 holds while s v > Dv or s applied > Fs, else the mass stops, v = 0
-    /// exactly, and sticks while |applied| <= Fs. A mass that leaves stick has a mode of its own, s = +-2, until it has
-    /// left the band or stands again: else a force that stays about Fs would stop it at every instant. Then it slides
-    /// on the curve, where the source has Fs: they differ by the fall of the curve over the band. What the stop takes,
-    /// m Dv^2/2 at most, is booked as heat of friction at that instant. In the limit Dv -> 0 this is `stribeck`, which
+    /// The modes are as follows. Slip in the direction s = +-1 holds while s v > Dv or s applied > Fs. Otherwise the
+    /// mass stops with v = 0 exactly, and sticks while |applied| <= Fs. A mass that leaves stick has a separate mode, s
+    /// = +-2, until it has left the band or stops again. Without this mode, a force near Fs would stop it at every
+    /// instant. It then slides on the curve, where the source uses Fs. The difference is the fall of the curve over the
+    /// band. The kinetic energy lost in the stop, at most m Dv^2/2, is booked as friction heat at that instant. In the
+    /// limit Dv -> 0 this is `stribeck`, which
     /// needs no band. No presliding, no memory.
     /// Source: [karnopp1985].
     pub struct Karnopp {
@@ -25,13 +26,13 @@ stribeck_parameters! {
 /// Size of the mode of a mass that leaves stick and is still in the band.
 const LEAVING: f64 = 2.0;
 
-/// The direction of a mode.
+/// Returns the direction of a mode.
 #[inline(always)]
 fn way<P: Real>(mode: P) -> P {
     P::select(dry::is_stick(mode), P::zero(), P::select(mode.lt(P::zero()), -P::one(), P::one()))
 }
 
-/// Whether the mode is that of leaving stick.
+/// Returns whether the mode is that of leaving stick.
 fn is_leaving<P: Real>(mode: P) -> P::Mask {
     P::c(0.5 * (1.0 + LEAVING)).lt(mode.abs())
 }

@@ -5,14 +5,13 @@ use math::{Over, Real};
 bristle_parameters! {
     /// LuGre: friction as the mean deflection z of elastic bristles.
     ///
-    ///   dz/dt = v - sigma0 |v| z / g(v),    g(v) = Fc + (Fs - Fc) exp(-|v/vs|^n)
-    ///   F = sigma0 z + sigma1(v) dz/dt + Fv v                          [N], opposes v > 0
+    ///   `dz/dt = v - sigma0 |v| z / g(v),    g(v) = Fc + (Fs - Fc) exp(-|v/vs|^n)`
+    ///   `F = sigma0 z + sigma1(v) dz/dt + Fv v                          [N], opposes v > 0`
     ///   sigma1(v) = sigma1 exp(-(v/vd)^2), constant where no vd is given
     ///
-    /// Presliding, breakaway that falls with the rate of force, frictional lag, stick-slip. Under a
-    /// load that oscillates below Fs it drifts: `elasto-plastic` does not. Passive where
-    /// Fv >= sigma1 (Fs - Fc)/Fc, or with a fade where sigma1 vd/sqrt(2 e) <= 4 Fc.
-    /// Source: [canudas1995]; passivity: [barabanov2000].
+    /// Presliding, breakaway that falls with the rate of force, frictional lag, stick-slip. It drifts under a load that
+    /// oscillates below Fs. `elasto-plastic` does not. Passive if Fv >= sigma1 (Fs - Fc)/Fc, or with a fade if sigma1
+    /// vd/sqrt(2 e) <= 4 Fc. Source: [canudas1995]; passivity: [barabanov2000].
     pub struct LuGre {
     }
 }

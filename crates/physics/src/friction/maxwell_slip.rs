@@ -7,7 +7,7 @@ use math::{Lane, Over, Real};
 /// Number of elements by default.
 const USUAL_ELEMENTS: usize = 4;
 
-/// The most and the fewest elements of a description.
+/// Largest and smallest number of elements of a description.
 pub const ELEMENTS: std::ops::RangeInclusive<usize> = 2..=10;
 
 /// |v|/vc below this is taken as this in steady sliding, where the slope at rest would be infinite: it changes
@@ -20,7 +20,7 @@ const fn element(name: &'static str) -> InnerState {
     InnerState { name, unit: "m", scale: 1e-5 }
 }
 
-/// The states of ten elements, in the order in which they slip; fewer have the first of them.
+/// States of ten elements, in the order in which they slip. Fewer elements use the first of them.
 const STATES: [InnerState; 11] = [
     LOSS,
     element("element_1_deflection_m"),
@@ -38,20 +38,20 @@ const STATES: [InnerState; 11] = [
 /// One element: a spring in series with a slider.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Element<P> {
-    /// Share of the stiffness sigma0.
+    /// Fraction of the stiffness sigma0.
     pub stiffness: P,
-    /// Share of the level.
+    /// Fraction of the level.
     pub level: P,
 }
 
 impl Element<f64> {
-    /// `n` elements of equal stiffness whose loading curve from rest is the polygon of n tangents around
-    /// F = Fs (1 - exp(-sigma0 x/Fs)), the loading curve of Dahl's law:
+    /// Creates `n` elements of equal stiffness. Their loading curve from rest is the polygon of n tangents around the
+    /// loading curve of Dahl's law, F = Fs (1 - exp(-sigma0 x/Fs)):
     ///
-    ///   yield of element j at x sigma0/Fs = 1 + n (m' ln m' - m ln m),  m = 1 - (j - 1)/n, m' = 1 - j/n
+    ///   `yield of element j at x sigma0/Fs = 1 + n (m' ln m' - m ln m),  m = 1 - (j - 1)/n, m' = 1 - j/n`
     ///
-    /// The shares of the level are those yields over n. The polygon has the stiffness sigma0 at first and lies
-    /// above the curve; with four by at most 9.2 % of Fs, at the last yield.
+    /// The fractions of the level are those yields divided by n. The polygon has the initial stiffness sigma0 and is
+    /// above the curve. With four elements, the difference is at most 9.2 % of Fs, at the last yield.
     pub fn tangents(n: usize) -> Vec<Self> {
         let count = n as f64;
         let entropy = |j: usize| {
@@ -75,35 +75,35 @@ stribeck_parameters! {
     }
 }
 
-/// Generalised Maxwell slip: springs with sliders side by side that slip one after the other, so that
-/// the force in presliding remembers the points of reversal.
+/// Generalised Maxwell slip: parallel springs with sliders that slip one after the other, so that the force in
+/// presliding remembers the points of reversal.
 ///
-///   F = sum_i k_i z_i + Fv v                                         [N], opposes v > 0
-///   dz_i/dt = v - w_i,    w_i = vc max(0, q_i - 1)^2 sgn(z_i),    q_i = k_i |z_i|/(a_i G)
-///   dG/dt = C (1 - G/s(v)),    s(v) = Fc + (Fs - Fc) exp(-|v/vs|^n)
+///   `F = sum_i k_i z_i + Fv v                                         [N], opposes v > 0`
+///   `dz_i/dt = v - w_i,    w_i = vc max(0, q_i - 1)^2 sgn(z_i),    q_i = k_i |z_i|/(a_i G)`
+///   `dG/dt = C (1 - G/s(v)),    s(v) = Fc + (Fs - Fc) exp(-|v/vs|^n)`
 ///
-/// k_i, a_i  stiffness of an element and its share of the level, sum a_i = 1      N/m, -
-/// w_i       slip rate of an element: none within its limit a_i G                 m/s
-/// G         level of slip, carried as the loss 1 - G/Fs, nought after a stop     N
-/// C         attraction: G follows s(v) with the time constant s/C                N/s
-/// vc        viscosity of slip, the only regularisation                           m/s
+/// * `k_i`, `a_i`: stiffness of an element, N/m, and its fraction of the level, with sum a_i = 1.
+/// * `w_i`: slip rate of an element, zero within its limit a_i G, m/s.
+/// * `G`: level of slip, stored as the loss 1 - G/Fs, which is zero after a stop, N.
+/// * `C`: attraction: G follows s(v) with the time constant s/C, N/s.
+/// * `vc`: viscosity of slip, the only regularisation, m/s.
 ///
-/// The source has dF_i/dt = k_i v in stick, until |F_i| = a_i s(v), and in slip sgn(v) C (a_i - F_i/s(v)), until v
-/// changes sign. Elements in slip thus all obey one equation, that of G = F_i/a_i, written here once:
-/// sliding is that of the source. An element in stick has the limit a_i G instead of a_i s(v), so that the
-/// level regains Fs within some Fs/C of a stop, not at once. No element needs a mode then, and none
-/// gives energy; in the source one can, where the attraction pulls faster than k_i v.
+/// In stick, the source has dF_i/dt = k_i v until |F_i| = a_i s(v). In slip, it has sgn(v) C (a_i - F_i/s(v)) until v
+/// changes sign. All elements in slip therefore obey one equation, that of G = F_i/a_i, which is written here once.
+/// Sliding is that of the source. An element in stick has the limit a_i G instead of a_i s(v). The level then regains
+/// Fs within a few Fs/C of a stop, not at once. No element needs a mode, and none produces energy. In the source an
+/// element can produce energy if the attraction is faster than k_i v.
 ///
-/// In sliding the force exceeds the curve by the share sqrt(|v|/vc) of the level, by default 0.3 % at 1 m/s and
-/// 0.01 % at 1 mm/s; less would leave nothing for error control to hold on to. Within the limits nothing
-/// slips: minor loops close, what is wiped out leaves no trace, and no load below Fs drifts.
-/// Levels that depend on the direction limit each element by that of its own deflection, and G by that of v.
-/// Always passive, as w_i has the sign of z_i. Sources: [albender2005], [lampaert2003].
+/// In sliding, the force exceeds the curve by the fraction sqrt(|v|/vc) of the level. The default gives 0.3 % at 1 m/s
+/// and 0.01 % at 1 mm/s. A smaller value would be too stiff for error control. Within the limits the slip is zero.
+/// Minor loops close, the material memory is erased after a full loop, and a load below Fs does not drift. Levels that
+/// depend on the direction limit each element by the sign of that element's deflection, and G by the sign of v. Always
+/// passive, as w_i has the sign of z_i. Sources: [albender2005], [lampaert2003].
 #[derive(Clone, Debug)]
 pub struct MaxwellSlip<P> {
     /// Parameters shared by all elements.
     pub common: Common<P>,
-    /// In the order in which they slip.
+    /// Elements in the order in which they slip.
     pub elements: Vec<Element<P>>,
 }
 
@@ -113,7 +113,7 @@ impl<P: Copy> MaxwellSlip<P> {
 }
 
 impl<R: Lane> MaxwellSlip<R> {
-    /// Takes elements with stiffness in N/m and shares of the level, whose sum is taken as one.
+    /// Creates the law from elements with stiffness in N/m and fractions of the level. Their sum is taken as one.
     pub fn set_elements(&mut self, mut elements: Vec<Element<R>>) {
         let sum = |of: fn(&Element<R>) -> R| elements.iter().map(of).fold(R::zero(), |sum, one| sum + one);
         let (stiffness, level) = (sum(|element| element.stiffness), sum(|element| element.level));
@@ -136,7 +136,7 @@ impl Described for MaxwellSlip<f64> {
 }
 
 impl MaxwellSlip<f64> {
-    /// The same elements and shape with other numbers, in the order of `PARAMETERS`.
+    /// Returns the same elements and shape with other numbers, in the order of `PARAMETERS`.
     pub fn lifted<P: Real>(&self, values: &[P]) -> MaxwellSlip<P> {
         let constant = |e: &Element<f64>| Element { stiffness: P::c(e.stiffness), level: P::c(e.level) };
         MaxwellSlip {
@@ -147,7 +147,7 @@ impl MaxwellSlip<f64> {
 }
 
 impl<R: Lane> MaxwellSlip<R> {
-    /// Lane `i` takes `each[i]`; all must have the same number of elements.
+    /// Creates lane `i` from `each[i]`. All must have the same number of elements.
     pub fn gather(each: &[&MaxwellSlip<f64>]) -> Self {
         let element = |j: usize| Element {
             stiffness: R::from_lanes(|lane| each[lane].elements[j].stiffness),
@@ -161,18 +161,18 @@ impl<R: Lane> MaxwellSlip<R> {
 }
 
 impl<P: Real> MaxwellSlip<P> {
-    /// k_i, N/m.
+    /// Returns k_i, N/m.
     fn stiffness(&self, element: &Element<P>) -> P {
         self.common.bristle_stiffness * element.stiffness
     }
 
-    /// Deflection, m, at which the element of an inner state slips in the level Fs.
+    /// Returns the deflection, m, at which the element of an inner state slips in the level Fs.
     pub(super) fn limit(&self, state: usize) -> Option<P> {
         let element = self.elements.get(state.checked_sub(1)?)?;
         Some(element.level * self.common.breakaway / self.stiffness(element))
     }
 
-    /// w_i, m/s, under the force of the spring, with G.
+    /// Returns w_i, m/s, under the force of the spring, with G.
     fn slip_rate<S: Over<P>>(&self, element: &Element<P>, elastic: S, level: S) -> S {
         let excess = (elastic.abs() / (S::from(element.level) * level) - S::one()).max(S::zero());
         let rate = S::from(self.common.slip_velocity) * excess * excess;
@@ -211,7 +211,7 @@ impl<P: Real> Law<P> for MaxwellSlip<P> {
         sum
     }
 
-    /// The mean over the elements, by stiffness: that of the deflection F/sigma0.
+    /// Returns the mean over the elements, weighted by stiffness: the mean for the deflection F/sigma0.
     fn slip<S: Over<P>>(&self, v: S, dz: &[S]) -> S {
         let elements = self.elements.iter().zip(&dz[1..]);
         elements.fold(v, |slip, (element, rate)| slip - S::from(element.stiffness) * *rate)

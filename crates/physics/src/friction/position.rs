@@ -15,8 +15,8 @@ crate::parameters! {
     }
 }
 
-/// A factor given at some positions, between them by the monotone cubic of Fritsch and Butland: smooth,
-/// without overshoot; beyond the first and the last position it keeps their factors. Source: [fritsch1984].
+/// A factor given at some positions, interpolated by the monotone cubic of Fritsch and Butland, without overshoot.
+/// Beyond the first and the last position, the factor is constant. Source: [fritsch1984].
 #[derive(Clone, Debug, Default)]
 pub struct Table<P> {
     /// Position m, factor, slope 1/m at each point.
@@ -24,13 +24,13 @@ pub struct Table<P> {
 }
 
 impl<P: Real> Table<P> {
-    /// From positions, m, that rise and the factors there.
+    /// Creates the table from increasing positions, m, and their factors.
     pub fn new(points: &[[P; 2]]) -> Self {
         let slopes = monotone_slopes(points).into_iter().zip(points);
         Table { points: slopes.map(|(slope, [x, factor])| [*x, *factor, slope]).collect() }
     }
 
-    /// The factor at `x`; one where there is no table.
+    /// Returns the factor at `x`, or one without a table.
     #[inline(always)]
     fn at<S: Over<P>>(&self, x: S) -> S {
         let (Some(first), Some(last)) = (self.points.first(), self.points.last()) else { return S::one() };
@@ -49,26 +49,26 @@ impl<P: Real> Table<P> {
     }
 }
 
-/// Friction that depends on the position along the stroke, on any law: both levels times
+/// Friction that depends on the position along the stroke, for any law. Both levels are multiplied by
 ///
-///   table(x) [1 + slope (x - x0) + sum_k a_k cos(2 pi (x - x0)/lambda_k + phi_k)]
+///   `table(x) [1 + slope (x - x0) + sum_k a_k cos(2 pi (x - x0)/lambda_k + phi_k)]`
 ///
-/// never less than a hundredth. The form is assumed; a straight line is what misalignment of the drive gives,
-/// periods are those of profile, band or tube, a table is what was measured. Source: [assumed].
+/// but never by less than a hundredth. The form is assumed. A straight line represents misalignment of the drive.
+/// Periods represent the profile, band or tube. A table represents measured values. Source: [assumed].
 #[derive(Clone, Debug)]
 pub struct Position<P> {
-    /// Measured factors; without points: 1 everywhere.
+    /// Measured factors. Without points, the factor is 1 everywhere.
     pub table: Table<P>,
     /// Periodic terms.
     pub harmonics: Vec<Harmonic<P>>,
     /// Linear trend, 1/m.
     pub slope: P,
-    /// Position x0 at which the trend is nil, m.
+    /// Position x0 at which the trend is zero, m.
     pub reference: P,
 }
 
 impl<R: Lane> Position<R> {
-    /// Lane `i` takes `each[i]`; all must have the same number of harmonics and of points.
+    /// Creates lane `i` from `each[i]`. All must have the same number of harmonics and of points.
     pub fn gather(each: &[&Position<f64>]) -> Self {
         let point =
             |k: usize| std::array::from_fn(|part| R::from_lanes(|lane| each[lane].table.points[k][part]));
@@ -84,7 +84,7 @@ impl<R: Lane> Position<R> {
 }
 
 impl Position<f64> {
-    /// Bounds of the factor for positions between 0 and `stroke` m.
+    /// Returns bounds of the factor for positions between 0 and `stroke` m.
     pub(super) fn range(&self, stroke: f64) -> [f64; 2] {
         let waves: f64 = self.harmonics.iter().map(|wave| wave.amplitude.abs()).sum();
         let ends = [0.0, stroke].map(|x| 1.0 + self.slope * (x - self.reference));

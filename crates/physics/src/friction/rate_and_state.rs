@@ -16,49 +16,48 @@ pub enum Evolution {
 /// The state psi = ln(v0 theta/L): 0 in steady sliding at the reference velocity.
 const STATE: InnerState = InnerState { name: "contact_log_age", unit: "-", scale: 1.0 };
 
-/// Exponents above this are taken as this: slip of 1e43 reference velocities, and contacts as much younger than
-/// that of the reference velocity, which no motion reaches.
+/// Upper limit of exponents: slip of 1e43 reference velocities, or equally young contacts, which no motion reaches.
 const LARGEST_EXPONENT: f64 = 100.0;
 
 /// |w|/v0 below this is taken as this in its logarithm, where it is multiplied by |w|.
 const SMALLEST_RATIO: f64 = 1e-300;
 
-/// Sliding slower than this, m/s, is as steady as this.
+/// Slower sliding, m/s, is treated as steady at this velocity.
 const SLOWEST: f64 = 1e-18;
 
-/// Steady sliding is known up to this share of vc.
+/// Steady sliding is known up to this fraction of vc.
 const FASTEST: f64 = 0.999;
 
-/// ln of the largest argument of asinh in steady sliding: its square is still finite.
+/// ln of the largest argument of asinh in steady sliding. Its square is still finite.
 const LARGEST_LOG: f64 = 340.0;
 
 crate::parameters! {
-    /// Rate and state: friction that grows with the logarithm of the velocity at once, and with that of the age
-    /// of the contact, over an elastic contact.
+    /// Rate and state: friction that grows with the logarithm of the velocity at once, and with that of the contact's
+    /// age, over an elastic contact.
     ///
-    ///   F = sigma0 z + Fv v,    dz/dt = v - w                            [N], opposes v > 0
-    ///   sigma0 z = a F0 asinh( w/(2 v0) exp((1 + b psi)/a) ),   psi = ln(v0 theta/L)
-    ///   u = 2 v0 sinh(sigma0 z/(a F0)) exp(-(1 + b psi)/a),  w = u/(1 + |u|/vc)    the same solved for the slip rate
-    ///   ageing:  dpsi/dt = (v0/D) exp(-psi) - |w|/D          slip:  dpsi/dt = -(|w|/D)(psi + ln(|w|/v0))
-    ///   D = max(L, b F0/sigma0),   (1 + b psi)/a not below ln(v0/vc)
+    ///   `F = sigma0 z + Fv v,    dz/dt = v - w                            [N], opposes v > 0`
+    ///   `sigma0 z = a F0 asinh( w/(2 v0) exp((1 + b psi)/a) ),   psi = ln(v0 theta/L)`
+    ///   `u = 2 v0 sinh(sigma0 z/(a F0)) exp(-(1 + b psi)/a),  w = u/(1 + |u|/vc)    the same solved for the slip rate`
+    ///   `ageing:  dpsi/dt = (v0/D) exp(-psi) - |w|/D          slip:  dpsi/dt = -(|w|/D)(psi + ln(|w|/v0))`
+    ///   `D = max(L, b F0/sigma0),   (1 + b psi)/a not below ln(v0/vc)`
     ///
-    /// F0   level: steady friction at v0, mu0 times the normal force                   N
-    /// a    direct effect over F0 (a/mu0 of the source)                                -
-    /// b    evolution effect over F0 (b/mu0 of the source)                             -
-    /// psi  logarithm of the age theta over that of steady sliding at v0, so that the age stays positive
+    /// * `F0`: level: steady friction at v0, mu0 times the normal force, N.
+    /// * `a`: direct effect over F0 (a/mu0 of the source).
+    /// * `b`: evolution effect over F0 (b/mu0 of the source).
+    /// * `psi`: logarithm of the age theta over that of steady sliding at v0, so that the age stays positive.
     ///
-    /// Steady sliding: F0 [1 + (a - b) ln(|v|/v0)] + Fv v where the logarithm is far from -1/a. What acts on the
-    /// level scales a F0 and b F0 with it, as a normal force does. asinh is the logarithm of the source, made
-    /// finite at rest: it differs by exp(-2 F/(a F0))/4 of a F0. The contact is elastic because slip is then given by
-    /// the force: solved the other way round, a velocity of 1e-20 m/s would have to be resolved to know the
-    /// force at rest. In steps of velocity the elastic contact delays the direct effect by a F0/sigma0. Softer than
-    /// b F0/L it would stick and slip by itself, without any mass, some sigma0 |v|/F0 times a second: a motion of the
-    /// spring, not of the sources. So it does not forget over less than the distance b F0/sigma0 by which it gives way.
-    /// In sliding vc adds the share a |v|/vc of the level, 1e-4 at 1 m/s for a = 0.1; where the curve would fall below
-    /// nought, half of that is left.
+    /// Steady sliding: F0 [1 + (a - b) ln(|v|/v0)] + Fv v if the logarithm is far from -1/a. Modifiers of the level
+    /// scale a F0 and b F0 with it, as a normal force does. asinh is the logarithm of the source, made finite at rest.
+    /// The difference is exp(-2 F/(a F0))/4 of a F0. The contact is elastic because the force then determines the slip.
+    /// Without elasticity, a velocity of 1e-20 m/s would have to be resolved for the force at rest. The elastic contact
+    /// delays the direct effect in velocity steps by a F0/sigma0. A contact softer than b F0/L would show stick-slip
+    /// without any mass, about sigma0 |v|/F0 times a second. This would be a motion of the spring and not of the
+    /// sources. The contact is therefore renewed over at least its elastic deflection b F0/sigma0. In sliding, vc adds
+    /// the fraction a |v|/vc of the level: 1e-4 at 1 m/s for a = 0.1. If the curve would fall below zero, half of this
+    /// remains.
     ///
-    /// It creeps at rest under any load, at v0 exp(-(1 + b psi - F/F0)/a), and has no breakaway force of its own: the
-    /// peak grows by b F0 for each e-fold of the time of rest (ageing). It never gives energy: w has the sign of z.
+    /// It creeps at rest under any load, at v0 exp(-(1 + b psi - F/F0)/a), and does not have a fixed breakaway force.
+    /// The peak grows by b F0 for each e-fold of the rest time (ageing). It never produces energy: w has the sign of z.
     /// Sources: [dieterich1979], [ruina1983]; values of rock: [marone1998].
     pub struct RateAndState {
         /// Level F0: steady friction at the reference velocity
@@ -102,22 +101,23 @@ impl Described for RateAndState<f64> {
 }
 
 impl<P: Real> RateAndState<P> {
-    /// D, m: the distance that renews the contact, not less than its elastic deflection.
+    /// Returns D, m: the distance that renews the contact, at least its elastic deflection.
     fn renewal<S: Over<P>>(&self, levels: &Levels<S>) -> S {
         let largest = levels.coulomb + levels.lean[0].abs();
         (S::from(self.evolution_effect / self.bristle_stiffness) * largest).max(S::from(self.distance))
     }
 
-    /// (1 + b psi)/a: by how many e-folds the contact holds at the state psi; slip without load is at most viscous as vc is.
+    /// Returns (1 + b psi)/a: the strength of the contact at the state psi, in e-folds. Slip without load is at most as
+    /// viscous as vc.
     fn hold<S: Over<P>>(&self, psi: S) -> S {
         let least = S::from((self.reference_velocity / self.slip_velocity).ln());
         (S::from(self.evolution_effect).fma(psi, S::one()) / S::from(self.direct_effect)).max(least)
     }
 
-    /// w, m/s, under the elastic force on a contact of state psi.
+    /// Returns w, m/s, under the elastic force on a contact of state psi.
     fn slip_rate<S: Over<P>>(&self, elastic: S, psi: S, levels: &Levels<S>) -> S {
         let push = (elastic / (S::from(self.direct_effect) * levels.coulomb)).abs();
-        // 2 sinh(push) as exp(push) [1 - exp(-2 push)], the bracket as good for a weak push as for a strong one.
+        // Returns 2 sinh(push) as exp(push) [1 - exp(-2 push)]. The bracket is accurate for a weak and a strong push.
         let tanh = push.tanh();
         let bracket = (tanh + tanh) / (S::one() + tanh);
         let folds = (push - self.hold(psi)).min(S::c(LARGEST_EXPONENT));
@@ -126,7 +126,7 @@ impl<P: Real> RateAndState<P> {
         S::select(elastic.lt(S::zero()), -slip, slip)
     }
 
-    /// dpsi/dt, 1/s.
+    /// Returns dpsi/dt, 1/s.
     fn evolve<S: Over<P>>(&self, psi: S, slip: S, levels: &Levels<S>) -> S {
         let (v0, distance) = (S::from(self.reference_velocity), self.renewal(levels));
         let renewal = slip.abs() / distance;
@@ -166,7 +166,7 @@ impl<P: Real> Law<P> for RateAndState<P> {
         let (v0, vc) = (S::from(self.reference_velocity), S::from(self.slip_velocity));
         let speed = v.abs().max(S::c(SLOWEST)).min(S::c(FASTEST) * vc);
         let held = self.hold(-(speed / v0).ln());
-        // asinh of half of u/v0 exp(held).
+        // Returns asinh of half of u/v0 exp(held).
         let log = (speed / (v0 * (S::one() - speed / vc))).ln() + held;
         let half = S::c(0.5) * log.min(S::c(LARGEST_LOG)).exp();
         let push = (half + half.fma(half, S::one()).sqrt()).ln();

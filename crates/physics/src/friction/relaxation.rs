@@ -3,20 +3,20 @@ use crate::parameter::{above, between};
 use math::{Over, Real};
 
 crate::parameters! {
-    /// Stress relaxation of the bristles while the contact is held: each bristle is a standard linear
-    /// solid, a spring sigma0 (1 - rho) beside a spring sigma0 rho in series with a dashpot. On laws of
-    /// bristles, with z the deflection, d that of the dashpot and w = v - dz/dt the slip rate of the law:
+    /// Stress relaxation of the bristles while the contact is held. Each bristle is a standard linear solid: a spring
+    /// sigma0 (1 - rho) parallel to a spring sigma0 rho in series with a dashpot. It works with bristle laws. Here z is
+    /// the deflection, d that of the dashpot, and w = v - dz/dt the slip rate of the law:
     ///
-    ///   s = z - rho d                              takes the place of z in the law
-    ///   dd/dt = (z - d)/tau - d |w| / L            the dashpot follows; slip renews bristles
-    ///   dz/dt = v - w - A                          A: the deflection that leaves with renewed dashpots
-    ///   A = rho max(0, d |w|/L - max(0, (z - d)/tau))        for d > 0, mirrored for d < 0
+    ///   `s = z - rho d                              replaces z in the law`
+    ///   `dd/dt = (z - d)/tau - d |w| / L            the dashpot follows, and slip renews bristles`
+    ///   `dz/dt = v - w - A                          A: the deflection that leaves with renewed dashpots`
+    ///   `A = rho max(0, d |w|/L - max(0, (z - d)/tau))        for d > 0, mirrored for d < 0`
     ///
-    /// Held after sliding, the force falls by the share rho of its elastic part with the time constant tau.
-    /// Steady sliding is that of the law exactly (there dd/dt = 0, so A = 0 and w = v), and |s| stays within
-    /// the law's limit. Store W = (1 - rho) W(z) + rho W(z - d). Its heat exceeds that of the law by
-    /// sigma0 (s A + rho (z - d) dd/dt) >= 0, whatever rho, tau, L: docs/theory/friction.md proves it.
-    /// Source of the element: [ferry1980].
+    /// If the contact is held after sliding, the force falls by the fraction rho of its elastic part with the time
+    /// constant tau. Steady sliding is exactly that of the law (there dd/dt = 0, so A = 0 and w = v), and |s| stays
+    /// within the law's limit. The stored energy is W = (1 - rho) W(z) + rho W(z - d). The heat exceeds that of the law
+    /// by sigma0 (s A + rho (z - d) dd/dt) >= 0 for any rho, tau and L. The proof is in docs/theory/friction.md. Source
+    /// of the element: [ferry1980].
     pub struct Relaxation {
         /// Share rho of the elastic force that relaxes
         share: "-", between(0.0, 1.0);
@@ -27,17 +27,17 @@ crate::parameters! {
     }
 }
 
-/// The state d.
+/// Returns the state d.
 pub(super) const STATE: InnerState = InnerState { name: "relaxed_deflection_m", unit: "m", scale: 1e-3 };
 
 impl<P: Real> Relaxation<P> {
-    /// s, takes the place of z in the law.
+    /// Returns s, which replaces z in the law.
     #[inline(always)]
     pub(super) fn seen<S: Over<P>>(&self, z: S, d: S) -> S {
         z - S::from(self.share) * d
     }
 
-    /// (dz/dt, dd/dt) from the rate v - w that the law gives at velocity v.
+    /// Returns (dz/dt, dd/dt) from the rate v - w that the law gives at velocity v.
     #[inline(always)]
     pub(super) fn rates<S: Over<P>>(&self, at: &At<S>, z: S, d: S, law_rate: S) -> [S; 2] {
         let o = S::zero();
@@ -48,7 +48,7 @@ impl<P: Real> Relaxation<P> {
         [law_rate - S::from(self.share) * leaving, yielding - renewal]
     }
 
-    /// A weighted sum of a function of the law at the deflections z and z - d.
+    /// Returns a weighted sum of a function of the law at the deflections z and z - d.
     pub(super) fn mixed<S: Over<P>>(&self, of_all: S, of_springs: S) -> S {
         let share = S::from(self.share);
         (S::one() - share) * of_all + share * of_springs

@@ -3,14 +3,14 @@ use crate::parameter::any;
 use math::{Over, Real};
 
 crate::parameters! {
-    /// Lip seals pressed against the bore by the pressure in each chamber: on any law,
+    /// Lip seals pressed against the bore by the pressure in each chamber. For any law:
     ///
-    ///   Fc(p) = Fc + c_a (p_a - p_amb) + c_b (p_b - p_amb)
-    ///   Fs(p) = Fs + s_a (p_a - p_amb) + s_b (p_b - p_amb)                            [N]
+    ///   `Fc(p) = Fc + c_a (p_a - p_amb) + c_b (p_b - p_amb)`
+    ///   `Fs(p) = Fs + s_a (p_a - p_amb) + s_b (p_b - p_amb)                            [N]`
     ///
-    /// Affine, as the radial load of a lip is in the pressure difference over it. Below the ambient
-    /// pressure it goes on affinely; the levels never fall below a hundredth of their value without
-    /// pressure. Source: [assumed], lip seal under pressure: F = pi D mu (q0 + c_w dp).
+    /// The form is affine, because the radial load of a lip is affine in the pressure difference across it. The affine
+    /// form also holds below ambient pressure. The levels never fall below a hundredth of their value without pressure.
+    /// Source: [assumed], lip seal under pressure: F = pi D mu (q0 + c_w dp).
     pub struct SealLips {
         /// Coulomb force per gauge pressure in chamber a
         coulomb_a: "N/Pa", any(), default 0.0;

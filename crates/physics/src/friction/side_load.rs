@@ -3,8 +3,8 @@ use crate::parameter::{any, at_least};
 use math::{Over, Real};
 
 crate::parameters! {
-    /// A side load on the guide of piston or rod, by mounting or load: on any law, mu |N| more on both
-    /// levels. Source: [assumed], Coulomb friction of the guide.
+    /// A side load on the guide of piston or rod, from mounting or load. For any law, it adds mu |N| to both levels.
+    /// Source: [assumed], Coulomb friction of the guide.
     pub struct SideLoad {
         /// Force N across the axis
         force: "N", any();

@@ -1,8 +1,8 @@
 use super::{At, Choices, Claims, Described, Law, Levels, dry, sliding};
 use math::{Over, Real, power};
 
-/// |v/vs| below this is taken as this in a general exponent, where the slope at zero would be
-/// infinite: it changes the weight by less than 1e-6 for exponents from 0.5.
+/// Lower limit of |v/vs| for a general exponent, whose slope at zero would be infinite. It changes the weight by less
+/// than 1e-6 for exponents from 0.5.
 const SMALLEST_RATIO: f64 = 1e-12;
 
 /// Fall of the excess of breakaway over Coulomb force with the velocity.
@@ -17,13 +17,13 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// The shape that a description chooses, or that of its exponent.
+    /// Returns the shape that a description chooses, or that of its exponent.
     pub(super) fn of(choices: &Choices, exponent: f64) -> Self {
         choices.shape.unwrap_or(if exponent == 2.0 { Shape::Gaussian } else { Shape::Power })
     }
 }
 
-/// Share of Fs - Fc that is left at velocity `v`.
+/// Returns the remaining fraction of Fs - Fc at velocity `v`.
 #[inline(always)]
 pub fn weight<P: Real, S: Over<P>>(v: S, vs: P, exponent: P, shape: Shape) -> S {
     let ratio = v * S::from(P::one() / vs);
@@ -34,7 +34,7 @@ pub fn weight<P: Real, S: Over<P>>(v: S, vs: P, exponent: P, shape: Shape) -> S 
     }
 }
 
-/// [`crate::parameters!`] of a law with a Stribeck curve: its five parameters and its shape, then the law's own.
+/// [`crate::parameters!`] of a law with a Stribeck curve: its five parameters and its shape, then the specific ones.
 macro_rules! stribeck_parameters {
     ($(#[$attribute:meta])* pub struct $name:ident { $($own:tt)* } $(with { $($choice:tt)* })?) => {
         $crate::parameters! {
@@ -76,11 +76,11 @@ pub(super) use stribeck_parameters;
 stribeck_parameters! {
     /// Friction of a lip seal in steady sliding (Stribeck curve), with exact sticking.
     ///
-    ///   F(v) = [Fc + (Fs - Fc) s(v)] sgn(v) + Fv v,  s = exp(-|v/vs|^n)   [N], opposes v > 0
-    ///   at rest: F = applied force, as long as |applied| <= Fs
+    ///   `F(v) = [Fc + (Fs - Fc) s(v)] sgn(v) + Fv v,  s = exp(-|v/vs|^n)   [N], opposes v > 0`
+    ///   `at rest: F = applied force, as long as |applied| <= Fs`
     ///
-    /// Stick and slip are modes with located events: v = 0 exactly for as long as it sticks. No
-    /// presliding, no memory (use `lugre`). Source: [armstrong1994].
+    /// Stick and slip are modes with located events: v = 0 exactly during stick. The law has neither presliding nor
+    /// memory (use `lugre`). Source: [armstrong1994].
     pub struct Stribeck {}
 }
 

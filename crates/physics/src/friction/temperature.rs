@@ -2,19 +2,19 @@ use super::{FLOOR, InnerState, Levels};
 use crate::parameter::{above, any, at_least};
 use math::{Over, Real};
 
-/// The greatest rise above ambient, K, that warnings consider. Assumed.
+/// Largest rise above ambient, K, that warnings consider. Assumed.
 pub(super) const HOTTEST: f64 = 60.0;
 
 crate::parameters! {
-    /// Friction that depends on the temperature of the contact, on any law; its own heat warms it:
+    /// Friction that depends on the temperature of the contact, for any law. Its own heat warms the contact:
     ///
-    ///   T = T_amb + theta,   dtheta/dt = (R P - theta)/tau             P: heat of friction, W
-    ///   Fv(T) = Fv exp(-b (T - T0)),   Fc and Fs times 1 + c (T - T0)
+    ///   `T = T_amb + theta,   dtheta/dt = (R P - theta)/tau             P: heat of friction, W`
+    ///   `Fv(T) = Fv exp(-b (T - T0)),   Fc and Fs times 1 + c (T - T0)`
     ///
-    /// the latter never less than a hundredth. theta is what the contact is warmer than its surroundings: at rest
-    /// it is nought. The heat that leaves the drive is that of friction, when it is made: what the contact
-    /// holds is not booked. Source: [assumed], viscosity of grease that falls exponentially, stiffness of an
-    /// elastomer that changes linearly, one thermal mass.
+    /// The latter factor is at least a hundredth. theta is the rise of the contact above its surroundings. It is zero
+    /// at the start from rest. Friction heat leaves the energy balance when it is produced. The heat stored in the
+    /// contact is not booked. Source: [assumed]. The viscosity of grease falls exponentially, the stiffness of an
+    /// elastomer changes linearly, and there is one thermal mass.
     pub struct Heating {
         /// Temperature T0 at which the law's parameters hold
         reference: "K", above(0.0);
@@ -31,11 +31,11 @@ crate::parameters! {
     }
 }
 
-/// The state theta.
+/// Returns the state theta.
 pub(super) const STATE: InnerState = InnerState { name: "contact_warming_k", unit: "K", scale: 10.0 };
 
 impl<P: Real> Heating<P> {
-    /// The levels of a contact at this rise above its surroundings, K.
+    /// Returns the levels of a contact at this rise above its surroundings, K.
     #[inline(always)]
     pub fn apply<S: Over<P>>(&self, base: &Levels<S>, warming: S) -> Levels<S> {
         let above = S::from(self.ambient - self.reference) + warming;
@@ -43,13 +43,13 @@ impl<P: Real> Heating<P> {
         Levels { viscous: base.viscous * (-(S::from(self.viscous) * above)).exp(), ..levels }
     }
 
-    /// theta after `duration`, s, of a constant heat of friction, W: the solution of [`Heating::rate`].
+    /// Returns theta after a constant friction heat, W, for `duration`, s: the solution of [`Heating::rate`].
     pub fn after(&self, warming: P, heat: P, duration: P) -> P {
         let last = self.resistance * heat;
         last + (warming - last) * (-(duration / self.time)).exp()
     }
 
-    /// dtheta/dt with the heat of friction, W.
+    /// Returns dtheta/dt for the friction heat, W.
     #[inline(always)]
     pub fn rate<S: Over<P>>(&self, warming: S, heat: S) -> S {
         S::from(self.resistance).fma(heat, -warming) / S::from(self.time)

@@ -2,16 +2,16 @@ use super::{FLOOR, InnerState, Levels};
 use crate::parameter::{above, any, at_least};
 use math::{Over, Real};
 
-/// The longest way from the start, m, that warnings consider: a hundred kilometres. Assumed.
+/// Longest sliding distance that warnings consider, m: a hundred kilometres. Assumed.
 pub(super) const FARTHEST: f64 = 1e5;
 
 crate::parameters! {
-    /// Friction of a seal that runs in and wears, on any law: Fc and Fs times
+    /// Friction of a seal with run-in and wear, for any law: Fc and Fs times
     ///
-    ///   1 + a exp(-s/s0) + k s,   ds/dt = |w|
+    ///   `1 + a exp(-s/s0) + k s,   ds/dt = |w|`
     ///
-    /// never less than a hundredth; s is the way that the contact has slid for good, w its plastic slip rate. The
-    /// parameters of the law are those of a seal that has run in and not worn. Source: [assumed].
+    /// but never less than a hundredth. s is the irreversible sliding distance of the contact, and w its plastic slip
+    /// rate. The parameters of the law are those of a seal after run-in and without wear. Source: [assumed].
     pub struct Wear {
         /// Additional share a of friction of a new seal
         run_in: "-", above(-1.0), default 0.0;
@@ -24,11 +24,11 @@ crate::parameters! {
     }
 }
 
-/// The distance slid since the start.
+/// Returns the sliding distance since the start.
 pub(super) const STATE: InnerState = InnerState { name: "sliding_distance_m", unit: "m", scale: 1.0 };
 
 impl<P: Real> Wear<P> {
-    /// The levels of a contact that has slid this way since the start, m.
+    /// Returns the levels of a contact with this sliding distance since the start, m.
     #[inline(always)]
     pub fn apply<S: Over<P>>(&self, base: &Levels<S>, way: S) -> Levels<S> {
         let slid = S::from(self.slid) + way;

@@ -4,11 +4,10 @@ use math::Real;
 crate::parameters! {
     /// Ideal gas with constant heat capacities.
     ///
-    ///   p V = m R T,   U = m cv T,   cv = R/(k - 1),   cp = k R/(k - 1)
+    ///   `p V = m R T,   U = m cv T,   cv = R/(k - 1),   cp = k R/(k - 1)`
     ///
-    /// p pressure Pa, V volume m3, m mass kg, T temperature K, U internal energy J, cp and cv
-    /// specific heat capacities J/(kg K). Air below 10 bar departs from it by less than 0.5 %
-    /// (assumed). Source: [bejan2016].
+    /// p pressure Pa, V volume m3, m mass kg, T temperature K, U internal energy J, cp and cv specific heat capacities
+    /// J/(kg K). Air below 10 bar differs from it by less than 0.5 % (assumed). Source: [bejan2016].
     #[derive(Copy)]
     pub struct IdealGas {
         /// Ratio of specific heats k = cp/cv
@@ -30,14 +29,14 @@ impl IdealGas<f64> {
         IdealGas::new(AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT)
     }
 
-    /// Whether this is exactly the gas of [`IdealGas::air`].
+    /// Returns whether this is exactly the gas of [`IdealGas::air`].
     pub fn is_air(&self) -> bool {
         (self.heat_capacity_ratio, self.gas_constant) == (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT)
     }
 }
 
 impl<P: Real> IdealGas<P> {
-    /// From k and R, J/(kg K).
+    /// Creates the gas from k and R, J/(kg K).
     pub fn new(heat_capacity_ratio: P, gas_constant: P) -> Self {
         let cv = gas_constant / (heat_capacity_ratio - P::one());
         IdealGas {

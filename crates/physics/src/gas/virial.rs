@@ -2,25 +2,25 @@ use super::IdealGas;
 use crate::chamber::{EnergyBalance, GasState};
 use math::{Over, Real};
 
-/// Below this temperature, K, the coefficient no longer grows: far below where the gases of a circuit are, so that
-/// trial states have finite pressures.
+/// Below this temperature, K, the coefficient no longer grows. It is far below the temperatures of a circuit, and keeps
+/// pressures of trial states finite.
 const LEAST_T: f64 = 60.0;
-/// Least value under the root of the density: pressures at which two densities meet are far above those of the law.
+/// Least value under the root of the density. Pressures at which two densities meet are far above the range of the law.
 const LEAST_ROOT: f64 = 1e-6;
-/// Newton steps from the temperature of the ideal gas: the first leaves some hundredths of a kelvin, the second less than
-/// a microkelvin for carbon dioxide at 10 bar.
+/// Newton steps from the temperature of the ideal gas. For carbon dioxide at 10 bar, the error is some hundredths of a
+/// kelvin after the first step and less than a microkelvin after the second.
 const STEPS: usize = 2;
 
 crate::parameters! {
     /// Gas of constant heat capacity at low density, with its second virial coefficient B:
     ///
-    ///   p = rho R T (1 + B rho),   B = a - b exp(c/T),   T^2 B' = b c exp(c/T)
-    ///   u = cv T - R T^2 B' rho,   h = u + p/rho = cp T + R rho (T B - T^2 B')
-    ///   s = cv ln(T/T0) - R ln(rho/rho0) - R (B + T B') rho
+    ///   `p = rho R T (1 + B rho),   B = a - b exp(c/T),   T^2 B' = b c exp(c/T)`
+    ///   `u = cv T - R T^2 B' rho,   h = u + p/rho = cp T + R rho (T B - T^2 B')`
+    ///   `s = cv ln(T/T0) - R ln(rho/rho0) - R (B + T B') rho`
     ///
-    /// rho density kg/m3, u, h and s per kg. All follow from one free energy, so that balances of energy and entropy close.
-    /// Good while |B| rho is small against one: the third coefficient is left out. Source of the form of B and of the
-    /// numbers of gases: [libretexts-virial].
+    /// rho density kg/m3, u, h and s per kg. All follow from one free energy, so that the balances of energy and
+    /// entropy close. Valid while |B| rho is small compared with one, because the third coefficient is left out. Source
+    /// of the form of B and of the numbers of gases: [libretexts-virial].
     #[derive(Copy)]
     pub struct Virial {
         /// Number a
@@ -33,14 +33,14 @@ crate::parameters! {
 }
 
 impl<P: Real> Virial<P> {
-    /// B and T^2 B' at a temperature.
+    /// Returns B and T^2 B' at a temperature.
     #[inline(always)]
     fn coefficient<S: Over<P>>(&self, t: S) -> [S; 2] {
         let grown = S::from(self.b) * (S::from(self.c) / t.max(S::c(LEAST_T))).exp();
         [S::from(self.a) - grown, S::from(self.c) * grown]
     }
 
-    /// (p, T, h) from (m, U) in a volume; those of the ideal gas to the bit where a and b are zero.
+    /// Returns (p, T, h) from (m, U) in a volume. They equal those of the ideal gas bit for bit if a and b are zero.
     #[inline(always)]
     pub fn p_t_h<S: Over<P>>(&self, gas: &IdealGas<P>, state: [S; 2], volume: S) -> (S, S, S) {
         let GasState { p, t: ideal, .. } = EnergyBalance::state(gas, state, volume);
@@ -60,12 +60,13 @@ impl<P: Real> Virial<P> {
         (p * (S::one() + warmer / ideal) * (S::one() + second * density), t, h)
     }
 
-    /// Approximate share of the ideal pressure that the coefficient subtracts: the law is valid while it is small.
+    /// Returns the approximate fraction of the ideal pressure that the coefficient subtracts. The law is valid while it
+    /// is small.
     pub fn off(&self, gas: &IdealGas<P>, p: P, t: P) -> P {
         P::one() - P::one() / self.denser(gas, p, t)
     }
 
-    /// Density over that of the ideal gas at a pressure and temperature.
+    /// Returns the density relative to the ideal gas at a pressure and temperature.
     #[inline(always)]
     fn denser<S: Over<P>>(&self, gas: &IdealGas<P>, p: S, t: S) -> S {
         let [second, _] = self.coefficient(t);
@@ -73,13 +74,13 @@ impl<P: Real> Virial<P> {
         S::c(2.0) / (S::one() + under.max(S::c(LEAST_ROOT)).sqrt())
     }
 
-    /// Density at a pressure and temperature, kg/m3.
+    /// Returns the density at a pressure and temperature, kg/m3.
     #[inline(always)]
     pub fn density<S: Over<P>>(&self, gas: &IdealGas<P>, p: S, t: S) -> S {
         p / (S::from(gas.gas_constant) * t) * self.denser(gas, p, t)
     }
 
-    /// (m, U) of gas at `p`, `t` in a volume.
+    /// Returns (m, U) of gas at `p`, `t` in a volume.
     pub fn initial<S: Over<P>>(&self, gas: &IdealGas<P>, p: S, t: S, volume: S) -> [S; 2] {
         let (r, k) = (S::from(gas.gas_constant), S::from(gas.heat_capacity_ratio));
         let denser = self.denser(gas, p, t);
@@ -88,7 +89,7 @@ impl<P: Real> Virial<P> {
         [m, p * volume / (k - S::one()) * denser - m * (m / volume) * r * rise]
     }
 
-    /// Specific enthalpy at a pressure and temperature, J/kg.
+    /// Returns the specific enthalpy at a pressure and temperature, J/kg.
     #[inline(always)]
     pub fn enthalpy<S: Over<P>>(&self, gas: &IdealGas<P>, p: S, t: S) -> S {
         let [second, rise] = self.coefficient(t);
@@ -96,14 +97,14 @@ impl<P: Real> Virial<P> {
         S::from(gas.cp) * t + r_rho * (t * second - rise)
     }
 
-    /// Specific entropy less that of the ideal gas at the same temperature and density, J/(kg K).
+    /// Returns the specific entropy minus that of the ideal gas at the same temperature and density, J/(kg K).
     pub fn residual_entropy<S: Over<P>>(&self, gas: &IdealGas<P>, density: S, t: S) -> S {
         let [second, rise] = self.coefficient(t);
         -S::from(gas.gas_constant) * density * (second + rise / t)
     }
 
-    /// Temperature after a throttle, at the same enthalpy: Newton steps with the heat capacity of the ideal gas. For
-    /// accounts, which split a production by it and close whatever it is.
+    /// Returns the temperature after a throttle, at the same enthalpy: Newton steps with the heat capacity of the ideal
+    /// gas. It is used by balances, which split a production with it and close for any value.
     pub fn throttled<S: Over<P>>(&self, gas: &IdealGas<P>, h: S, t: S, p: S) -> S {
         (0..3).fold(t, |at, _| at + (h - self.enthalpy(gas, p, at)) / S::from(gas.cp))
     }

@@ -3,10 +3,10 @@ use math::{Over, Real};
 crate::parameters! {
     /// Spring and damper that a piston meets at the end of its stroke:
     ///
-    ///   F = max(0, k d + c min(d/d_c, 1) d_dot)                              [N], pushes back
+    ///   `F = max(0, k d + c min(d/d_c, 1) d_dot)                              [N], pushes back`
     ///
-    /// d penetration m, d_dot closing speed m/s. The damper grows with depth, so that the force has
-    /// no jump at contact, and the stop never pulls. Source: [assumed], the usual spring-damper stop.
+    /// d penetration m, d_dot closing speed m/s. The damping grows with depth, so that the force does not jump at
+    /// contact, and the stop never pulls. Source: [assumed], the usual spring-damper stop.
     pub struct EndStop {
         /// Spring stiffness k
         stiffness: "N/m", crate::above(0.0);
@@ -18,7 +18,7 @@ crate::parameters! {
 }
 
 impl<P: Real> EndStop<P> {
-    /// Force that pushes back, N, for penetration `d` (none where negative) and closing speed.
+    /// Returns the restoring force, N, for penetration `d` and closing speed. Zero for a negative penetration.
     #[inline(always)]
     pub fn force<S: Over<P>>(&self, d: S, closing: S) -> S {
         let depth = d.max(S::zero());

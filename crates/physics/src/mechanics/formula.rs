@@ -18,19 +18,19 @@ pub const FORCE: Role = Role {
     constants: &[],
 };
 
-/// Where a formula is checked: positions, m, velocities, m/s, commands.
+/// Points at which a formula is checked: positions, m, velocities, m/s, commands.
 const POSITIONS: [f64; 9] = [0.0, 1e-3, -1e-3, 0.02, -0.02, 0.2, -0.2, 1.0, -1.0];
 const VELOCITIES: [f64; 7] = [0.0, 1e-3, -1e-3, 0.1, -0.1, 5.0, -5.0];
 const COMMANDS: [f64; 3] = [0.0, 1.0, -1.0];
-/// Speed at which a force that jumps where v changes its sign has jumped, m/s, a slow speed, and the share of the change
-/// between plus and minus that which is a jump.
+/// Speed after a possible jump at v = 0, m/s, a slow speed, and the fraction of the change between plus and minus that
+/// counts as a jump.
 const SLOWEST: f64 = 1e-10;
 const SLOW: f64 = 1e-3;
 const JUMP: f64 = 0.1;
-/// Least jump that counts, N.
+/// Least force that counts as a jump, N.
 const NO_JUMP: f64 = 1e-9;
 
-/// A force on a mass that is a formula of a user, in +x: F = f(x, v, command), N.
+/// A force on a mass, given by a user's formula, in +x: F = f(x, v, command), N.
 #[derive(Clone, Debug)]
 pub struct ForceFormula<P> {
     /// F, with the values of its parameters.
@@ -38,12 +38,12 @@ pub struct ForceFormula<P> {
 }
 
 impl<P: Real> ForceFormula<P> {
-    /// Of parameters in their order.
+    /// Creates it from parameters in their order.
     pub fn new(own: &'static OwnFormula, values: Vec<P>) -> Self {
         ForceFormula { formula: Formula::new(own, values) }
     }
 
-    /// Force in +x, N.
+    /// Returns the force in +x, N.
     #[inline]
     pub fn force<S: Over<P>>(&self, x: S, v: S, command: S) -> S {
         let given = [x, v, command];
@@ -52,7 +52,7 @@ impl<P: Real> ForceFormula<P> {
 }
 
 impl ForceFormula<f64> {
-    /// Refuses invalid values of the formula; the message says where.
+    /// Refuses invalid values of the formula. The message names the place.
     pub fn examine(&self) -> Result<(), String> {
         for x in POSITIONS {
             for command in COMMANDS {
@@ -74,7 +74,7 @@ impl ForceFormula<f64> {
 }
 
 impl<R: Lane> ForceFormula<R> {
-    /// Lane `i` takes the numbers of `each[i]`.
+    /// Creates lane `i` from the numbers of `each[i]`.
     pub fn gather(each: &[&ForceFormula<f64>]) -> Self {
         let formula = Formula::gather(&math::field(each, |own| &own.formula));
         ForceFormula { formula }

@@ -1,17 +1,17 @@
 use crate::curve::Curve;
 use math::{Lane, Over, Real};
 
-/// Share of l^2 that l^2 - s^2 keeps at least: a toggle of almost folded links stays finite.
+/// Least fraction of l^2 that l^2 - s^2 keeps, so that a toggle of almost folded links stays finite.
 const FOLDED: f64 = 1e-3;
 
-/// A mass coupled to an axis by a ratio that depends on its position: a mass m(x) beside its own,
+/// A mass coupled to an axis by a ratio that depends on its position: a mass m(x) in addition to the mass M of the axis:
 ///
-///   (M + m(x)) x'' + m'(x) x'^2/2 = F                                  [N]
+///   `(M + m(x)) x'' + m'(x) x'^2/2 = F                                  [N]`
 ///
-/// so that the power of F is the rate of (M + m) x'^2/2, exactly.
+/// The power of F is then exactly the rate of (M + m) x'^2/2.
 #[derive(Clone, Debug)]
 pub enum Inertia<P> {
-    /// m(x) as it was measured or computed, kg over m.
+    /// Measured or computed m(x), kg over m.
     Table(Curve<P>),
     /// A lever with a slot that a pin on the axis turns: tan(phi) = (x - x_0)/h, m = J (dphi/dx)^2 = J h^2/(h^2 + s^2)^2.
     Lever {
@@ -19,11 +19,11 @@ pub enum Inertia<P> {
         inertia: P,
         /// Distance h of the pivot from the line of the pin, m.
         distance: P,
-        /// Position x_0 at which it stands across the line, m.
+        /// Position x_0 at which it is perpendicular to the line, m.
         centre: P,
     },
-    /// A toggle of two links of length l whose knee the axis moves: the mass M at its end goes by 2 sqrt(l^2 - s^2),
-    /// m = 4 M s^2/(l^2 - s^2).
+    /// A toggle of two links of length l whose knee the axis moves. The mass M at its end moves by 2 sqrt(l^2 - s^2),
+    /// so m = 4 M s^2/(l^2 - s^2).
     Toggle {
         /// Mass M at the end, kg.
         mass: P,
@@ -35,7 +35,7 @@ pub enum Inertia<P> {
 }
 
 impl<P: Real> Inertia<P> {
-    /// m(x), kg, and m'(x)/2, kg/m.
+    /// Returns m(x), kg, and m'(x)/2, kg/m.
     #[inline(always)]
     pub fn at<S: Over<P>>(&self, x: S) -> [S; 2] {
         match self {
@@ -59,8 +59,8 @@ impl<P: Real> Inertia<P> {
         }
     }
 
-    /// A usual value of m, kg, by which end stops are laid out: the largest of a table and of a lever, of a toggle that
-    /// where its links stand at a right angle.
+    /// Returns a typical value of m, kg, for the design of end stops. It is the largest value of a table or a lever, and that of a
+    /// toggle with links at a right angle.
     pub fn usual(&self) -> P {
         match self {
             Inertia::Table(curve) => curve.largest(),
@@ -71,7 +71,7 @@ impl<P: Real> Inertia<P> {
 }
 
 impl<R: Lane> Inertia<R> {
-    /// Lane `i` takes `each[i]`; all are of one kind.
+    /// Creates lane `i` from `each[i]`. All are of one kind.
     pub fn gather(each: &[&Inertia<f64>]) -> Self {
         let numbers = |of: &dyn Fn(&Inertia<f64>) -> [f64; 3]| {
             std::array::from_fn(|i| R::from_lanes(|lane| of(each[lane])[i]))

@@ -15,7 +15,7 @@ pub struct Given {
     pub unit: &'static str,
     /// The range of its values.
     pub bounds: Bounds,
-    /// What it is, in words.
+    /// Meaning, as text.
     pub meaning: &'static str,
 }
 
@@ -62,7 +62,7 @@ pub struct OwnFormula {
     pub warnings: Vec<String>,
     /// Output and variables.
     pub role: &'static Role,
-    /// Which variables of its role it uses.
+    /// Used variables of its role.
     pub uses: Vec<bool>,
     graph: Graph,
     program: Program,
@@ -71,12 +71,12 @@ pub struct OwnFormula {
 static KNOWN: Known<OwnFormula> = Known::new();
 
 impl OwnFormula {
-    /// The formula that `text` describes, compiled at first use.
+    /// Returns the formula that `text` describes, compiled at first use.
     pub fn of(role: &'static Role, text: &Text) -> Compiled<&'static OwnFormula> {
         KNOWN.get(format!("{} {text:?}", role.output.0), || compile(role, text))
     }
 
-    /// Whether it uses a variable.
+    /// Returns whether it uses a variable.
     pub fn uses(&self, variable: &str) -> bool {
         self.role.variables.iter().zip(&self.uses).any(|(own, used)| own.name == variable && *used)
     }
@@ -121,8 +121,8 @@ fn compile(role: &'static Role, text: &Text) -> Compiled<OwnFormula> {
 
 /// A formula with values of its parameters and of the constants of its role.
 ///
-/// Terms of these alone are computed in advance, in their scalar; the rest runs as a program over the scalar of the
-/// variables.
+/// Terms of these only are computed in advance, in their scalar type. The rest runs as a program over the scalar type
+/// of the variables.
 #[derive(Clone, Debug)]
 pub struct Formula<P> {
     /// The part common to all sets of its parameters.
@@ -132,12 +132,12 @@ pub struct Formula<P> {
 }
 
 impl<P: Real> Formula<P> {
-    /// With its parameters in their order, then the constants of its role.
+    /// Creates it with its parameters in their order, then the constants of its role.
     pub fn new(own: &'static OwnFormula, values: Vec<P>) -> Self {
         Formula { own, constants: own.program.own(&own.graph.constants(&values)), values }
     }
 
-    /// Its value for given variables.
+    /// Returns its value for given variables.
     #[inline]
     pub fn value<S: Over<P>>(&self, variable: impl Fn(usize) -> S) -> S {
         let mut out = [S::zero()];
@@ -147,7 +147,7 @@ impl<P: Real> Formula<P> {
 }
 
 impl Formula<f64> {
-    /// Variables with their values, as text.
+    /// Returns the variables with their values, as text.
     pub fn place(&self, values: &[f64]) -> String {
         let mut words = String::new();
         let used = self.own.role.variables.iter().zip(values).zip(&self.own.uses).filter(|(_, used)| **used);
@@ -159,7 +159,7 @@ impl Formula<f64> {
         words.trim_end().into()
     }
 
-    /// The value and its derivatives by the variables, if all are finite.
+    /// Returns the value and its derivatives by the variables, if all are finite.
     pub fn slopes<const N: usize>(&self, values: &[f64; N]) -> Result<(f64, [f64; N]), String> {
         let seed = |k: usize| {
             let mut eps = [0.0; N];
@@ -180,7 +180,7 @@ impl Formula<f64> {
 }
 
 impl<R: Lane> Formula<R> {
-    /// Lane `i` takes the values of `each[i]`; all must be of one text.
+    /// Creates lane `i` from the values of `each[i]`. All must be of one text.
     pub fn gather(each: &[&Formula<f64>]) -> Self {
         let own = each[0].own;
         assert!(each.iter().all(|other| std::ptr::eq(other.own, own)), "lanes must share one formula");

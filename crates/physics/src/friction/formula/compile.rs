@@ -1,4 +1,4 @@
-//! From text to an [`OwnLaw`]: names, units, formulas, programs.
+//! Compilation of a text to an [`OwnLaw`]: names, units, formulas, programs.
 
 use super::text::Text;
 use super::{LEVELS, MOST_STATES, OwnLaw, VARIABLES};
@@ -11,13 +11,13 @@ use crate::written::{
 use ::formula::{Id, Range, Scope};
 use std::sync::Mutex;
 
-/// Gauge pressure is not below vacuum, Pa: with room for places below the sea.
+/// Least gauge pressure, Pa: below vacuum at sea level, to cover places below sea level.
 const LOWEST_GAUGE: f64 = -1.2e5;
 
 static KNOWN: Known<OwnLaw> = Known::new();
 
 impl OwnLaw {
-    /// The law that `text` describes, compiled at first use.
+    /// Returns the law that `text` describes, compiled at first use.
     pub fn of(text: &Text) -> Compiled<&'static OwnLaw> {
         KNOWN.get(format!("{text:?}"), || compile(text))
     }
@@ -28,7 +28,7 @@ struct Work<'a> {
     text: &'a Text,
     reader: Reader<'a>,
     states: Vec<Id>,
-    /// What the formulas use, to warn of the rest.
+    /// Names that the formulas use, for warnings about unused names.
     used: Vec<Id>,
 }
 
@@ -75,7 +75,7 @@ fn compile(text: &Text) -> Compiled<OwnLaw> {
     Ok(law)
 }
 
-/// Checks that names are valid, free and unique, and counts within limits.
+/// Checks that names are valid, free and unique, and that counts are within limits.
 fn names(text: &Text) -> Compiled<()> {
     if LAWS.iter().any(|meta| meta.key == text.name) {
         let what = format!("\"{}\" is a law that pneudrive has", text.name);
@@ -87,7 +87,7 @@ fn names(text: &Text) -> Compiled<()> {
     check_names(&text.name, (&text.parameters, &text.lets), given, states.collect())
 }
 
-/// Which parameter each level is: as the law says, or by name.
+/// Returns the parameter of each level: as the law specifies, or by name.
 fn levels(text: &Text) -> Compiled<[Option<usize>; 3]> {
     let mut out = [None; 3];
     for (i, (level, level_unit)) in LEVELS.iter().enumerate() {
@@ -107,7 +107,7 @@ fn levels(text: &Text) -> Compiled<[Option<usize>; 3]> {
     Ok(out)
 }
 
-/// Range of a level under pressure, age and so on: its sign stays, its size does not.
+/// Returns the range of a level under pressure, age and other modifiers: its sign is fixed, its size is not.
 fn level_range(bounds: &Bounds) -> Range {
     if bounds.lower > 0.0 || (bounds.lower == 0.0 && bounds.open) {
         Range::new(0.0, f64::INFINITY, [false; 2])
@@ -119,7 +119,7 @@ fn level_range(bounds: &Bounds) -> Range {
 }
 
 impl Work<'_> {
-    /// Parameters, variables, levels and states get their nodes and names.
+    /// Gives nodes and names to parameters, variables, levels and states.
     fn variables(&mut self, levels: &[Option<usize>; 3]) -> Compiled<()> {
         let text = self.text;
         for (name, its_unit) in VARIABLES {
@@ -186,7 +186,8 @@ impl Work<'_> {
         Err(of_whole(key, formula, format!("{key} may depend on {on}")))
     }
 
-    /// Irreversible slip: as the law says, or the velocity less the rate of the first state that is a length.
+    /// Returns the rate of irreversible slip: as the law specifies, or the velocity minus the rate of the first state
+    /// that is a length.
     fn slip(&mut self, parameters: Scope) -> Compiled<Id> {
         let mut own = String::from("v");
         let mut scope = parameters;

@@ -8,23 +8,23 @@ use math::{Dual, Real};
 type Slopes = Dual<f64, { VARIABLES.len() + MOST_STATES }>;
 
 const VELOCITIES: [f64; 11] = [0.0, 1e-6, -1e-6, 1e-3, -1e-3, 0.02, -0.02, 0.3, -0.3, 5.0, -5.0];
-/// Shares of a state's scale.
+/// Fractions of a state's scale.
 const DEFLECTIONS: [f64; 5] = [0.0, 1e-3, -1e-3, 0.3, -0.3];
 const GAUGES: [[f64; 2]; 3] = [[0.0, 0.0], [6e5, 0.0], [-5e4, 1e6]];
 /// Velocities at which steady sliding is checked, m/s.
 const STEADY: [f64; 5] = [1e-4, 1e-3, 0.02, 0.3, 1.0];
-/// Velocities to which it may change, m/s.
+/// Velocities after a sudden change, m/s.
 const SUDDEN: [f64; 8] = [1e-3, 0.01, 0.03, 0.1, 0.3, 1.0, 2.0, 5.0];
-/// Share of its first rate at which a state counts as settled.
+/// Fraction of its first rate at which a state counts as settled.
 const AT_REST: f64 = 1e-6;
 const SAME_FORCE: f64 = 1e-6;
-/// Velocity at which a force that jumps at v = 0 has jumped, m/s, and the share of the force at SLOW.
+/// Velocity at which a force with a jump at v = 0 has jumped, m/s, and the relative size of the jump at SLOW.
 const SLOWEST: f64 = 1e-10;
 const SLOW: f64 = 1e-3;
 const JUMP: f64 = 0.1;
 
 impl OwnLaw {
-    /// Whether the law has bristles, which can relax: one state, a length, whose energy is its square.
+    /// Returns whether the law has bristles, which can relax: one state, a length, whose energy is its square.
     pub(super) fn is_bristles(&self) -> bool {
         let [state] = self.meta.states else { return false };
         let Some(energy) = self.energy.as_ref().filter(|_| state.unit == "m") else { return false };
@@ -48,7 +48,7 @@ impl OwnLaw {
 }
 
 impl Formula<f64> {
-    /// Refuses invalid values of the law; each message says where.
+    /// Refuses invalid values of the law. Each message names the place.
     pub fn examine(&self) -> Result<(), String> {
         let mut good = self.law.good.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if !good.is_empty() && *good == self.values() {
@@ -80,7 +80,7 @@ impl Formula<f64> {
         Ok(())
     }
 
-    /// Warnings about these values with these levels.
+    /// Returns warnings about these values with these levels.
     pub fn warning(&self, levels: &Levels<f64>) -> Option<String> {
         let name = self.law.meta.key;
         let pushes = STEADY.iter().flat_map(|v| [*v, -v]).find_map(|v| {
@@ -96,8 +96,8 @@ impl Formula<f64> {
         pushes.or_else(|| self.gives_power(levels)).or_else(|| self.gives_energy(levels))
     }
 
-    /// Where the law has an energy: a sudden change of speed after steady sliding that gives more power than
-    /// the states lose.
+    /// Checks a law with an energy: a sudden change of speed after steady sliding must not give more power than the
+    /// states lose.
     fn gives_power(&self, levels: &Levels<f64>) -> Option<String> {
         self.law.energy.as_ref()?;
         let speeds = |all: &[f64]| all.iter().flat_map(|v| [*v, -v]).collect::<Vec<f64>>();
@@ -222,7 +222,7 @@ impl Formula<f64> {
         ))
     }
 
-    /// A force that jumps at v = 0 would make the integrator chatter.
+    /// A force with a jump at v = 0 would make the integrator chatter.
     fn continuous(&self, at: &At<f64>, z: &[f64]) -> Result<(), String> {
         let jump = |v: f64| self.both(&At { v, ..*at }, z)[0] - self.both(&At { v: -v, ..*at }, z)[0];
         let (near, far) = (jump(SLOWEST).abs(), jump(SLOW).abs());
@@ -237,7 +237,7 @@ impl Formula<f64> {
         ))
     }
 
-    /// The force in steady sliding at `v`, after a check that it exists.
+    /// Returns the force in steady sliding at `v`, after a check that it exists.
     fn rests(&self, v: f64) -> Result<f64, String> {
         let name = self.law.meta.key;
         let (at, levels) = (At { v, ..At::at_rest() }, self.levels());
@@ -268,15 +268,15 @@ impl Formula<f64> {
     }
 }
 
-/// Random motions: their number, pieces of each, steps of each piece.
+/// Random motions: their number, the pieces of each, and the steps of each piece.
 const MOTIONS: u64 = 10;
 const PIECES: usize = 30;
 const PIECE_STEPS: u32 = 20;
-/// Produced energy, relative to the exchanged energy, above errors of integration.
+/// Produced energy relative to the exchanged energy, above the errors of integration.
 const GIVEN: f64 = 1e-4;
 
 impl Formula<f64> {
-    /// Moves the contact at random, from rest; returns a motion that extracts more energy than it put in.
+    /// Moves the contact at random, from rest. Returns a motion that extracts more energy than it put in.
     fn gives_energy(&self, levels: &Levels<f64>) -> Option<String> {
         (1..=MOTIONS).find_map(|seed| self.gives_energy_in(random_motion(seed), levels))
     }
@@ -320,8 +320,8 @@ impl Formula<f64> {
         ))
     }
 
-    /// One step at constant velocity with the midpoint rule, which keeps what is stored as a square exactly;
-    /// the work put in and its size, J. In two halves where Newton's method hangs on a kink.
+    /// Takes one step at constant velocity with the midpoint rule, which conserves an energy that is a square exactly.
+    /// Returns the work and its magnitude, J. The step is halved if Newton's method fails at a kink.
     fn midpoint(&self, at: &At<f64>, levels: &Levels<f64>, z: &mut [f64], dt: f64, depth: u32) -> (f64, f64) {
         let start = z.to_vec();
         let near = |z: &[f64], before: &[f64]| {
@@ -351,7 +351,7 @@ impl Formula<f64> {
     }
 }
 
-/// Pieces (velocity, duration): creeping and fast, long and short, in both directions, some at rest.
+/// Returns pieces (velocity, duration): slow and fast, long and short, in both directions, some at rest.
 fn random_motion(seed: u64) -> Vec<(f64, f64)> {
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
     let mut uniform = move || {

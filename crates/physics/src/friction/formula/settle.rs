@@ -1,19 +1,19 @@
-//! Steady sliding without a formula of it: inner states are integrated until they settle.
+//! Steady sliding without a formula: inner states are integrated until they settle.
 
 use super::Formula;
 use crate::friction::{At, Levels};
 use math::{Dual, Over, Real};
 
-/// Implicit steps from this length, s, each so many times longer than the one before.
+/// First implicit step, s, and the growth factor of each next step.
 const FIRST_STEP: f64 = 1e-9;
 const GROWTH: f64 = 2.0;
 const STEPS: usize = 90;
-/// Newton's method in each: the start is near, as the step before was half as long.
+/// Newton iterations in each step. The start is close, because the previous step was half as long.
 const ITERATIONS: usize = 4;
 
 impl<P: Real> Formula<P> {
-    /// Leads the inner states at a constant velocity to where they rest; the force there. The same work for
-    /// every value, as lanes and derivatives go along: implicit Euler steps that grow without end.
+    /// Moves the inner states at a constant velocity to their rest, and returns the force there. The work is the same
+    /// for every value, including lanes and derivatives: implicit Euler steps of growing length.
     pub(super) fn settle<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &mut [S]) -> S {
         let mut dt = FIRST_STEP;
         if !z.is_empty() {
@@ -40,7 +40,7 @@ impl<P: Real> Formula<P> {
         end: S,
     ) {
         let (n, step) = (z.len(), end * dt);
-        // Rows of I - step J, and the residual behind them.
+        // Rows of I - step J, followed by the residual.
         let mut rows = vec![vec![S::zero(); n + 1]; n];
         for j in 0..n {
             let seed =

@@ -1,14 +1,14 @@
 use crate::parameter::Bounds;
 pub use crate::written::{ParameterText, Problem, Refusal};
 
-/// A law as written by its author, quantities in SI.
+/// A law as written by its author, with quantities in SI.
 #[derive(Clone, Debug, Default)]
 pub struct Text {
     /// Its name in messages and tables.
     pub name: String,
     /// Its name for people.
     pub title: String,
-    /// Key in references.bib; empty: none.
+    /// Key in references.bib. Empty without a source.
     pub source: String,
     /// Its parameters, in their order.
     pub parameters: Vec<ParameterText>,
@@ -18,7 +18,7 @@ pub struct Text {
     pub states: Vec<StateText>,
     /// Names and formulas, in their order.
     pub lets: Vec<(String, String)>,
-    /// N, opposes v > 0.
+    /// Force, N, opposes v > 0.
     pub force: String,
     /// Energy stored in the inner states, J.
     pub energy: Option<String>,
