@@ -19,27 +19,41 @@ def size(
             help="Folder for report.html, ranking and circuit files of the ten best; it is resumed.", metavar="DIR"
         ),
     ] = None,
-    least: Annotated[int, typer.Option(help="Choices of parts that are simulated at least.", metavar="N")] = 100,
+    least: Annotated[int, typer.Option(help="Choices of parts that are simulated at least.", metavar="N")] = 10,
     draws: Annotated[int, typer.Option(help="Draws of each choice; the ten best have four times as many.")] = 256,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Find the drives of the catalogue that do a task: simulated over given spreads, ranked by air and margin.
 
-    Where nothing does it, the nearest miss is shown with what would have to give (feasible = false). After Ctrl-C the
-    same command with --out goes on where it was.
+    A provisional answer by nominal runs comes first. Ctrl-C ends the search and keeps its results; the same command
+    with --out continues. If nothing does the task, the nearest possible value of each quantity is shown.
     """
+    from pneudrive.cli.main import EXIT_INTERRUPTED
     from pneudrive.cli.progress import on_terminal
     from pneudrive.report.sizing_page import write_sizing_report
-    from pneudrive.sizing.result import HEAD, PARTS, SUMMARY, TABLE, WRITTEN, row_of, sentences, set_to
+    from pneudrive.sizing.answer import sentence
+    from pneudrive.sizing.result import HEAD, PARTS, REASONS, SUMMARY, TABLE, WRITTEN, row_of, sentences, set_to
     from pneudrive.sizing.search import DRAWS_BEST_OF, watched
 
-    found = watched(task, on_terminal(), least=least, draws=draws, draws_best=DRAWS_BEST_OF * draws, out=out)
-    show_lines([f"{found.task.name}: feasible = {str(found.feasible).lower()}"])
-    best = found.ranked[:WRITTEN]
+    found = watched(
+        task,
+        on_terminal(),
+        least=least,
+        draws=draws,
+        draws_best=DRAWS_BEST_OF * draws,
+        out=out,
+        provisional=lambda made: show_lines([sentence(made)]),
+    )
+    said = sentences(found)
+    show_lines(said[:1])
+    best = found.by_cylinder[:WRITTEN]
     if best:
         show_table(("", *HEAD[PARTS:]), [(str(place), *row_of(one)[PARTS:]) for place, one in enumerate(best, start=1)])
         show_lines(f"{place:2d}  {' + '.join(one.parts.values())}; {set_to(one)}" for place, one in enumerate(best, 1))
-    show_lines(sentences(found))
+        show_lines([f"The best of each cylinder; {len(found.ranked)} choices meet the task."])
+    show_lines([f"{found.task.name}: feasible = {str(found.feasible).lower()}", *said[1:]])
     if out is not None:
         page = write_sizing_report(found, out)
-        tell([*sorted(out.glob("*.toml")), *(out / name for name in (TABLE, SUMMARY)), page])
+        tell([*sorted(out.glob("*.toml")), *(out / name for name in (TABLE, SUMMARY, REASONS)), page])
+    if found.interrupted:
+        raise typer.Exit(EXIT_INTERRUPTED)

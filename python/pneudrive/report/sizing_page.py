@@ -42,7 +42,7 @@ MARGIN = (
     "Clopper and Pearson, as if the draws were independent."
 )
 NOT_CHECKED = (
-    "Rods are not checked for buckling, guides not for moments, and life only against a B10 that the catalogue states.",
+    "Guides are not checked for moments, and life only against a B10 that the catalogue states.",
     "The next stroke begins with one side full and the other empty; waves in long tubes are left out.",
 )
 #: What is told of the best choice: words, figure, factor from SI, unit.
@@ -80,23 +80,13 @@ def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
 
 
 def _verdict(found: SizingResult) -> list[str]:
-    best, said = found.best, sentences(found)
-    if best is None:
-        return said[2:]
-    ends = _ends(best, "air", ANR_LITRES_PER_KG)
-    air = f"{best.air_litres_anr:.3g} {f'({ends}) ' if ends else ''}l ANR"
-    lines = [
-        f"{_called(best)} meets the task with the least air, {air} a cycle (simulated): {best.met} of {best.draws} "
-        f"draws keep all limits, at least {100.0 * best.probability_bound:.3g} %.",
-        f"Nearest to its limit: {best.binding}, with a margin of {100.0 * best.margin:.0f} %.",
-    ]
-    cheaper = _cheaper(found)
-    if cheaper:
+    """Return the answer in one sentence, its reasons, and the next best."""
+    lines, cheaper = sentences(found), _cheaper(found)
+    if found.best is not None and cheaper:
         first = cheaper[0]
-        lines.append(
-            f"{plural(len(cheaper), 'choice')} of less air missed a limit; {_called(first)}: {_missed(first)}."
-        )
-    return lines + said[2:]
+        said = f"{plural(len(cheaper), 'choice')} of less air missed a limit; {_called(first)}: {_missed(first)}."
+        lines.insert(-1 - len(found.notes), said)
+    return lines
 
 
 def _ends(one: SizedDrive, name: str, factor: float) -> str:
@@ -136,12 +126,12 @@ def _read(value: float, unit: str) -> str:
 
 def _candidates(found: SizingResult) -> Section:
     rows = [
-        (str(place), _called(one), *row_of(one)[PARTS:-1]) for place, one in enumerate(found.ranked[:WRITTEN], start=1)
+        (str(place), _called(one), *row_of(one)[PARTS:-1]) for place, one in enumerate(found.by_cylinder[:WRITTEN], 1)
     ]
     heads = ("", "parts", *HEAD[PARTS:-1])
-    ranking = PageTable(heads, tuple(rows), "What meets the task, best first", numbers_from=2)
+    ranking = PageTable(heads, tuple(rows), "What meets the task: the best of each cylinder", numbers_from=2)
     cheaper = _cheaper(found)[:WRITTEN]
-    lost = tuple((_called(one), f"{one.air_litres_anr:.3f}", _missed(one)) for one in cheaper)
+    lost = tuple((_called(one), f"{one.air_litres_anr:.3g}", _missed(one)) for one in cheaper)
     title = "What misses a limit, of less air than the best" if found.ranked else "What comes nearest, by its air"
     caption = (
         "Time that 1 % of the draws pass, against the air of a cycle: every choice that was simulated. The lines reach "
@@ -158,7 +148,7 @@ def _candidates(found: SizingResult) -> Section:
 
 
 def _limits(found: SizingResult) -> Section | None:
-    shown = [*found.ranked[:WRITTEN], *(_cheaper(found)[:WRITTEN] if not found.ranked else ())]
+    shown = [*found.by_cylinder[:WRITTEN], *(_cheaper(found)[:WRITTEN] if not found.ranked else ())]
     if not shown:
         return None
     names = list(dict.fromkeys(name for one in shown for name in one.worst))
@@ -244,7 +234,7 @@ def _method(found: SizingResult) -> Section:
     return section(
         "again",
         "How it was found, and how to find it again",
-        Items((*sentences(found)[:2], *NOT_CHECKED)),
+        Items((sentences(found)[-1 - len(found.notes)], *NOT_CHECKED)),
         Paragraph(
             f"With the task below as task.toml, each gives the same numbers (pneudrive {__version__}, Python "
             f"{platform.python_version()}; the draws are points of a Sobol sequence, the same each time)."

@@ -23,7 +23,10 @@ if TYPE_CHECKING:
     from pneudrive.sizing.task import SizingTask
 
 CYLINDERS = ("cylinder/rodless", "cylinder/single-rod", "cylinder/through-rod")
-VALVES = ("valve/switching-5/2", "valve/switching-5/3", "valve/proportional-5/3")
+PROPORTIONAL = "valve/proportional-5/3"
+#: Printed figure of a valve that is described as proportional, but switches.
+SWITCHES = "operation"
+VALVES = ("valve/switching-5/2", "valve/switching-5/3", PROPORTIONAL)
 TUBE, FLOW_CONTROL = "tube", "flow-control"
 #: Slots of a drive -> kinds of components for it.
 SLOTS: dict[str, tuple[str, ...]] = {
@@ -140,6 +143,18 @@ class DriveChoice:
         return needle, valve.get("exhaust_conductance", size), size, -late
 
     @property
+    def valve_paths(self) -> dict[str, dict[str, float]]:
+        """Paths that the valve opens for a stroke, from the supply and to the exhaust: name -> numbers, SI."""
+        valve = self.valve.numbers
+        alike = {key: valve[key] for key in ("subsonic_index", "linear_above")}
+        ends = {"feed": ("conductance", "critical_pressure_ratio")}
+        ends["vent"] = ("exhaust_conductance", "exhaust_critical_pressure_ratio")
+        return {
+            name: alike | {own: valve.get(key, valve[own]) for own, key in zip(ends["feed"], keys, strict=True)}
+            for name, keys in ends.items()
+        }
+
+    @property
     def is_cushioned(self) -> bool:
         """Whether the cylinder has cushions."""
         return "cushion_b_length" in self.cylinder.numbers
@@ -164,6 +179,8 @@ def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
     found: dict[str, list[PartChoice]] = {}
     for slot, kinds in SLOTS.items():
         chosen = [one for one in known if one.kind in kinds and not task.excludes(one.name, one.kind)]
+        if not task.servo_valves:
+            chosen = [one for one in chosen if not is_servo(one)]
         found[slot] = [_MAKERS[slot](one, task) for one in sorted(chosen, key=lambda one: one.name)]
     for slot, parts in found.items():
         if not parts and slot != "flow_control":
@@ -171,6 +188,11 @@ def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
     if not task.excludes(WITHOUT, FLOW_CONTROL) or not found["flow_control"]:
         found["flow_control"].append(NO_FLOW_CONTROL)
     return found
+
+
+def is_servo(entry: Entry) -> bool:
+    """Return whether a part is a proportional valve; a closed-centre valve may be described as one that switches."""
+    return entry.kind == PROPORTIONAL and all(one.key != SWITCHES for one in entry.printed)
 
 
 def combined(found: Mapping[str, Sequence[PartChoice]]) -> list[DriveChoice]:
@@ -307,7 +329,7 @@ def _cushion(entry: Entry, bore: float, stroke: float) -> dict[str, tuple[Any, s
 
 
 def _valve(entry: Entry, _task: SizingTask) -> PartChoice:
-    if entry.kind == "valve/proportional-5/3":
+    if entry.kind == PROPORTIONAL:
         own = {value.key for value in entry.values}
         late = {} if own & {"frequency", "delay"} else {"delay": ("20 ms", "no sheet gives it: of a solenoid valve")}
         return _choice(entry, {}, late)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from pneudrive.sizing.task import SizingTask
 
-ABOUT, LINES, LOCK = "sizing.json", "choices.jsonl", "sizing.lock"
+ABOUT, LINES, LOCK, PROVISIONAL = "sizing.json", "choices.jsonl", "sizing.lock", "provisional.txt"
 
 
 class SizingFolder:
@@ -46,7 +46,7 @@ class SizingFolder:
     def __init__(self, folder: Path, task: SizingTask, draws: tuple[int, int]) -> None:
         self.folder = folder
         self._of: dict[tuple[str, int], SizedDrive] = {}
-        self._short: dict[str, Tuned] = {}
+        self._tuned: dict[str, Tuned] = {}
         self._file: int | None = None
         said = {"version": __version__, "task": task.to_dict(), "draws": draws, "catalogue": _catalogue()}
         about = json.loads(json.dumps(said))
@@ -115,23 +115,32 @@ class SizingFolder:
             if isinstance(one, SizedDrive):
                 self._of[one.name, one.draws] = one
             elif one is not None:
-                self._short[one[0]] = one[1]
+                self._tuned[one[0]] = one[1]
             if one is not None:
                 found.append(line)
         with whole(lines) as temporary:
             temporary.write_text("".join(f"{line}\n" for line in found), encoding="utf-8")
 
-    def kept(self, name: str, draws: int) -> SizedDrive | Tuned | None:
-        """Return what is known of a choice."""
-        return self._of.get((name, draws)) or self._short.get(name)
+    def kept(self, name: str, draws: int) -> SizedDrive | None:
+        """Return what draws of a choice gave, if it is known."""
+        return self._of.get((name, draws))
+
+    def tuned(self, name: str) -> Tuned | None:
+        """Return the tuned settings of a choice, if they are known."""
+        return self._tuned.get(name)
 
     def keep(self, drive: SizedDrive) -> None:
         """Keep a drive that was simulated."""
         self._write(drive.to_dict())
 
-    def keep_short(self, name: str, tuned: Tuned) -> None:
-        """Keep a choice that is short of the task."""
-        self._write({"name": name, "setting": tuned.setting, "nominal": tuned.nominal, "short": tuned.short})
+    def keep_tuned(self, name: str, tuned: Tuned) -> None:
+        """Keep the tuned settings of a choice."""
+        self._write({"name": name, **tuned._asdict()})
+
+    def tell(self, sentence: str) -> None:
+        """Write the provisional answer."""
+        with whole(self.folder / PROVISIONAL) as temporary:
+            temporary.write_text(sentence + "\n", encoding="utf-8")
 
     def _write(self, line: dict[str, Any]) -> None:
         try:
@@ -142,7 +151,7 @@ class SizingFolder:
 
 
 def read_choice(line: str) -> SizedDrive | tuple[str, Tuned] | None:
-    """Read a line: a drive that was simulated, or the name of one that is short of the task even in the nominal case.
+    """Read a line: a drive that was simulated, or the name and settings of one that was tuned.
 
     None for the line that was being written when the search was killed, or still is.
     """
@@ -150,7 +159,9 @@ def read_choice(line: str) -> SizedDrive | tuple[str, Tuned] | None:
         one: dict[str, Any] = json.loads(line)
         if "short" in one:
             name, limit, value = one["short"]
-            return one["name"], Tuned(Setting(*one["setting"]), one["nominal"], (name, limit, value))
+            more = {key: one[key] for key in ("least", "air") if key in one}
+            setting, times = Setting(*one["setting"]), tuple(one.get("times", ()))
+            return one["name"], Tuned(setting, one["nominal"], (name, limit, value), **more, times=times)
         one["worst"] = {name: tuple(each) for name, each in one["worst"].items()}
         one["sizes"] = tuple(one["sizes"])
         one["intervals"] = {name: tuple(ends) for name, ends in one.get("intervals", {}).items()}

@@ -1,4 +1,4 @@
-"""Which choices of parts cannot do a task, whatever their settings: bounds on the safe side, without simulation.
+"""Bounds on the safe side, without simulation: they leave out choices that no setting makes able to do the task.
 
 Every bound takes the favourable end of each spread, so that what it removes fails in all draws.
 """
@@ -6,42 +6,26 @@ Every bound takes the favourable end of each spread, so that what it removes fai
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
-from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K, STANDARD_GRAVITY_M_S2
+from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.describe.circuit import Circuit
-from pneudrive.sizing.choices import SAME_STROKE
+from pneudrive.sizing.checks import mechanical_shortage
+from pneudrive.sizing.choices import NO_FLOW_CONTROL, SAME_STROKE, DriveChoice
+from pneudrive.sizing.shortage import Shortage
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
-    from pneudrive.sizing.choices import DriveChoice, PartChoice
-    from pneudrive.sizing.task import SizingTask
+    from pneudrive.sizing.choices import PartChoice
+    from pneudrive.sizing.task import SizingTask, TaskSupply
 
 #: By this factor the gas ahead of a piston is compressed, at most, over a whole stroke (assumed): 1.5 leaves room for
 #: drives that run ahead of their choked speed.
 COMPRESSED = 1.5
 #: Time of a run in which the flow through a tube settles, s, and pressure behind it over that before it: choked.
 SETTLED_S, VACUUM = 1.0, 1e-4
-
-
-class Shortage(NamedTuple):
-    """What a choice lacks.
-
-    Attributes
-    ----------
-    limit : str
-        What it cannot do.
-    share : float
-        What it can do at most, over what is needed; below 1. 0 where no change of the task helps.
-    said : str
-        The same in words.
-    """
-
-    limit: str
-    share: float
-    said: str
 
 
 class SafeBounds:
@@ -52,11 +36,15 @@ class SafeBounds:
     task : SizingTask
     tubes : sequence of PartChoice
         Tubes that occur.
+    conductances : dict, optional
+        Theirs, where they are known, m3/(s Pa).
     """
 
-    def __init__(self, task: SizingTask, tubes: Sequence[PartChoice]) -> None:
+    def __init__(
+        self, task: SizingTask, tubes: Sequence[PartChoice], conductances: Mapping[str, float] | None = None
+    ) -> None:
         self.task = task
-        self.tubes = {tube.name: tube_conductance(tube, task) for tube in tubes}
+        self.tubes = conductances or {tube.name: tube_conductance(tube, task) for tube in tubes}
         ambient = task.ambient.pressure_pa
         self.high, self.low = task.supply_pa + task.supply.spread_pa, task.supply_pa - task.supply.spread_pa
         self.gauge = self.high - ambient
@@ -67,9 +55,26 @@ class SafeBounds:
 
     def lacks(self, choice: DriveChoice) -> Shortage | None:
         """Return what a choice cannot do, or None."""
-        for find in (self._stroke, self._sheet, self._force, self._time):
-            found = find(choice)
-            if found is not None:
+        for part in (choice.valve, choice.tube, choice.flow_control):
+            if (found := self.part(part)) is not None:
+                return found
+        return self.cylinder(choice.cylinder) or self._time(choice)
+
+    def part(self, part: PartChoice) -> Shortage | None:
+        """Hold the task against what the sheet of a part prints."""
+        most = part.printed_si("maximum_pressure", "Pa")
+        if most is not None and self.gauge > most:
+            return Shortage("supply pressure", 0.0, f"{part.name} takes {1e-5 * most:g} bar gauge at most")
+        life = part.printed_si("b10_cycles", "")
+        if life is not None and self.task.cycles is not None and life < self.task.cycles:
+            return Shortage("life", life / self.task.cycles, f"{part.name} has a B10 of {life:g} cycles")
+        return None
+
+    def cylinder(self, part: PartChoice) -> Shortage | None:
+        """Return what a cylinder cannot do with any valve, tube and flow control."""
+        choice = DriveChoice(part, NO_FLOW_CONTROL, NO_FLOW_CONTROL, NO_FLOW_CONTROL)
+        for find in (self._stroke, self._sheet, self._force, self._thrust):
+            if (found := find(choice)) is not None:
                 return found
         return None
 
@@ -80,27 +85,15 @@ class SafeBounds:
         return Shortage("stroke", 0.0, f"the part has a stroke of {1e3 * stroke:g} mm")
 
     def _sheet(self, choice: DriveChoice) -> Shortage | None:
-        """Hold the task against what the sheets print."""
-        for part in (choice.cylinder, choice.valve, choice.tube, choice.flow_control):
-            most = part.printed_si("maximum_pressure", "Pa")
-            if most is not None and self.gauge > most:
-                return Shortage("supply pressure", 0.0, f"{part.name} takes {1e-5 * most:g} bar gauge at most")
-            life = part.printed_si("b10_cycles", "")
-            if life is not None and self.task.cycles is not None and life < self.task.cycles:
-                return Shortage("life", life / self.task.cycles, f"{part.name} has a B10 of {life:g} cycles")
+        """Hold the task against the sheet of the cylinder."""
+        if (found := self.part(choice.cylinder) or mechanical_shortage(choice.cylinder, self.task)) is not None:
+            return found
         holding = choice.cylinder.printed_si("coupling_holding_force", "N")
         push = self.gauge * choice.areas_m2[0]
         if holding is not None and push > holding:
             return Shortage(
                 "coupling", holding / push, f"the coupling holds {holding:g} N, the piston pushes {push:.0f} N"
             )
-        load = choice.cylinder.printed_si("max_load", "N")
-        if load is not None and self.task.guide == "none":
-            weight = self.task.mass_kg * STANDARD_GRAVITY_M_S2 * math.cos(self.task.incline_rad)
-            if weight > load:
-                return Shortage(
-                    "load", load / weight, f"the carriage carries {load:g} N, the load weighs {weight:.0f} N"
-                )
         return None
 
     def _force(self, choice: DriveChoice) -> Shortage | None:
@@ -117,13 +110,29 @@ class SafeBounds:
                 return Shortage("force", max(most, 0.0) / needed, f"{way}: {most:.0f} N at most, {needed:.0f} N needed")
         return None
 
+    def flow(
+        self,
+        cylinder: PartChoice,
+        tube: PartChoice,
+        valve: PartChoice = NO_FLOW_CONTROL,
+        control: PartChoice = NO_FLOW_CONTROL,
+    ) -> Shortage | None:
+        """Return whether the gas cannot leave a cylinder in time through a tube and one more part, the others wide."""
+        return self._time(DriveChoice(cylinder, valve, tube, control))
+
+    def _thrust(self, choice: DriveChoice) -> Shortage | None:
+        return self._late(lambda outward, area, _: self._thrust_s(choice, outward, area), choice)
+
     def _time(self, choice: DriveChoice) -> Shortage | None:
+        return self._late(lambda outward, _, other: self._flow_s(choice, other, outward), choice)
+
+    def _late(self, least_s: Callable[[bool, float, float], float], choice: DriveChoice) -> Shortage | None:
         areas = choice.areas_m2
         for outward, area, other, limit in (
             (True, *areas, self.task.outward_s),
             (False, *reversed(areas), self.task.back_s),
         ):
-            least = max(self._thrust_s(choice, outward, area), self._flow_s(choice, other, outward))
+            least = least_s(outward, area, other)
             if least > limit:
                 way = "outwards" if outward else "back"
                 return Shortage("time", limit / least, f"{way}: {least:.3g} s at least, {limit:.3g} s allowed")
@@ -142,7 +151,8 @@ class SafeBounds:
         """Return the least time in which the gas ahead of the piston leaves: choked, and compressed all the while."""
         wide = 1.0 + 2.0 * self.task.spread.conductance
         valve = choice.valve.numbers
-        sizes = [valve.get("exhaust_conductance", valve["conductance"]), self.tubes[choice.tube.name]]
+        sizes = [self.tubes[choice.tube.name]]
+        sizes += [valve.get("exhaust_conductance", valve["conductance"])] if valve else []
         sizes += [choice.flow_control.numbers["needle_conductance"]] if choice.is_throttled else []
         hot = self.task.spread.temperature_k[1]
         speed = min(sizes) * wide * ANR_DENSITY_KG_M3 * AIR_GAS_CONSTANT_J_KG_K * math.sqrt(ANR_TEMPERATURE_K * hot)
@@ -152,10 +162,89 @@ class SafeBounds:
         return max(area * self.task.stroke_m - kept, 0.0) / (compressed * speed)
 
 
-def air_estimate_kg(choice: DriveChoice, task: SizingTask) -> float:
+#: Steps in which the nearest possible value of a quantity is searched, and its largest factor.
+HALVINGS, FARTHEST = 12, 100.0
+
+
+def nearest_possible(task: SizingTask, found: Mapping[str, Sequence[PartChoice]], bounds: SafeBounds) -> list[str]:
+    """Say to which value each quantity would have to change, alone, for the safe bounds to leave a choice.
+
+    A value is on the safe side: less than this is impossible, and the spreads may ask for more.
+    """
+    gauge = task.supply_pa - task.ambient.pressure_pa
+    back = {} if task.return_time_s is None else {"return_time_s": task.return_time_s}
+    quantities: list[tuple[str, str, Callable[[float], dict[str, Any]], float, float]] = [
+        (
+            "time",
+            "s",
+            lambda f: {"time_s": task.outward_s * f, "speed_m_s": None} | {k: v * f for k, v in back.items()},
+            task.outward_s,
+            FARTHEST,
+        ),
+        ("mass", "kg", lambda f: {"mass_kg": task.mass_kg * f}, task.mass_kg, 1.0 / FARTHEST),
+        ("supply pressure", "bar gauge", lambda f: {"supply": _supply(task, gauge * f)}, 1e-5 * gauge, FARTHEST),
+    ]
+    if task.external_force_n > 0.0:
+        force = task.external_force_n
+        quantities.append(("external force", "N", lambda f: {"external_force_n": force * f}, force, 1.0 / FARTHEST))
+    if task.holding_force_n > 0.0:
+        held = task.holding_force_n
+        quantities.append(("holding force", "N", lambda f: {"holding_force_n": held * f}, held, 1.0 / FARTHEST))
+    said = []
+    for name, unit, changed, value, farthest in quantities:
+        factor = _nearest_factor(lambda f, changed=changed: _is_possible(task, changed(f), found, bounds), farthest)
+        word = "at least" if farthest > 1.0 else "at most"
+        said.append(
+            f"{name}: {word} {value * factor:.3g} {unit} (asked: {value:.3g} {unit})"
+            if factor is not None
+            else f"{name}: no value alone makes the task possible"
+        )
+    return said
+
+
+def _nearest_factor(is_possible: Callable[[float], bool], farthest: float) -> float | None:
+    """Return the factor nearest to one that is possible, on the possible side."""
+    if not is_possible(farthest):
+        return None
+    near, far = 0.0, math.log(farthest)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (near + far)
+        near, far = (near, middle) if is_possible(math.exp(middle)) else (middle, far)
+    return math.exp(far)
+
+
+def _is_possible(
+    task: SizingTask, change: Mapping[str, Any], found: Mapping[str, Sequence[PartChoice]], bounds: SafeBounds
+) -> bool:
+    changed = task.model_copy(update=dict(change))
+    own = SafeBounds(changed, (), bounds.tubes)
+    rest = [[one for one in found[slot] if own.part(one) is None] for slot in ("valve", "tube", "flow_control")]
+    valve, tube, control = (max(parts, key=_width(bounds), default=None) for parts in rest)
+    if valve is None or tube is None or control is None:
+        return False
+    return any(
+        own.cylinder(one) is None and own._time(DriveChoice(one, valve, tube, control)) is None
+        for one in found["cylinder"]
+    )
+
+
+def _width(bounds: SafeBounds) -> Callable[[PartChoice], float]:
+    def width(part: PartChoice) -> float:
+        numbers = part.numbers
+        needle = numbers.get("needle_conductance", math.inf)
+        return bounds.tubes.get(part.name) or numbers.get("exhaust_conductance", numbers.get("conductance", needle))
+
+    return width
+
+
+def _supply(task: SizingTask, gauge: float) -> TaskSupply:
+    return task.supply.model_copy(update={"pressure": units.parse_pressure(f"{gauge!r} Pa gauge")})
+
+
+def air_estimate_kg(cylinder: PartChoice, tube: PartChoice, task: SizingTask) -> float:
     """Return the air of a cycle in which both sides fill wholly, kg."""
-    areas = choice.areas_m2
-    volume = sum(areas) * task.stroke_m + _dead(choice, "a") + _dead(choice, "b")
+    choice = DriveChoice(cylinder, NO_FLOW_CONTROL, tube, NO_FLOW_CONTROL)
+    volume = sum(choice.areas_m2) * task.stroke_m + _dead(choice, "a") + _dead(choice, "b")
     gauge = task.supply_pa - task.ambient.pressure_pa
     return gauge * volume / (AIR_GAS_CONSTANT_J_KG_K * task.ambient.temperature_k)
 

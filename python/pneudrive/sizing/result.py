@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.lazy import upper
+from pneudrive.numbers import plain as three
 from pneudrive.show import Card, Shown
+from pneudrive.sizing.answer import sentence, taken, yearly
+from pneudrive.sizing.choices import SLOTS
 from pneudrive.sizing.judge import PROBABILITY
 from pneudrive.sizing.strokes import Setting, circuit_of
 from pneudrive.trajectory import whole
@@ -21,17 +24,26 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.sizing.prune import Shortage
+    from pneudrive.sizing.answer import Saving
+    from pneudrive.sizing.candidate import Candidate, Dropped
+    from pneudrive.sizing.checks import MachineCheck
+    from pneudrive.sizing.shortage import Shortage
     from pneudrive.sizing.task import SizingTask
 
 #: Airs that differ by less than this factor rank by margin.
 SAME_AIR = 1.02
 #: Places of the ranking whose files are written.
 WRITTEN = 10
-TABLE, SUMMARY = "ranking.csv", "result.json"
+TABLE, SUMMARY, REASONS = "ranking.csv", "result.json", "left_out.csv"
 #: Limit -> factor from SI and unit in which people read it.
 _UNITS = {"speed": "m/s", "energy": "J", "pressure": "Pa"}
 READ = {"Pa": (1e-5, "bar abs")}
+
+
+def rank_of(air: float, margin: float, *rest: Any) -> tuple[Any, ...]:  # noqa: ANN401 - what decides between equals
+    """Return the key of the ranking: air in steps of 2 %, then margin in steps of 1 %, then the rest."""
+    step = round(math.log(air) / math.log(SAME_AIR)) if 0.0 < air < math.inf else 10**9
+    return step, -round(margin, 2), *rest
 
 
 @dataclass(frozen=True)
@@ -118,14 +130,50 @@ class SizedDrive:
         return self.air * ANR_LITRES_PER_KG
 
     @property
-    def rank(self) -> tuple[int, float, tuple[float, ...], str]:
+    def rank(self) -> tuple[Any, ...]:
         """Key of the ranking: air in steps of 2 %, then margin in steps of 1 %, then sizes."""
-        step = round(math.log(self.air) / math.log(SAME_AIR)) if 0.0 < self.air < math.inf else 10**9
-        return step, -round(self.margin, 2), tuple(self.sizes), self.name
+        return rank_of(self.air, self.margin, tuple(self.sizes), self.name)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
         return asdict(self)
+
+
+@dataclass(frozen=True)
+class Provisional:
+    """A place in the provisional ranking, by nominal runs; SI.
+
+    Attributes
+    ----------
+    parts : dict
+    air : float
+        Mass drawn from the supply in a cycle, kg.
+    times : tuple of float
+        Of the strokes out and back.
+    margin : float
+        Least margin: of the cases nominal, slow and fast where it is tuned, else of the nominal case.
+    tuned : bool
+        Whether its settings were searched in all cases.
+    """
+
+    parts: Mapping[str, str]
+    air: float
+    times: tuple[float, ...]
+    margin: float
+    tuned: bool
+
+    @classmethod
+    def of(cls, one: Candidate) -> Provisional:
+        """Return what nominal runs say of a candidate."""
+        known = one.tuned or one.nominal
+        assert known is not None
+        is_tuned = one.tuned is not None
+        return cls(one.choice.parts, known.air, known.times, known.least if is_tuned else known.nominal, is_tuned)
+
+    @property
+    def name(self) -> str:
+        """Names of its parts in one word."""
+        return "+".join(self.parts.values())
 
 
 @dataclass(frozen=True)
@@ -139,11 +187,14 @@ class NearestMiss:
         What it misses.
     gives : str
         What would have to give, in words.
+    possible : tuple of str
+        The nearest possible value of each quantity of the task, changed alone.
     """
 
     parts: Mapping[str, str]
     limit: str
     gives: str
+    possible: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, repr=False)
@@ -157,18 +208,26 @@ class SizingResult(Shown):
         Choices of parts before and after pruning.
     pruned : dict
         Limit -> number of choices that cannot keep it whatever their settings.
-    outdone : int
-        Choices that are nowhere wider or earlier than one on the same cylinder and tubes that is too slow.
     tuned : int
         Choices whose settings were searched.
     simulated : tuple of SizedDrive
         Those that were simulated over the spreads.
     ranked : tuple of SizedDrive
-        Those that meet the task, best first; the first ten with 1,024 draws.
+        Those that meet the task, best first. All that might be the first have 1,024 draws.
     miss : NearestMiss or None
         Where nothing meets the task.
     complete : bool
         Whether no choice that was left out can rank before those shown.
+    provisional : tuple of Provisional
+        Ranking by nominal runs, before the spreads were simulated.
+    dropped : tuple of Dropped
+        What was left out, with its reason.
+    savings : tuple of Saving
+        Changes that were tried on the best to save air.
+    checks : tuple of MachineCheck
+        Of the best: side load, buckling, energy, load that hangs.
+    interrupted : bool
+        Whether the search was cancelled before its end.
     notes : tuple of str
     asked : dict
         Numbers of the search by the names of `pneudrive.size`: least, most, draws, draws_best.
@@ -178,12 +237,16 @@ class SizingResult(Shown):
     enumerated: int
     left: int
     pruned: Mapping[str, int]
-    outdone: int
     tuned: int
     simulated: tuple[SizedDrive, ...]
     ranked: tuple[SizedDrive, ...]
     miss: NearestMiss | None = None
     complete: bool = True
+    provisional: tuple[Provisional, ...] = ()
+    dropped: tuple[Dropped, ...] = ()
+    savings: tuple[Saving, ...] = ()
+    checks: tuple[MachineCheck, ...] = ()
+    interrupted: bool = False
     notes: tuple[str, ...] = field(default=())
     asked: Mapping[str, int] = field(default_factory=dict)
 
@@ -196,6 +259,14 @@ class SizingResult(Shown):
     def best(self) -> SizedDrive | None:
         """The first of the ranking."""
         return self.ranked[0] if self.ranked else None
+
+    @property
+    def by_cylinder(self) -> list[SizedDrive]:
+        """The best of each cylinder, in the order of the ranking."""
+        first: dict[str, SizedDrive] = {}
+        for one in self.ranked:
+            first.setdefault(one.parts["cylinder"], one)
+        return list(first.values())
 
     def circuit(self, place: int = 0) -> Circuit:
         """Return the circuit of a place in the ranking, with its settings, ready to run."""
@@ -236,14 +307,10 @@ def set_to(one: SizedDrive) -> str:
 
 def row_of(one: SizedDrive) -> tuple[str, ...]:
     """Write a drive as a row of a table under `HEAD`."""
+    figures = (one.time_out, one.time_back, one.end_speed, one.energy, 1e-5 * one.peak_pressure, one.air_litres_anr)
     return (
         *one.parts.values(),
-        f"{one.time_out:.3f}",
-        f"{one.time_back:.3f}",
-        f"{one.end_speed:.3f}",
-        f"{one.energy:.3g}",
-        f"{1e-5 * one.peak_pressure:.2f}",
-        f"{one.air_litres_anr:.3f}",
+        *map(three, figures),
         f"{one.met} of {one.draws}",
         f"{one.probability_bound:.4f}",
         f"{100.0 * one.margin:.0f} %",
@@ -252,27 +319,36 @@ def row_of(one: SizedDrive) -> tuple[str, ...]:
 
 
 def sentences(result: SizingResult) -> list[str]:
-    """Say what was looked at, and what would have to give where nothing fits."""
+    """Return the answer, its reasons, the next best cylinder, and the size of the search."""
     cut = ", ".join(f"{name} {count}" for name, count in sorted(result.pruned.items(), key=lambda one: -one[1]))
-    said = [
-        f"{result.enumerated} choices of parts, {result.left} left after pruning ({cut or 'none pruned'}).",
-        f"{result.outdone} fall short as others do that outdo them, {result.tuned} were tuned, {len(result.simulated)} "
-        f"simulated over the spreads; {len(result.ranked)} meet the task.",
-    ]
-    if result.miss is not None:
-        parts = " + ".join(result.miss.parts.values())
-        said.append(
-            f"Nothing meets the task. Nearest miss: {parts}; it misses: {result.miss.limit}. {result.miss.gives}"
-        )
+    said = [sentence(result)]
     best = result.best
-    if best is not None and best.measure:
-        share = 100.0 * best.explains
-        said.append(f"Of the assumed values of the best, measure first: {best.measure} ({share:.0f} % of its margin).")
+    if best is not None:
+        said += yearly(best, result.task)
+        said += [f"{one}." for one in result.savings]
+        said += [f"{one}." for one in result.checks]
+        following = result.by_cylinder[1:2]
+        said += [
+            f"Next best cylinder: {taken(one.parts).removeprefix('Take ')}, {three(one.air_litres_anr)} l ANR a cycle, "
+            f"margin {three(100.0 * one.margin)} %."
+            for one in following
+        ]
+    if result.miss is not None:
+        parts = " + ".join(name for name in result.miss.parts.values() if name != "*")
+        said.append(f"Nearest miss: {parts}; it misses: {result.miss.limit}. {result.miss.gives}")
+        said += [f"Nearest possible {one}." for one in result.miss.possible]
+    said.append(
+        f"{result.enumerated} choices of parts, {result.left} left after pruning ({cut or 'none pruned'}); "
+        f"{result.tuned} tuned, {len(result.simulated)} simulated over the spreads, {len(result.ranked)} meet the task."
+    )
     return said + list(result.notes)
 
 
 def nearest_miss(
-    task: SizingTask, simulated: list[SizedDrive], short: list[tuple[Any, Any]], pruned: list[tuple[Any, Shortage]]
+    task: SizingTask,
+    simulated: list[SizedDrive],
+    short: list[tuple[Any, Any]],
+    pruned: list[tuple[dict[str, str], Shortage]],
 ) -> NearestMiss:
     """Return the choice that comes nearest: of those simulated, else of those tuned, else of those pruned.
 
@@ -282,7 +358,8 @@ def nearest_miss(
     simulated : list of SizedDrive
     short : list of (DriveChoice, Tuned)
         Tuned, but short of the task even in the nominal case.
-    pruned : list of (DriveChoice, Shortage)
+    pruned : list of (dict, Shortage)
+        By the safe bounds.
     """
     if simulated:
         one = max(simulated, key=lambda drive: (drive.met / drive.draws, drive.margin))
@@ -293,7 +370,7 @@ def nearest_miss(
         name, limit, value = tuned.short
         unit = next((unit for word, unit in _UNITS.items() if word in name), "s")
         return NearestMiss(choice.parts, name, _gives(name, limit, value, unit, "the nominal case gives"))
-    choice, bound = max(pruned, key=lambda one: one[1].share)
+    parts, bound = max(pruned, key=lambda one: one[1].share)
     gives = f"{bound.said[0].upper()}{bound.said[1:]}."
     if bound.limit == "force" and bound.share > 0.0:
         spread = task.supply.spread_pa  # its upper end counts in the bound
@@ -302,7 +379,7 @@ def nearest_miss(
         gives += f"{math.ceil(10.0 * gauge) / 10.0:g} bar gauge at least."
     elif bound.share > 0.0:
         gives += f" What is asked for would have to fall to {100.0 * bound.share:.0f} %."
-    return NearestMiss(choice.parts, bound.limit, gives)
+    return NearestMiss(parts, bound.limit, gives)
 
 
 def _gives(name: str, limit: float, value: float, unit: str, what: str) -> str:
@@ -322,6 +399,8 @@ def write(result: SizingResult, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     rows = [",".join(HEAD), *(",".join(row_of(one)) for one in result.ranked)]
     files = {TABLE: "\n".join(rows) + "\n", SUMMARY: json.dumps(_strict(summary(result)), indent=1) + "\n"}
+    lost = [",".join((*one.parts.values(), str(one.choices), one.limit, f'"{one.said}"')) for one in result.dropped]
+    files[REASONS] = "\n".join((",".join((*SLOTS, "choices", "limit", "reason")), *lost)) + "\n"
     for place in range(min(len(result.ranked), WRITTEN)):
         files[f"{place + 1:02d}.toml"] = result.circuit(place).to_toml()
     for name, text in files.items():
@@ -340,12 +419,15 @@ def summary(result: SizingResult) -> dict[str, Any]:
         "enumerated": result.enumerated,
         "left": result.left,
         "pruned": dict(result.pruned),
-        "outdone": result.outdone,
+        "provisional": [vars(one) for one in result.provisional],
         "tuned": result.tuned,
         "simulated": len(result.simulated),
         "ranked": [one.to_dict() for one in result.ranked],
         "miss": None if result.miss is None else vars(result.miss),
         "assumed": result.circuit().assumed() if best is not None else [],
+        "savings": [one._asdict() for one in result.savings],
+        "checks": [one._asdict() for one in result.checks],
+        "interrupted": result.interrupted,
         "notes": list(result.notes),
         "asked": dict(result.asked),
         "said": sentences(result),

@@ -1,51 +1,58 @@
-"""The search: choices of parts in the order of the air that they need, tuned, simulated over the spreads, ranked.
+"""The search: a provisional ranking by nominal runs, then spreads for the choices that may still be the best.
 
-Each choice is a pure function of the task and its parts, so a folder of finished ones is resumed by what is missing.
-The search ends when none of the rest can rank among the ten best: a cycle needs at least a known share of the air that
-fills both sides.
+Every choice has a bound: the best place in the ranking that it may still have. The search advances the choices whose
+bound is better than the best result, and ends when none is left. Everything is a pure function of the task and the
+parts, so that a folder of finished choices is resumed by its missing ones.
 """
 
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.errors import CommandError
-from pneudrive.sizing import judge
-from pneudrive.sizing.choices import choices, combined
+from pneudrive.errors import Cancelled, CommandError
+from pneudrive.sizing.answer import RETURN_SHARES, TUBE_SHARE, Saving, sentence
+from pneudrive.sizing.candidate import Candidate, Dropped, Pair
+from pneudrive.sizing.checks import machine_checks
+from pneudrive.sizing.choices import SLOTS, choices
 from pneudrive.sizing.folder import SizingFolder
-from pneudrive.sizing.prune import SafeBounds, air_estimate_kg
-from pneudrive.sizing.result import WRITTEN, SizedDrive, SizingResult, nearest_miss
-from pneudrive.sizing.strokes import COARSE, RTOL, DriveStrokes, Setting, points
+from pneudrive.sizing.prune import SafeBounds, air_estimate_kg, nearest_possible
+from pneudrive.sizing.result import WRITTEN, Provisional, SizedDrive, SizingResult, nearest_miss, rank_of
+from pneudrive.sizing.spreads import sized
+from pneudrive.sizing.strokes import COARSE, RTOL, DriveStrokes, Setting, points, run_all
 from pneudrive.sizing.task import SizingTask
-from pneudrive.sizing.tune import HOPELESS, Tuned, tune
+from pneudrive.sizing.tune import Tuned, tune, tune_all
 from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
-    from pneudrive.sizing.choices import DriveChoice
-    from pneudrive.sizing.prune import Shortage
+    from pneudrive.sizing.choices import PartChoice
+    from pneudrive.sizing.shortage import Shortage
     from pneudrive.watch import Flag
 
-    Array = NDArray[np.float64]
-
-#: Draws of each choice, and of the ten best.
+#: Draws of each leader, and of those that may be the best.
 DRAWS, DRAWS_BEST = 256, 1024
 #: The same as a factor, which the command takes for any number of draws.
 DRAWS_BEST_OF = DRAWS_BEST // DRAWS
-#: Choices that are simulated at least, where there are so many.
-LEAST = 100
+#: A first part of the draws, as a divisor, and the fewest draws that are worth it.
+FIRST_OF, FIRST_LEAST = 4, 32
+#: Choices that are simulated over the spreads at least, where there are so many.
+LEAST = 10
 #: Choices that are tuned at most.
-MOST = 3000
-#: Before the air of any choice is known, a cycle takes at least this share of the air that fills both sides (assumed);
-#: afterwards the least share that was found, less a reserve.
-LEAST_AIR, RESERVE = 0.75, 0.95
+MOST = 160
+#: Choices that advance together, and pairs that are probed together.
+TOGETHER, PROBED = 16, 48
+#: The provisional ranking looks at so many cylinders, so many pairs of each, and so many flow controls of each pair,
+#: each with its most promising valve; then it tunes so many choices.
+CYLINDERS, PAIRS, CONTROLS, FIRST_TUNED = 8, 2, 3, 6
+#: Choices of one cylinder, other than the best one, that are tried for its place in the ranking.
+TRIED = 4
 
 
 def is_of_command(asked: Mapping[str, int]) -> bool:
@@ -64,6 +71,7 @@ def size(
     threads: int | None = None,
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
+    provisional: Callable[[SizingResult], None] | None = None,
 ) -> SizingResult:
     """Find the drives of the catalogue that do a task, by simulation over the spreads that it gives.
 
@@ -72,17 +80,21 @@ def size(
     task : SizingTask, dict or path-like
         Or a TOML file.
     least : int
-        Choices of parts that are simulated at least, those of least air first, also where the best are known before.
+        Choices of parts that are simulated over the spreads at least.
     most : int
         Choices that are tuned at most; the result says where that ended the search.
     draws, draws_best : int
-        Draws of each choice and of the ten best: points of a scrambled Sobol sequence, the same for all; powers of 2.
+        Draws of each leader and of those that may be the best: points of a scrambled Sobol sequence, the same for all;
+        powers of 2.
     out : path-like, optional
         Folder for the results. A search that was interrupted goes on there.
     threads : int, optional
         Default: all processors.
     progress, cancel : optional
-        See `pneudrive.watch.Watch`.
+        See `pneudrive.watch.Watch`. A search that is cancelled, or ended by Ctrl-C, after the provisional ranking
+        returns its results so far (`complete` is false).
+    provisional : callable, optional
+        Called with the provisional ranking as soon as it is known.
 
     Returns
     -------
@@ -95,7 +107,7 @@ def size(
     CommandError
         A number is not positive, or `out` holds another task or cannot be written to.
     Cancelled
-        `cancel` was set; finished choices in `out` are kept.
+        `cancel` was set before there was a provisional ranking.
 
     Examples
     --------
@@ -107,7 +119,7 @@ def size(
     'festo-dsbg-32-100'
     """
     options: dict[str, Any] = {"least": least, "most": most, "draws": draws, "draws_best": draws_best}
-    return watched(task, Watch(progress, cancel), **options, out=out, threads=threads)
+    return watched(task, Watch(progress, cancel), **options, out=out, threads=threads, provisional=provisional)
 
 
 def watched(
@@ -120,6 +132,7 @@ def watched(
     draws_best: int = DRAWS_BEST,
     out: str | Path | None = None,
     threads: int | None = None,
+    provisional: Callable[[SizingResult], None] | None = None,
 ) -> SizingResult:
     """Run `size` under a watch."""
     for name, value in (("least", least), ("draws", draws), ("draws_best", draws_best), ("most", most)):
@@ -127,7 +140,7 @@ def watched(
             raise CommandError(f"{name} = {value} is out of bounds", rule="at least 1")
     read = _read(task)
     with nullcontext() if out is None else SizingFolder(Path(out), read, (draws, draws_best)) as folder:
-        return Search(read, least, most, (draws, draws_best), threads, watch, folder).result()
+        return Search(read, least, most, (draws, draws_best), threads, watch, folder).result(provisional)
 
 
 def _read(task: SizingTask | Mapping[str, Any] | str | Path) -> SizingTask:
@@ -144,7 +157,7 @@ class Search:
     task : SizingTask
     least, most : int
     draws : tuple of int
-        Of each choice and of the ten best.
+        Of each leader, and of those that may be the best.
     threads : int or None
     watch : Watch
     folder : SizingFolder or None
@@ -160,198 +173,333 @@ class Search:
         watch: Watch,
         folder: SizingFolder | None,
     ) -> None:
-        self.task, self.least, self.most, self.draws = task, least, most, draws
-        self.threads, self.watch, self.folder = threads, watch, folder
+        self.task, self.least, self.most, self.threads = task, least, most, threads
+        self.watch, self.folder = watch, folder
+        first = draws[0] // FIRST_OF
+        self.draws = [one for one in (first, *draws) if one >= FIRST_LEAST or one != first]
+        self.final = draws[1]
         self.points = points(max(draws))
-        self.simulated: list[SizedDrive] = []
-        self.short: list[tuple[DriveChoice, Tuned]] = []
-        self.outdone = 0
-        self._slow: dict[tuple[str, str], list[tuple[float, ...]]] = {}
-        self._fast: dict[tuple[str, str], list[tuple[float, ...]]] = {}
+        self.is_soft = task.end_speed_m_s is not None or task.impact_energy_j is not None
+        self.pairs: list[Pair] = []
+        self.unseen: list[Pair] = []
+        self.candidates: list[Candidate] = []
+        self.dropped: list[Dropped] = []
+        self.shortages: list[tuple[dict[str, str], Shortage]] = []
+        self.tuned = self.enumerated = 0
+        self.provisional: tuple[Provisional, ...] = ()
+        self.savings: list[Saving] = []
 
-    def result(self) -> SizingResult:
+    def result(self, tell: Callable[[SizingResult], None] | None) -> SizingResult:
         """Run the search."""
-        found = choices(self.task)
-        every = combined(found)
-        left, pruned = self._pruned(every, found)
-        left.sort(key=lambda one: (one[0], *_order(one[1])))
-        complete = self._simulate(left)
-        ranked = self._ranked()
-        counts: dict[str, int] = {}
-        for _, bound in pruned:
-            counts[bound.limit] = counts.get(bound.limit, 0) + 1
-        miss = None if ranked or not every else nearest_miss(self.task, self.simulated, self.short, pruned)
-        tuned = len(self.simulated) + len(self.short)
-        made = SizingResult(
-            *(self.task, len(every), len(left), counts, self.outdone, tuned, tuple(self.simulated), tuple(ranked)),
-            miss=miss,
-            complete=complete,
-            notes=tuple(self._notes(complete, len(left))),
-            asked={"least": self.least, "most": self.most, "draws": self.draws[0], "draws_best": self.draws[1]},
-        )
+        self._prune()
+        left = sum(pair.count for pair in self.pairs)
+        interrupted, complete = False, False
+        try:
+            self._first_ranking()
+            if self.provisional:
+                self._tell(self._made(left, False, False), tell)
+            complete = self._converge()
+            self._save_air()
+        except (KeyboardInterrupt, Cancelled):
+            if not self.provisional:
+                raise
+            interrupted = True
+        made = self._made(left, complete, interrupted)
         if self.folder is not None:
             made.save(self.folder.folder)
         return made
 
-    def _pruned(
-        self, every: Sequence[DriveChoice], found: Mapping[str, Sequence[Any]]
-    ) -> tuple[list[tuple[float, DriveChoice]], list[tuple[DriveChoice, Shortage]]]:
-        bounds = SafeBounds(self.task, found["tube"])
-        left, pruned = [], []
-        for choice in every:
-            lacks = bounds.lacks(choice)
-            if lacks is None:
-                left.append((air_estimate_kg(choice, self.task), choice))
-            else:
-                pruned.append((choice, lacks))
-        return left, pruned
+    def _tell(self, made: SizingResult, tell: Callable[[SizingResult], None] | None) -> None:
+        if tell is not None:
+            tell(made)
+        if self.folder is not None:
+            self.folder.tell(sentence(made))
 
-    def _simulate(self, left: Sequence[tuple[float, DriveChoice]]) -> bool:
-        """Tune and simulate choices in the order of their air; return whether none that could rank is left."""
-        self._choices = {choice.name: choice for _, choice in left}
-        self._fills = {choice.name: air for air, choice in left}
-        for place, (air, choice) in enumerate(left):
-            self.watch.tell(place, len(left), f"choices of parts, {len(self.simulated)} simulated")
-            if len(self.simulated) >= self.least and self._share() * air > self._tenth():
-                return True
-            if len(self.simulated) + len(self.short) >= self.most:
-                return False
-            if self._is_outdone(choice):
-                self.outdone += 1
+    def _made(self, left: int, complete: bool, interrupted: bool) -> SizingResult:
+        simulated = [one.drive for one in self.candidates if one.drive is not None]
+        ranked = sorted(
+            (
+                drive
+                for one in self.candidates
+                if (drive := one.drive) is not None
+                and drive.draws >= self.draws[-2]
+                and drive.is_feasible
+                and not one.lost
+            ),
+            key=lambda drive: drive.rank,
+        )
+        counts: dict[str, int] = {}
+        for one in self.dropped:
+            counts[one.limit] = counts.get(one.limit, 0) + one.choices
+        short = [(one.choice, known) for one in self.candidates if (known := one.tuned or one.nominal) and one.lost]
+        miss = None
+        if not ranked and (self.shortages or short or simulated) and (complete or not self.provisional):
+            miss = nearest_miss(self.task, simulated, short, self.shortages)
+            miss = replace(miss, possible=tuple(nearest_possible(self.task, self.found, self.bounds)))
+        lost = [Dropped(one.choice.parts, 1, *one.lost.partition(": ")[::2]) for one in self.candidates if one.lost]
+        return SizingResult(
+            *(self.task, self.enumerated, left, counts, self.tuned, tuple(simulated), tuple(ranked)),
+            miss=miss,
+            complete=complete,
+            provisional=self.provisional,
+            dropped=(*self.dropped, *lost),
+            savings=tuple(self.savings),
+            checks=tuple(machine_checks(ranked[0], self._cylinder(ranked[0]), self.task)) if ranked else (),
+            interrupted=interrupted,
+            notes=tuple(self._notes(complete, interrupted)),
+            asked={"least": self.least, "most": self.most, "draws": self.draws[-2], "draws_best": self.final},
+        )
+
+    def _cylinder(self, drive: SizedDrive) -> PartChoice:
+        return next(one for one in self.found["cylinder"] if one.name == drive.parts["cylinder"])
+
+    def _prune(self) -> None:
+        """Leave out what cannot do the task whatever its settings, each with its reason."""
+        self.found = found = choices(self.task)
+        self.bounds = bounds = SafeBounds(self.task, found["tube"])
+        self.enumerated = int(np.prod([len(found[slot]) for slot in SLOTS]))
+        kept: dict[str, list[PartChoice]] = {}
+        for slot in SLOTS:
+            lacks = {one.name: bounds.cylinder(one) if slot == "cylinder" else bounds.part(one) for one in found[slot]}
+            kept[slot] = [one for one in found[slot] if lacks[one.name] is None]
+            for name, shortage in lacks.items():
+                if shortage is not None:
+                    others = [len(found[other]) for other in SLOTS if other != slot]
+                    self._drop({slot: name}, int(np.prod(others)), shortage)
+        for cylinder in kept["cylinder"]:
+            for tube in kept["tube"]:
+                self._pair(cylinder, tube, kept["valve"], kept["flow_control"], bounds)
+        self.pairs.sort(key=lambda one: (one.fill, one.cylinder.name, one.tube.name))
+        self.unseen = list(self.pairs)
+
+    def _drop(self, parts: dict[str, str], count: int, shortage: Shortage) -> None:
+        every = {slot: parts.get(slot, "*") for slot in SLOTS}
+        self.dropped.append(Dropped(every, count, shortage.limit, shortage.said))
+        self.shortages.append((every, shortage))
+
+    def _pair(
+        self,
+        cylinder: PartChoice,
+        tube: PartChoice,
+        valves: Sequence[PartChoice],
+        controls: Sequence[PartChoice],
+        bounds: SafeBounds,
+    ) -> None:
+        """Leave out valves and flow controls through which the gas cannot leave in time."""
+        names = {"cylinder": cylinder.name, "tube": tube.name}
+        slow = {one.name: bounds.flow(cylinder, tube, valve=one) for one in valves}
+        slow |= {one.name: bounds.flow(cylinder, tube, control=one) for one in controls}
+        wide = [one for one in valves if slow[one.name] is None]
+        open_ = [one for one in controls if slow[one.name] is None]
+        for slot, every, others in (("valve", valves, len(controls)), ("flow_control", controls, len(wide))):
+            for one in every:
+                if others and (shortage := slow[one.name]) is not None:
+                    self._drop(names | {slot: one.name}, others, shortage)
+        if wide and open_:
+            fill = air_estimate_kg(cylinder, tube, self.task)
+            self.pairs.append(Pair(cylinder, tube, wide, open_, fill, bounds.tubes[tube.name]))
+
+    def _probe(self, pairs: Sequence[Pair]) -> None:
+        """Probe pairs; those that can do the task bring their choices."""
+        asked = [pair.probe(self.task, self.threads) for pair in pairs]
+        found = iter(run_all([one for runs in asked for one in runs]))
+        for pair, runs in zip(pairs, asked, strict=True):
+            pair.take(self.task, list(islice(found, len(runs))))
+            if pair.late:
+                parts = {"cylinder": pair.cylinder.name, "valve": "*", "tube": pair.tube.name, "flow_control": "*"}
+                self.dropped.append(Dropped(parts, pair.count, "time", pair.late))
+                self.candidates += self._nearest(pair)
             else:
-                self._look(choice)
-        self.watch.tell(len(left), len(left), f"choices of parts, {len(self.simulated)} simulated")
+                self.candidates += pair.candidates(self.task, self.threads)
+        gone = set(map(id, pairs))
+        self.unseen = [one for one in self.unseen if id(one) not in gone]
+
+    def _nearest(self, pair: Pair) -> list[Candidate]:
+        """Return a choice of a pair that is too slow, with how much it misses: the nearest miss needs it."""
+        times = zip(("out", "back"), pair.times, (self.task.outward_s, self.task.back_s), strict=True)
+        way, time, limit = max(times, key=lambda one: one[1] / one[2])
+        if time <= limit:
+            return []
+        widest = max(
+            pair.candidates(self.task, self.threads), key=lambda one: (one.choice.swiftness[1:], one.choice.name)
+        )
+        margin = 1.0 - time / limit if np.isfinite(time) else -10.0
+        widest.nominal, widest.lost = Tuned(Setting(), margin, (f"time {way}", limit, time)), pair.late
+        return [widest]
+
+    def _first_ranking(self) -> None:
+        """Rank cylinders by nominal runs."""
+        alive: dict[str, list[Pair]] = {}
+        while self.unseen and len(alive) < CYLINDERS:
+            pairs = self.unseen[:PROBED]
+            self._probe(pairs)
+            for pair in pairs:
+                if not pair.late:
+                    alive.setdefault(pair.cylinder.name, []).append(pair)
+        first: list[Candidate] = []
+        for pairs in list(alive.values())[:CYLINDERS]:
+            for pair in sorted(pairs, key=lambda one: one.air or 0.0)[:PAIRS]:
+                own = sorted((one for one in self.candidates if one.pair is pair), key=self._promise)
+                by_control = {one.choice.flow_control.name: one for one in reversed(own)}
+                first += sorted(by_control.values(), key=self._promise)[:CONTROLS]
+        self._advance_nominal(first)
+        alike = sorted((one for one in first if not one.lost), key=self._promise)
+        self._advance_tuned(alike[:FIRST_TUNED])
+        known = sorted((one for one in first if not one.lost), key=self._promise)
+        self.provisional = tuple(Provisional.of(one) for one in known)
+
+    def _promise(self, one: Candidate) -> tuple[Any, ...]:
+        return one.promise(self.is_soft)
+
+    def _best(self) -> SizedDrive | None:
+        final = [
+            drive
+            for one in self.candidates
+            if not one.lost and (drive := one.drive) is not None and drive.draws >= self.final
+        ]
+        return min(final, key=lambda one: one.rank, default=None)
+
+    def _open(self) -> tuple[list[Pair], list[Candidate]]:
+        """Return what may still rank before the best."""
+        best = self._best()
+        pairs = [one for one in self.unseen if best is None or rank_of(one.least_air, 1.0) <= best.rank[:2]]
+        every = [one for one in self.candidates if not one.lost and self._is_open(one)]
+        return pairs, [one for one in every if best is None or one.bound(self.final) < best.rank]
+
+    def _is_open(self, one: Candidate) -> bool:
+        return one.drive is None or one.drive.draws < self.final
+
+    def _converge(self) -> bool:
+        """Advance what may be the best until nothing is left, then the best of other cylinders."""
+        while True:
+            pairs, left = self._open()
+            best = self._best()
+            self.watch.tell(self.tuned, self.most, self._said(best, len(left)))
+            if self.tuned >= self.most:
+                left = [one for one in left if one.tuned is not None]
+            if pairs and (not left or best is not None):
+                self._probe(pairs[:PROBED])
+            elif left:
+                left.sort(key=lambda one: (self._promise(one), one.bound(self.final)))
+                together = TOGETHER if best is not None or left[0].tuned is None else 2
+                self._advance(left[:together])
+            elif not self._others():
+                return self.tuned < self.most or not self._open()[1]
+
+    def _save_air(self) -> None:
+        """Try a lower pressure for the way back and shorter tubes on the best."""
+        best = self._best()
+        if best is None:
+            return
+        one = next(one for one in self.candidates if one.choice.name == best.name)
+        task, half = self.task, self.task.tube_length_m * TUBE_SHARE
+        shorter = task.model_copy(update={"tube_length_m": half})
+        tube = next(part for part in choices(shorter)["tube"] if part.name == one.choice.tube.name)
+        tried = [
+            (
+                f"{100.0 * share:.0f} % of the supply's gauge pressure for the way back",
+                replace(one.strokes, return_share=share),
+            )
+            for share in RETURN_SHARES
+        ]
+        short = DriveStrokes(replace(one.choice, tube=tube), shorter, self.threads)
+        tried.append((f"tubes of {half:.3g} m in place of {task.tube_length_m:.3g} m", short))
+        for change, strokes in tried:
+            self.watch.look()
+            tuned = tune(strokes)
+            made = None if tuned.nominal < 0.0 else sized(strokes, tuned.setting, self.points[: self.draws[-2]])
+            is_kept = made is not None and made.is_feasible
+            self.savings.append(Saving(change, 1.0 - made.air / best.air if is_kept and made else 0.0, is_kept))
+
+    def _said(self, best: SizedDrive | None, left: int) -> str:
+        found = "no final best yet" if best is None else f"best so far {best.parts['cylinder']}"
+        return f"choices tuned ({found}, {left} may be better)"
+
+    def _others(self) -> bool:
+        """Advance a choice of another cylinder, or any where fewer than `least` are simulated; False at the end."""
+        tried: dict[str, int] = {}
+        met = set()
+        for one in self.candidates:
+            if one.drive is not None:
+                name = one.choice.cylinder.name
+                tried[name] = tried.get(name, 0) + 1
+                if not one.lost and one.drive.draws >= self.draws[-2]:
+                    met.add(name)
+        waiting = sorted((one for one in self.candidates if not one.lost and self._waits(one)), key=self._promise)
+        others = [
+            one
+            for one in waiting
+            if one.choice.cylinder.name not in met and tried.get(one.choice.cylinder.name, 0) < TRIED
+        ]
+        chosen = others if len(met) < WRITTEN else []
+        if not chosen and sum(tried.values()) < self.least:
+            chosen = waiting
+        if self.tuned >= self.most:
+            chosen = [one for one in chosen if one.tuned is not None]
+        if not chosen:
+            return False
+        seen: set[str] = set()
+        batch = [one for one in chosen if not (one.choice.cylinder.name in seen or seen.add(one.choice.cylinder.name))]
+        self._advance(batch[:TOGETHER] if chosen is others else chosen[:1])
         return True
 
-    def _share(self) -> float:
-        """Return the least air of a cycle over that which fills both sides."""
-        found = [one.air / self._fills[one.name] for one in self.simulated]
-        return RESERVE * min(found) if found else LEAST_AIR
+    def _waits(self, one: Candidate) -> bool:
+        return one.drive is None or one.drive.draws < self.draws[-2]
 
-    def _tenth(self) -> float:
-        """Return the air of the tenth of those that meet the task, kg."""
-        airs = sorted(one.air for one in self.simulated if one.is_feasible)
-        return airs[WRITTEN - 1] if len(airs) >= WRITTEN else np.inf
+    def _advance(self, every: Iterable[Candidate]) -> None:
+        """Bring each choice to its next stage."""
+        stages: list[list[Candidate]] = [[], [], []]
+        for one in every:
+            stages[0 if one.nominal is None and one.tuned is None else 1 if one.tuned is None else 2].append(one)
+        self._advance_nominal(stages[0])
+        self._advance_tuned(stages[1])
+        for one in stages[2]:
+            self.watch.look()
+            done = 0 if one.drive is None else one.drive.draws
+            self._simulate(one, next(draws for draws in self.draws if draws > done))
 
-    def _is_outdone(self, choice: DriveChoice) -> bool:
-        """Whether one on the same cylinder and tubes falls short for a reason that holds for this one as well."""
-        key = (choice.cylinder.name, choice.tube.name)
-        own = choice.swiftness
-        if any(all(a >= b for a, b in zip(one, own, strict=True)) for one in self._slow.get(key, ())):
-            return True
-        fast = () if choice.is_throttled else self._fast.get(key, ())
-        return any(all(a <= b for a, b in zip(one, own, strict=True)) for one in fast)
+    def _advance_nominal(self, every: Sequence[Candidate]) -> None:
+        every = [one for one in every if not self._resume(one)]
+        for one, found in zip(every, tune_all([one.strokes for one in every], is_quick=True), strict=True):
+            one.take_nominal(found)
 
-    def _falls_short(self, choice: DriveChoice, tuned: Tuned) -> None:
-        """Keep what is short even in the nominal case, and what follows from it for others.
-
-        What is no wider and no earlier than one that is too slow fully open, or that no setting helps, is no better;
-        nor is, without flow controls, what is no narrower and no later than one that hits the end far too fast. One
-        that is short by a share stands for others that are wider, or narrower, by half that share.
-        """
-        self.short.append((choice, tuned))
-        key = (choice.cylinder.name, choice.tube.name)
-        *sizes, late = choice.swiftness
-        share = 0.5 * min(-tuned.nominal, 1.0)
-        if choice.is_throttled or tuned.short[0].startswith("time"):
-            wider = (*(size * (1.0 + share) for size in sizes), late + share * self.task.outward_s)
-            self._slow.setdefault(key, []).append(wider)
-        elif tuned.nominal < HOPELESS:
-            narrower = (*(size / (1.0 + share) for size in sizes), late - share * self.task.outward_s)
-            self._fast.setdefault(key, []).append(narrower)
-
-    def _look(self, choice: DriveChoice) -> None:
-        """Tune one choice, and simulate it over the spreads where it does the nominal task."""
-        kept = None if self.folder is None else self.folder.kept(choice.name, self.draws[0])
-        if isinstance(kept, SizedDrive):
-            self.simulated.append(kept)
-            return
-        if kept is not None:
-            self._falls_short(choice, kept)
-            return
-        strokes = DriveStrokes(choice, self.task, self.threads)
-        tuned = tune(strokes)
-        if tuned.nominal < 0.0:
-            self._falls_short(choice, tuned)
+    def _advance_tuned(self, every: Sequence[Candidate]) -> None:
+        every = [one for one in every if not self._resume(one)][: max(self.most - self.tuned, 0)]
+        self.tuned += len(every)
+        for one, found in zip(every, tune_all([one.strokes for one in every]), strict=True):
+            one.take_tuned(found)
             if self.folder is not None:
-                self.folder.keep_short(choice.name, tuned)
-            return
-        self.simulated.append(self._judged(strokes, tuned.setting, self.draws[0]))
+                self.folder.keep_tuned(one.choice.name, found)
 
-    def _judged(self, strokes: DriveStrokes, setting: Setting, draws: int) -> SizedDrive:
+    def _resume(self, one: Candidate) -> bool:
+        """Take the tuned settings that the folder has of a choice."""
+        kept = None if self.folder is None else self.folder.tuned(one.choice.name)
+        if kept is None:
+            return False
+        self.tuned += 1
+        one.take_tuned(kept)
+        return True
+
+    def _simulate(self, one: Candidate, draws: int) -> None:
         """Simulate a choice over the first points of the sequence."""
-        made = sized(strokes, setting, self.points[:draws], RTOL if draws == self.draws[1] else COARSE)
-        if self.folder is not None:
-            self.folder.keep(made)
-        return made
+        kept = None if self.folder is None else self.folder.kept(one.choice.name, draws)
+        if kept is None:
+            assert one.tuned is not None
+            kept = sized(one.strokes, one.tuned.setting, self.points[:draws], RTOL if draws == self.final else COARSE)
+            if self.folder is not None:
+                self.folder.keep(kept)
+        one.take_drive(kept, self.final)
 
-    def _ranked(self) -> list[SizedDrive]:
-        """Rank those that meet the task; the ten best have to do so with more draws."""
-        first = sorted((one for one in self.simulated if one.is_feasible), key=lambda one: one.rank)
-        best: list[SizedDrive] = []
-        while first and len(best) < WRITTEN:
-            one = first.pop(0)
-            self.watch.tell(len(best), WRITTEN, f"the best with {self.draws[1]} draws")
-            kept = None if self.folder is None else self.folder.kept(one.name, self.draws[1])
-            if not isinstance(kept, SizedDrive):
-                strokes = DriveStrokes(self._choices[one.name], self.task, self.threads)
-                kept = self._judged(strokes, Setting(**one.setting), self.draws[1])
-            if kept.is_feasible:
-                best.append(kept)
-        return sorted(best, key=lambda one: one.rank) + first
-
-    def _notes(self, complete: bool, left: int) -> list[str]:
+    def _notes(self, complete: bool, interrupted: bool) -> list[str]:
         notes = []
-        if not complete:
-            notes.append(f"The search ended after {self.most} of {left} choices: raise `most` to look at all.")
-        if self.task.end_speed_m_s is None and self.task.impact_energy_j is None:
+        if interrupted:
+            notes.append("The search was interrupted: the ranking is that of the results so far.")
+        elif not complete:
+            notes.append(
+                f"The search ended after {self.most} tuned choices: raise `most` to look at all that may rank."
+            )
+        if not self.is_soft:
             notes.append("The task limits neither speed nor energy at the ends: look at them before ordering.")
         if self.task.cycles is not None:
             notes.append("Life is held against B10 where a part of the catalogue states it; most sheets do not.")
         return notes
-
-
-def sized(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = COARSE) -> SizedDrive:
-    """Simulate a choice with its settings over draws and say what it makes of its task."""
-    rows = np.tile(np.array(setting), (len(draws), 1))
-    out, back = (strokes.run(outward, draws, rows, rtol) for outward in (True, False))
-    task, choice = strokes.task, strokes.choice
-    found = judge.limits(task, choice, out, back)
-    met = int(judge.is_met(found).sum())
-    binding = min(found, key=lambda one: one.margin)
-    explained = judge.explained(draws, binding.margins)
-    assumed = strokes.drawn_assumed()
-    first = max(assumed, key=lambda name: explained[name], default="")
-    air = out.air + back.air
-    figures = {one.name: one.values for one in found} | {
-        "time_out": out.time,
-        "time_back": back.time,
-        "end_speed": np.maximum(out.end_speed, back.end_speed),
-        "energy": np.maximum(out.energy, back.energy),
-        "peak_pressure": np.maximum(out.peak_pressure, back.peak_pressure),
-        "air": air,
-        "load_ratio_out": strokes.load_ratio(True, draws),
-        "load_ratio_back": strokes.load_ratio(False, draws),
-    }
-    intervals = {name: judge.interval(values) for name, values in figures.items()}
-    return SizedDrive(
-        parts=choice.parts,
-        setting=setting._asdict(),
-        draws=len(draws),
-        met=met,
-        probability_bound=judge.probability_bound(met, len(draws)),
-        **{name: intervals[name][1] for name in ("time_out", "time_back", "end_speed", "energy", "peak_pressure")},
-        air=float(air.mean()),
-        margins={one.name: one.margin for one in found},
-        worst={one.name: (one.worst, one.limit, one.unit) for one in found},
-        measure=f"{first} of {choice.parts[assumed[first]]}" if first else "",
-        explains=explained[first] if first else 0.0,
-        sizes=choice.sizes,
-        intervals=intervals,
-    )
-
-
-def _order(choice: DriveChoice) -> tuple[bool, list[float], str]:
-    """Return the key of the order on one cylinder: those from which most follows for others where they fall short."""
-    sign = -1.0 if choice.is_throttled else 1.0
-    return not choice.is_throttled, [sign * size for size in choice.swiftness], choice.name

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -21,10 +22,10 @@ from pneudrive.ensemble import engine
 from pneudrive.ensemble.outputs import Reduction
 from pneudrive.ensemble.plans import MemberPlans
 from pneudrive.ensemble.variation import CoreForm, CoreMembers
-from pneudrive.sizing.choices import SLOTS, DriveChoice, choices
+from pneudrive.sizing.choices import PROPORTIONAL, SLOTS, DriveChoice, choices
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -117,43 +118,18 @@ class DriveStrokes:
     task : SizingTask
     threads : int, optional
         Default: all processors.
+    return_share : float
+        Gauge pressure of the supply on the way back, over that of the supply: below 1 behind a regulator.
     """
 
     choice: DriveChoice
     task: SizingTask
     threads: int | None = None
+    return_share: float = 1.0
 
     def run(self, outward: bool, draws: Array, settings: Array, rtol: float = COARSE) -> StrokeResults:
-        """Run one stroke of n members.
-
-        Parameters
-        ----------
-        outward : bool
-            Towards the end of chamber b, else back.
-        draws : ndarray, shape (n, len(DRAWN))
-            Shares of each range, 0 to 1.
-        settings : ndarray, shape (n, 4)
-            Rows of `Setting`.
-        rtol : float
-            Relative tolerance.
-        """
-        limit = self.task.outward_s if outward else self.task.back_s
-        duration = LONGEST * limit + LONGER_S
-        members = self._members(outward, draws, settings)
-        plans = MemberPlans({"valve.command": [((0.0,), (self._command(outward),))]}, np.array([duration]))
-        kept = engine.run(self._template(outward).form, members, plans, rtol, self._reductions(outward), self.threads)
-        arrived, near, before, *peaks, air, force = kept.values
-        time = np.where(np.isnan(arrived), np.inf, arrived)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slowness = (3.0 * arrived - 4.0 * near + before) / (2.0 * LAST_M)  # parabola through three times
-            speed = np.where(np.isfinite(time), 1.0 / slowness, 0.0)
-        mass = self._moving_mass(members)
-        failed = kept.status != engine.DONE
-        for values in (time, *peaks, air):
-            values[failed] = np.inf
-        sign = 1.0 if outward else -1.0
-        force = np.where(np.isfinite(time), np.nan_to_num(sign * force), 0.0)
-        return StrokeResults(time, speed, 0.5 * mass * speed**2, np.maximum(*peaks), np.abs(air), force)
+        """Run one stroke of n members; the parameters are those of `StrokeRuns`."""
+        return run_all([StrokeRuns(self, outward, draws, settings)], rtol)[0]
 
     def load_ratio(self, outward: bool, draws: Array) -> Array:
         """Return which share of the force of the supply the load takes at rest, shape (n,); above 1 it does not move.
@@ -177,23 +153,23 @@ class DriveStrokes:
         held = task.holding_force_n if outward else 0.0
         friction = np.maximum(drawn("cylinder.friction.parameters.coulomb"), held)
         gauge = task.supply_pa - task.ambient.pressure_pa + task.supply.spread_pa * _both_ways(draws[:, 0])
+        gauge *= 1.0 if outward else self.return_share
         return (against + friction) / (gauge * self.choice.areas_m2[0 if outward else 1])
 
     def circuit(self, setting: Setting = OPEN) -> Circuit:
         """Return the circuit with its settings, ready to run."""
-        return _circuit(self.choice, self.task, True, setting)
+        return _circuit(self.choice, self.task, setting)
 
-    def _template(self, outward: bool) -> _Template:
-        """Return the circuit of a stroke in the core's form, of which this one differs in numbers alone.
+    def template_key(self, outward: bool) -> tuple[Any, ...]:
+        """Return the form of the circuit of a stroke, without numbers: choices with equal keys run in one ensemble."""
+        parts = (self.choice.cylinder, self.choice.tube, self.choice.flow_control)
+        return (self.task.template_key, outward, *(part.form for part in parts))
 
-        A 5/2 valve moves on its spring on the way back, which is run with its ports exchanged, so that both strokes
-        begin with a valve at rest.
-        """
-        is_out = outward or self.choice.valve.kind != "valve/switching-5/2"
-        parts = (self.choice.cylinder, self.choice.valve, self.choice.tube, self.choice.flow_control)
-        key = (self.task.template_key, is_out, outward, *(part.form for part in parts))
+    def template(self, outward: bool) -> _Template:
+        """Return the circuit of a stroke in the core's form, of which this one differs in numbers alone."""
+        key = self.template_key(outward)
         if key not in _TEMPLATES:
-            circuit = _circuit(self.choice, self.task, is_out, OPEN)
+            circuit = _opened_circuit(self.choice, self.task, outward)
             at = units.UnitFloat(0.0 if outward else self.task.stroke_m, "m", "mm")
             full, empty = ("b", "a") if outward else ("a", "b")
             pressures = {full: self.task.supply_pa, empty: self.task.ambient.pressure_pa}
@@ -203,47 +179,39 @@ class DriveStrokes:
             _TEMPLATES[key] = _Template(CoreForm("circuit", circuit.core_json()), begun)
         return _TEMPLATES[key]
 
-    def _command(self, outward: bool) -> float:
-        return 1.0 if outward or self.choice.valve.kind == "valve/switching-5/2" else -1.0
+    def opens_after(self, outward: bool, draws: Array) -> Array:
+        """Return the time from the command until the valve is open, s, shape (n,).
 
-    def _reductions(self, outward: bool) -> list[Reduction]:
-        stroke = self.task.stroke_m
-        levels = [stroke - way if outward else way for way in (0.0, LAST_M, 2.0 * LAST_M)]
-
-        def kept(word: str, column: str, level: float = np.nan) -> Reduction:
-            return Reduction(word, (column,), column, "", "", level, above=outward)
-
-        at = "cylinder.position_m"
-        return [
-            *(kept("time_when", at, level) for level in levels),
-            *(kept("max", f"cylinder.{chamber}.pressure_pa") for chamber in "ab"),
-            kept("integral", "supply.mass_flow_kg_s"),
-            kept("final", "cylinder.end_stop_force_n"),
-        ]
+        The edges of a switching valve open over the second half of its travel: half of that counts as closed.
+        """
+        valve, factors = self.choice.valve, self._factors(draws)
+        if valve.kind == PROPORTIONAL:
+            lag = valve.numbers.get("frequency", 0.0)
+            lag = valve.numbers["damping_ratio"] / (math.pi * lag) if lag else 0.0
+            return valve.numbers["delay"] * factors["valve.delay"] + lag
+        key = "time_on" if outward or valve.kind != "valve/switching-5/2" else "time_off"
+        return valve.numbers[key] * factors[f"valve.{key}"] * (1.0 + 0.25 * valve.numbers["travel_share"])
 
     @property
     def _numbers(self) -> dict[str, float]:
         """Numbers of all components by their paths in the core's form, SI."""
         choice = self.choice
-        found = {f"valve.{key}": value for key, value in choice.valve.numbers.items()}
+        found = {f"{path}.{key}": value for path, of in choice.valve_paths.items() for key, value in of.items()}
         found |= {f"cylinder.{key}": value for key, value in choice.cylinder.numbers.items()}
         for end in "ab":
             found |= {f"tube_{end}.{key}": value for key, value in choice.tube.numbers.items()}
             found |= {f"flow_control_{end}.{key}": value for key, value in choice.flow_control.numbers.items()}
         return found | {"load.mass": self.task.mass_kg}
 
-    def _moving_mass(self, members: CoreMembers) -> Array:
-        columns = dict(zip(members.paths, members.values.T, strict=True))
-        return columns["cylinder.moving_mass"] + columns["load.mass"]
-
-    def _members(self, outward: bool, draws: Array, settings: Array) -> CoreMembers:
+    def members(self, outward: bool, draws: Array, settings: Array) -> CoreMembers:
+        """Return the numbers and the start of each run in the core's form."""
         task, rows = self.task, len(draws)
-        supply = task.supply_pa + task.supply.spread_pa * _both_ways(draws[:, 0])
+        whole = task.supply_pa + task.supply.spread_pa * _both_ways(draws[:, 0])
+        reduced = task.ambient.pressure_pa + self.return_share * (whole - task.ambient.pressure_pa)
+        supply, begun = (whole, reduced) if outward else (reduced, whole)
         cold, hot = task.spread.temperature_k
         temperature = cold + (hot - cold) * draws[:, DRAWN.index("temperature")]
         values: dict[str, Any] = dict(self._numbers)
-        if not outward and "valve.time_off" in values:
-            values["valve.time_on"] = values["valve.time_off"]
         for path, factor in self._factors(draws).items():
             if path in values:
                 values[path] = values[path] * factor
@@ -254,9 +222,10 @@ class DriveStrokes:
                 values[path] = values[path] * share
         values |= {"supply.pressure": supply, "ambient.temperature_k": temperature}
         starts: dict[str, float | Array] = {}
-        for name, value in self._template(outward).starts.items():
+        for name, value in self.template(outward).starts.items():
             is_full = name.endswith("pressure_pa") and value == task.supply_pa
-            starts[name] = supply if is_full else temperature if name.endswith("temperature_k") else value
+            own = begun if is_full else temperature if name.endswith("temperature_k") else value
+            starts[name] = np.broadcast_to(np.asarray(own, dtype=np.float64), rows)
         columns = [np.broadcast_to(np.asarray(value, dtype=np.float64), rows) for value in values.values()]
         return CoreMembers(list(values), np.column_stack(columns), starts)
 
@@ -274,7 +243,7 @@ class DriveStrokes:
             return 1.0 + wide * spread.conductance * share[name]
 
         valve = flow(self.choice.valve, "", "valve conductance")
-        factors |= {f"valve.{key}": valve for key in ("conductance", "exhaust_conductance")}
+        factors |= {f"{path}.conductance": valve for path in ("feed", "vent")}
         tube = flow(self.choice.tube, "", "tube conductance") ** (1.0 / BORE_POWER)
         needle = flow(self.choice.flow_control, "needle", "needle")
         cushion = 1.0 + 2.0 * spread.conductance * share["cushion"]
@@ -311,6 +280,91 @@ class DriveStrokes:
         return found
 
 
+class StrokeRuns(NamedTuple):
+    """Runs of one stroke of one choice.
+
+    Attributes
+    ----------
+    strokes : DriveStrokes
+    outward : bool
+        Towards the end of chamber b, else back.
+    draws : ndarray, shape (n, len(DRAWN))
+        Shares of each range, 0 to 1.
+    settings : ndarray, shape (n, 4)
+        Rows of `Setting`.
+    """
+
+    strokes: DriveStrokes
+    outward: bool
+    draws: Array
+    settings: Array
+
+
+def run_all(asked: Sequence[StrokeRuns], rtol: float = COARSE) -> list[StrokeResults]:
+    """Run strokes of any choices of one task; those that differ in numbers alone run side by side in one ensemble.
+
+    Parameters
+    ----------
+    asked : sequence of StrokeRuns
+    rtol : float
+        Relative tolerance.
+    """
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for place, one in enumerate(asked):
+        groups.setdefault(one.strokes.template_key(one.outward), []).append(place)
+    found: dict[int, StrokeResults] = {}
+    for places in groups.values():
+        found |= dict(zip(places, _run_alike([asked[place] for place in places], rtol), strict=True))
+    return [found[place] for place in range(len(asked))]
+
+
+def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
+    """Run strokes whose circuits differ in numbers alone.
+
+    The command is constant, so that a valve is two fixed paths that open at one time: nothing moves before. Without a
+    schedule of commands, members run in the lanes of a register.
+    """
+    first, outward = asked[0].strokes, asked[0].outward
+    limit = first.task.outward_s if outward else first.task.back_s
+    each = [one.strokes.members(outward, one.draws, one.settings) for one in asked]
+    starts: dict[str, float | Array] = {
+        name: np.concatenate([one.starts[name] for one in each]) for name in each[0].starts
+    }
+    members = CoreMembers(each[0].paths, np.concatenate([one.values for one in each]), starts)
+    plans = MemberPlans({}, np.array([LONGEST * limit + LONGER_S]))
+    form, reductions = first.template(outward).form, _reductions(first.task.stroke_m, outward)
+    kept = engine.run(form, members, plans, rtol, reductions, first.threads)
+    arrived, near, before, *peaks, air, force = kept.values
+    late = np.concatenate([one.strokes.opens_after(outward, one.draws) for one in asked])
+    time = np.where(np.isnan(arrived), np.inf, arrived + late)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slowness = (3.0 * arrived - 4.0 * near + before) / (2.0 * LAST_M)  # parabola through three times
+        speed = np.where(np.isfinite(time), 1.0 / slowness, 0.0)
+    columns = dict(zip(members.paths, members.values.T, strict=True))
+    mass = columns["cylinder.moving_mass"] + columns["load.mass"]
+    failed = kept.status != engine.DONE
+    for values in (time, *peaks, air):
+        values[failed] = np.inf
+    force = np.where(np.isfinite(time), np.nan_to_num(force if outward else -force), 0.0)
+    whole = StrokeResults(time, speed, 0.5 * mass * speed**2, np.maximum(*peaks), np.abs(air), force)
+    ends = np.cumsum([0, *(len(one.draws) for one in asked)])
+    return [StrokeResults(*(values[low:high] for values in whole)) for low, high in pairwise(ends)]
+
+
+def _reductions(stroke: float, outward: bool) -> list[Reduction]:
+    levels = [stroke - way if outward else way for way in (0.0, LAST_M, 2.0 * LAST_M)]
+
+    def kept(word: str, column: str, level: float = np.nan) -> Reduction:
+        return Reduction(word, (column,), column, "", "", level, above=outward)
+
+    return [
+        *(kept("time_when", "cylinder.position_m", level) for level in levels),
+        *(kept("max", f"cylinder.{chamber}.pressure_pa") for chamber in "ab"),
+        kept("integral", "supply.mass_flow_kg_s"),
+        kept("final", "cylinder.end_stop_force_n"),
+    ]
+
+
 def circuit_of(task: SizingTask, parts: Mapping[str, str], setting: Setting) -> Circuit:
     """Return the circuit of parts by their slots, with its settings, ready to run."""
     found = choices(task)
@@ -344,16 +398,39 @@ def _both_ways(share: Array) -> Array:
     return 2.0 * share - 1.0
 
 
-def _circuit(choice: DriveChoice, task: SizingTask, outward: bool, setting: Setting) -> Circuit:
+def _circuit(choice: DriveChoice, task: SizingTask, setting: Setting) -> Circuit:
     """Return the circuit: supply, valve, tubes, flow controls, cylinder and load."""
-    on, off = ("a", "b") if outward else ("b", "a")
-    valve = dict(choice.valve.table)
-    if not outward:
-        valve["time_on"] = valve["time_off"]
+    return _around(
+        choice, task, setting, {"valve": dict(choice.valve.table)}, ("supply -> valve.1",), ("valve.4", "valve.2")
+    )
+
+
+def _opened_circuit(choice: DriveChoice, task: SizingTask, outward: bool) -> Circuit:
+    """Return the circuit of one stroke, its valve as the two paths that it opens."""
+    paths = {
+        name: {
+            "kind": "fitting",
+            **{key: f"{value!r} m3/(s Pa)" if key == "conductance" else value for key, value in of.items()},
+        }
+        for name, of in choice.valve_paths.items()
+    }
+    ends = ("feed.2", "vent.1") if outward else ("vent.1", "feed.2")
+    return _around(choice, task, OPEN, paths, ("supply -> feed.1", "vent.2 -> ambient"), ends)
+
+
+def _around(
+    choice: DriveChoice,
+    task: SizingTask,
+    setting: Setting,
+    valve: Mapping[str, Any],
+    joined: tuple[str, ...],
+    ends: tuple[str, str],
+) -> Circuit:
+    """Return the circuit around a valve with two ends."""
     cylinder = dict(choice.cylinder.table)
     components: dict[str, Any] = {
         "supply": {"kind": "reservoir", "pressure": str(task.supply.pressure)},
-        "valve": valve,
+        **valve,
         "tube_a": dict(choice.tube.table),
         "tube_b": dict(choice.tube.table),
         "cylinder": cylinder,
@@ -370,12 +447,7 @@ def _circuit(choice: DriveChoice, task: SizingTask, outward: bool, setting: Sett
         name=f"{task.name}: {choice.name}",
         ambient=task.ambient,
         components=components,
-        connections=(
-            "supply -> valve.1",
-            f"valve.4 -> {way[on]}",
-            f"valve.2 -> {way[off]}",
-            "cylinder.rod -> load",
-        ),
+        connections=(*joined, f"{ends[0]} -> {way['a']}", f"{ends[1]} -> {way['b']}", "cylinder.rod -> load"),
         initial={"cylinder.position": "0 mm", "cylinder.b": str(task.supply.pressure)},
     )
 

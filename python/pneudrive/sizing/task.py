@@ -128,6 +128,17 @@ class SizingTask(Described):
     cycles: Annotated[float | None, Quantity("", bounds=_POSITIVE)] = Field(
         default=None, description="life; held against what the catalogue says of B10"
     )
+    cycles_per_hour: Annotated[float | None, Quantity("", bounds=_POSITIVE)] = Field(
+        default=None, description="for air and energy of a year"
+    )
+    hours_per_year: Annotated[float, Quantity("", bounds=_POSITIVE)] = Field(
+        default=2000.0, description="of operation; the default is one shift"
+    )
+    price_per_kwh: Annotated[float | None, Quantity("", bounds=_POSITIVE)] = Field(
+        default=None, description="of electricity, in the currency"
+    )
+    currency: str = Field(default="EUR", description="of the price")
+    servo_valves: bool = Field(default=False, description="look at proportional valves as well")
     margin: Share = Field(default=0.0, description="reserve that each limit keeps")
     exclude: tuple[str, ...] = Field(default=(), description="names, kinds or patterns of the catalogue: smc-cy1b*")
     supply: TaskSupply

@@ -7,15 +7,15 @@ grid runs side by side. Cases are nominal, slow and fast; the last two lie where
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pneudrive.sizing.judge import peak_limit
-from pneudrive.sizing.strokes import DRAWN, Setting, points
+from pneudrive.sizing.strokes import DRAWN, Setting, StrokeRuns, points, run_all
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Generator, Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from pneudrive.sizing.task import SizingTask
 
     Array = NDArray[np.float64]
+    #: Yields runs, takes their results.
+    Search = Generator[StrokeRuns, StrokeResults, Any]
 
 #: Openings that are tried first in the nominal case, and the factors of two refinements about the best of them in all
 #: cases.
@@ -55,11 +57,20 @@ class Tuned(NamedTuple):
         Least margin of the nominal case, both ways; below 0 where no setting does the task.
     short : tuple
         The limit that it misses or comes nearest to, its limit and its value, SI.
+    least : float
+        Least margin of all cases.
+    air : float
+        Mass drawn from the supply in the nominal case, both ways, kg.
+    times : tuple of float
+        Of the strokes in the nominal case, s.
     """
 
     setting: Setting
     nominal: float
     short: tuple[str, float, float]
+    least: float = NEVER
+    air: float = 0.0
+    times: tuple[float, ...] = ()
 
 
 def cases(task: SizingTask, outward: bool) -> Array:
@@ -78,56 +89,83 @@ def cases(task: SizingTask, outward: bool) -> Array:
 
 
 def tune(strokes: DriveStrokes) -> Tuned:
-    """Find the settings of both strokes.
+    """Find the settings of both strokes of one choice."""
+    return tune_all([strokes])[0]
 
-    Where a stroke is too slow fully open even in the fast case, nothing is searched: no setting makes it faster.
+
+def tune_all(every: Sequence[DriveStrokes], is_quick: bool = False) -> list[Tuned]:
+    """Find the settings of choices of one task; what each of them runs next goes side by side.
+
+    Parameters
+    ----------
+    every : sequence of DriveStrokes
+    is_quick : bool
+        Look at the nominal case on the first grid alone.
+    """
+    searches = [_search(one, is_quick) for one in every]
+    asked = {place: next(one) for place, one in enumerate(searches)}
+    found: dict[int, Tuned] = {}
+    while asked:
+        results = run_all(list(asked.values()))
+        due, asked = dict(zip(asked, results, strict=True)), {}
+        for place, result in due.items():
+            following = _sent(searches[place], result)
+            if isinstance(following, Tuned):
+                found[place] = following
+            else:
+                asked[place] = following
+    return [found[place] for place in range(len(every))]
+
+
+def _sent(search: Search, result: StrokeResults) -> StrokeRuns | Tuned:
+    try:
+        return search.send(result)
+    except StopIteration as end:
+        return end.value
+
+
+def _search(strokes: DriveStrokes, is_quick: bool) -> Search:
+    """Search the settings of a choice: yield runs, take their results, return the settings.
+
+    If a stroke is too slow fully open even in the fast case, nothing is searched: no setting makes it faster.
     """
     task = strokes.task
     for outward, limit in ((True, task.outward_s), (False, task.back_s)):
-        time = float(strokes.run(outward, cases(task, outward)[2:], np.ones((1, 4))).time[0])
+        opened = yield StrokeRuns(strokes, outward, cases(task, outward)[2:], np.ones((1, 4)))
+        time = float(opened.time[0])
         if time > limit:
             margin = 1.0 - time / limit if np.isfinite(time) else NEVER
             return Tuned(Setting(), margin, (f"time {'out' if outward else 'back'}", limit, time))
-    out = _stroke(strokes, True, Setting())
+    out = yield from _stroke(strokes, True, Setting(), is_quick)
     if out.nominal < HOPELESS:
         return out
-    back = _stroke(strokes, False, out.setting)
+    back = yield from _stroke(strokes, False, out.setting, is_quick)
     worse = min(out, back, key=lambda one: one.nominal)
-    return Tuned(back.setting, worse.nominal, worse.short)
+    least = min(out.least, back.least)
+    return Tuned(back.setting, worse.nominal, worse.short, least, out.air + back.air, out.times + back.times)
 
 
-def _stroke(strokes: DriveStrokes, outward: bool, setting: Setting) -> Tuned:
+def _stroke(strokes: DriveStrokes, outward: bool, setting: Setting, is_quick: bool) -> Search:
     """Find the settings of one stroke; those of the other are kept."""
     task, choice = strokes.task, strokes.choice
     is_limited = task.end_speed_m_s is not None or task.impact_energy_j is not None
     needles = NEEDLES if choice.is_throttled else (1.0,)
     cushions = CUSHIONS if choice.is_cushioned and is_limited else (1.0,)
     rows = cases(task, outward)
-    best = max(_tried(strokes, outward, setting, product(needles, cushions), rows[:1]), key=_key)
-    if best.nominal < HOPELESS:
-        return best.tuned
+    best = max((yield from _tried(strokes, outward, setting, product(needles, cushions), rows[:1])), key=_key)
+    if best.nominal < HOPELESS or is_quick:
+        return best
     for round_, finer in enumerate(FINER):
         if round_ == len(FINER) - 1:
             rows = np.vstack([rows, points(MORE)])
         shares = [finer if len(one) > 1 else (1.0,) for one in (needles, cushions)]
         own = best.setting[:2] if outward else best.setting[2:]
         near = [tuple(min(a * b, 1.0) for a, b in zip(own, pair, strict=True)) for pair in product(*shares)]
-        best = max(_tried(strokes, outward, setting, dict.fromkeys(near), rows), key=_key)
-    return best.tuned
+        best = max((yield from _tried(strokes, outward, setting, dict.fromkeys(near), rows)), key=_key)
+    return best
 
 
-class _Try(NamedTuple):
-    setting: Setting
-    nominal: float
-    short: tuple[str, float, float]
-    least: float
-
-    @property
-    def tuned(self) -> Tuned:
-        return Tuned(self.setting, self.nominal, self.short)
-
-
-def _key(one: _Try) -> tuple[float, float]:
+def _key(one: Tuned) -> tuple[float, float]:
     return (one.least, one.nominal)
 
 
@@ -137,20 +175,24 @@ def _tried(
     setting: Setting,
     pairs: Iterable[tuple[float, ...]],
     rows: Array,
-) -> list[_Try]:
+) -> Search:
     """Run the cases of each pair of needle and cushion."""
     places = ("needle_out", "cushion_out") if outward else ("needle_back", "cushion_back")
     settings = [setting._replace(**dict(zip(places, pair, strict=True))) for pair in pairs]
-    found = strokes.run(outward, np.tile(rows, (len(settings), 1)), np.repeat(np.array(settings), len(rows), axis=0))
+    draws, shares = np.tile(rows, (len(settings), 1)), np.repeat(np.array(settings), len(rows), axis=0)
+    found = yield StrokeRuns(strokes, outward, draws, shares)
     named = _margins(strokes.task, strokes.choice, outward, found)
     table = np.array([margins for _, _, _, margins in named]).reshape(len(named), len(settings), len(rows))
     hard = len(named) - (named[-1][0] == SOFT_NAME)
     tries = []
     for place, one in enumerate(settings):
+        at = place * len(rows)
         worst = int(table[:hard, place, 0].argmin())
         name, limit, values, _ = named[worst]
-        short = (name, limit, float(values[place * len(rows)]))
-        tries.append(_Try(one, float(table[worst, place, 0]), short, float(table[:, place].min())))
+        short, least = (name, limit, float(values[at])), float(table[:, place].min())
+        tries.append(
+            Tuned(one, float(table[worst, place, 0]), short, least, float(found.air[at]), (float(found.time[at]),))
+        )
     return tries
 
 

@@ -10,7 +10,7 @@ from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.lock import is_held
-from pneudrive.sizing.folder import ABOUT, LINES, LOCK, read_choice
+from pneudrive.sizing.folder import ABOUT, LINES, LOCK, PROVISIONAL, read_choice
 from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, SizedDrive, set_to
 from pneudrive.sizing.search import DRAWS_BEST_OF, is_of_command
 from pneudrive.sizing.task import SizingTask, follows_from, values_of
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 #: A task to begin with.
 FIRST = Path(__file__).with_name("first_task.toml")
-MOST_LEAST, MOST_DRAWS = 1000, 4096
+MOST_LEAST, MOST_DRAWS = 100, 4096
 MOST_TASKS = 500  # that are kept as they were read
 
 
@@ -89,6 +89,8 @@ def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
     simulated, short = _choices(folder / LINES)
     summary = _json(folder / SUMMARY, name) if (folder / SUMMARY).is_file() else {}
     asked = summary.get("asked")
+    early = folder / PROVISIONAL
+    provisional = read_text(early, CommandError).strip() if early.is_file() and not summary else ""
     ranked = ["+".join(one["parts"].values()) for one in summary.get("ranked", [])]
     places = {one: place for place, one in enumerate(ranked)}
     task = SizingTask.model_validate(about["task"])
@@ -101,12 +103,13 @@ def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
             "limits": {"out": task.outward_s * shares, "back": task.back_s * shares},
             "candidates": [_candidate(one, places.get(one.name), name) for one in simulated],
             "short": short,
-            "done": bool(summary),
+            "done": bool(summary) and not summary.get("interrupted", False),
             "searched": is_held(folder / LOCK),
             "feasible": summary.get("feasible"),
             "complete": summary.get("complete", True),
             "miss": summary.get("miss"),
             "said": summary.get("said", []),
+            "provisional": provisional,
             "assumed": summary.get("assumed", []),
             "asked": asked if asked and is_of_command(asked) else None,
         }
@@ -131,7 +134,7 @@ def _choices(path: Path) -> tuple[list[SizedDrive], int]:
         if isinstance(one, SizedDrive):
             before = simulated.get(one.name)
             simulated[one.name] = one if before is None or one.draws >= before.draws else before
-        elif one is not None:
+        elif one is not None and one[1].nominal < 0.0:
             short.add(one[0])
     return list(simulated.values()), len(short)
 

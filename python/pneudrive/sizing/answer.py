@@ -1,0 +1,119 @@
+"""The answer to a task in one sentence, its air and energy in a year, and what would save air."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from pneudrive.constants import ANR_LITRES_PER_KG
+from pneudrive.describe.catalogue import entries
+from pneudrive.numbers import plain as three
+from pneudrive.sizing.choices import WITHOUT
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.sizing.result import SizedDrive, SizingResult
+    from pneudrive.sizing.task import SizingTask
+
+#: Electricity for a cubic metre of air (ANR) at 6 to 8 bar gauge, kWh, lowest, usual, highest (assumed: screw
+#: compressors with 6 to 7.5 kW for a cubic metre in a minute, without leaks of the mains).
+KWH_PER_M3 = (0.10, 0.11, 0.125)
+LITRES_PER_M3 = 1e3
+#: Shares of the gauge pressure that the way back is tried with, and of the length of the tubes.
+RETURN_SHARES, TUBE_SHARE = (0.5, 0.7), 0.5
+
+
+class Saving(NamedTuple):
+    """A change that keeps the task and saves air.
+
+    Attributes
+    ----------
+    change : str
+    share : float
+        Share of the air that it saves; 0 where the change does not keep the task.
+    is_kept : bool
+        Whether the task is met with the change.
+    """
+
+    change: str
+    share: float
+    is_kept: bool
+
+    def __str__(self) -> str:
+        if not self.is_kept:
+            return f"{self.change}: the task is not met"
+        return f"{self.change}: saves {100.0 * self.share:.3g} % of the air"
+
+
+def named(parts: Mapping[str, str]) -> dict[str, str]:
+    """Return maker and type of the parts of a drive, without the slots that stay empty."""
+    return {slot: maker_type(name) for slot, name in parts.items() if name not in (WITHOUT, "*")}
+
+
+def maker_type(name: str) -> str:
+    """Return maker and type of a part: its title up to the first word with a figure.
+
+    Examples
+    --------
+    >>> maker_type("festo-gr-qs-8")
+    'Festo GR-QS-8'
+    """
+    known = entries()
+    if name not in known:
+        return name
+    words = known[name].title.split()
+    last = next((place for place, word in enumerate(words) if any(map(str.isdigit, word))), len(words) - 1)
+    return " ".join(words[: last + 1]).rstrip(",")
+
+
+def taken(parts: Mapping[str, str]) -> str:
+    """Say which parts to take."""
+    words = {"valve": "valve", "tube": "tube", "flow_control": "flow control"}
+    own = named(parts)
+    rest = [f"{word} {own[slot]}" for slot, word in words.items() if slot in own]
+    return f"Take {own['cylinder']} with " + ", ".join(rest)
+
+
+def sentence(found: SizingResult) -> str:
+    """Return the answer in one sentence."""
+    best, task = found.best, found.task
+    if best is not None:
+        figures = [f"{three(best.time_out)} s of {three(task.outward_s)} s out"]
+        figures.append(f"{three(best.time_back)} s of {three(task.back_s)} s back")
+        figures.append(f"{three(best.air_litres_anr)} l ANR a cycle")
+        if task.end_speed_m_s is not None:
+            figures.append(f"end speed {three(best.end_speed)} of {three(task.end_speed_m_s)} m/s")
+        limit = "" if task.impact_energy_j is None else f" of {three(task.impact_energy_j)}"
+        figures.append(f"impact {three(best.energy)}{limit} J")
+        figures.append(f"margin {three(100.0 * best.margin)} %")
+        first = f"; measure the {best.measure} first" if best.measure else ""
+        return f"{taken(best.parts)}: {', '.join(figures)}; limited by {best.binding}{first}."
+    if found.miss is None and found.provisional:
+        one = found.provisional[0]
+        times = " s and ".join(map(three, one.times))
+        air = three(one.air * ANR_LITRES_PER_KG)
+        said = taken(one.parts).replace("Take", "take", 1)
+        return (
+            f"Provisional, by nominal runs: {said}: {times} s out and back, {air} l ANR a cycle, "
+            f"margin {three(100.0 * one.margin)} %."
+        )
+    return "Nothing in the catalogue meets the task."
+
+
+def yearly(drive: SizedDrive, task: SizingTask) -> list[str]:
+    """Say air, energy and cost of a year; empty where the task does not say how often the drive runs."""
+    if task.cycles_per_hour is None:
+        return []
+    cycles = task.cycles_per_hour * task.hours_per_year
+    low, high = drive.intervals.get("air", (drive.air, drive.air))
+    air = [one * ANR_LITRES_PER_KG / LITRES_PER_M3 * cycles for one in (low, drive.air, high)]
+    energy = [volume * own for volume, own in zip(air, KWH_PER_M3, strict=True)]
+    said = (
+        f"A year ({three(task.cycles_per_hour)} cycles an hour, {three(task.hours_per_year)} h): "
+        f"{three(air[1])} m3 ANR, {three(energy[1])} kWh ({three(energy[0])} … {three(energy[2])} kWh"
+    )
+    if task.price_per_kwh is not None:
+        low_, usual, high_ = (three(one * task.price_per_kwh) for one in energy)
+        said += f"), {usual} {task.currency} ({low_} … {high_} {task.currency}"
+    said += f"). A compressor takes {KWH_PER_M3[0]:.3g} … {KWH_PER_M3[2]:.3g} kWh for a cubic metre (assumed)."
+    return [said]

@@ -1,0 +1,255 @@
+"""Candidates of a search: what is known of a choice of parts by now, and how far that is from certain.
+
+A pair is a cylinder with a tube: these two decide the air of a cycle. A probe runs it with the widest valve and no flow
+control. Its air is that of all choices on the pair, and its time is the shortest. A choice then passes stages: nominal
+runs on a coarse grid of settings, tuned settings, spreads with more and more draws.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pneudrive.sizing.choices import NO_FLOW_CONTROL, DriveChoice, PartChoice
+from pneudrive.sizing.judge import PROBABILITY
+from pneudrive.sizing.result import rank_of
+from pneudrive.sizing.strokes import DriveStrokes, StrokeRuns
+from pneudrive.sizing.tune import HOPELESS, cases
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pneudrive.sizing.result import SizedDrive
+    from pneudrive.sizing.strokes import StrokeResults
+    from pneudrive.sizing.task import SizingTask
+    from pneudrive.sizing.tune import Tuned
+
+#: Least air of a cycle over that which fills both sides, before a pair is probed (assumed).
+LEAST_AIR = 0.7
+#: Reserve of the air that a stage knows, and of its margin (assumed; the study of random tasks holds them to it): after
+#: the probe, the nominal grid, the tuning. That of simulated spreads falls with the root of the number of draws.
+AIR_SLACK = {"probed": 0.04, "nominal": 0.02, "tuned": 0.015}
+MARGIN_SLACK = {"nominal": 0.2, "tuned": 0.05}
+SPREAD_SLACK, SPREAD_AIR = 0.4, 0.1
+#: Standard deviations by which the failures of a part of the draws may pass what is allowed.
+DOUBT = 3.0
+#: Margin that counts fully in the order of choices that were not run yet.
+ENOUGH = 0.3
+
+
+@dataclass
+class Pair:
+    """A cylinder with a tube, and the valves and flow controls that the safe bounds leave for it.
+
+    Attributes
+    ----------
+    cylinder, tube : PartChoice
+    valves, flow_controls : list of PartChoice
+    fill : float
+        Air that fills both sides, kg.
+    tube_flow : float
+        Conductance of the tube, m3/(s Pa).
+    air : float or None
+        Of a nominal cycle with the widest valve, once it is probed, kg.
+    times : tuple of float
+        Of its nominal strokes.
+    late : str
+        Why nothing on the pair does the task; empty while something may.
+    """
+
+    cylinder: PartChoice
+    tube: PartChoice
+    valves: list[PartChoice]
+    flow_controls: list[PartChoice]
+    fill: float
+    tube_flow: float
+    air: float | None = None
+    times: tuple[float, float] = (math.inf, math.inf)
+    late: str = ""
+
+    @property
+    def least_air(self) -> float:
+        """Least air of a cycle that any choice on the pair may have, kg."""
+        return LEAST_AIR * self.fill if self.air is None else (1.0 - AIR_SLACK["probed"]) * self.air
+
+    @property
+    def count(self) -> int:
+        """Number of choices."""
+        return len(self.valves) * len(self.flow_controls)
+
+    def probe(self, task: SizingTask, threads: int | None) -> list[StrokeRuns]:
+        """Return the runs with the widest and earliest of all its valves: nominal and fast, out and back."""
+        numbers: dict[str, float] = dict(self.valves[0].numbers)
+        for valve in self.valves:
+            choice = DriveChoice(self.cylinder, valve, self.tube, NO_FLOW_CONTROL)
+            wide = {"conductance": choice.valve_paths["feed"]["conductance"]}
+            wide["exhaust_conductance"] = choice.valve_paths["vent"]["conductance"]
+            for key in ("critical_pressure_ratio", "exhaust_critical_pressure_ratio"):
+                wide[key] = valve.numbers.get(key, valve.numbers["critical_pressure_ratio"])
+            numbers |= {key: max(value, numbers.get(key, 0.0)) for key, value in wide.items()}
+        early = {
+            key: min((one.numbers[key] for one in self.valves if key in one.numbers), default=0.0)
+            for key in ("time_on", "time_off", "delay", "travel_share")
+        }
+        kinds = {one.kind for one in self.valves}
+        first = self.valves[0] if len(kinds) == 1 else replace(self.valves[0], table={"kind": "valve/switching-5/2"})
+        if len(kinds) > 1:  # any may be the earliest
+            early["time_on"] = early["time_off"] = min(value for key, value in early.items() if key != "travel_share")
+        assumed = frozenset().union(*(one.assumed for one in self.valves))
+        widest = replace(first, numbers=numbers | early, assumed=assumed)
+        strokes = DriveStrokes(DriveChoice(self.cylinder, widest, self.tube, NO_FLOW_CONTROL), task, threads)
+        return [StrokeRuns(strokes, way, cases(task, way)[[0, 2]], np.ones((2, 4))) for way in (True, False)]
+
+    def take(self, task: SizingTask, found: Sequence[StrokeResults]) -> None:
+        """Take the results of the probe."""
+        out, back = found
+        self.air = float(out.air[0] + back.air[0])
+        self.times = float(out.time[0]), float(back.time[0])
+        for way, result, limit in (("out", out, task.outward_s), ("back", back, task.back_s)):
+            if result.time[1] > limit:
+                least = f"{result.time[1]:.3g} s" if np.isfinite(result.time[1]) else "no arrival"
+                self.late = f"time {way}: {least} with the widest valve in the fast case, {limit:.3g} s allowed"
+
+    def candidates(self, task: SizingTask, threads: int | None) -> list[Candidate]:
+        """Return its choices."""
+        wide = self._flow(max(map(_exhaust, self.valves)), math.inf)
+        limits = task.outward_s, task.back_s
+        made = []
+        for valve in self.valves:
+            for control in self.flow_controls:
+                choice = DriveChoice(self.cylinder, valve, self.tube, control)
+                needle = control.numbers["needle_conductance"] if choice.is_throttled else math.inf
+                slower = wide / self._flow(_exhaust(valve), needle)
+                margins = [1.0 - slower * time / limit for time, limit in zip(self.times, limits, strict=True)]
+                made.append(Candidate(DriveStrokes(choice, task, threads), self, min(margins)))
+        return made
+
+    def _flow(self, valve: float, needle: float) -> float:
+        """Return the conductance of the way out, in series."""
+        return sum(size**-2.0 for size in (valve, self.tube_flow, needle)) ** -0.5
+
+
+def _exhaust(valve: PartChoice) -> float:
+    return valve.numbers.get("exhaust_conductance", valve.numbers["conductance"])
+
+
+@dataclass(eq=False)
+class Candidate:
+    """A choice of parts on its way through the stages.
+
+    Attributes
+    ----------
+    strokes : DriveStrokes
+    pair : Pair
+    guess : float
+        Margin of time by the conductances in series.
+    nominal, tuned : Tuned or None
+    drives : dict
+        Draws -> what they gave.
+    lost : str
+        Why it does not do the task; empty while it may.
+    """
+
+    strokes: DriveStrokes
+    pair: Pair
+    guess: float
+    nominal: Tuned | None = None
+    tuned: Tuned | None = None
+    drives: dict[int, SizedDrive] = field(default_factory=dict)
+    lost: str = ""
+
+    @property
+    def choice(self) -> DriveChoice:
+        """Its parts."""
+        return self.strokes.choice
+
+    @property
+    def drive(self) -> SizedDrive | None:
+        """What the most draws gave."""
+        return self.drives[max(self.drives)] if self.drives else None
+
+    def bound(self, final: int) -> Rank:
+        """Return the best key of the ranking that it may still have, after `final` draws."""
+        if (drive := self.drive) is not None:
+            part = drive.draws**-0.5 - final**-0.5
+            air, margin = drive.air * (1.0 - SPREAD_AIR * part), drive.margin + SPREAD_SLACK * part
+        elif self.tuned is not None:
+            air = self.tuned.air * (1.0 - AIR_SLACK["tuned"])
+            margin = self.tuned.least + MARGIN_SLACK["tuned"]
+        elif self.nominal is not None:
+            air = self.nominal.air * (1.0 - AIR_SLACK["nominal"])
+            margin = self.nominal.nominal + MARGIN_SLACK["nominal"]
+        else:
+            air, margin = self.pair.least_air, 1.0
+        return rank_of(air, margin, self.choice.sizes, self.choice.name)
+
+    def promise(self, is_soft: bool) -> tuple[bool, Rank]:
+        """Return the key of the order in which choices are looked at: without slack.
+
+        Parameters
+        ----------
+        is_soft : bool
+            Whether the task limits speed or energy at the ends.
+        """
+        if (drive := self.drive) is not None:
+            return not drive.is_feasible, drive.rank
+        known = self.tuned or self.nominal
+        if known is not None:
+            margin = known.nominal - ENOUGH / 2.0 if self.tuned is None else known.least
+            air = known.air
+        else:
+            margin, air = min(self.guess, ENOUGH), self.pair.air or self.pair.fill
+            margin -= is_soft and not self.choice.is_throttled
+        return margin < 0.0, rank_of(air, margin, self.choice.sizes, self.choice.name)
+
+    def take_nominal(self, found: Tuned) -> None:
+        """Take the nominal runs on the coarse grid."""
+        self.nominal = found
+        if found.nominal < HOPELESS:
+            self._is_short(found)
+
+    def take_tuned(self, found: Tuned) -> None:
+        """Take tuned settings."""
+        self.tuned = found
+        if found.nominal < 0.0:
+            self._is_short(found)
+
+    def _is_short(self, found: Tuned) -> None:
+        name, limit, value = found.short
+        self.lost = f"{name}: {value:.3g} in the nominal case, limit {limit:.3g} (SI)"
+
+    def take_drive(self, found: SizedDrive, final: int) -> None:
+        """Take simulated spreads; more failures than the final draws may have, or than is likely then, end it."""
+        self.drives[found.draws] = found
+        allowed, failed = 1.0 - PROBABILITY, found.draws - found.met
+        likely = allowed + DOUBT * math.sqrt(allowed / found.draws)
+        is_final = found.draws >= final
+        if failed > allowed * final or (not found.is_feasible if is_final else failed > likely * found.draws + 1.0):
+            self.lost = f"{found.binding}: {failed} of {found.draws} draws miss it"
+
+
+#: Key of the ranking: see `SizedDrive.rank`.
+Rank = tuple[int, float, tuple[float, ...], str]
+
+
+class Dropped(NamedTuple):
+    """Choices that were left out for one reason.
+
+    Attributes
+    ----------
+    parts : dict
+        Slot -> part, or "*" for any.
+    choices : int
+        Number of them.
+    limit : str
+    said : str
+        The reason in words.
+    """
+
+    parts: Mapping[str, str]
+    choices: int
+    limit: str
+    said: str
