@@ -18,8 +18,9 @@ from pneudrive.datasheet.strokes import stroke_numbers
 from pneudrive.report.provenance import reference
 from pneudrive.sizing.choices import choices, combined
 from pneudrive.sizing.prune import SafeBounds
-from pneudrive.sizing.result import SAME_AIR, SizingResult
+from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.search import size, sized
+from pneudrive.sizing.sized_drive import SAME_AIR
 from pneudrive.sizing.strokes import DRAWN, RTOL, DriveStrokes, points
 from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune

@@ -31,7 +31,6 @@ def size(
     from pneudrive.cli.main import EXIT_INTERRUPTED
     from pneudrive.cli.progress import on_terminal
     from pneudrive.report.sizing_page import write_sizing_report
-    from pneudrive.sizing.answer import sentence
     from pneudrive.sizing.result import HEAD, PARTS, REASONS, SUMMARY, TABLE, WRITTEN, row_of, sentences, set_to
     from pneudrive.sizing.search import DRAWS_BEST_OF, watched
 
@@ -42,7 +41,7 @@ def size(
         draws=draws,
         draws_best=DRAWS_BEST_OF * draws,
         out=out,
-        provisional=lambda made: show_lines([sentence(made)]),
+        provisional=lambda made: show_lines(sentences(made)[:1]),
     )
     said = sentences(found)
     show_lines(said[:1])

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.report.page import Section
-    from pneudrive.sizing.result import SizedDrive, SizingResult
+    from pneudrive.sizing.result import SizingResult
+    from pneudrive.sizing.sized_drive import SizedDrive
 
 #: How the page is to be read.
 READING = (

@@ -10,9 +10,9 @@ from pneudrive.numbers import plain as three
 from pneudrive.sizing.choices import WITHOUT
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
-    from pneudrive.sizing.result import SizedDrive, SizingResult
+    from pneudrive.sizing.sized_drive import Provisional, SizedDrive
     from pneudrive.sizing.task import SizingTask
 
 #: Electricity for a cubic metre of air (ANR) at 6 to 8 bar gauge, kWh, lowest, usual, highest (assumed: screw
@@ -74,9 +74,19 @@ def taken(parts: Mapping[str, str]) -> str:
     return f"Take {own['cylinder']} with " + ", ".join(rest)
 
 
-def sentence(found: SizingResult) -> str:
-    """Return the answer in one sentence."""
-    best, task = found.best, found.task
+def sentence(task: SizingTask, best: SizedDrive | None, provisional: Sequence[Provisional], is_missed: bool) -> str:
+    """Return the answer in one sentence.
+
+    Parameters
+    ----------
+    task : SizingTask
+    best : SizedDrive or None
+        The first of the ranking.
+    provisional : sequence of Provisional
+        What nominal runs gave, as long as there is no ranking.
+    is_missed : bool
+        Whether nothing meets the task.
+    """
     if best is not None:
         figures = [f"{three(best.time_out)} s of {three(task.outward_s)} s out"]
         figures.append(f"{three(best.time_back)} s of {three(task.back_s)} s back")
@@ -88,8 +98,8 @@ def sentence(found: SizingResult) -> str:
         figures.append(f"margin {three(100.0 * best.margin)} %")
         first = f"; measure the {best.measure} first" if best.measure else ""
         return f"{taken(best.parts)}: {', '.join(figures)}; limited by {best.binding}{first}."
-    if found.miss is None and found.provisional:
-        one = found.provisional[0]
+    if not is_missed and provisional:
+        one = provisional[0]
         times = " s and ".join(map(three, one.times))
         air = three(one.air * ANR_LITRES_PER_KG)
         said = taken(one.parts).replace("Take", "take", 1)

@@ -15,17 +15,16 @@ import numpy as np
 
 from pneudrive.sizing.choices import NO_FLOW_CONTROL, DriveChoice, PartChoice
 from pneudrive.sizing.judge import PROBABILITY
-from pneudrive.sizing.result import rank_of
-from pneudrive.sizing.strokes import DriveStrokes, StrokeRuns
-from pneudrive.sizing.tune import HOPELESS, cases
+from pneudrive.sizing.sized_drive import Provisional, rank_of
+from pneudrive.sizing.strokes import DriveStrokes, Setting, StrokeRuns
+from pneudrive.sizing.tune import HOPELESS, NEVER, Tuned, cases
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.sizing.result import SizedDrive
+    from pneudrive.sizing.sized_drive import SizedDrive
     from pneudrive.sizing.strokes import StrokeResults
     from pneudrive.sizing.task import SizingTask
-    from pneudrive.sizing.tune import Tuned
 
 #: Least air of a cycle over that which fills both sides, before a pair is probed (assumed).
 LEAST_AIR = 0.7
@@ -41,7 +40,7 @@ ENOUGH = 0.3
 
 
 @dataclass
-class Pair:
+class TubedCylinder:
     """A cylinder with a tube, and the valves and flow controls that the safe bounds leave for it.
 
     Attributes
@@ -113,7 +112,7 @@ class Pair:
                 least = f"{result.time[1]:.3g} s" if np.isfinite(result.time[1]) else "no arrival"
                 self.late = f"time {way}: {least} with the widest valve in the fast case, {limit:.3g} s allowed"
 
-    def candidates(self, task: SizingTask, threads: int | None) -> list[Candidate]:
+    def candidates(self, task: SizingTask, threads: int | None) -> list[SizingCandidate]:
         """Return its choices."""
         wide = self._flow(max(map(_exhaust, self.valves)), math.inf)
         limits = task.outward_s, task.back_s
@@ -124,8 +123,19 @@ class Pair:
                 needle = control.numbers["needle_conductance"] if choice.is_throttled else math.inf
                 slower = wide / self._flow(_exhaust(valve), needle)
                 margins = [1.0 - slower * time / limit for time, limit in zip(self.times, limits, strict=True)]
-                made.append(Candidate(DriveStrokes(choice, task, threads), self, min(margins)))
+                made.append(SizingCandidate(DriveStrokes(choice, task, threads), self, min(margins)))
         return made
+
+    def nearest(self, task: SizingTask, threads: int | None) -> list[SizingCandidate]:
+        """Return a choice, where all are too slow, with how much it misses: the nearest miss needs it."""
+        times = zip(("out", "back"), self.times, (task.outward_s, task.back_s), strict=True)
+        way, time, limit = max(times, key=lambda one: one[1] / one[2])
+        if time <= limit:
+            return []
+        widest = max(self.candidates(task, threads), key=lambda one: (one.choice.swiftness[1:], one.choice.name))
+        margin = 1.0 - time / limit if np.isfinite(time) else NEVER
+        widest.nominal, widest.lost = Tuned(Setting(), margin, (f"time {way}", limit, time)), self.late
+        return [widest]
 
     def _flow(self, valve: float, needle: float) -> float:
         """Return the conductance of the way out, in series."""
@@ -137,13 +147,13 @@ def _exhaust(valve: PartChoice) -> float:
 
 
 @dataclass(eq=False)
-class Candidate:
+class SizingCandidate:
     """A choice of parts on its way through the stages.
 
     Attributes
     ----------
     strokes : DriveStrokes
-    pair : Pair
+    pair : TubedCylinder
     guess : float
         Margin of time by the conductances in series.
     nominal, tuned : Tuned or None
@@ -154,7 +164,7 @@ class Candidate:
     """
 
     strokes: DriveStrokes
-    pair: Pair
+    pair: TubedCylinder
     guess: float
     nominal: Tuned | None = None
     tuned: Tuned | None = None
@@ -170,6 +180,14 @@ class Candidate:
     def drive(self) -> SizedDrive | None:
         """What the most draws gave."""
         return self.drives[max(self.drives)] if self.drives else None
+
+    def provisional(self) -> Provisional:
+        """Return what nominal runs say of it."""
+        known = self.tuned or self.nominal
+        assert known is not None
+        is_tuned = self.tuned is not None
+        margin = known.least if is_tuned else known.nominal
+        return Provisional(self.choice.parts, known.air, known.times, margin, is_tuned)
 
     def bound(self, final: int) -> Rank:
         """Return the best key of the ranking that it may still have, after `final` draws."""

@@ -14,7 +14,7 @@ from pneudrive.sizing.shortage import Shortage
 
 if TYPE_CHECKING:
     from pneudrive.sizing.choices import PartChoice
-    from pneudrive.sizing.result import SizedDrive
+    from pneudrive.sizing.sized_drive import SizedDrive
     from pneudrive.sizing.task import SizingTask
 
 #: Modulus of elasticity of a steel rod, Pa (assumed: usual for steel).

@@ -14,7 +14,7 @@ from pneudrive.describe.catalogue import entries
 from pneudrive.errors import CommandError
 from pneudrive.files.lock import take
 from pneudrive.files.writing import NO_FOLLOW, open_to_append
-from pneudrive.sizing.result import SizedDrive
+from pneudrive.sizing.sized_drive import SizedDrive
 from pneudrive.sizing.strokes import Setting
 from pneudrive.sizing.tune import Tuned
 from pneudrive.trajectory import whole

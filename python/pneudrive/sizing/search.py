@@ -16,17 +16,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import Cancelled, CommandError
-from pneudrive.sizing.answer import RETURN_SHARES, TUBE_SHARE, Saving, sentence
-from pneudrive.sizing.candidate import Candidate, Dropped, Pair
+from pneudrive.sizing.answer import RETURN_SHARES, TUBE_SHARE, Saving
+from pneudrive.sizing.candidate import Dropped, SizingCandidate, TubedCylinder
 from pneudrive.sizing.checks import machine_checks
 from pneudrive.sizing.choices import SLOTS, choices
 from pneudrive.sizing.folder import SizingFolder
 from pneudrive.sizing.prune import SafeBounds, air_estimate_kg, nearest_possible
-from pneudrive.sizing.result import WRITTEN, Provisional, SizedDrive, SizingResult, nearest_miss, rank_of
+from pneudrive.sizing.result import WRITTEN, SizingResult, nearest_miss, sentences
+from pneudrive.sizing.sized_drive import rank_of
 from pneudrive.sizing.spreads import sized
-from pneudrive.sizing.strokes import COARSE, RTOL, DriveStrokes, Setting, points, run_all
+from pneudrive.sizing.strokes import COARSE, RTOL, DriveStrokes, points, run_all
 from pneudrive.sizing.task import SizingTask
-from pneudrive.sizing.tune import Tuned, tune, tune_all
+from pneudrive.sizing.tune import tune, tune_all
 from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
     from pneudrive.sizing.choices import PartChoice
     from pneudrive.sizing.shortage import Shortage
+    from pneudrive.sizing.sized_drive import Provisional, SizedDrive
     from pneudrive.watch import Flag
 
 #: Draws of each leader, and of those that may be the best.
@@ -180,9 +182,9 @@ class Search:
         self.final = draws[1]
         self.points = points(max(draws))
         self.is_soft = task.end_speed_m_s is not None or task.impact_energy_j is not None
-        self.pairs: list[Pair] = []
-        self.unseen: list[Pair] = []
-        self.candidates: list[Candidate] = []
+        self.pairs: list[TubedCylinder] = []
+        self.unseen: list[TubedCylinder] = []
+        self.candidates: list[SizingCandidate] = []
         self.dropped: list[Dropped] = []
         self.shortages: list[tuple[dict[str, str], Shortage]] = []
         self.tuned = self.enumerated = 0
@@ -213,7 +215,7 @@ class Search:
         if tell is not None:
             tell(made)
         if self.folder is not None:
-            self.folder.tell(sentence(made))
+            self.folder.tell(sentences(made)[0])
 
     def _made(self, left: int, complete: bool, interrupted: bool) -> SizingResult:
         simulated = [one.drive for one in self.candidates if one.drive is not None]
@@ -297,9 +299,9 @@ class Search:
                     self._drop(names | {slot: one.name}, others, shortage)
         if wide and open_:
             fill = air_estimate_kg(cylinder, tube, self.task)
-            self.pairs.append(Pair(cylinder, tube, wide, open_, fill, bounds.tubes[tube.name]))
+            self.pairs.append(TubedCylinder(cylinder, tube, wide, open_, fill, bounds.tubes[tube.name]))
 
-    def _probe(self, pairs: Sequence[Pair]) -> None:
+    def _probe(self, pairs: Sequence[TubedCylinder]) -> None:
         """Probe pairs; those that can do the task bring their choices."""
         asked = [pair.probe(self.task, self.threads) for pair in pairs]
         found = iter(run_all([one for runs in asked for one in runs]))
@@ -308,35 +310,22 @@ class Search:
             if pair.late:
                 parts = {"cylinder": pair.cylinder.name, "valve": "*", "tube": pair.tube.name, "flow_control": "*"}
                 self.dropped.append(Dropped(parts, pair.count, "time", pair.late))
-                self.candidates += self._nearest(pair)
+                self.candidates += pair.nearest(self.task, self.threads)
             else:
                 self.candidates += pair.candidates(self.task, self.threads)
         gone = set(map(id, pairs))
         self.unseen = [one for one in self.unseen if id(one) not in gone]
 
-    def _nearest(self, pair: Pair) -> list[Candidate]:
-        """Return a choice of a pair that is too slow, with how much it misses: the nearest miss needs it."""
-        times = zip(("out", "back"), pair.times, (self.task.outward_s, self.task.back_s), strict=True)
-        way, time, limit = max(times, key=lambda one: one[1] / one[2])
-        if time <= limit:
-            return []
-        widest = max(
-            pair.candidates(self.task, self.threads), key=lambda one: (one.choice.swiftness[1:], one.choice.name)
-        )
-        margin = 1.0 - time / limit if np.isfinite(time) else -10.0
-        widest.nominal, widest.lost = Tuned(Setting(), margin, (f"time {way}", limit, time)), pair.late
-        return [widest]
-
     def _first_ranking(self) -> None:
         """Rank cylinders by nominal runs."""
-        alive: dict[str, list[Pair]] = {}
+        alive: dict[str, list[TubedCylinder]] = {}
         while self.unseen and len(alive) < CYLINDERS:
             pairs = self.unseen[:PROBED]
             self._probe(pairs)
             for pair in pairs:
                 if not pair.late:
                     alive.setdefault(pair.cylinder.name, []).append(pair)
-        first: list[Candidate] = []
+        first: list[SizingCandidate] = []
         for pairs in list(alive.values())[:CYLINDERS]:
             for pair in sorted(pairs, key=lambda one: one.air or 0.0)[:PAIRS]:
                 own = sorted((one for one in self.candidates if one.pair is pair), key=self._promise)
@@ -346,9 +335,9 @@ class Search:
         alike = sorted((one for one in first if not one.lost), key=self._promise)
         self._advance_tuned(alike[:FIRST_TUNED])
         known = sorted((one for one in first if not one.lost), key=self._promise)
-        self.provisional = tuple(Provisional.of(one) for one in known)
+        self.provisional = tuple(one.provisional() for one in known)
 
-    def _promise(self, one: Candidate) -> tuple[Any, ...]:
+    def _promise(self, one: SizingCandidate) -> tuple[Any, ...]:
         return one.promise(self.is_soft)
 
     def _best(self) -> SizedDrive | None:
@@ -359,14 +348,14 @@ class Search:
         ]
         return min(final, key=lambda one: one.rank, default=None)
 
-    def _open(self) -> tuple[list[Pair], list[Candidate]]:
+    def _open(self) -> tuple[list[TubedCylinder], list[SizingCandidate]]:
         """Return what may still rank before the best."""
         best = self._best()
         pairs = [one for one in self.unseen if best is None or rank_of(one.least_air, 1.0) <= best.rank[:2]]
         every = [one for one in self.candidates if not one.lost and self._is_open(one)]
         return pairs, [one for one in every if best is None or one.bound(self.final) < best.rank]
 
-    def _is_open(self, one: Candidate) -> bool:
+    def _is_open(self, one: SizingCandidate) -> bool:
         return one.drive is None or one.drive.draws < self.final
 
     def _converge(self) -> bool:
@@ -443,12 +432,12 @@ class Search:
         self._advance(batch[:TOGETHER] if chosen is others else chosen[:1])
         return True
 
-    def _waits(self, one: Candidate) -> bool:
+    def _waits(self, one: SizingCandidate) -> bool:
         return one.drive is None or one.drive.draws < self.draws[-2]
 
-    def _advance(self, every: Iterable[Candidate]) -> None:
+    def _advance(self, every: Iterable[SizingCandidate]) -> None:
         """Bring each choice to its next stage."""
-        stages: list[list[Candidate]] = [[], [], []]
+        stages: list[list[SizingCandidate]] = [[], [], []]
         for one in every:
             stages[0 if one.nominal is None and one.tuned is None else 1 if one.tuned is None else 2].append(one)
         self._advance_nominal(stages[0])
@@ -458,12 +447,12 @@ class Search:
             done = 0 if one.drive is None else one.drive.draws
             self._simulate(one, next(draws for draws in self.draws if draws > done))
 
-    def _advance_nominal(self, every: Sequence[Candidate]) -> None:
+    def _advance_nominal(self, every: Sequence[SizingCandidate]) -> None:
         every = [one for one in every if not self._resume(one)]
         for one, found in zip(every, tune_all([one.strokes for one in every], is_quick=True), strict=True):
             one.take_nominal(found)
 
-    def _advance_tuned(self, every: Sequence[Candidate]) -> None:
+    def _advance_tuned(self, every: Sequence[SizingCandidate]) -> None:
         every = [one for one in every if not self._resume(one)][: max(self.most - self.tuned, 0)]
         self.tuned += len(every)
         for one, found in zip(every, tune_all([one.strokes for one in every]), strict=True):
@@ -471,7 +460,7 @@ class Search:
             if self.folder is not None:
                 self.folder.keep_tuned(one.choice.name, found)
 
-    def _resume(self, one: Candidate) -> bool:
+    def _resume(self, one: SizingCandidate) -> bool:
         """Take the tuned settings that the folder has of a choice."""
         kept = None if self.folder is None else self.folder.tuned(one.choice.name)
         if kept is None:
@@ -480,7 +469,7 @@ class Search:
         one.take_tuned(kept)
         return True
 
-    def _simulate(self, one: Candidate, draws: int) -> None:
+    def _simulate(self, one: SizingCandidate, draws: int) -> None:
         """Simulate a choice over the first points of the sequence."""
         kept = None if self.folder is None else self.folder.kept(one.choice.name, draws)
         if kept is None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.sizing import judge
-from pneudrive.sizing.result import SizedDrive
+from pneudrive.sizing.sized_drive import SizedDrive
 from pneudrive.sizing.strokes import COARSE, DriveStrokes, Setting
 
 if TYPE_CHECKING:

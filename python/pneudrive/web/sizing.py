@@ -11,8 +11,9 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.lock import is_held
 from pneudrive.sizing.folder import ABOUT, LINES, LOCK, PROVISIONAL, read_choice
-from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, SizedDrive, set_to
+from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, set_to
 from pneudrive.sizing.search import DRAWS_BEST_OF, is_of_command
+from pneudrive.sizing.sized_drive import SizedDrive
 from pneudrive.sizing.task import SizingTask, follows_from, values_of
 from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
 from pneudrive.web.messages import plain, problems_of
