@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from pneudrive.identify.dynamic import Sensor as Sensor
     from pneudrive.identify.dynamic import identify as identify
     from pneudrive.identify.dynamic import identify_presliding as identify_presliding
+    from pneudrive.identify.follow.fit import identify_motion as identify_motion
     from pneudrive.identify.laws import compare_laws as compare_laws
     from pneudrive.identify.survey import survey as survey
     from pneudrive.identify.volume import identify_volume as identify_volume
@@ -72,6 +73,7 @@ if TYPE_CHECKING:
     from pneudrive.sizing.search import size as size
     from pneudrive.trajectory import save as save
     from pneudrive.validate import validate as validate
+    from pneudrive.validate.motion import validate_motion as validate_motion
 
 # Public name -> module that holds it. Imported at first use: `import pneudrive` stays fast.
 _HOME = {
@@ -108,7 +110,9 @@ _HOME = {
     "identify": "pneudrive.identify.dynamic",
     "Sensor": "pneudrive.identify.dynamic",
     "identify_presliding": "pneudrive.identify.dynamic",
+    "identify_motion": "pneudrive.identify.follow.fit",
     "validate": "pneudrive.validate",
+    "validate_motion": "pneudrive.validate.motion",
     "PneudriveError": "pneudrive.errors",
 }
 # Functions that methods of lower layers forward to.
@@ -117,6 +121,8 @@ UPPER.update(
     simulate="pneudrive.simulate",
     Pneu="pneudrive.accessor",
     write_fit_report="pneudrive.report.fit",
+    follow_page="pneudrive.report.motion",
+    motion_page="pneudrive.report.motion",
     plot_sizing="pneudrive.report.sizing",
     write_sizing_report="pneudrive.report.sizing_page",
     Reproduction="pneudrive.studies.bracha.reproduction",

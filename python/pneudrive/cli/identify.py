@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders, Page, Profile, names_in, sensor_option
-from pneudrive.cli.output import tell_fit
+from pneudrive.cli.options import CatalogueFolders, Page, Profile, names_in, one_of, sensor_option
+from pneudrive.cli.output import tell, tell_fit, writable_folder
 
 if TYPE_CHECKING:
     from pneudrive.identify.dynamic.search import Progress
@@ -44,6 +44,14 @@ def identify(
     ] = None,
     segment: Annotated[str, typer.Option(help='Length of the segments; "whole" is single shooting.')] = "0.4 s",
     robust: Annotated[bool, typer.Option(help="Reduce the weight of outliers.")] = False,
+    follow: Annotated[
+        str | None,
+        typer.Option(
+            help="motion: a circuit follows the recorded position; free are volumes, heat, wall, leak, leak_a, leak_b, "
+            "barrel, or names such as upper.volume.",
+            metavar="motion",
+        ),
+    ] = None,
     profile: Profile = False,
     report: Page = None,
     layout: Annotated[Path | None, typer.Option(help="Layout of foreign files.")] = None,
@@ -63,6 +71,10 @@ def identify(
     if out is not None:
         check_target(out, (".toml",))
     names = names_in(free)
+    if follow is not None:
+        one_of("--follow", follow, {"motion": None})
+        _motion(drive, recordings, names, layout, out, report)
+        return
     if Tank.is_file(drive):
         _tank(
             drive,
@@ -86,6 +98,21 @@ def identify(
         progress=_show,
     )
     tell_fit(fit, out, report, profile=profile)
+
+
+def _motion(
+    circuit: str, recordings: list[Path], names: list[str], layout: Path | None, out: Path | None, report: Path | None
+) -> None:
+    """Identify a circuit along recorded motions."""
+    from pneudrive.cli.progress import on_terminal
+    from pneudrive.identify.follow.fit import identify_motion
+
+    groups = names or ["volumes", "heat"]
+    fit = identify_motion(circuit, list(recordings), groups, layout=layout, progress=on_terminal().tell)
+    typer.echo(str(fit))
+    if out is not None:
+        fit.to_toml(out)
+    tell([out, fit.report(writable_folder(report)) if report is not None else None])
 
 
 def _show(progress: Progress) -> None:

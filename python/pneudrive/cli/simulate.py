@@ -9,6 +9,7 @@ import typer
 
 from pneudrive.cli.options import CatalogueFolders, Described
 from pneudrive.cli.output import tell
+from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +19,7 @@ MOST_IMPACTS = 5  # printed impacts; the file has all of them
 
 def simulate(
     drive: Described,
-    duration: Annotated[str, typer.Option(help='Duration, e.g. "2 s".')],
+    duration: Annotated[str, typer.Option(help='Duration, e.g. "2 s"; not with --motion.')] = "",
     command: Annotated[
         list[str] | None,
         typer.Option(
@@ -37,6 +38,11 @@ def simulate(
         list[str] | None,
         typer.Option(help='Changed value, "friction.coulomb = 31 N"; repeatable.', metavar="KEY = VALUE"),
     ] = None,
+    motion: Annotated[
+        Path | None,
+        typer.Option(help="Recording whose position the piston of a circuit follows.", metavar="RECORDING"),
+    ] = None,
+    layout: Annotated[Path | None, typer.Option(help="Layout of that recording.")] = None,
     sample_rate: Annotated[str, typer.Option(help="Samples per second.")] = "1 kHz",
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-6,
     budget: Annotated[
@@ -55,6 +61,11 @@ def simulate(
 
     if out is not None:
         check_target(out)
+    if motion is not None:
+        _along(drive, motion, layout, out)
+        return
+    if not duration:
+        raise CommandError("the duration is missing", remedy='Add --duration "2 s", or --motion RECORDING.')
     if plot is not None:
         from pneudrive.report.trajectory import ENDINGS
 
@@ -86,6 +97,18 @@ def simulate(
 
         given = command_of(described, command)
         typer.echo(str(energy_balance(described, given, duration, initial=initial, rtol=rtol)))
+
+
+def _along(circuit: str, motion: Path, layout: Path | None, out: Path | None) -> None:
+    """Simulate a circuit along a recorded motion."""
+    from pneudrive.identify.follow.simulated import simulate_motion
+    from pneudrive.trajectory import save_columns
+
+    columns, provenance = simulate_motion(circuit, motion, layout=layout)
+    if out is not None:
+        save_columns(columns, provenance, out)
+    typer.echo(f"{provenance['title']}: {len(columns['time_s'])} samples to {columns['time_s'][-1]:g} s along {motion}")
+    tell([out])
 
 
 def _say(name: str, columns: dict, provenance: dict, written: Sequence[Path | None]) -> None:

@@ -55,6 +55,9 @@ def validate(
     from pneudrive.validate.static import is_friction
     from pneudrive.validate.validation import validate as validated
 
+    if _follows_motion(drive):
+        _motion(drive, recordings, layout, out)
+        return
     seconds, fit = quantity("--window", window, "s"), _fit(drive)
     described = Drive.load(drive) if fit is None else fit.apply()
     known = dict(sensor_option(text) for text in sensor or ())
@@ -77,6 +80,28 @@ def validate(
     written = [*found.write(folder), write_validation_report(found, folder)]
     _say(found)
     tell(written)
+
+
+def _follows_motion(path: str) -> bool:
+    """Whether a file is a fit along motions, or a circuit without a valve to command."""
+    from pneudrive.describe import toml
+    from pneudrive.errors import DescriptionError
+
+    if Path(path).suffix != ".toml" or not Path(path).is_file():
+        return False
+    tables, _ = toml.read(path, DescriptionError)
+    return tables.get("kind") == "motion" or ("components" in tables and "valve" not in tables)
+
+
+def _motion(path: str, recordings: list[Path], layout: Path | None, out: Path) -> None:
+    from pneudrive.identify.follow.fit import read_follow_fit
+    from pneudrive.validate.motion import validate_motion
+
+    known = read_follow_fit(path) or path
+    found = validate_motion(known, list(recordings), layout=layout, progress=on_terminal().tell)
+    folder = writable_folder(out)
+    show_lines([str(found)])
+    tell(found.write(folder))
 
 
 def _fit(path: str) -> DriveFit | None:

@@ -1,0 +1,1 @@
+"""Circuits that follow a recorded motion: volumes, heat, walls and leaks of closed chambers from their pressures."""

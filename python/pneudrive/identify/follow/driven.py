@@ -1,0 +1,349 @@
+"""A circuit whose piston follows a recorded motion, simulated by the core with any values of its free numbers."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pneudrive import _core
+from pneudrive.errors import FitError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.identify.follow.motion import DrivenRecording
+
+    Array = NDArray[np.float64]
+
+RTOL = 1e-5
+SIDES = ("a", "b")
+#: Natural frequency of the moving mass on the machine that drags it, rad/s: fast, so that the motion has no compliance.
+STIFF_RAD_S = 4000.0
+#: Start values where the circuit has none (assumed): W/(m2 K) of a wall of 1 m2, J/K, W/(m2 K).
+HEAT, CAPACITY, OUTER = 30.0, 5e3, 30.0
+#: Share of the gas that a leak of the start value exchanges in this time, s (assumed).
+LEAK_SHARE, LEAK_TIME_S = 0.01, 100.0
+#: Groups of numbers: short name -> meaning.
+GROUPS = {
+    "volumes": "dead volume of each chamber",
+    "heat": "heat transfer of each chamber",
+    "wall": "heat capacity and outer heat transfer of both walls",
+    "wall_a": "the same of chamber a alone",
+    "wall_b": "the same of chamber b alone",
+    "leak": "leak past the piston",
+    "leak_a": "leak of chamber a to the ambient air",
+    "leak_b": "leak of chamber b to the ambient air",
+    "barrel": "heat transfer of the exposed barrel, beside that of the dead volume",
+}
+UNITS = {
+    "volume": "m3",
+    "dead_volume_a": "m3",
+    "dead_volume_b": "m3",
+    "heat_transfer": "W/(m2 K)",
+    "wall_capacity": "J/K",
+    "wall_outer_heat_transfer": "W/(m2 K)",
+    "coefficient": "kg K/(s Pa2)",
+    "perimeter_a": "m",
+    "perimeter_b": "m",
+}
+
+
+class Number(NamedTuple):
+    """A free number: component and key in the circuit, unit and start value; it is positive."""
+
+    component: str
+    key: str
+    unit: str
+    start: float
+    side: str = ""  # chamber that it acts on; empty: both, or not known
+
+    @property
+    def name(self) -> str:
+        """Name in a fit file."""
+        return f"{self.component}.{self.key}"
+
+
+class DrivenCircuit:
+    """A circuit of one piston between two chambers, and a machine that prescribes its motion.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        With one component of the kind ``piston`` or ``cylinder/...``. A ``motor`` at its rod is the machine; without
+        one it is added.
+    """
+
+    def __init__(self, circuit: Circuit) -> None:
+        self.circuit = circuit
+        self.form: dict[str, Any] = json.loads(circuit.core_json())
+        self.parts = {part["name"]: part for part in self.form["components"]}
+        pistons = [n for n, p in self.parts.items() if p["kind"] == "piston" or p["kind"].startswith("cylinder/")]
+        if len(pistons) != 1:
+            raise FitError(
+                f"the circuit has {len(pistons)} pistons",
+                rule="a circuit that follows a motion has one piston between two chambers",
+            )
+        self.piston = pistons[0]
+        numbers = self.parts[self.piston]["numbers"]
+        self.stroke_m = float(numbers["stroke"])
+        self.areas_m2 = _areas(numbers)
+        self.tanks = {side: self._tank(side) for side in SIDES}
+        self.machine = self._machine(float(numbers["moving_mass"]))
+        self.ambient_k = float(self.form["ambient"]["temperature_k"])
+        self.wall_k = {side: self._wall_k(side) for side in SIDES}
+        names = _core.Circuit(json.dumps(self.form)).start_names
+        self.starts = {side: self._start(side, names) for side in SIDES}
+
+    def _joint(self, port: str) -> list[str]:
+        return next((joint for joint in self.form["joints"] if port in joint), [])
+
+    def _tank(self, side: str) -> str | None:
+        names = [port.partition(".")[0] for port in self._joint(f"{self.piston}.{side}")]
+        return next((name for name in names if name in self.parts and self.parts[name]["kind"] == "tank"), None)
+
+    def _machine(self, mass_kg: float) -> str:
+        """Return the motor at the rod, made stiff. Add one if the circuit has no motor there."""
+        rod = f"{self.piston}.rod"
+        joint = self._joint(rod)
+        names = [port.partition(".")[0] for port in joint]
+        name = next((n for n in names if n in self.parts and self.parts[n]["kind"] == "motor"), "")
+        if not name:
+            name = "machine"
+            self._add(name, "motor", {"velocity": 0.0})
+            if not joint:
+                joint = [rod]
+                self.form["joints"].append(joint)
+            joint.append(f"{name}.1")
+        stiffness = mass_kg * STIFF_RAD_S**2
+        self.parts[name]["numbers"] |= {"stiffness": stiffness, "damping": 2.0 * mass_kg * STIFF_RAD_S}
+        return name
+
+    def _add(self, name: str, kind: str, numbers: dict[str, float]) -> None:
+        part = {"name": name, "kind": kind, "numbers": numbers, "choices": {}, "friction": None}
+        self.form["components"].append(part)
+        self.parts[name] = part
+
+    def _wall_k(self, side: str) -> float:
+        tank = self.tanks[side]
+        given = None if tank is None else self.parts[tank]["numbers"].get("wall_temperature")
+        return self.ambient_k if given is None else float(given)
+
+    def _start(self, side: str, names: Sequence[str]) -> str:
+        for name in (self.tanks[side], f"{self.piston}.{side}"):
+            if name is not None and f"{name}.pressure_pa" in names:
+                return name
+        raise FitError(
+            f"chamber {side} has no gas of its own",
+            rule="each chamber of a driven piston is closed or ends in tanks, leaks and valves",
+            remedy="join a tank, the dead volume of the chamber, to the piston's port",
+        )
+
+    def numbers_of(self, asked: Sequence[str]) -> list[Number]:
+        """Return the free numbers of groups and names; components and keys that they need are added.
+
+        Raises
+        ------
+        FitError
+            A name is not known, or does not belong to this circuit.
+        """
+        found: list[Number] = []
+        for name in asked:
+            for number in self._group(name) if name in GROUPS else [self._one(name)]:
+                if number.name not in [known.name for known in found]:
+                    found.append(number)
+        return found
+
+    def _group(self, name: str) -> list[Number]:
+        kind, _, side = name.partition("_")
+        sides = [side] if side else list(SIDES)
+        if kind == "leak":
+            return [self._leak(side)]
+        out = []
+        for one in sides:
+            tank, numbers = self.tanks[one], self.parts[self.piston]["numbers"]
+            if kind == "volumes":
+                at, key = (self.piston, f"dead_volume_{one}") if tank is None else (tank, "volume")
+                out.append(self._number(at, key))
+            elif tank is None:
+                if kind != "heat":
+                    remedy = "describe the dead volume as a tank at the piston's port"
+                    raise FitError(f"{name}: chamber {one} has no tank", remedy=remedy)
+                out.append(self._number(self.piston, "heat_transfer"))
+            elif kind == "barrel":
+                self._heated(tank)
+                numbers.setdefault(f"perimeter_{one}", 0.0)
+                out.append(self._number(self.piston, f"perimeter_{one}", 0.3))
+            else:
+                out += self._of_wall(tank, kind)
+        return out
+
+    def _heated(self, tank: str) -> dict[str, float]:
+        numbers = self.parts[tank]["numbers"]
+        if not numbers.get("wall_area"):
+            numbers["wall_area"] = 1.0
+        if not numbers.get("heat_transfer"):
+            numbers["heat_transfer"] = HEAT / numbers["wall_area"]
+        return numbers
+
+    def _of_wall(self, tank: str, kind: str) -> list[Number]:
+        numbers = self._heated(tank)
+        if kind == "heat":
+            return [self._number(tank, "heat_transfer")]
+        for key, value in (("wall_capacity", CAPACITY), ("wall_outer_area", 1.0), ("wall_outer_heat_transfer", OUTER)):
+            if not numbers.get(key):
+                numbers[key] = value
+        return [self._number(tank, "wall_capacity"), self._number(tank, "wall_outer_heat_transfer")]
+
+    def _leak(self, side: str) -> Number:
+        """Return the leak past the piston or to the ambient air; one that the circuit has, or a new one."""
+        ends = {self.starts_port(side or "a"), "ambient" if side else self.starts_port("b")}
+        for name, part in self.parts.items():
+            if part["kind"] == "leak" and self._ends(name) == ends:
+                return self._number(name, "coefficient", self._usual_leak())
+        name = f"leak_{side}" if side else "leak"
+        self._add(name, "leak", {"coefficient": self._usual_leak()})
+        self._joint(f"{self.piston}.{side or 'a'}").append(f"{name}.1")
+        if side:
+            ambient = self._joint("ambient")
+            if not ambient:
+                ambient = ["ambient"]
+                self.form["joints"].append(ambient)
+            ambient.append(f"{name}.2")
+        else:
+            self._joint(f"{self.piston}.b").append(f"{name}.2")
+        return self._number(name, "coefficient")
+
+    def starts_port(self, side: str) -> str:
+        """Return the port of the piston in the joint of a chamber."""
+        return f"{self.piston}.{side}"
+
+    def _ends(self, leak: str) -> set[str]:
+        found = set()
+        for port in (f"{leak}.1", f"{leak}.2"):
+            joint = self._joint(port)
+            found |= {p for p in joint if p in ("ambient", f"{self.piston}.a", f"{self.piston}.b")}
+        return found
+
+    def _usual_leak(self) -> float:
+        """Return the coefficient at which a hundredth of the gas at 5 bar leaks to the ambient in 100 s."""
+        volume = self.stroke_m * max(self.areas_m2) + sum(self._dead(side) for side in SIDES)
+        return LEAK_SHARE * volume / LEAK_TIME_S / (5e5 * float(self.form["gas"]["gas_constant_j_kg_k"]))
+
+    def _dead(self, side: str) -> float:
+        tank = self.tanks[side]
+        numbers = self.parts[tank or self.piston]["numbers"]
+        return float(numbers["volume"] if tank else numbers.get(f"dead_volume_{side}", 0.0))
+
+    def _one(self, name: str) -> Number:
+        component, _, key = name.removeprefix("components.").rpartition(".")
+        if component in self.parts and self.parts[component]["numbers"].get(key, 0.0) > 0.0:
+            return self._number(component, key)
+        known = [f"{part}.{key}" for part, one in self.parts.items() for key, v in one["numbers"].items() if v > 0.0]
+        raise FitError(f"{name} cannot be free", remedy=nearest(name, [*GROUPS, *known]))
+
+    def _number(self, component: str, key: str, start: float | None = None) -> Number:
+        numbers = self.parts[component]["numbers"]
+        if not numbers.get(key):
+            if start is None:
+                raise FitError(f"{component}.{key} is zero", remedy="give a start value in the circuit file")
+            numbers[key] = start
+        side = next((s for s in SIDES if component in (self.tanks[s], f"leak_{s}") or key.endswith(f"_{s}")), "")
+        return Number(component, key, UNITS.get(key, ""), float(numbers[key]), side)
+
+    @property
+    def is_coupled(self) -> bool:
+        """Whether gas can pass from one chamber to the other."""
+        reach = [{p.partition(".")[0] for p in self._joint(f"{self.piston}.{side}")} for side in SIDES]
+        plain = {n for n, p in self.parts.items() if p["kind"] == "tank" or n in ("leak_a", "leak_b", self.piston)}
+        return bool((reach[0] | reach[1]) - plain)
+
+    def values_form(self, numbers: Sequence[Number], values: Sequence[float] | Array) -> str:
+        """Return the core's form of the circuit with these values."""
+        for number, value in zip(numbers, values, strict=True):
+            self.parts[number.component]["numbers"][number.key] = float(value)
+        return json.dumps(self.form)
+
+    def heat_w_k(self, side: str) -> float | None:
+        """Return the heat that passes between gas and wall per kelvin, dead volume and piston faces; None: no tank."""
+        tank = self.tanks[side]
+        if tank is None:
+            return None
+        numbers, faces = self.parts[tank]["numbers"], 2.0 * self.areas_m2[SIDES.index(side)]
+        return float(numbers.get("heat_transfer", 0.0)) * (float(numbers.get("wall_area", 0.0)) + faces)
+
+    def volumes_m3(self, position_m: Array) -> dict[str, Array]:
+        """Return the volume of each chamber at these positions."""
+        a, b = self.areas_m2
+        return {"a": self._dead("a") + a * position_m, "b": self._dead("b") + b * (self.stroke_m - position_m)}
+
+    def run(self, form: str, record: DrivenRecording, start: Sequence[float] | Array, until: float) -> Array:
+        """Return the pressures of both chambers at the grid of a recording, up to a time; NaN behind it.
+
+        Parameters
+        ----------
+        form : str
+            From `values_form`.
+        record : DrivenRecording
+        start : array
+            Pressures a and b in Pa, temperatures a and b in K, at the first sample.
+        until : float
+            Time at which the run ends, s.
+        """
+        columns = [f"{self.piston}.{side}.pressure_pa" for side in SIDES]
+        found = self._recorded(_core.Circuit(form), record, start, until, columns)
+        out = np.full((2, record.grid_s.size), np.nan)
+        for place, column in enumerate(columns):
+            out[place, : found[column].size] = found[column]
+        return out
+
+    def trajectory(self, record: DrivenRecording, start: Sequence[float] | Array | None = None) -> dict[str, Array]:
+        """Return all columns of a run along a recording, at its grid of times.
+
+        Parameters
+        ----------
+        record : DrivenRecording
+        start : array, optional
+            As for `run`; default: the measured pressures, at the temperatures of the walls.
+        """
+        first = [*record.pressures_pa[:, 0], *self.wall_k.values()]
+        core = _core.Circuit(json.dumps(self.form))
+        columns = [name for name in core.columns if name != "time_s"]
+        end = float(record.grid_s[-1])
+        return {
+            "time_s": record.grid_s,
+            **self._recorded(core, record, first if start is None else start, end, columns),
+        }
+
+    def _recorded(
+        self,
+        core: _core.Circuit,
+        record: DrivenRecording,
+        start: Sequence[float] | Array,
+        until: float,
+        columns: list[str],
+    ) -> dict[str, Array]:
+        nodes_t, nodes_x = record.nodes
+        velocities = np.diff(nodes_x) / np.diff(nodes_t)
+        state = {f"{self.piston}.position_m": float(nodes_x[0]), f"{self.piston}.velocity_m_s": float(velocities[0])}
+        for place, side in enumerate(SIDES):
+            state[f"{self.starts[side]}.pressure_pa"] = float(start[place])
+            state[f"{self.starts[side]}.temperature_k"] = float(start[2 + place])
+        session = core.start(state, RTOL)
+        name = f"{self.machine}.velocity_m_s"
+        session.set(name, float(velocities[0]))
+        inside = nodes_t[1:-1] < until
+        session.schedule(name, nodes_t[1:-1][inside].tolist(), velocities[1:][inside].tolist())
+        times = record.grid_s[record.grid_s <= until]
+        return session.record(float(times[-1]), times, columns)["columns"]
+
+
+def _areas(numbers: dict[str, float]) -> tuple[float, float]:
+    if "area_a" in numbers:
+        return float(numbers["area_a"]), float(numbers["area_b"])
+    full = np.pi / 4.0 * float(numbers["bore"]) ** 2
+    return float(full), float(full - np.pi / 4.0 * float(numbers.get("rod_diameter", 0.0)) ** 2)

@@ -1,0 +1,496 @@
+"""Identification of a circuit that follows a recorded motion, with the models that could replace it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive import __version__
+from pneudrive.describe import toml
+from pneudrive.describe.circuit import Circuit
+from pneudrive.errors import DescriptionError, FitError
+from pneudrive.identify.follow.doubts import check_readings, other_readings, poor_fit, refuse_open
+from pneudrive.identify.follow.driven import GROUPS, SIDES, DrivenCircuit
+from pneudrive.identify.follow.motion import driven_recordings
+from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, solve_follow
+from pneudrive.numbers import plain
+from pneudrive.show import Card, Shown
+from pneudrive.trajectory import whole
+from pneudrive.watch import Watch
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.identify.follow.motion import DrivenRecording
+    from pneudrive.identify.follow.problem import FollowSolution
+    from pneudrive.signals.layout import Layout
+    from pneudrive.signals.recording import Recording
+    from pneudrive.watch import Flag
+
+    Array = NDArray[np.float64]
+
+#: Other models: groups that are added, and words. The first one holds start and delay instead.
+RIVALS: dict[str, tuple[tuple[str, ...], str]] = {
+    "held": ((), "gas at the temperature of the wall at the start, and one clock"),
+    "wall_a": (("wall_a",), "a wall that stores heat in chamber a"),
+    "wall_b": (("wall_b",), "a wall that stores heat in chamber b"),
+    "barrel": (("barrel",), "a wall that grows with the exposed barrel"),
+    "leak": (("leak",), "a leak past the piston"),
+    "leaks": (("leak_a", "leak_b"), "leaks to the ambient air"),
+}
+FIRST = ("volumes", "heat")  # groups that are fitted alone at first
+WORTH = 0.9  # a model that lowers the sum of squares of the fit less than to this ratio adds nothing
+EARNS = 0.95  # a model earns its place if it lowers that of each prediction to this ratio
+LARGEST_REACH = 0.5  # a number is determined if half its interval is below this share of it
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A model that is compared with the asked one.
+
+    Attributes
+    ----------
+    name, words : str
+    fit_percent : float
+        Worst residual of the fit, % of the range.
+    gain : float
+        Ratio of its sum of squared residuals to that of the asked model, in the fit.
+    predictions : tuple of float
+        The same for each part of the recordings that was not used; empty if the fit gains nothing.
+    values : dict
+        Values of the numbers that both models have.
+    """
+
+    name: str
+    words: str
+    fit_percent: float
+    gain: float
+    predictions: tuple[float, ...]
+    values: dict[str, float]
+
+    @property
+    def earns(self) -> bool:
+        """Whether it predicts each part better that it was not fitted to."""
+        return bool(self.predictions) and max(self.predictions) < EARNS
+
+    @property
+    def verdict(self) -> str:
+        """One sentence."""
+        if self.name == "held":
+            return f"{self.words}: sum of squares {self.gain:.2f} times that with free start and delay"
+        if not self.predictions:
+            return f"{self.words}: not determined, changes the sum of squares to {100 * self.gain:.0f} %"
+        shown = ", ".join(f"{100 * p:.0f} %" for p in self.predictions)
+        last = "earns its place" if self.earns else "does not earn its place"
+        return f"{self.words}: sum of squares {100 * self.gain:.0f} % in the fit, {shown} in predictions: {last}"
+
+
+@dataclass(frozen=True)
+class FollowRecord:
+    """Start, delay and residuals of one recording; each pair is (value, half width of the 95 % interval).
+
+    Attributes
+    ----------
+    name : str
+    rms : tuple of float
+        Residuals of both pressures as a share of their range.
+    temperature_a_k, temperature_b_k, delay_s : tuple of float
+    file, sha256 : str
+    """
+
+    name: str
+    rms: tuple[float, float]
+    temperature_a_k: tuple[float, float]
+    temperature_b_k: tuple[float, float]
+    delay_s: tuple[float, float]
+    file: str = ""
+    sha256: str = ""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FollowFit(Shown):
+    """A circuit identified along recorded motions.
+
+    Attributes
+    ----------
+    circuit : Circuit
+        With the identified values.
+    values, units : dict
+        Name -> value in SI; name -> unit.
+    intervals : dict
+        Name -> 95 % interval for this model: from noise and correlated residuals.
+    spreads : dict
+        Name -> lowest and highest value over all models that fit as well.
+    undetermined : tuple of str
+        Numbers that the recordings do not determine, in sentences.
+    records : tuple of FollowRecord
+    rivals : tuple of Rival
+        Other models that were tried.
+    notes : tuple of str
+    solution : FollowSolution or None
+        For figures; None if it was read from a file.
+    """
+
+    circuit: Circuit
+    values: dict[str, float]
+    units: dict[str, str]
+    intervals: dict[str, tuple[float, float]]
+    spreads: dict[str, tuple[float, float]]
+    undetermined: tuple[str, ...]
+    records: tuple[FollowRecord, ...]
+    rivals: tuple[Rival, ...] = ()
+    notes: tuple[str, ...] = ()
+    converged: bool = True
+    solution: FollowSolution | None = field(default=None, repr=False)
+
+    def driven(self) -> DrivenCircuit:
+        """Return the identified circuit, ready to follow a motion."""
+        return DrivenCircuit(self.circuit)
+
+    def __str__(self) -> str:
+        """Return values, intervals and notes as text."""
+        card = self._card()
+        return "\n".join([card.title, *(f"  {name}: {text}" for name, text in card.rows), *map(str, card.notes)])
+
+    def _card(self) -> Card:
+        rows = [(name, self.line(name)) for name in self.values]
+        rows += [(record.name, record_line(record)) for record in self.records]
+        notes = [*self.notes, *self.undetermined, *(rival.verdict for rival in self.rivals)]
+        return Card(f"{self.circuit.name} along {len(self.records)} recordings", rows=rows, notes=notes)
+
+    def line(self, name: str) -> str:
+        """Return one value with interval and model spread."""
+        (low, high), unit = self.intervals[name], self.units[name]
+        text = f"{plain(self.values[name])} {unit} [{plain(low)}, {plain(high)}]".replace("  ", " ")
+        spread = self.spreads.get(name)
+        return text if spread is None else f"{text}, models {plain(spread[0])} to {plain(spread[1])}"
+
+    def to_toml(self, path: str | Path) -> Path:
+        """Write values, intervals, recordings and the circuit; `validate` and `simulate --motion` read the file."""
+        tables: dict[str, Any] = {
+            "kind": "motion",
+            "version": __version__,
+            "values": self.values,
+            "units": self.units,
+            "intervals": {name: list(ends) for name, ends in self.intervals.items()},
+            "spreads": {name: list(ends) for name, ends in self.spreads.items()},
+            "notes": [*self.notes, *self.undetermined, *(rival.verdict for rival in self.rivals)],
+            "recordings": [
+                {
+                    "name": r.name,
+                    "file": r.file,
+                    "sha256": r.sha256,
+                    "rms_percent": [round(100.0 * v, 4) for v in r.rms],
+                    "temperature_a_k": list(r.temperature_a_k),
+                    "temperature_b_k": list(r.temperature_b_k),
+                    "delay_s": list(r.delay_s),
+                }
+                for r in self.records
+            ],
+        }
+        head = "# Identified along recorded motions. SI units, pressures absolute; intervals are 95 %.\n"
+        text = head + toml.write(tables) + f"\ncircuit = {toml.value_text(self.circuit.to_toml())}\n"
+        with whole(Path(path)) as temporary:
+            temporary.write_text(_circuit_first(text), encoding="utf-8")
+        return Path(path)
+
+    def report(self, folder: str | Path) -> Path:
+        """Write the page of the fit into a folder."""
+        from pneudrive.lazy import upper
+
+        return upper("follow_page")(self, folder)
+
+
+def _circuit_first(text: str) -> str:
+    """Move the text of the circuit above the first table, where a key of the file stands."""
+    head, _, circuit = text.rpartition("\ncircuit = ")
+    lines = head.split("\n")
+    first = next((i for i, line in enumerate(lines) if line.startswith("[")), len(lines))
+    return "\n".join([*lines[:first], f"circuit = {circuit}", *lines[first:], ""])
+
+
+def record_line(record: FollowRecord) -> str:
+    """Return residuals, start and delay of a recording."""
+    a, b = (100.0 * value for value in record.rms)
+    (ta, ua), (tb, ub), (tau, u) = record.temperature_a_k, record.temperature_b_k, record.delay_s
+    return (
+        f"rms {a:.2f} % and {b:.2f} % of the range of a and b; start {ta:.1f} ± {ua:.1f} K and {tb:.1f} ± {ub:.1f} K; "
+        f"delay of the pressures {tau:.3f} ± {u:.3f} s"
+    )
+
+
+def identify_motion(
+    circuit: Circuit | str | Path,
+    recordings: Iterable[str | Path | Recording],
+    free: Sequence[str] = ("volumes", "heat"),
+    *,
+    layout: Layout | str | Path | None = None,
+    rivals: bool = True,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
+) -> FollowFit:
+    """Identify numbers of a circuit from its chamber pressures along a recorded motion.
+
+    Start pressures, start temperatures and the delay of the pressures are free in each recording. The temperature at a
+    start at rest is that of the wall within 2 K.
+
+    Parameters
+    ----------
+    circuit : Circuit or path
+        One piston between two chambers; a motor at its rod may be left out.
+    recordings : iterable of path or Recording
+        Time, position and both chamber pressures.
+    free : sequence of str
+        Groups ``volumes``, ``heat``, ``wall``, ``leak``, ... (`driven.GROUPS`), or names such as ``upper.volume``.
+    layout : Layout or path, optional
+    rivals : bool
+        Whether to fit other models too: walls, leaks, held start. They take most of the time.
+    progress, cancel
+        See `pneudrive.watch.Watch`.
+
+    Returns
+    -------
+    FollowFit
+
+    Raises
+    ------
+    FitError, RecordingError, LayoutError, DescriptionError
+        Input is not valid; the message gives value, rule and remedy.
+    """
+    watch = Watch(progress, cancel)
+    if not free:
+        raise FitError("no number is free", remedy=f"Name some of {', '.join(GROUPS)}.")
+    described = circuit if isinstance(circuit, Circuit) else Circuit.load(circuit)
+    records = driven_recordings(recordings, layout)
+    driven = DrivenCircuit(described)
+    notes = check_readings(driven, records)
+    used = refuse_open(driven, records)
+    notes += [f"{r.name} is not used: its chambers are open" for r in records if r not in used]
+    problem = FollowProblem(driven, used, driven.numbers_of(free), watch=watch)
+    solution = solve_follow(problem, _first_point(described, used, free, problem))
+    notes += [*poor_fit(solution), *other_readings(solution)]
+    beside = _rivals(described, solution, list(free)) if rivals else ()
+    return _result(described, solution, notes, beside)
+
+
+def _first_point(
+    described: Circuit, records: list[DrivenRecording], free: Sequence[str], problem: FollowProblem
+) -> FollowPoint | None:
+    """Return the point of a fit without walls and leaks, from which they are found safely."""
+    first = [name for name in free if name in FIRST]
+    if not first or len(first) == len(free):
+        return None
+    driven = DrivenCircuit(described)
+    own = FollowProblem(driven, records, driven.numbers_of(first), watch=problem.watch)
+    found = solve_follow(own, passes=1).point
+    values = {n.name: v for n, v in zip(own.numbers, found.shared, strict=True)}
+    shared = [values.get(n.name, start) for n, start in zip(problem.numbers, problem.begin().shared, strict=True)]
+    return FollowPoint(np.array(shared), found.local)
+
+
+def _result(described: Circuit, solution: FollowSolution, notes: list[str], beside: tuple[Rival, ...]) -> FollowFit:
+    problem = solution.problem
+    values = {n.name: float(v) for n, v in zip(problem.numbers, np.exp(solution.point.shared), strict=True)}
+    reach = [solution.deviation(place) for place in range(len(values))]
+    intervals = {
+        name: (value * float(np.exp(-r)), value * float(np.exp(r)))
+        for (name, value), r in zip(values.items(), reach, strict=True)
+    }
+    spreads = {}
+    for name, value in values.items():
+        found = [value, *(r.values[name] for r in beside if name in r.values and r.gain < 2.0)]
+        if len(found) > 1:
+            spreads[name] = (min(found), max(found))
+    lost = tuple(
+        f"{n.name} is not determined: {plain(intervals[n.name][0])} to {plain(intervals[n.name][1])} {n.unit} fit"
+        for n, r in zip(problem.numbers, reach, strict=True)
+        if r > np.log1p(LARGEST_REACH)
+    )
+    records = tuple(follow_record(solution, at) for at in range(len(problem.records)))
+    problem.driven.values_form(problem.numbers, np.exp(solution.point.shared))
+    heat = {side: problem.driven.heat_w_k(side) for side in SIDES}
+    passed = [f"{plain(value)} W/K in chamber {side}" for side, value in heat.items() if value]
+    if passed and any(name.endswith("heat_transfer") for name in values):
+        notes = [*notes, f"heat between gas and wall, dead volume and piston faces: {', '.join(passed)}"]
+    if not solution.converged:
+        notes = [*notes, "the search did not converge: give other start values"]
+    return FollowFit(
+        circuit=with_values(described, problem, values),
+        values=values,
+        units={n.name: n.unit for n in problem.numbers},
+        intervals=intervals,
+        spreads=spreads,
+        undetermined=lost,
+        records=records,
+        rivals=beside,
+        notes=tuple(notes),
+        converged=solution.converged,
+        solution=solution,
+    )
+
+
+def follow_record(solution: FollowSolution, at: int) -> FollowRecord:
+    """Return start, delay and residuals of a recording of a solution."""
+    problem, local = solution.problem, solution.point.local[at]
+    place = len(problem.numbers) + LOCAL * at
+    half = [solution.deviation(place + i) for i in range(LOCAL)]
+    walls, record = problem.driven.wall_k, problem.records[at]
+    a, b = solution.rms(at)
+    return FollowRecord(
+        record.name,
+        (float(a), float(b)),
+        (walls["a"] + float(local[2]), half[2]),
+        (walls["b"] + float(local[3]), half[3]),
+        (float(local[4]), half[4]),
+        str(record.recording.source or ""),
+        record.recording.sha256 or "",
+    )
+
+
+def with_values(described: Circuit, problem: FollowProblem, values: dict[str, float]) -> Circuit:
+    """Return the circuit with the values, and with components and keys that the free numbers added."""
+    tables, driven = described.to_dict(), problem.driven
+    connections = list(tables.get("connections", ()))
+    for number in problem.numbers:
+        own = tables["components"].get(number.component)
+        if own is None:
+            own = tables["components"][number.component] = {"kind": driven.parts[number.component]["kind"]}
+            side = number.component.partition("_")[2]
+            homes = {one: driven.tanks[one] or f"{driven.piston}.{one}" for one in SIDES}
+            ends = (homes[side or "a"], "ambient" if side else homes["b"])
+            connections.append(f"{ends[0]} -> {number.component} -> {ends[1]}")
+        held = driven.parts[number.component]["numbers"]
+        if number.key in ("heat_transfer", "wall_capacity", "wall_outer_heat_transfer"):
+            for key in ("wall_area", "heat_transfer", "wall_capacity", "wall_outer_area", "wall_outer_heat_transfer"):
+                if key in held and key not in own:
+                    own[key] = _written(key, held[key])
+        own[number.key] = _written(number.key, values[number.name])
+    return Circuit.model_validate(tables | {"connections": connections})
+
+
+_WRITTEN = {
+    "volume": "m3",
+    "wall_area": "m2",
+    "wall_outer_area": "m2",
+    "wall_capacity": "J/K",
+    "coefficient": "kg K/(s Pa2)",
+}
+
+
+def _written(key: str, value: float) -> str:
+    unit = _WRITTEN.get(key) or ("m" if key.startswith("perimeter") else "m3" if "volume" in key else "W/(m2 K)")
+    return f"{float(value)!r} {unit}"
+
+
+def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tuple[Rival, ...]:
+    """Fit the other models, and predict with those that fit better."""
+    problem, found = solution.problem, []
+    base_fit = _squares(solution)
+    folds = _folds(problem)
+    base_folds = [_predict(problem, solution.point, fold) for fold in folds]
+    for name, (extra, words) in RIVALS.items():
+        if extra and (set(extra) <= set(free) or ("wall" in free and name.startswith("wall"))):
+            continue
+        try:
+            rival = _with_extra(described, solution, [*free, *extra])
+            begin = _begin(rival, solution.point)
+            if name == "held":
+                rival = replace(rival, is_delayed=False, starts_free=False, weights=list(problem.weights))
+                begin.local[:, 2:] = 0.0
+            solved = solve_follow(rival, begin, passes=1)
+            gain = _squares(solved) / base_fit
+            predictions: tuple[float, ...] = ()
+            if name != "held" and gain < WORTH:
+                pairs = zip(folds, base_folds, strict=True)
+                predictions = tuple(_predict(rival, solved.point, fold) / base for fold, base in pairs)
+        except FitError:
+            continue  # the circuit has no such number, or the recordings do not depend on it
+        worst = 100.0 * max(float(solved.rms(at).max()) for at in range(len(problem.records)))
+        values = {n.name: float(np.exp(v)) for n, v in zip(rival.numbers, solved.point.shared, strict=True)}
+        found.append(Rival(name, words, worst, gain, predictions, values))
+    return tuple(found)
+
+
+def _with_extra(described: Circuit, solution: FollowSolution, free: list[str]) -> FollowProblem:
+    problem, driven = solution.problem, DrivenCircuit(described)
+    numbers = driven.numbers_of(free)
+    if len(numbers) < len(problem.numbers):
+        raise FitError("a number is lost")
+    return replace(problem, driven=driven, numbers=numbers, weights=list(problem.weights))
+
+
+def _begin(problem: FollowProblem, point: FollowPoint) -> FollowPoint:
+    shared = problem.begin().shared
+    shared[: point.shared.size] = point.shared
+    return FollowPoint(shared, point.local.copy())
+
+
+def _squares(solution: FollowSolution) -> float:
+    every = [solution.rms(at) for at in range(len(solution.problem.records))]
+    return float(np.sum(np.square(every)))
+
+
+def _folds(problem: FollowProblem) -> list[tuple[list[tuple[float, float]], list[tuple[float, float]]]]:
+    """Return parts of the recordings to fit and to predict: halves of each recording, both ways."""
+    ends = [float(record.grid_s[-1]) for record in problem.records]
+    first, second = [(0.0, end / 2.0) for end in ends], [(end / 2.0, end) for end in ends]
+    return [(first, second), (second, first)]
+
+
+def _predict(
+    problem: FollowProblem, point: FollowPoint, fold: tuple[list[tuple[float, float]], list[tuple[float, float]]]
+) -> float:
+    """Fit one part of the recordings, and return the squared residuals of the other part, in ranges."""
+    own = replace(problem, parts=fold[0], weights=list(problem.weights))
+    solved = solve_follow(own, point, passes=1)
+    every = replace(own, parts=[(0.0, np.inf)] * len(problem.records), weights=list(problem.weights))
+    form = every.driven.values_form(every.numbers, np.exp(solved.point.shared))
+    raws = [every.raw(at, form, solved.point.local[at]) for at in range(len(every.records))]
+    whole_run = replace(solved, problem=every, raws=raws)
+    return float(np.sum([np.square(whole_run.rms(at, part)) for at, part in enumerate(fold[1])]))
+
+
+def read_follow_fit(path: str | Path) -> FollowFit | None:
+    """Read what `FollowFit.to_toml` wrote; None for another file."""
+    if Path(path).suffix != ".toml" or not Path(path).is_file():
+        return None
+    tables, _ = toml.read(path, DescriptionError, "`pneudrive identify --follow motion --out` writes it.")
+    if tables.get("kind") != "motion" or "circuit" not in tables:
+        return None
+    records = tuple(
+        FollowRecord(
+            str(r["name"]),
+            (r["rms_percent"][0] / 100.0, r["rms_percent"][1] / 100.0),
+            tuple(r["temperature_a_k"]),
+            tuple(r["temperature_b_k"]),
+            tuple(r["delay_s"]),
+            str(r.get("file", "")),
+            str(r.get("sha256", "")),
+        )
+        for r in tables.get("recordings", ())
+    )
+    return FollowFit(
+        Circuit.load(str(tables["circuit"])),
+        dict(tables["values"]),
+        dict(tables["units"]),
+        {name: (ends[0], ends[1]) for name, ends in tables["intervals"].items()},
+        {name: (ends[0], ends[1]) for name, ends in tables.get("spreads", {}).items()},
+        (),
+        records,
+        (),
+        tuple(tables.get("notes", ())),
+    )
+
+
+def hold_values(
+    fit: FollowFit | Circuit, records: Sequence[DrivenRecording], watch: Watch | None = None
+) -> FollowSolution:
+    """Fit start and delay of other recordings; all shared numbers are held."""
+    circuit = fit.circuit if isinstance(fit, FollowFit) else fit
+    problem = FollowProblem(DrivenCircuit(circuit), records, [], watch=watch or Watch())
+    return solve_follow(problem)

@@ -1,0 +1,404 @@
+"""Least squares of pressures along recorded motions: shared numbers, and the start and delay of each recording.
+
+The noise of a good recording is far below the error of the model, which is correlated in time. Residuals are weighted
+by their own size and correlation time, and the covariance is a sandwich over blocks of time.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import t as student
+
+from pneudrive.errors import FitError
+from pneudrive.identify.follow.driven import SIDES
+from pneudrive.watch import UNWATCHED
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.identify.follow.driven import DrivenCircuit, Number
+    from pneudrive.identify.follow.motion import DrivenRecording
+    from pneudrive.watch import Watch
+
+    Array = NDArray[np.float64]
+
+#: Standard uncertainty of the gas temperature at a start at rest and in motion, K, and of the delay, s (assumed).
+AT_REST_K, IN_MOTION_K, DELAY_S = 2.0, 30.0, 1.0
+LARGEST_DELAY_S = 3.0
+LOCAL = 5  # numbers of each recording: both log pressures, both temperatures, delay
+STEPS = np.array([1e-4, 1e-4, 0.5, 0.5, 0.01])  # steps of their finite differences
+SHARED_STEP = 1e-3  # of the logarithm of a shared number
+FIRST_ERROR = 0.005  # of the range: residuals before the first fit (assumed)
+FIRST_TIME_S = 2.0  # their correlation time before the first fit
+MOST_STEPS, CONVERGED = 25, 1e-4
+BLOCK_S, LEAST_BLOCKS = 15.0, 12
+WIDEST = 50.0  # a larger half width of an interval, also of a logarithm, says no more
+LARGEST_STEP = 0.7  # of the logarithm of a shared number
+REACH = np.log(1e4)  # a shared number stays within this factor of its start value
+WITHOUT_EFFECT = 1e-10  # information of a number relative to the largest
+
+
+@dataclass
+class FollowPoint:
+    """Values of a fit: logarithms of the shared numbers, and the numbers of each recording, shape (records, 5)."""
+
+    shared: Array
+    local: Array
+
+    def moved(self, step: Array) -> FollowPoint:
+        """Return the point after a step of all free numbers, in the order of the columns."""
+        n = self.shared.size
+        return FollowPoint(self.shared + step[:n], self.local + step[n:].reshape(self.local.shape))
+
+
+@dataclass
+class FollowProblem:
+    """Free numbers of a driven circuit and its recordings.
+
+    Parameters
+    ----------
+    driven : DrivenCircuit
+    records : sequence of DrivenRecording
+    numbers : sequence of Number
+        Shared numbers; none to fit start and delay of each recording only.
+    parts : sequence of (float, float)
+        Times of each recording between which residuals count, s.
+    is_delayed : bool
+        Whether the delay of each recording is free.
+    starts_free : bool
+        Whether start temperatures may leave those of the walls.
+    """
+
+    driven: DrivenCircuit
+    records: Sequence[DrivenRecording]
+    numbers: Sequence[Number]
+    parts: Sequence[tuple[float, float]] = ()
+    is_delayed: bool = True
+    starts_free: bool = True
+    watch: Watch = UNWATCHED
+    weights: list[Array] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Set the weights before the first fit."""
+        self.parts = self.parts or [(0.0, np.inf)] * len(self.records)
+        for record in self.records:
+            size = np.maximum(FIRST_ERROR * record.ranges_pa, record.noise_pa)
+            step = float(np.median(np.diff(record.grid_s)))
+            self.weights.append(1.0 / (size * np.sqrt(max(FIRST_TIME_S / step, 1.0))))
+
+    def begin(self) -> FollowPoint:
+        """Return the start point."""
+        return FollowPoint(np.log([n.start for n in self.numbers]), np.zeros((len(self.records), LOCAL)))
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all numbers, in the order of the columns."""
+        local = ("pressure_a", "pressure_b", "temperature_a", "temperature_b", "delay")
+        return [n.name for n in self.numbers] + [f"{r.name}: {name}" for r in self.records for name in local]
+
+    def start_of(self, at: int, local: Array) -> Array:
+        """Return start pressures and temperatures of a recording."""
+        record, walls = self.records[at], self.driven.wall_k
+        first = record.pressures_pa[:, :3].mean(axis=1)
+        return np.r_[first * np.exp(local[:2]), walls["a"] + local[2], walls["b"] + local[3]]
+
+    def raw(self, at: int, form: str, local: Array) -> Array:
+        """Return the simulated pressures of a recording without its delay."""
+        record = self.records[at]
+        until = min(float(record.grid_s[-1]), self.parts[at][1])
+        return self.driven.run(form, record, self.start_of(at, local), until)
+
+    def shown(self, at: int, raw: Array, delay_s: float) -> Array:
+        """Return simulated pressures as the sensors show them, late by the delay; NaN outside the run."""
+        grid = self.records[at].grid_s
+        times = grid - delay_s
+        there = np.isfinite(raw[0])
+        shown = np.array([np.interp(times, grid[there], one[there]) for one in raw])
+        # Before its start a recording at rest stands still; one in motion is not known.
+        early = times < (-LARGEST_DELAY_S if self.records[at].at_rest else 0.0)
+        shown[:, early | (times > grid[there][-1] + 1e-9)] = np.nan
+        return shown
+
+    def residual(self, at: int, raw: Array, delay_s: float) -> Array:
+        """Return the weighted residuals of a recording, (2, n); zero where nothing is compared."""
+        record, (begin, end) = self.records[at], self.parts[at]
+        counts = (record.grid_s >= begin) & (record.grid_s <= end)
+        rest = np.where(counts, record.pressures_pa - self.shown(at, raw, delay_s), 0.0)
+        return np.nan_to_num(rest) * self.weights[at][:, None]
+
+    def priors(self, at: int) -> Array:
+        """Return the standard uncertainties of the numbers of a recording; 0: held, inf: free."""
+        kelvin = AT_REST_K if self.records[at].at_rest else IN_MOTION_K
+        kelvin = kelvin if self.starts_free else 0.0
+        return np.array([np.inf, np.inf, kelvin, kelvin, DELAY_S if self.is_delayed else 0.0])
+
+
+@dataclass
+class FollowSolution:
+    """A solved problem.
+
+    Attributes
+    ----------
+    problem : FollowProblem
+    point : FollowPoint
+    cost : float
+        Half the sum of squared weighted residuals and priors.
+    raws : list of ndarray
+        Simulated pressures of each recording before its delay.
+    covariance : ndarray
+        Of all numbers, shape (n, n); shared ones as logarithms.
+    freedom : float
+        Degrees of freedom of the intervals.
+    """
+
+    problem: FollowProblem
+    point: FollowPoint
+    cost: float
+    raws: list[Array]
+    covariance: Array
+    freedom: float
+    converged: bool
+
+    def rest(self, at: int) -> Array:
+        """Return measured less simulated pressures of a recording, Pa; NaN where nothing is simulated."""
+        record = self.problem.records[at]
+        return record.pressures_pa - self.problem.shown(at, self.raws[at], float(self.point.local[at, 4]))
+
+    def rms(self, at: int, part: tuple[float, float] | None = None) -> Array:
+        """Return the rms of both residuals of a recording as a share of the range of each pressure."""
+        record = self.problem.records[at]
+        begin, end = part or (0.0, np.inf)
+        rest = self.rest(at)[:, (record.grid_s >= begin) & (record.grid_s <= end)]
+        return np.sqrt(np.nanmean(rest**2, axis=1)) / record.ranges_pa
+
+    def deviation(self, place: int) -> float:
+        """Return the half width of the 95 % interval of a number; of a shared one of its logarithm."""
+        half = float(student.ppf(0.975, self.freedom) * np.sqrt(self.covariance[place, place]))
+        return min(half, WIDEST)
+
+
+def solve_follow(problem: FollowProblem, begin: FollowPoint | None = None, passes: int = 2) -> FollowSolution:
+    """Fit all free numbers; each pass weights the residuals by those of the pass before.
+
+    Raises
+    ------
+    FitError
+        The circuit cannot be simulated at the start values, or a number has no effect.
+    """
+    point = begin or problem.begin()
+    with ThreadPoolExecutor(2) as pool:
+        point, raws, cost, converged = _search(problem, point, pool, is_first=True)
+        for _ in range(passes - 1):
+            _reweight(problem, point, raws)
+            point, raws, cost, converged = _search(problem, point, pool, is_first=False)
+        _reweight(problem, point, raws)
+        residuals = [problem.residual(i, raws[i], point.local[i, 4]) for i in range(len(raws))]
+        jacobians = _jacobians(problem, point, raws, residuals, pool)
+    covariance, freedom = _covariance(problem, residuals, jacobians)
+    return FollowSolution(problem, point, cost, raws, covariance, freedom, converged)
+
+
+def _simulate(problem: FollowProblem, point: FollowPoint) -> list[Array]:
+    form = problem.driven.values_form(problem.numbers, np.exp(point.shared))
+    return [problem.raw(at, form, point.local[at]) for at in range(len(problem.records))]
+
+
+def _cost(problem: FollowProblem, point: FollowPoint, raws: list[Array]) -> float:
+    total = 0.0
+    for at, raw in enumerate(raws):
+        total += float(np.sum(problem.residual(at, raw, point.local[at, 4]) ** 2))
+        total += float(np.sum(_prior_rows(problem, at, point.local[at]) ** 2))
+    return 0.5 * total
+
+
+def _prior_rows(problem: FollowProblem, at: int, local: Array) -> Array:
+    spread = problem.priors(at)
+    there = np.isfinite(spread) & (spread > 0.0)
+    return np.where(there, local / np.where(there, spread, 1.0), 0.0)
+
+
+def _jacobians(
+    problem: FollowProblem, point: FollowPoint, raws: list[Array], residuals: list[Array], pool: ThreadPoolExecutor
+) -> list[Array]:
+    """Return the derivatives of the residuals of each recording by its columns: shared numbers, then its own."""
+    shared = len(problem.numbers)
+    jobs = []
+    for at in range(len(raws)):
+        spread = problem.priors(at)
+        free = [column for column in range(shared + LOCAL - 1) if column < shared or spread[column - shared] > 0.0]
+        for columns in _together(problem, free):
+            moved, local = point.shared.copy(), point.local[at].copy()
+            for column in columns:
+                if column < shared:
+                    moved[column] += SHARED_STEP
+                else:
+                    local[column - shared] += STEPS[column - shared]
+            form = problem.driven.values_form(problem.numbers, np.exp(moved))
+            jobs.append((at, columns, pool.submit(problem.raw, at, form, local)))
+    out = [np.zeros((shared + LOCAL, *residual.shape)) for residual in residuals]
+    for at, columns, job in jobs:
+        problem.watch.look()
+        change = problem.residual(at, job.result(), point.local[at, 4]) - residuals[at]
+        for column in columns:
+            rows = slice(None) if len(columns) == 1 else SIDES.index(_side(problem, column))
+            step = SHARED_STEP if column < shared else STEPS[column - shared]
+            out[at][column][rows] = change[rows] / step
+    for at, raw in enumerate(raws):
+        if problem.is_delayed:
+            delay, step = point.local[at, 4], STEPS[4]
+            ends = [problem.residual(at, raw, delay + sign * step) for sign in (1.0, -1.0)]
+            out[at][-1] = (ends[0] - ends[1]) / (2.0 * step)
+    return out
+
+
+def _side(problem: FollowProblem, column: int) -> str:
+    """Return the chamber that a column acts on; empty if it may act on both."""
+    own = column - len(problem.numbers)
+    return problem.numbers[column].side if own < 0 else SIDES[own % 2]
+
+
+def _together(problem: FollowProblem, columns: list[int]) -> list[list[int]]:
+    """Return columns in groups that one run differentiates: one of each chamber if no gas passes between them."""
+    if problem.driven.is_coupled:
+        return [[column] for column in columns]
+    sides = {side: [c for c in columns if _side(problem, c) == side] for side in ("", *SIDES)}
+    pairs = [list(pair) for pair in zip(sides["a"], sides["b"], strict=False)]
+    left = [c for c in columns if c not in [c for pair in pairs for c in pair]]
+    return [*pairs, *([column] for column in left)]
+
+
+def _normal(
+    problem: FollowProblem, point: FollowPoint, residuals: list[Array], jac: list[Array]
+) -> tuple[Array, Array]:
+    """Return the normal matrix and the gradient over all numbers."""
+    shared, n = len(problem.numbers), len(problem.numbers) + LOCAL * len(residuals)
+    matrix, gradient = np.zeros((n, n)), np.zeros(n)
+    for at, (rest, columns) in enumerate(zip(residuals, jac, strict=True)):
+        places = _places(shared, at)
+        flat = columns.reshape(columns.shape[0], -1)
+        matrix[np.ix_(places, places)] += flat @ flat.T
+        gradient[places] += flat @ rest.ravel()
+        spread, own = problem.priors(at), places[shared:]
+        there = np.isfinite(spread) & (spread > 0.0)
+        matrix[own[there], own[there]] += 1.0 / spread[there] ** 2
+        gradient[own[there]] += point.local[at][there] / spread[there] ** 2
+        held = own[spread == 0.0]
+        matrix[held, held] += 1.0
+    return matrix, gradient
+
+
+def _places(shared: int, at: int) -> NDArray[np.intp]:
+    own = shared + LOCAL * at
+    return np.r_[np.arange(shared), np.arange(own, own + LOCAL)].astype(np.intp)
+
+
+def _search(
+    problem: FollowProblem, point: FollowPoint, pool: ThreadPoolExecutor, *, is_first: bool
+) -> tuple[FollowPoint, list[Array], float, bool]:
+    """Return the minimum by damped Gauss-Newton steps."""
+    try:
+        raws = _simulate(problem, point)
+    except (ValueError, RuntimeError) as error:
+        raise FitError(f"the circuit cannot be simulated at the start values: {error}") from None
+    cost, damping, small = _cost(problem, point, raws), 1e-3, 0
+    found, value = raws, cost
+    low, high = problem.begin().shared - REACH, problem.begin().shared + REACH
+    for step in range(MOST_STEPS):
+        problem.watch.tell(step, 0, "steps of the search")
+        residuals = [problem.residual(i, raws[i], point.local[i, 4]) for i in range(len(raws))]
+        matrix, gradient = _normal(problem, point, residuals, _jacobians(problem, point, raws, residuals, pool))
+        diagonal = np.diag(matrix).copy()
+        if is_first and step == 0:
+            _refuse_idle(problem, diagonal)
+        for _ in range(8):
+            move = np.asarray(
+                np.linalg.solve(matrix + np.diag(damping * np.maximum(diagonal, 1e-12)), -gradient), float
+            )
+            move[: point.shared.size] = np.clip(move[: point.shared.size], -LARGEST_STEP, LARGEST_STEP)
+            trial = point.moved(move)
+            trial.shared = np.clip(trial.shared, low, high)
+            trial.local = np.clip(trial.local, *_bounds())
+            try:
+                found = _simulate(problem, trial)
+                value = _cost(problem, trial, found)
+            except (ValueError, RuntimeError):
+                value = np.inf
+            if value < cost:
+                break
+            damping = min(damping * 5.0, 1e6)
+        else:
+            return point, raws, cost, True
+        gain, point, raws, cost, damping = (cost - value) / cost, trial, found, value, max(damping / 5.0, 1e-9)
+        small = small + 1 if gain < CONVERGED else 0
+        if small >= 2 or gain < 1e-3 * CONVERGED:
+            return point, raws, cost, True
+    return point, raws, cost, False
+
+
+def _bounds() -> tuple[Array, Array]:
+    end = np.array([0.5, 0.5, 120.0, 120.0, LARGEST_DELAY_S])
+    return -end, end
+
+
+def _refuse_idle(problem: FollowProblem, diagonal: Array) -> None:
+    """Refuse a shared number that no pressure depends on."""
+    own = diagonal[: len(problem.numbers)]
+    idle = [n.name for n, value in zip(problem.numbers, own, strict=True) if value <= WITHOUT_EFFECT * own.max()]
+    if idle:
+        raise FitError(
+            f"{idle[0]} has no effect on the pressures of these recordings",
+            value=", ".join(r.name for r in problem.records),
+            remedy="hold it, or record a motion that changes the volumes",
+        )
+
+
+def _reweight(problem: FollowProblem, point: FollowPoint, raws: list[Array]) -> None:
+    """Weight the residuals by their size and correlation time."""
+    for at, raw in enumerate(raws):
+        record, (begin, end) = problem.records[at], problem.parts[at]
+        rest = record.pressures_pa - problem.shown(at, raw, point.local[at, 4])
+        rest = rest[:, (record.grid_s >= begin) & (record.grid_s <= end) & np.isfinite(rest[0])]
+        size = np.maximum(np.sqrt(np.mean(rest**2, axis=1)), record.noise_pa)
+        tau = np.array([_correlation_time(one) for one in rest])
+        problem.weights[at] = 1.0 / (size * np.sqrt(tau))
+
+
+def _correlation_time(rest: Array) -> float:
+    """Return the integral correlation time of residuals in samples, at least 1: up to the first negative value."""
+    centred = rest - rest.mean()
+    n = centred.size
+    spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
+    correlation = np.fft.irfft(spectrum)[:n]
+    correlation = correlation / correlation[0]
+    negative = np.flatnonzero(correlation < 0.0)
+    end = int(negative[0]) if negative.size else n
+    return float(max(1.0 + 2.0 * correlation[1:end].sum(), 1.0))
+
+
+def _covariance(problem: FollowProblem, residuals: list[Array], jac: list[Array]) -> tuple[Array, float]:
+    """Return the covariance: the larger of the weighted one and the sandwich over blocks of time."""
+    shared, n = len(problem.numbers), len(problem.numbers) + LOCAL * len(residuals)
+    zero = FollowPoint(np.zeros(shared), np.zeros((len(residuals), LOCAL)))
+    matrix, _ = _normal(problem, zero, residuals, jac)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    inverse = scale[:, None] * np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-12) * scale[None, :]
+    meat, blocks = np.zeros((n, n)), 0
+    for at, (rest, columns) in enumerate(zip(residuals, jac, strict=True)):
+        grid, places = problem.records[at].grid_s, _places(shared, at)
+        begin, end = max(problem.parts[at][0], 0.0), min(problem.parts[at][1], float(grid[-1]))
+        count = max(int((end - begin) / BLOCK_S), LEAST_BLOCKS)
+        edges = np.searchsorted(grid, np.linspace(begin, end, count + 1))
+        for a, b in pairwise(edges):
+            score = np.einsum("kcn,cn->k", columns[:, :, a:b], rest[:, a:b])
+            meat[np.ix_(places, places)] += np.outer(score, score)
+        blocks += count
+    sandwich = inverse @ meat @ inverse * blocks / max(blocks - shared, 1)
+    grow = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(inverse), 1e-300), 1.0))
+    return inverse * np.outer(grow, grow), float(max(blocks - shared - 2, 3))

@@ -1,0 +1,171 @@
+"""Validation of a circuit along recorded motions: start and delay of each recording are fitted, the rest is held."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.describe import toml
+from pneudrive.describe.circuit import Circuit
+from pneudrive.errors import CommandError
+from pneudrive.identify.follow.doubts import check_readings, open_recordings, other_readings, poor_fit
+from pneudrive.identify.follow.driven import DrivenCircuit
+from pneudrive.identify.follow.fit import FollowFit, FollowRecord, follow_record, hold_values, record_line
+from pneudrive.identify.follow.motion import driven_recordings
+from pneudrive.show import Card, Shown
+from pneudrive.trajectory import whole
+from pneudrive.validate.closure import Closure, close_balance
+from pneudrive.watch import Watch
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from pneudrive.identify.follow.problem import FollowSolution
+    from pneudrive.signals.layout import Layout
+    from pneudrive.signals.recording import Recording
+    from pneudrive.watch import Flag
+
+PRESSURE, CLOSURE = 0.01, 0.01  # targets: shares of the ranges of pressure and force (assumed)
+LATE_S = 0.05  # delay of the pressures that is named as a difference of clocks, if its interval excludes 0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionValidation(Shown):
+    """A circuit compared with recordings of its driven piston.
+
+    Attributes
+    ----------
+    circuit : Circuit
+    records : tuple of FollowRecord
+        Recordings with closed chambers: residuals, start and delay.
+    closures : tuple of Closure
+        Force balance of each recording with a force.
+    open : tuple of str
+        Recordings whose chambers are open: their pressures are not compared.
+    doubts : tuple of str
+        Likely causes of differences.
+    solution : FollowSolution or None
+    """
+
+    circuit: Circuit
+    records: tuple[FollowRecord, ...]
+    closures: tuple[Closure, ...]
+    open: tuple[str, ...]
+    doubts: tuple[str, ...]
+    solution: FollowSolution | None = field(default=None, repr=False)
+
+    @property
+    def verdicts(self) -> tuple[tuple[bool, str], ...]:
+        """Whether each target is met, with a sentence."""
+        found = []
+        for record in self.records:
+            for side, share in zip("ab", record.rms, strict=True):
+                words = f"{record.name}, chamber {side}: rms {100 * share:.2f} % of the range (target 1 %)"
+                found.append((share <= PRESSURE, words))
+        for closure in self.closures:
+            words = f"{closure.name}, force: closes within {100 * closure.share:.2f} % of the range (target 1 %)"
+            found.append((closure.share <= CLOSURE, words))
+        return tuple(found)
+
+    def __str__(self) -> str:
+        """Return verdicts, start and delay, and doubts as text."""
+        card = self._card()
+        return "\n".join(
+            [card.title, *(f"  {mark} {text}" for mark, text in card.rows), *(f"  {n}" for n in card.notes)]
+        )
+
+    def _card(self) -> Card:
+        rows = [("+" if met else "!", text) for met, text in self.verdicts]
+        notes = [f"{record.name}: {record_line(record)}" for record in self.records]
+        notes += [
+            f"{name}: its chambers are open, so its pressures test neither volumes nor heat" for name in self.open
+        ]
+        notes += [str(closure) for closure in self.closures]
+        return Card(f"{self.circuit.name} along recorded motions", rows=rows, notes=[*notes, *self.doubts])
+
+    def write(self, folder: str | Path) -> list[Path]:
+        """Write validation.toml and report.html with its figures into an existing folder."""
+        from pneudrive.lazy import upper
+
+        tables: dict[str, Any] = {
+            "kind": "motion-validation",
+            "verdicts": [{"met": met, "text": text} for met, text in self.verdicts],
+            "doubts": list(self.doubts),
+            "open": list(self.open),
+            "recordings": [
+                {"name": r.name, "rms_percent": [100.0 * v for v in r.rms], "delay_s": list(r.delay_s),
+                 "temperature_a_k": list(r.temperature_a_k), "temperature_b_k": list(r.temperature_b_k)}
+                for r in self.records
+            ],
+            "closures": [
+                {"name": c.name, "rms_n": c.rms_n, "percent": 100.0 * c.share, "offset_n": c.offset_n,
+                 "gains": {name: [g.value, g.low, g.high] for name, g in c.gains.items()}}
+                for c in self.closures
+            ],
+        }  # fmt: skip
+        target = Path(folder) / "validation.toml"
+        with whole(target) as temporary:
+            temporary.write_text(toml.write(tables), encoding="utf-8")
+        return [target, upper("motion_page")(self, folder)]
+
+
+def validate_motion(
+    circuit: FollowFit | Circuit | str | Path,
+    recordings: Iterable[str | Path | Recording],
+    *,
+    layout: Layout | str | Path | None = None,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
+) -> MotionValidation:
+    """Compare a circuit with recordings of its driven piston, and the measured forces with each other.
+
+    Start pressures, start temperatures and the delay of the pressures are fitted in each recording. All other numbers
+    are held. Recordings with open chambers test the force balance only.
+
+    Parameters
+    ----------
+    circuit : FollowFit, Circuit or path
+    recordings : iterable of path or Recording
+    layout : Layout or path, optional
+    progress, cancel
+        See `pneudrive.watch.Watch`.
+
+    Returns
+    -------
+    MotionValidation
+
+    Raises
+    ------
+    RecordingError, LayoutError, DescriptionError, FitError
+        Input is not valid.
+    """
+    watch = Watch(progress, cancel)
+    described = circuit.circuit if isinstance(circuit, FollowFit) else circuit
+    described = described if isinstance(described, Circuit) else Circuit.load(described)
+    records, driven = driven_recordings(recordings, layout), DrivenCircuit(described)
+    if not records:
+        raise CommandError("no recording is given")
+    doubts = check_readings(driven, records)
+    idle = open_recordings(driven, records)
+    used = [record for record in records if record not in idle]
+    solution, found = None, ()
+    if used:
+        solution = hold_values(described, used, watch)
+        found = tuple(follow_record(solution, at) for at in range(len(used)))
+        doubts += [*poor_fit(solution), *other_readings(solution), *_late(found)]
+    forces = [record.recording for record in records if np.ptp(record.recording.force_n) > 0.0]
+    closures = tuple(close_balance(one) for one in forces)
+    return MotionValidation(described, found, closures, tuple(r.name for r in idle), tuple(doubts), solution)
+
+
+def _late(records: tuple[FollowRecord, ...]) -> list[str]:
+    """Return which loggers have another clock than the position."""
+    return [
+        f"{r.name}: the pressures come {abs(r.delay_s[0]):.3f} ± {r.delay_s[1]:.3f} s "
+        f"{'after' if r.delay_s[0] > 0 else 'before'} the position: the clocks of the loggers differ"
+        for r in records
+        if abs(r.delay_s[0]) > max(LATE_S, r.delay_s[1])
+    ]
